@@ -1,4 +1,5 @@
-//! Programs of their own, beside this one or on the path, as those of git and cargo: `rollwalk bench` runs `rollwalk-bench`.
+//! Separate programs, found beside this one or on the path, like those of git and cargo: `rollwalk bench` runs
+//! `rollwalk-bench`.
 
 use miette::{IntoDiagnostic, miette};
 use rollwalk_terminal::Exit;
@@ -8,20 +9,20 @@ use std::io;
 use std::path::Path;
 use std::process::Command;
 
-/// Program of its own, with the folder of its package in the checkout.
+/// Separate program, with the folder of its package in the checkout.
 pub struct App {
-    /// Name of the program and of its package.
+    /// Name of the program, and of its package.
     pub name: &'static str,
     folder: &'static str,
 }
 
-/// Benchmarks, experiments, fault campaign and sweeps over designs.
+/// Benchmarks, experiments, the fault campaign and sweeps over designs.
 pub const BENCH: App = App { name: "rollwalk-bench", folder: "apps/bench" };
 
-/// Words behind a subcommand that another program reads.
+/// Arguments behind a subcommand, parsed by the separate program.
 #[derive(clap::Args)]
 pub struct Words {
-    /// Arguments of the program; `--help` prints them.
+    /// Arguments of the program; `--help` prints its help.
     #[arg(
         value_name = "ARGUMENTS",
         num_args = 0..,
@@ -35,7 +36,7 @@ impl App {
     /// Runs the program in place of this one.
     ///
     /// # Errors
-    /// There is no such program (names the command that builds it), or it does not start.
+    /// Returns an error if the program does not exist or does not start. The error contains the command that builds it.
     pub fn run(&self, words: impl IntoIterator<Item = OsString>) -> miette::Result<Exit> {
         let this = std::env::current_exe().into_diagnostic()?;
         let file = format!("{}{EXE_SUFFIX}", self.name);
@@ -44,17 +45,18 @@ impl App {
         let mut command = Command::new(path);
         command.args(words);
         let error = replace(command);
-        let help = format!("from the source folder of Rollwalk: {}", self.install(&this));
+        let help =
+            format!("install it from the source folder of Rollwalk: {}", self.install(&this));
         let why = match error.kind() {
             io::ErrorKind::NotFound => {
                 format!("which is neither beside {} nor on the path", this.display())
             }
-            _ => format!("and {} cannot be run: {error}", path.display()),
+            _ => format!("but {} cannot be run: {error}", path.display()),
         };
-        Err(miette!(help = help, "this command is in a program of its own, {}, {why}", self.name))
+        Err(miette!(help = help, "this command requires the program {}, {why}", self.name))
     }
 
-    /// Command that puts the program beside `this` one.
+    /// Command that installs the program beside `this` one.
     fn install(&self, this: &Path) -> String {
         let folder = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
         let profile = this.parent().and_then(folder);
@@ -67,7 +69,7 @@ impl App {
     }
 }
 
-/// Becomes the program, so that signals and its exit code need no messenger; returns if that fails.
+/// Replaces this process by the program, so that signals and the exit code pass directly; returns only on failure.
 #[cfg(unix)]
 fn replace(mut command: Command) -> io::Error {
     use std::os::unix::process::CommandExt;

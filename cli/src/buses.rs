@@ -1,4 +1,4 @@
-//! Load of a robot's actuator buses as a table, and reasons for which buses cannot carry it.
+//! Load of a robot's actuator buses as a table, and the reasons why a bus cannot carry it.
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
@@ -12,7 +12,7 @@ use rollwalk_terminal::packed::channel_names;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Load of a robot's actuator buses with a controller at default settings.
+/// Load of a robot's actuator buses, for a controller with default settings.
 pub struct BusLoads {
     rows: Vec<BusLoad>,
     control_hz: u16,
@@ -24,7 +24,7 @@ impl BusLoads {
     /// Computes the load of a robot's buses.
     ///
     /// # Errors
-    /// The robot breaks rules of robot files.
+    /// Returns an error if the robot breaks the rules of robot files.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         let control_hz = Settings::default().control_hz;
@@ -36,19 +36,20 @@ impl BusLoads {
     /// Checks that a controller can drive the robot.
     ///
     /// # Errors
-    /// Reasons for which it cannot, one line for each bus.
+    /// Returns the reasons of failure, one line for each bus.
     pub fn check(&self, file: &Path) -> miette::Result<()> {
         let Some(reasons) = self.refusal() else { return Ok(()) };
         let file = file.display();
-        Err(miette::miette!("{file}: no controller can drive its actuators\n{reasons}"))
+        Err(miette::miette!(
+            "{file}: no controller can drive the actuators of this robot\n{reasons}"
+        ))
     }
 
     /// Formats one row for each bus.
     pub fn table(&self) -> String {
         let load = format!("load at {} Hz", self.control_hz);
         let most = format!("at most {:.0} %", 100.0 * MAX_LOAD);
-        let titles =
-            ["bus", "protocol", "actuators", "bits a period", "bits a second", &load, &most];
+        let titles = ["bus", "protocol", "actuators", "bits/period", "bits/s", &load, &most];
         let mut table = Table::new(titles);
         for row in &self.rows {
             table.row([
@@ -76,21 +77,22 @@ impl BusLoads {
         table.render()
     }
 
-    /// Warnings about buses whose drives go on without a controller, because their watchdog is missing or off.
+    /// Warnings about buses whose drives keep moving without a controller, because their watchdog is missing or off.
     pub fn warnings(&self) -> Vec<String> {
         let warning = |row: &BusLoad| {
             let protocol = &row.kind.protocol;
             let (lack, remedy) = match protocol {
                 Protocol::Dynamixel(Dynamixel { watchdog_20ms: 0, .. }) => {
-                    ("their watchdog off (`watchdog_ms = 0`)", "give `watchdog_ms`, such as 100")
+                    ("their watchdog off (`watchdog_ms = 0`)", "set `watchdog_ms`, such as 100")
                 }
                 _ if protocol.capabilities().watchdog == Watchdog::Missing => {
-                    ("no watchdog", "put a switch into their supply, within reach")
+                    ("no watchdog", "add a switch within reach to their supply")
                 }
                 _ => return None,
             };
             Some(format!(
-                "bus {}: its drives ({}) have {lack}: if controller or cable fails, joints hold and wheels go on turning; {remedy}",
+                "bus {}: its drives ({}) have {lack}, so joints hold and wheels keep turning if \
+                 the controller or a cable fails; {remedy}",
                 row.bus,
                 protocol.name()
             ))
@@ -98,16 +100,18 @@ impl BusLoads {
         self.rows.iter().filter_map(warning).collect()
     }
 
-    /// Reasons for which a controller would refuse the robot, one line for each bus; `None` if it accepts it.
+    /// Reasons why a controller would refuse the robot, one line for each bus; `None` if it accepts it.
     fn refusal(&self) -> Option<String> {
         let mut text = String::new();
         for row in &self.rows {
             let why = match row.problem {
                 None => continue,
-                Some(BusProblem::NoSuchBus) => "a controller has no bus of that number".to_owned(),
+                Some(BusProblem::NoSuchBus) => {
+                    "controllers do not have a bus with this number".to_owned()
+                }
                 Some(BusProblem::Overload(overload)) => format!("{overload}; {}", lighter(row)),
                 Some(BusProblem::TooSeldom { needed_hz }) => {
-                    format!("drives must report their poses at least {needed_hz} times a second")
+                    format!("set the drives to report their poses at {needed_hz} Hz or more")
                 }
                 Some(BusProblem::CannotCarry { channel, refusal }) => {
                     format!("{}: {refusal}", self.channels[usize::from(channel)])
@@ -119,7 +123,7 @@ impl BusLoads {
     }
 }
 
-/// Advice that lowers the load of a bus.
+/// Advice on how to lower the load of a bus.
 fn lighter(row: &BusLoad) -> &'static str {
     let BusLoad { kind, traffic, .. } = row;
     let bits_s = f64::from(traffic.bits_per_period) / f64::from(kind.bit_rate.max(1));
@@ -175,7 +179,7 @@ mod tests {
         assert_eq!(text.matches("32 %").count(), 2, "{text}");
     }
 
-    /// The buses of the file at too low a bitrate: the table shows their load, the refusal its reasons.
+    /// Lowers the bit rate of the buses. The table must show the overload, and the refusal must contain the reasons.
     #[test]
     fn what_does_not_fit_is_refused_with_reasons() {
         let mut robot = agilebot();
@@ -185,7 +189,7 @@ mod tests {
         assert_eq!(
             loads.refusal().as_deref(),
             Some(
-                "bus 1: load of the bus would be 130 %, at most 70 % is right; raise `bit_rate`, here and in the drives, or \
+                "bus 1: the bus load would be 130 %; at most 70 % is accepted; raise `bit_rate`, here and in the drives, or \
                  spread the motors over more buses\n"
             )
         );
@@ -242,7 +246,7 @@ mod tests {
         for (estimates_hz, refused) in [(59, true), (60, false)] {
             robot.buses = [(0, odrive(estimates_hz))].into();
             let refusal = BusLoads::new(&robot).unwrap().refusal();
-            let expected = "bus 0: drives must report their poses at least 60 times a second\n";
+            let expected = "bus 0: set the drives to report their poses at 60 Hz or more\n";
             assert_eq!(refusal.as_deref(), refused.then_some(expected));
         }
     }

@@ -1,8 +1,8 @@
-//! The `rollwalk` command line: joins planner, library, bus and simulated robot, and owns what those
-//! must not touch: files, the terminal, the clock and Ctrl-C.
+//! Command line of `rollwalk`: connects planner, library, bus and simulated robot. It also accesses files, the terminal, the
+//! clock and Ctrl-C, which those crates must not touch.
 //!
-//! `cli/src/cmd` has one file per subcommand, each with its arguments and a `run`; `apps` runs the programs that lie beside.
-//! [`sim`] is the other binary, `rollwalk-sim`. What programs share is in `rollwalk-terminal`.
+//! `cli/src/cmd` has one file per subcommand, each with its arguments and a `run`; `apps` runs separate programs. [`sim`] is
+//! the other binary, `rollwalk-sim`. Code that several programs share is in `rollwalk-terminal`.
 
 mod apps;
 mod buses;
@@ -31,19 +31,19 @@ use std::process::ExitCode;
 #[command(after_long_help = "\
 Where to begin:
   rollwalk demo --out demo-out          everything, end to end, without hardware
-  rollwalk robot check my-robot.toml    is my robot file right?
+  rollwalk robot check my-robot.toml    checks a robot file
   rollwalk plan my-motion.toml -o my-motion.plan.json")]
 struct Cli {
     #[command(subcommand)]
     command: cmd::Command,
 }
 
-/// The command line; the long help of every subcommand ends with the exit codes.
+/// Command line; the long help of every subcommand ends with the exit codes.
 pub fn command_line() -> clap::Command {
     with_common_help(Cli::command(), &exits)
 }
 
-/// Exit codes of a command beside 0, 1, 2 and 130.
+/// Additional exit codes of a command, beside 0, 1, 2 and 130.
 fn exits(path: &str) -> &'static [Exit] {
     match path.strip_prefix("rollwalk ").unwrap_or_default() {
         "demo" => &[Exit::DoesNotHold, Exit::OutOfBounds],
@@ -73,7 +73,7 @@ mod tests {
         super::command_line().debug_assert();
     }
 
-    /// The help text of a command has no code that it cannot end with.
+    /// Checks that the help text of a command lists only exit codes that the command can return.
     #[test]
     fn exit_codes_are_those_of_the_command() {
         let command = super::command_line();

@@ -1,4 +1,4 @@
-//! Robots as they move, for Foxglove and Lichtblick (`--foxglove`).
+//! Live view of moving robots in Foxglove and Lichtblick (`--foxglove`).
 
 use clap::Args;
 use miette::miette;
@@ -11,17 +11,18 @@ use rollwalk_robot::{Robot, Solid};
 use rollwalk_terminal::output;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Port on which Foxglove looks for robots.
+/// Default port to which Foxglove connects.
 const PORT: &str = "8765";
-/// Time between two pictures: displays show no more.
+/// Minimum interval between two pictures; displays are not faster.
 const PICTURE: Duration = Duration::from_millis(16);
-/// Time after which solids are sent again, for clients that came in between.
+/// Interval at which solids are sent again, for clients that connected in the meantime.
 const SOLIDS: Duration = Duration::from_secs(1);
-/// Colours of the robot as measured, and as planned, through which the other is seen.
+/// Colour of the measured robot, RGBA.
 const MEASURED: [f64; 4] = [0.36, 0.53, 0.78, 1.0];
+/// Colour of the planned robot, RGBA; translucent, so that the measured robot stays visible.
 const PLANNED: [f64; 4] = [0.55, 0.75, 0.45, 0.4];
 
-/// Option of commands that see a robot move.
+/// Options of commands that show a moving robot.
 #[derive(Args)]
 pub struct LiveArgs {
     /// Serve the robot in 3D to Foxglove or Lichtblick on this computer; they open ws://localhost:PORT.
@@ -30,15 +31,15 @@ pub struct LiveArgs {
 }
 
 impl LiveArgs {
-    /// True if `--foxglove` is given.
+    /// True if `--foxglove` was given.
     pub fn is_asked_for(&self) -> bool {
         self.foxglove.is_some()
     }
 
-    /// Starts the server, if it is asked for.
+    /// Starts the server if `--foxglove` was given.
     ///
     /// # Errors
-    /// The port is taken.
+    /// Returns an error if the port is in use.
     pub fn begin<'r>(
         &self,
         robot: &'r Robot,
@@ -46,23 +47,27 @@ impl LiveArgs {
     ) -> miette::Result<Option<View<'r>>> {
         let Some(port) = self.foxglove else { return Ok(None) };
         let live = Live::start(&robot.name, port).map_err(|error| {
-            miette!(help = "give another one: --foxglove PORT; 0 is any that is free", "{error}")
+            miette!(
+                help = "give another port with --foxglove PORT; 0 stands for any free port",
+                "{error}"
+            )
         })?;
-        output::say(format_args!("Foxglove and Lichtblick see the robot at {}", live.address()));
+        output::say(format_args!("Foxglove and Lichtblick show the robot at {}", live.address()));
         Ok(Some(View::new(live, robot, parts)))
     }
 }
 
-/// A robot on a server, and beside it where it should be.
+/// Measured robot on a server, with the planned robot beside it.
 pub struct View<'r> {
     live: Live,
     robot: &'r Robot,
     measured: Figure<'r>,
     planned: Figure<'r>,
-    /// The body where it is not known: as high as the robot stands.
+    /// Pose of the body if it is unknown: at the height of the standing robot.
     standing: Isometry3<f64>,
-    /// Angles that planned wheels have come to by their speeds, rad, and when.
+    /// Angles of planned wheels, integrated from their speeds, rad.
     rolled_rad: Vec<f64>,
+    /// Time of the previous integration of `rolled_rad`.
     rolled_at: Instant,
     pictured: Option<Instant>,
     shown_solids: Option<Instant>,
@@ -84,7 +89,7 @@ impl<'r> View<'r> {
         }
     }
 
-    /// Shows joints of a robot on a bus, which does not report where its body is: it stands still.
+    /// Displays joints of a robot on a bus. The bus does not report the pose of the body, so the body stands still.
     pub fn show_joints(&mut self, joints: &Joints) {
         if !self.live.has_clients() {
             return;
@@ -125,7 +130,7 @@ impl<'r> View<'r> {
         self.show_solids(now_s);
     }
 
-    /// Shows a robot in its simulated world, and joints at the targets of its drives.
+    /// Displays a robot in its simulated world, and its joints at the targets of its drives.
     pub fn show_world(&mut self, world: &World) {
         let is_due = self.pictured.is_none_or(|at| at.elapsed() >= PICTURE);
         if !is_due || !self.live.has_clients() {
@@ -174,7 +179,7 @@ impl<'r> View<'r> {
     }
 }
 
-/// Channels of driven wheels with their end effectors.
+/// Channels of driven wheels, each with the index of its end effector.
 fn wheels(robot: &Robot) -> impl Iterator<Item = (usize, usize)> + '_ {
     let all = robot.end_effectors.iter().enumerate();
     let driven = all.filter(|(_, foot)| foot.contact.actuator().is_some());

@@ -1,6 +1,6 @@
-//! Pictures as other formats than SVG: PNG by `rsvg-convert`, films by `rsvg-convert` and `ffmpeg`, where they are installed.
+//! Pictures in other formats than SVG: PNG by `rsvg-convert`, films by `rsvg-convert` and `ffmpeg`, if they are installed.
 //!
-//! They are programs of the user, not of ours: a renderer of SVG in every build would cost more than it gives.
+//! These are separate programs, because an SVG renderer would be a large dependency of every build.
 
 use miette::{IntoDiagnostic, miette};
 use rollwalk_terminal::interrupt;
@@ -8,23 +8,23 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Makes PNG of SVG.
+/// Program that converts SVG to PNG.
 const RSVG: Tool =
     Tool { program: "rsvg-convert", package: "librsvg2-bin", formats: "PNG, GIF or MP4" };
-/// Makes films of PNG.
+/// Program that converts PNG pictures to films.
 const FFMPEG: Tool = Tool { program: "ffmpeg", package: "ffmpeg", formats: "GIF or MP4" };
-/// Pixels of a PNG by those of the SVG: sharp on displays of today.
+/// Ratio of PNG to SVG size, pixels; sharp on high-resolution displays.
 const ZOOM: &str = "2";
 
-/// Programs without which there are fewer kinds of pictures.
+/// Programs that some picture formats need.
 pub const TOOLS: [Tool; 2] = [RSVG, FFMPEG];
 
-/// A program that is installed or not.
+/// Program that may be installed or not.
 #[derive(Clone, Copy, Debug)]
 pub struct Tool {
     /// Name of the program on the path.
     pub program: &'static str,
-    /// Debian's package that has it.
+    /// Debian package with the program.
     pub package: &'static str,
     /// Formats that need it.
     formats: &'static str,
@@ -37,9 +37,9 @@ impl Tool {
         std::env::split_paths(&path).any(|folder| folder.join(self.program).is_file())
     }
 
-    /// Consequence of its absence.
+    /// Consequence if the program is missing.
     pub fn lack(&self) -> String {
-        format!("`rollwalk plot` writes SVG, but no {}", self.formats)
+        format!("`rollwalk plot` can write SVG, but not {}", self.formats)
     }
 
     /// Command that installs the program.
@@ -47,13 +47,13 @@ impl Tool {
         format!("`sudo apt install {}` on Debian and Ubuntu", self.package)
     }
 
-    /// Runs it in a folder.
+    /// Runs the program in a folder.
     fn run(&self, folder: &Path, args: &[&str]) -> miette::Result<()> {
         let mut command = Command::new(self.program);
         command.args(args).current_dir(folder).stdin(Stdio::null());
         let output = command.output().map_err(|error| {
             miette!(
-                help = format!("install it ({}), or write .svg", self.install()),
+                help = format!("install the program ({}), or write .svg", self.install()),
                 "cannot run {}: {error}",
                 self.program
             )
@@ -72,20 +72,20 @@ fn svg_to_png(folder: &Path, name: &str, svg: &str) -> miette::Result<()> {
     RSVG.run(folder, &["--zoom", ZOOM, "picture.svg", "--output", name])
 }
 
-/// An SVG as a PNG.
+/// Converts an SVG to a PNG.
 ///
 /// # Errors
-/// The program is not installed, or fails.
+/// Returns an error if the program is not installed or fails.
 pub fn png(svg: &str) -> miette::Result<Vec<u8>> {
     let folder = tempfile::tempdir().into_diagnostic()?;
     svg_to_png(folder.path(), "picture.png", svg)?;
     fs::read(folder.path().join("picture.png")).into_diagnostic()
 }
 
-/// Pictures that are shown for the same time each, s, as a film that plays again and again; `ending` is `gif` or `mp4`.
+/// Converts pictures to a looping film with `frame_s` seconds for each picture; `ending` is `gif` or `mp4`.
 ///
 /// # Errors
-/// A program is not installed, or fails; Ctrl-C.
+/// Returns an error if a program is not installed or fails, or on Ctrl-C.
 pub fn film(frame_s: f64, pictures: &[String], ending: &str) -> miette::Result<Vec<u8>> {
     let folder = tempfile::tempdir().into_diagnostic()?;
     interrupt::listen();

@@ -1,6 +1,7 @@
-//! A library against its plans: the way that each motion was planned to make, and what of it a robot makes on simulated ground.
+//! Comparison of a library with its plans: planned displacement of each motion, and the fraction of it that a simulated robot
+//! reaches.
 //!
-//! A library has setpoints alone. The build keeps what its plans say in the user's cache, beside the names of its motions.
+//! A library contains only set-points. The build therefore caches a summary of its plans, beside the names of its motions.
 
 mod net;
 mod simulated;
@@ -17,38 +18,38 @@ use rollwalk_terminal::link::names;
 use rollwalk_terminal::planning::Plans;
 use serde::{Deserialize, Serialize};
 
-/// Ending of the file in the cache.
+/// Extension of the cache file.
 const ENDING: &str = "ways.json";
 
-/// Plan of a motion or of a transition in brief.
+/// Summary of the plan of a motion or transition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Planned {
-    /// Forward and to the left, m, and turned, rad; of a period if it repeats.
+    /// Displacement forward and left, m, and turn, rad; for one period if the motion is periodic.
     way: [f64; 3],
-    /// Flags of the components that are goals.
+    /// Flags of the displacement components that are goals.
     goals: [bool; 3],
-    /// Duration, s; of a period if it repeats.
+    /// Duration, s; one period if the motion is periodic.
     duration_s: f64,
-    /// True if the motion repeats.
+    /// True if the motion is periodic.
     repeats: bool,
-    /// True if it is a transition, which has no goal of its own.
+    /// True for a transition, which has no goals of its own.
     joins: bool,
-    /// Reason, from the motion file, why the motion needs feedback.
+    /// Reason in the motion file why the motion needs feedback.
     needs_feedback: Option<String>,
 }
 
-/// A clip of a library against its plan.
+/// Clip of a library, compared with its plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judged {
-    /// Planned way, of a period if the motion repeats.
+    /// Planned displacement; for one period if the motion is periodic.
     planned: Way,
-    /// Achieved way, of a period on the mean if the motion repeats.
+    /// Achieved displacement; the mean of a period if the motion is periodic.
     achieved: Way,
-    /// Achieved over planned, of the goal that is missed most; null without a goal.
+    /// Ratio of achieved to planned displacement for the worst goal; null without goals.
     pub of_plan: Option<f64>,
-    /// Reason why the motion does not hold; null if it does.
+    /// Reason why the motion failed its checks; null if it passed.
     pub miss: Option<String>,
-    /// True if the motion needs feedback by its motion file.
+    /// True if the motion file states that the motion needs feedback.
     pub needs_feedback: bool,
 }
 
@@ -86,8 +87,8 @@ impl Planned {
     }
 }
 
-/// The way of a period that, made so many times, leads where a way does: each begins in the heading in which the one before
-/// ended.
+/// Displacement of one period such that `periods` of them add up to `way`. Each period starts in the final heading of the
+/// previous one.
 fn of_a_period(way: Way, periods: f64) -> Way {
     let [forward_m, left_m, turn_rad] = way.values();
     let turn_rad = turn_rad / periods;
@@ -103,17 +104,17 @@ fn of_a_period(way: Way, periods: f64) -> Way {
     [ahead_m, aside_m, turn_rad].into()
 }
 
-/// Plans of a library in brief, clip by clip.
+/// Summaries of the plans of a library, in the order of its clips.
 pub fn of(plans: &Plans) -> Vec<Planned> {
     plans.all().map(|planned| Planned::of(&planned.plan)).collect()
 }
 
-/// Writes the brief plans of a library to the cache.
+/// Writes the summaries of a library's plans to the cache.
 pub fn keep(library: u32, planned: &[Planned]) {
     names::keep_of(library, ENDING, &planned);
 }
 
-/// Brief plans of the library with this identity, from the cache.
+/// Cached summaries of the plans of the library with this identity.
 pub fn kept(library: u32) -> Option<Vec<Planned>> {
     names::kept_of(library, ENDING)
 }

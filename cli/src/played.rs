@@ -1,23 +1,23 @@
-//! Result of a plan in the simulated world, in a few words.
+//! Short result of a plan in the simulated world.
 
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{Control, Options, Outcome};
 use rollwalk_terminal::interrupt;
 
-/// Periods of motions that repeat.
+/// Number of periods of periodic motions.
 const PERIODS: usize = 5;
 
-/// Plays a plan on level ground, in so many steps per second; ends early after Ctrl-C.
+/// Plays a plan on level ground with `rate_hz` steps per second; ends early after Ctrl-C.
 ///
 /// # Errors
-/// A step of the world has no solution.
+/// Returns an error if a step of the world has no solution.
 pub fn play(plan: &Plan, control: Control, rate_hz: u32) -> miette::Result<Outcome> {
     let options = Options { cycles: PERIODS, ..Options::new(control, rate_hz) };
     rollwalk_simulate::play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
 }
 
-/// Ways and turns of a run by those of the plan.
+/// Ratios of the achieved displacement and turn to the planned ones, as text.
 pub fn ratios(outcome: &Outcome) -> String {
     if let Some(time_s) = outcome.fell_at_s {
         return format!("falls after {time_s:.2} s");
@@ -26,5 +26,5 @@ pub fn ratios(outcome: &Outcome) -> String {
     let ratios: Vec<_> = goals
         .filter_map(|(of, name)| Some(format!("{name} {:.3} of the plan", outcome.ratio(of)?)))
         .collect();
-    if ratios.is_empty() { "stays where it is".to_owned() } else { ratios.join(", ") }
+    if ratios.is_empty() { "stays in place".to_owned() } else { ratios.join(", ") }
 }

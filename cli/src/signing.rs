@@ -1,5 +1,5 @@
-//! Signatures of motion libraries: key pairs in PEM, as OpenSSL reads and writes them (PKCS #8 and SPKI, RFC 8410), signing and
-//! checking. `rollwalk_protocol::library::SignedFile` is what a signed file looks like.
+//! Signatures of motion libraries: signing, verification, and key pairs in PEM as used by OpenSSL (PKCS #8 and SPKI, RFC 8410).
+//! `rollwalk_protocol::library::SignedFile` describes the format of a signed file.
 
 use ed25519_dalek::pkcs8::spki::der::pem::LineEnding;
 use ed25519_dalek::pkcs8::{
@@ -16,8 +16,8 @@ use std::ffi::OsStr;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The first bytes of the SHA-256 of a public key's DER, which tell keys apart for people:
-/// `openssl pkey -pubin -in KEY.pub.pem -outform DER | sha256sum`.
+/// Fingerprint of a public key, by which users distinguish keys: the first bytes of `openssl pkey -pubin -in KEY.pub.pem
+/// -outform DER | sha256sum`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fingerprint(pub [u8; FINGERPRINT_LEN]);
 
@@ -37,27 +37,28 @@ impl fmt::Display for Fingerprint {
     }
 }
 
-/// A key pair that was just made.
+/// Newly created key pair.
 pub struct Pair {
     /// File of the public key.
     pub public: PathBuf,
-    /// The public key in PEM.
+    /// Public key in PEM.
     pub pem: String,
     pub fingerprint: Fingerprint,
 }
 
-/// Makes a key pair: the private key in `path`, the public one beside it, `owner.pub.pem` for `owner.pem`.
+/// Creates a key pair: the private key in `path`, and the public key beside it, `owner.pub.pem` for `owner.pem`.
 ///
 /// # Errors
-/// One of the files exists, or cannot be written; or the private key's would look like that of a public one.
+/// Returns an error if a file exists or cannot be written, or if `path` is named like a public key.
 pub fn new_pair(path: &Path) -> miette::Result<Pair> {
     let is_pub = |name: Option<&OsStr>| name.is_some_and(|name| name.eq_ignore_ascii_case("pub"));
     if is_pub(path.extension())
         || is_pub(path.file_stem().and_then(|stem| Path::new(stem).extension()))
     {
         return Err(miette!(
-            help = "name the private key's file, such as owner.pem: the public key is written beside it, owner.pub.pem",
-            "{} is a name of a public key, and the private one of the pair would be in it",
+            help = "give the file name of the private key, such as owner.pem; the public key is \
+                then written to owner.pub.pem",
+            "{} is the file name of a public key, but would contain the private key of the pair",
             path.display()
         ));
     }
@@ -78,15 +79,22 @@ pub fn new_pair(path: &Path) -> miette::Result<Pair> {
 /// Reads the private key of a pair.
 ///
 /// # Errors
-/// The file cannot be read, or holds no such key.
+/// Returns an error if the file cannot be read or does not contain a private Ed25519 key.
 pub fn private_key(path: &Path) -> miette::Result<SigningKey> {
     let text = files::read_text(path, Kind::PrivateKey)?;
     let key = SigningKey::from_pkcs8_pem(&text).map_err(|_| {
         let help = match text.contains("PUBLIC KEY") {
-            true => "it is a public key: libraries are signed with the private one of the pair",
-            false => "`rollwalk keys new-pair KEY.pem` makes one, and so does `openssl genpkey -algorithm ed25519`",
+            true => "give the private key of the pair: this file is a public key",
+            false => {
+                "make a private key with `rollwalk keys new-pair KEY.pem` or `openssl genpkey \
+                -algorithm ed25519`"
+            }
         };
-        miette!(help = help, "{} is no private Ed25519 key in PEM (PKCS #8)", path.display())
+        miette!(
+            help = help,
+            "{} is not a private Ed25519 key in PEM format (PKCS #8)",
+            path.display()
+        )
     })?;
     // Only a secret is to be kept from others.
     warn_if_readable_by_others(path);
@@ -96,20 +104,25 @@ pub fn private_key(path: &Path) -> miette::Result<SigningKey> {
 /// Reads the public key of a pair.
 ///
 /// # Errors
-/// The file cannot be read, or holds no such key.
+/// Returns an error if the file cannot be read or does not contain a public Ed25519 key.
 pub fn public_key(path: &Path) -> miette::Result<VerifyingKey> {
     let text = files::read_text(path, Kind::PublicKey)?;
     let key = VerifyingKey::from_public_key_pem(&text).ok().filter(|key| !key.is_weak());
     key.ok_or_else(|| {
         let help = match text.contains("PRIVATE KEY") {
-            true => "it is a private key, which only signing needs: give the public one, such as KEY.pub.pem",
-            false => "`rollwalk keys new-pair KEY.pem` makes one, KEY.pub.pem",
+            true => {
+                "give the public key of the pair, such as KEY.pub.pem: this file is a private key"
+            }
+            false => {
+                "make a key pair with `rollwalk keys new-pair KEY.pem`; the public key is \
+                KEY.pub.pem"
+            }
         };
-        miette!(help = help, "{} is no public Ed25519 key in PEM", path.display())
+        miette!(help = help, "{} is not a public Ed25519 key in PEM format", path.display())
     })
 }
 
-/// A library with a signature behind it.
+/// Appends a signature to a library.
 pub fn signed(library: &[u8], key: &SigningKey) -> Vec<u8> {
     let fingerprint = Fingerprint::of(&key.verifying_key());
     let mut file = [library, &signature_head(fingerprint.0)].concat();
@@ -118,12 +131,12 @@ pub fn signed(library: &[u8], key: &SigningKey) -> Vec<u8> {
     file
 }
 
-/// Fingerprint of the key that a file claims to be signed with.
+/// Fingerprint of the key that a file claims as its signer.
 pub fn signer(file: &[u8]) -> Option<Fingerprint> {
     SignedFile::split(file).map(|file| Fingerprint(file.fingerprint))
 }
 
-/// Problem of a signature; the sentence goes on after the file's name.
+/// Problem of a signature; messages begin with the name of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsigned {
     #[error("is not signed")]
@@ -131,13 +144,13 @@ pub enum Unsigned {
     /// Signature by another key.
     #[error("is signed with key {theirs}, not with {ours}")]
     Others {
-        /// The key that it claims to be of.
+        /// Fingerprint of the key that the file claims.
         theirs: Fingerprint,
-        /// The key that it should be of.
+        /// Fingerprint of the expected key.
         ours: Fingerprint,
     },
-    /// Signature by this key, but of other content.
-    #[error("was changed after it was signed with key {ours}, or its signature was")]
+    /// Signature by the expected key, but for other content.
+    #[error("was changed after it was signed with key {ours}, or its signature was changed")]
     Changed { ours: Fingerprint },
 }
 
@@ -145,23 +158,22 @@ impl Unsigned {
     pub fn help(self) -> &'static str {
         match self {
             Self::Missing => {
-                "`rollwalk library sign LIB.rwl --key KEY.pem -o SIGNED.rwl` signs it, with the private key of the pair"
+                "sign the library with the private key of the pair: `rollwalk library sign LIB.rwl \
+                 --key KEY.pem -o SIGNED.rwl`"
             }
             Self::Others { .. } => {
-                "give the public key of those who signed it; or sign it with your own private key: `rollwalk library \
-                 sign LIB.rwl --key KEY.pem -o SIGNED.rwl`"
+                "give the public key of the signer, or sign the library with your own private key: \
+                 `rollwalk library sign LIB.rwl --key KEY.pem -o SIGNED.rwl`"
             }
-            Self::Changed { .. } => {
-                "get it once more from those who signed it; what was changed is not theirs"
-            }
+            Self::Changed { .. } => "get the library again from its signer",
         }
     }
 }
 
-/// Checks a file's signature as a controller with `key` does.
+/// Verifies a file's signature as a controller with `key` does.
 ///
 /// # Errors
-/// It has none, that of another key, or was changed.
+/// Returns an error if the file is not signed, was signed with another key, or was changed.
 pub fn check(file: &[u8], key: &VerifyingKey) -> Result<(), Unsigned> {
     let ours = Fingerprint::of(key);
     let file = SignedFile::split(file).ok_or(Unsigned::Missing)?;
@@ -204,20 +216,20 @@ mod tests {
         assert_eq!(new_pair(&at("plain")).unwrap().public, at("plain.pub"));
     }
 
-    /// A file that is called public is given away.
+    /// Checks that a private key is never written to a file with the name of a public key, which users give to others.
     #[test]
     fn no_private_key_is_called_public() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.pub.pem", "a.pub", "a.PUB.pem"] {
             let path = folder.path().join(name);
             let error = new_pair(&path).err().unwrap().to_string();
-            assert!(error.contains("is a name of a public key"), "{error}");
+            assert!(error.contains("is the file name of a public key"), "{error}");
             assert!(!path.exists());
         }
         assert!(fs::read_dir(folder.path()).unwrap().next().is_none());
     }
 
-    /// Keys as `openssl genpkey -algorithm ed25519` and `openssl pkey -pubout` write them; fingerprint by `sha256sum`.
+    /// Keys written by `openssl genpkey -algorithm ed25519` and `openssl pkey -pubout`, with the fingerprint from `sha256sum`.
     #[test]
     fn keys_of_openssl() {
         let folder = tempfile::tempdir().unwrap();
@@ -236,9 +248,9 @@ mod tests {
         assert_eq!(Fingerprint::of(&key.verifying_key()).to_string(), "fd110d301d2f077d");
 
         let error = private_key(&public).unwrap_err();
-        assert!(format!("{error:?}").contains("it is a public key"), "{error:?}");
+        assert!(format!("{error:?}").contains("this file is a public key"), "{error:?}");
         let error = public_key(&private).unwrap_err();
-        assert!(format!("{error:?}").contains("it is a private key"), "{error:?}");
+        assert!(format!("{error:?}").contains("this file is a private key"), "{error:?}");
         fs::write(&private, "x").unwrap();
         assert!(private_key(&private).is_err() && public_key(&private).is_err());
     }

@@ -1,4 +1,4 @@
-//! `rollwalk-sim`: a robot without hardware on a bus of this computer, in real time.
+//! `rollwalk-sim`: simulates a robot on a bus of this computer, in real time.
 
 mod boots;
 mod ground;
@@ -44,28 +44,27 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Frames of ours that may be on their way on the link.
+/// Maximum number of our frames in flight on the link.
 const LINK_DEPTH: usize = 3;
-/// The same on an actuator bus, where the newest value should not wait behind others.
+/// Maximum number of our frames in flight on an actuator bus, where the newest value should not wait behind others.
 const ACTUATOR_DEPTH: usize = 2;
 
-/// A robot without hardware: the controller's firmware, and motors with inertia and limits.
+/// Simulated robot: the controller's firmware, and motors with inertia and limits.
 ///
-/// By itself it is a whole robot with only its link on a bus of this computer; the rollwalk tools find it
-/// there as they find a real one. With --actuators its motors are on buses of this computer, too, one for
-/// each actuator bus of the robot file; --only leaves out the motors or the controller, so that real ones
-/// can take their place. Motors speak what the file's [[bus]] says.
+/// By default it is a whole robot whose link is on a bus of this computer, where the rollwalk tools find it like a real one.
+/// With --actuators its motors are also on buses of this computer, one for each actuator bus of the robot file. With --only the
+/// motors or the controller are left out, so that real ones can replace them. Motors use the protocol in the file's [[bus]].
 ///
-/// The whole robot is on the ground: a hoist holds it until it plays, and picks it up again when it has had no torque for 3 s.
-/// The simulator prints the way that each motion has made, and falls. With --on stand the robot hangs on a stand instead,
-/// its body held still and its wheels in the air; so do motors on buses of this computer (--actuators), unless --on ground puts
-/// them on the ground: the hoist then lets go when all motors have torque and hold their targets still.
+/// The whole robot is on the ground: a hoist holds it until it plays, and lifts it again after 3 s without torque. The
+/// simulator prints the displacement of each motion, and falls. With --on stand the robot hangs on a stand instead, its body
+/// fixed and its wheels in the air. This is also the default for motors on buses of this computer (--actuators); with --on
+/// ground they are on the ground, and the hoist releases the robot when all motors have torque and hold their targets still.
 ///
-/// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes
-/// each library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that one to a
-/// file of its own (pup.2.rwl for pup.rwl).
+/// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes each
+/// library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that library to another
+/// file (pup.2.rwl for pup.rwl).
 ///
-/// Runs until Ctrl-C.
+/// The simulator runs until Ctrl-C.
 #[derive(Parser)]
 #[command(name = "rollwalk-sim", version, max_term_width = 100)]
 #[command(after_long_help = "\
@@ -95,13 +94,13 @@ struct Cli {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// The link, where the host is.
+    /// Bus of the link to the host.
     #[arg(long, value_name = "BUS", required_unless_present = "only")]
     bus: Option<BusName>,
-    /// An actuator bus, in the order of their numbers; once for each bus of the robot.
+    /// Actuator bus, in the order of bus numbers; once for each bus of the robot.
     #[arg(long, value_name = "BUS")]
     actuators: Vec<BusName>,
-    /// Run this part of the robot only.
+    /// Run only this part of the robot.
     #[arg(long, value_name = "PART", requires = "actuators")]
     only: Option<Part>,
     /// Support of the robot [default: ground; with --actuators: stand].
@@ -109,10 +108,10 @@ struct Cli {
     on: Option<Support>,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Keep the controller's library in this file.
+    /// File that stores the controller's library.
     #[arg(long, value_name = "LIB.rwl")]
     library: Option<PathBuf>,
-    /// Write every frame of every simulated bus, as candump does.
+    /// Write every frame of every simulated bus to this file, in the format of candump.
     #[arg(long, value_name = "FILE", conflicts_with = "actuators")]
     log: Option<PathBuf>,
     #[command(flatten)]
@@ -121,19 +120,19 @@ struct Cli {
     rotation: RotationArgs,
     #[command(flatten)]
     live: LiveArgs,
-    /// File with a link key (`rollwalk keys new`): the controller obeys only hosts that have it. Its boots are counted in the
-    /// user's state folder, so that no recorded session counts again.
+    /// File with a link key (`rollwalk keys new`): the controller accepts only hosts that have it. Its boots are counted in the
+    /// user's state folder, so that a recorded session is not accepted again.
     #[arg(long, value_name = "FILE")]
     link_key: Option<PathBuf>,
-    /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the
-    /// private one.
+    /// File with a public key (`rollwalk keys new-pair`): the controller plays only libraries that were signed with the private
+    /// key of the pair.
     #[arg(long, value_name = "KEY.pub.pem")]
     library_key: Option<PathBuf>,
 }
 
 /// Keys that the controller requires.
 struct Keys {
-    /// Link key, and the number of earlier boots of controllers with it.
+    /// Link key, and the number of earlier boots of controllers with this key.
     link: Option<(LinkKey, u32)>,
     library: Option<VerifyingKey>,
 }
@@ -148,13 +147,15 @@ impl Keys {
             Some(boot) => boot - 1,
             None if cli.only == Some(Part::Controller) => {
                 return Err(miette!(
-                    help = "set HOME or XDG_STATE_HOME to a folder that lasts",
-                    "there is no folder for the count of boots, without which a real robot would obey a recorded session after a restart"
+                    help = "set HOME or XDG_STATE_HOME to a persistent folder",
+                    "there is no folder for the boot count, without which a real robot would \
+                     accept a recorded session after a restart"
                 ));
             }
             None => {
                 output::say(
-                    "warning: there is no folder for the count of boots: the simulated robot obeys a recorded session again after a restart",
+                    "warning: there is no folder for the boot count, so the simulated robot \
+                     accepts a recorded session after a restart",
                 );
                 0
             }
@@ -163,16 +164,16 @@ impl Keys {
     }
 }
 
-/// A part of a robot.
+/// Part of a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Part {
-    /// The firmware, on link and actuator buses.
+    /// Firmware, on link and actuator buses.
     Controller,
-    /// The motors, on actuator buses.
+    /// Motors, on actuator buses.
     Motors,
 }
 
-/// The command line; its long help ends with the exit codes.
+/// Command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
     with_common_help(Cli::command(), &|_| &[])
 }
@@ -195,8 +196,8 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let buses = buses.unwrap_or(0);
     if !cli.actuators.is_empty() && cli.actuators.len() != buses {
         return Err(miette!(
-            help = "give --actuators once for each, in the order of their numbers",
-            "{} has {buses} actuator buses, and --actuators names {}",
+            help = "give --actuators once for each bus, in the order of the bus numbers",
+            "{} has {buses} actuator buses, but --actuators is given for {}",
             robot.name,
             cli.actuators.len()
         ));
@@ -205,7 +206,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let support = match cli.on {
         Some(Support::Ground) if cli.only == Some(Part::Controller) => {
             return Err(miette!(
-                help = "give --on ground where the motors are simulated",
+                help = "give --on ground to the program that simulates the motors",
                 "--only controller simulates no motors that could stand on the ground"
             ));
         }
@@ -216,19 +217,22 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let ground = cli.ground.under(support, &robot)?;
     if ground.is_none() && cli.world_log.path().is_some() {
         let help = match (cli.only, cli.actuators.is_empty()) {
-            (Some(Part::Controller), _) => "leave it out: --only controller simulates no world",
+            (Some(Part::Controller), _) => {
+                "leave out --world-log: --only controller does not simulate a world"
+            }
             (_, true) => "leave out one of --world-log and --on stand",
-            (_, false) => "leave it out, or add --on ground",
+            (_, false) => "leave out --world-log, or add --on ground",
         };
         return Err(miette!(
             help = help,
-            "--world-log is for a robot on the ground, and this one is on a stand"
+            "--world-log is for a robot on the ground, but this robot is on a stand"
         ));
     }
     if cli.live.is_asked_for() && (ground.is_none() || !cli.actuators.is_empty()) {
         return Err(miette!(
-            help = "leave it out here; `rollwalk monitor --foxglove` shows the joints of any robot on a bus",
-            "--foxglove shows a whole robot on the ground"
+            help = "leave out --foxglove; to show the joints of a robot on a bus, use `rollwalk \
+                monitor --foxglove`",
+            "--foxglove requires a complete simulated robot on the ground"
         ));
     }
     if let Some(world_log) = cli.world_log.path() {
@@ -237,7 +241,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         }
         if cli.library.as_deref() == Some(world_log) {
             return Err(miette!(
-                help = "give each a file of its own",
+                help = "give two different files",
                 "--world-log and --library are both {}",
                 world_log.display()
             ));
@@ -251,14 +255,16 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     interrupt::listen();
     match (cli.only, &cli.bus) {
         (Some(Part::Motors), _) if memory.is_some() => {
-            return Err(miette!("--library is the controller's, and --only motors has none"));
+            return Err(miette!(
+                "leave out --library: --only motors does not simulate a controller"
+            ));
         }
         (Some(Part::Motors), _) => {
             let world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
             run_motors(&robot, &actuators, motors_of(&robot, cli, ground.as_ref()), world_log)?;
         }
         (_, None) => {
-            return Err(miette!(help = "add --bus BUS", "the controller needs a link"));
+            return Err(miette!(help = "add --bus BUS", "the controller requires a link"));
         }
         (Some(Part::Controller), Some(bus)) => {
             run_controller(&robot, keys, bus, &actuators, memory)?;
@@ -269,9 +275,10 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
-                help = "run it twice: --only motors --actuators pty:/tmp/servos, then \
-                        --only controller --actuators tty:/tmp/servos",
-                "a serial line has one end for each program, and here both would be in this one"
+                help = "run rollwalk-sim twice: with --only motors --actuators pty:/tmp/servos, \
+                        then with --only controller --actuators tty:/tmp/servos",
+                "a serial line has one end for each program, but both ends would be in this \
+                 program"
             ));
         }
         (None, Some(bus)) => {
@@ -295,14 +302,14 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// The memory, which the controller writes to while the run watches it.
+/// Memory that the controller writes while the main loop watches it.
 type SharedMemory = Arc<Mutex<Memory>>;
 
 fn lock(memory: &SharedMemory) -> MutexGuard<'_, Memory> {
     memory.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The firmware, with the library of its memory and the keys that it insists on.
+/// Firmware with the library of its memory, and with the keys that it requires.
 fn core(robot: &Robot, keys: Keys, memory: Option<&SharedMemory>) -> miette::Result<Local> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
@@ -361,7 +368,8 @@ fn run_whole(
             }
             if let Some(share) = lag.look(Instant::now(), rig.now().as_s()) {
                 output::say(format_args!(
-                    "this computer is too slow for the simulated robot: its time runs at {:.0} % of real time",
+                    "this computer is too slow for the simulated robot: simulated time runs at \
+                     {:.0} % of real time",
                     100.0 * share
                 ));
             }
@@ -420,7 +428,7 @@ fn run_controller(
     memory.map_or(Ok(()), |memory| lock(&memory).keep(core.library_file()))
 }
 
-/// Motors whose controller is on their buses.
+/// Motors for a controller on their buses.
 fn motors_of(robot: &Robot, cli: &Cli, ground: Option<&Arc<dyn Ground>>) -> Body {
     match ground {
         Some(ground) => Body::motors_on_ground(robot, ground, cli.ground.shoves()),
@@ -437,7 +445,7 @@ fn run_motors(
     let ports = ports(actuators)?;
     let names: Vec<_> = actuators.iter().map(ToString::to_string).collect();
     output::say(format_args!(
-        "the motors of {} are on {}; Ctrl-C ends them",
+        "the motors of {} are on {}; Ctrl-C ends the program",
         robot.name,
         names.join(", ")
     ));
@@ -470,10 +478,10 @@ fn simulate_motors(
 }
 
 fn ready(robot: &Robot, bus: &BusName) {
-    output::say(format_args!("{} is on {bus}; Ctrl-C switches it off", robot.name));
+    output::say(format_args!("{} is on {bus}; Ctrl-C ends the program", robot.name));
 }
 
-/// The robot's end of the link.
+/// Opens the robot's end of the link.
 fn port(bus: &BusName) -> miette::Result<Port> {
     open_link(bus).map_err(cannot_open)
 }
@@ -485,11 +493,11 @@ fn open_link(bus: &BusName) -> Result<Port, OpenError> {
     }
 }
 
-/// Buses, when they go.
+/// Buses that are reopened when they are lost.
 struct Lost<'a> {
     link: Option<&'a BusName>,
     actuators: &'a [BusName],
-    /// True if it reports lost buses; of controller and motors in one process only one does.
+    /// True if lost buses are reported. If controller and motors share a process, only one of them reports.
     says: bool,
 }
 
@@ -525,7 +533,7 @@ impl Reopen for Lost<'_> {
     }
 }
 
-/// Refuses a bus of frames where the robot has a serial line of servos, and the other way round.
+/// Refuses a CAN bus where the robot has a serial line of servos, and the reverse.
 fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
     for (number, name) in (0..).zip(names) {
         let bus = robot.buses.get(&number).copied().unwrap_or_default();
@@ -538,8 +546,8 @@ fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
                 false => ("a CAN bus", "can:can0"),
             };
             return Err(miette!(
-                help = format!("give its name, such as {right}"),
-                "bus {number} of {} is {is} ({speaks}), which {name} is not",
+                help = format!("give a bus such as {right}"),
+                "bus {number} of {} is {is} ({speaks}), but {name} is not",
                 robot.name
             ));
         }
@@ -547,8 +555,8 @@ fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
     Ok(())
 }
 
-/// The actuator buses. A CAN interface that is set up for another bit rate than the robot file has is no bus
-/// of this robot, unless its name says so; a serial line is opened at the file's rate.
+/// Actuator buses with the bit rate of the robot file, unless their name contains one. A CAN interface with another rate is
+/// refused; a serial line is opened at this rate.
 fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
     let mut names = names.to_vec();
     for (number, name) in (0..).zip(&mut names) {
@@ -572,7 +580,7 @@ fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
     names.iter().map(open).collect()
 }
 
-/// Prints the controller's state and faults to stderr when they have changed.
+/// Prints changes of the controller's state and faults to stderr.
 struct StatusPrinter {
     last: Option<(State, FaultBits)>,
     actuators: Actuators,
@@ -583,7 +591,8 @@ impl StatusPrinter {
         Self { last: None, actuators: actuators(robot) }
     }
 
-    /// Prints a status that has changed. On the ground, `at_s` is the time of the world, which may lag behind.
+    /// Prints a status if it has changed. `at_s` is the robot's time; on the ground it is the time of the world, which may lag
+    /// behind.
     fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
         if self.last.replace((state, faults)) == Some((state, faults)) {
             return;

@@ -1,4 +1,4 @@
-//! Ground under a simulated robot, and pushes, from the command line.
+//! Command-line options for the ground under a simulated robot, and for pushes.
 
 use clap::ValueEnum;
 use miette::miette;
@@ -12,23 +12,23 @@ use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Largest force, N, and time, s, of a push.
+/// Maximum force, N, and maximum duration, s, of a push.
 const PUSH_MAX: f64 = 1e4;
-/// Largest depth of a robot in the ground where it begins, m.
+/// Maximum initial penetration of a robot into the ground, m.
 const DEEPEST_M: f64 = 5e-3;
-/// Feet and wheels that a robot needs to stand.
+/// Minimum number of feet and wheels for standing.
 pub const FEET_MIN: usize = 3;
 
 /// Support of a simulated robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Support {
-    /// The ground, with gravity, contact and friction.
+    /// Ground with gravity, contact and friction.
     Ground,
-    /// A stand: the body does not move, and joints do not feel each other.
+    /// Stand: the body is fixed, and joints do not interact dynamically.
     Stand,
 }
 
-/// The ground and pushes.
+/// Options for the ground and for pushes.
 #[derive(clap::Args, Debug)]
 pub struct GroundArgs {
     /// Slope of the ground, degrees from -45 to 45, rising ahead of the robot [default: 0].
@@ -37,21 +37,22 @@ pub struct GroundArgs {
     /// Terrain file: a slope, step, ramp, profile, rough ground or height field (docs/terrain-files.md).
     #[arg(long, value_name = "TERRAIN.toml")]
     terrain: Option<PathBuf>,
-    /// Push the body from AT s after the start, for DURATION s, with a force in N ahead, to the left and up; as often as wanted.
+    /// Push the body from AT s after the start, for DURATION s, with a force in N ahead, left and up; may be given several
+    /// times.
     #[arg(long, value_name = "AT:AHEAD,LEFT,UP:DURATION", allow_hyphen_values = true, value_parser = shove)]
     push: Vec<Shove>,
 }
 
 impl GroundArgs {
-    /// True if any of these options is given.
+    /// True if any of these options was given.
     pub fn is_given(&self) -> bool {
         self.slope.is_some() || self.terrain.is_some() || !self.push.is_empty()
     }
 
-    /// The ground.
+    /// Returns the ground.
     ///
     /// # Errors
-    /// The terrain file is missing or wrong.
+    /// Returns an error if the terrain file is missing or wrong.
     fn ground(&self) -> miette::Result<Arc<dyn Ground>> {
         match &self.terrain {
             Some(path) => Source::Disk.terrain(path),
@@ -59,10 +60,10 @@ impl GroundArgs {
         }
     }
 
-    /// The ground, of which the robot is clear where it begins.
+    /// Returns the ground, after checking that the robot does not start inside it.
     ///
     /// # Errors
-    /// The terrain file is missing or wrong, or the robot would begin in the ground.
+    /// Returns an error if the terrain file is missing or wrong, or if the robot would start inside the ground.
     pub fn ground_for(&self, robot: &Robot) -> miette::Result<Arc<dyn Ground>> {
         let depth_m =
             |ground: &_| World::standing(robot, ground, &Parameters::new(robot)).depth_m();
@@ -74,29 +75,32 @@ impl GroundArgs {
         let level: Arc<dyn Ground> = Arc::new(Plane::level());
         let stands_on_level_ground = depth_m(&level) <= DEEPEST_M;
         let help = if !stands_on_level_ground {
-            "in its nominal pose some part is lower than feet and wheels: `rollwalk robot check` names it"
+            "find the part that is below feet and wheels in the nominal pose with `rollwalk robot \
+             check`"
         } else if self.terrain.is_some() {
             "move steps and walls away from the origin, where the robot begins"
         } else {
-            "a gentler slope"
+            "give a gentler slope"
         };
         Err(miette!(
             help = help,
-            "{} does not stand on this ground at the origin: a part of it is {:.3} m deep in the ground",
+            "{} does not stand on this ground at the origin: a part of the robot is {:.3} m below \
+             the surface",
             robot.name,
             deep_m
         ))
     }
 
-    /// The pushes.
+    /// Pushes of the command line.
     pub fn shoves(&self) -> Vec<Shove> {
         self.push.clone()
     }
 
-    /// The ground, for a robot that is to stand on it; none for a stand.
+    /// Returns the ground for a robot on the ground; `None` for a stand.
     ///
     /// # Errors
-    /// The terrain file is missing or wrong, the robot cannot stand, or a stand is to have a ground.
+    /// Returns an error if the terrain file is missing or wrong, if the robot cannot stand, or if these options are used with a
+    /// stand.
     pub fn under(
         &self,
         support: Support,
@@ -104,13 +108,15 @@ impl GroundArgs {
     ) -> miette::Result<Option<Arc<dyn Ground>>> {
         match support {
             Support::Stand if self.is_given() => Err(miette!(
-                help = "leave these options out, or --on stand; motors of --actuators are on the ground with --on ground",
-                "--slope, --terrain and --push are for a robot on the ground, and this one is on a stand"
+                help = "leave out these options, or --on stand; with --actuators, add --on ground",
+                "--slope, --terrain and --push are for a robot on the ground, but this robot is on \
+                 a stand"
             )),
             Support::Stand => Ok(None),
             Support::Ground if robot.end_effectors.len() < FEET_MIN => Err(miette!(
-                help = "put it on a stand: `rollwalk-sim ROBOT.toml --bus sim --on stand`",
-                "{} cannot stand on the ground: it has {} feet and wheels, and {FEET_MIN} are needed",
+                help = "put the robot on a stand: `rollwalk-sim ROBOT.toml --bus sim --on stand`",
+                "{} cannot stand on the ground: it has {} feet and wheels, but at least {FEET_MIN} \
+                 are required",
                 robot.name,
                 robot.end_effectors.len()
             )),
@@ -120,34 +126,36 @@ impl GroundArgs {
 }
 
 fn slope(text: &str) -> Result<f64, String> {
-    let slope = text.parse().map_err(|_| "it must be a number of degrees".to_owned())?;
+    let slope = text.parse().map_err(|_| "give a number in degrees".to_owned())?;
     let range = -SLOPE_MAX_DEG..=SLOPE_MAX_DEG;
-    let wrong = || format!("it must be from -{SLOPE_MAX_DEG} to {SLOPE_MAX_DEG} degrees");
+    let wrong = || format!("give -{SLOPE_MAX_DEG} to {SLOPE_MAX_DEG} degrees");
     range.contains(&slope).then_some(slope).ok_or_else(wrong)
 }
 
 fn shove(text: &str) -> Result<Shove, String> {
     let number = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) if value.abs() <= PUSH_MAX => Ok(value),
-        Ok(_) => Err(format!("`{text}` is not within {PUSH_MAX}")),
-        Err(_) => Err(format!("`{text}` is no number")),
+        Ok(_) => Err(format!("`{text}` is not within ±{PUSH_MAX}")),
+        Err(_) => Err(format!("`{text}` is not a number")),
     };
     let parts: Vec<_> = text.split(':').collect();
     let [at, force, duration] = parts[..] else {
         return Err(
-            "it needs three parts, such as 3:20,0,0:0.1 (after 3 s, 20 N ahead, for 0.1 s)".into(),
+            "give time, force and duration, such as 3:20,0,0:0.1 (after 3 s, 20 N ahead, for 0.1 \
+             s)"
+            .into(),
         );
     };
     let force: Vec<_> = force.split(',').map(number).collect::<Result<_, _>>()?;
     let [ahead, left, up] = force[..] else {
         return Err(format!(
-            "the force needs 3 numbers, in N ahead, to the left and up; it has {}",
+            "give 3 numbers for the force (N ahead, to the left and up), not {}",
             force.len()
         ));
     };
     let (from_s, duration_s) = (number(at)?, number(duration)?);
     if from_s < 0.0 || duration_s <= 0.0 {
-        return Err("the time may not be negative, and the duration must be more than 0 s".into());
+        return Err("give a time of at least 0 s and a duration above 0 s".into());
     }
     Ok(Shove::new(from_s, duration_s, [ahead, left, up]))
 }
@@ -161,13 +169,13 @@ mod tests {
         let expected = Shove::new(2.5, 0.1, [20.0, -5.0, 0.0]);
         assert_eq!(shove("2.5:20,-5,0:0.1"), Ok(expected));
         for (text, why) in [
-            ("2.5", "three parts"),
-            ("2.5:20:0.1", "it has 1"),
-            ("2.5:20,x,0:0.1", "`x` is no number"),
-            ("-1:20,0,0:0.1", "may not be negative"),
-            ("1:20,0,0:0", "more than 0 s"),
+            ("2.5", "give time, force and duration"),
+            ("2.5:20:0.1", "not 1"),
+            ("2.5:20,x,0:0.1", "`x` is not a number"),
+            ("-1:20,0,0:0.1", "a time of at least 0 s"),
+            ("1:20,0,0:0", "a duration above 0 s"),
             ("1:20,0,inf:1", "`inf` is not within"),
-            ("1:1000000,0,0:1", "`1000000` is not within 10000"),
+            ("1:1000000,0,0:1", "`1000000` is not within ±10000"),
         ] {
             assert!(shove(text).unwrap_err().contains(why), "{text}: {:?}", shove(text));
         }

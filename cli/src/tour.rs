@@ -1,5 +1,5 @@
-//! A tour through a library on a simulated robot in virtual time: flash it over the simulated bus, arm, walk over every
-//! transition of the motion graph by command codes, back to SAFE, disarm.
+//! Tour through a library on a simulated robot in virtual time: transfers the library over the simulated bus, arms, plays every
+//! transition of the motion graph by command codes, returns to SAFE and disarms.
 
 use crate::world_log::{SharedLog, WorldLog};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,35 +17,35 @@ use std::sync::Arc;
 
 /// Timeout for a selected motion to begin, in addition to the duration of the current motion and the transition, µs.
 const SLACK_US: u64 = 5_000_000;
-/// Simulated time between checks for Ctrl-C while a loop goes round, µs.
+/// Simulated time between checks for Ctrl-C while a loop plays, µs.
 const PORTION_US: u64 = 500_000;
 
 /// Options for playing a library.
 pub struct Options<'a> {
     /// Ground under the robot; `None` for a stand.
     pub ground: Option<&'a Arc<dyn Ground>>,
-    /// Pushes, from power-on on.
+    /// Pushes; their times count from power-on.
     pub shoves: Vec<Shove>,
-    /// True if the torques of the library are played.
+    /// True if the torques of the library are fed forward.
     pub feed_forward: bool,
-    /// Rounds of a loop; at least one.
+    /// Number of cycles of a loop, at least one.
     pub cycles: u32,
-    /// Log of the world, if one is written.
+    /// Log of the world; `None` if none is written.
     pub world_log: Option<WorldLog>,
 }
 
-/// Time for which a robot is looked at after its tour was stopped, µs.
+/// Time for which the robot is simulated after its tour was stopped, µs.
 const REST_US: u64 = 2_000_000;
 
-/// The robot after the tour.
+/// Robot after the tour.
 pub struct Played {
-    /// The simulated robot, with the log of its buses and the records of its control periods.
+    /// Simulated robot, with the log of its buses and the records of its control periods.
     pub rig: Rig,
-    /// Ways on the ground.
+    /// Displacements on the ground.
     pub travels: Vec<Travel>,
-    /// Names of the motions in the order in which they were played.
+    /// Names of the motions in the order of playing.
     pub tour: Vec<String>,
-    /// Reason for an early end of the tour.
+    /// Reason why the tour ended early.
     pub stopped: Option<miette::Report>,
     /// Transfer time of the library on the bus, s.
     pub flash_s: f64,
@@ -56,7 +56,7 @@ pub struct Played {
 /// Plays a library.
 ///
 /// # Errors
-/// The controller refused the library or a setting.
+/// Returns an error if the controller refused the library or a setting.
 pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     let (robot, library) = (&packed.robot, &packed.library());
     let mut rig = Rig::new(robot).into_diagnostic()?;
@@ -98,7 +98,7 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     Ok(Played { rig, travels, tour: names, stopped, flash_s, session_s })
 }
 
-/// Arms, plays every transition, returns to SAFE and disarms; `played` has the motions where it went.
+/// Arms, plays every transition, returns to SAFE and disarms. Appends the motions to `played`.
 fn walk(
     session: &mut Session<Rig>,
     library: &Library<'_>,
@@ -121,7 +121,7 @@ fn walk(
         played.push(node);
     }
     if interrupt::requested() {
-        output::say("interrupted: back to SAFE");
+        output::say("interrupted: returning to SAFE");
     }
     session.return_to_safe().into_diagnostic()?;
     bar.finish_and_clear();
@@ -137,7 +137,7 @@ fn name(library: &Library<'_>, node: NodeId) -> String {
     library.name(node).expect("a validated library has a name for every motion").to_owned()
 }
 
-/// Time that a clip takes, s; of a loop once round.
+/// Duration of a clip, s; one cycle of a loop.
 fn duration_s(clip: &ClipInfo) -> f64 {
     let steps = if clip.looping { clip.frames } else { clip.frames.saturating_sub(1) };
     f64::from(steps) / f64::from(RATE_HZ)
@@ -153,7 +153,7 @@ pub fn transfer_bar(bytes: usize) -> ProgressBar {
     bar
 }
 
-/// Selects a motion by its code and waits until it is played; a loop then goes round.
+/// Selects a motion by its code and waits until it plays; a loop then completes its cycles.
 fn go(
     session: &mut Session<Rig>,
     library: &Library<'_>,
@@ -191,8 +191,8 @@ fn go(
     Ok(())
 }
 
-/// Motions to select one after the other, from SAFE, so that every transition is played: an edge
-/// that was not played yet where there is one, else towards the next such edge.
+/// Motions to select one after the other from SAFE, so that every transition is played. From each motion an unplayed edge is
+/// taken if there is one; otherwise the origin of the first unplayed edge is selected.
 fn route(library: &Library<'_>) -> Vec<NodeId> {
     let edges = library.edges().filter_map(|edge| library.edge(edge));
     tour(library.safe_node(), edges.map(|edge| (edge.from, edge.to)).collect())

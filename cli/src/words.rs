@@ -1,16 +1,16 @@
-//! Words that people try as commands, and the commands that do it. What clap proposes is similar in its letters: `pause` for
-//! `status`, which would stop a motion.
+//! Suggestions for words that users try as commands. The suggestions of clap compare only letters: `pause` for `status`, which
+//! would stop a motion.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-const PLAY: &str =
-    "`rollwalk send --arm MOTION` arms a robot and plays; `rollwalk console` does it by keys";
-const STATE: &str =
-    "`rollwalk doctor` says how a robot is; `rollwalk monitor` shows it all the time";
-const STOP: &str = "`rollwalk return` goes back to the safe pose, `rollwalk disarm` then lets go of the torque; \
-                    `rollwalk estop` takes it away at once";
+const PLAY: &str = "arm a robot and play a motion with `rollwalk send --arm MOTION`, or by keys with `rollwalk \
+     console`";
+const STATE: &str = "print the state of a robot with `rollwalk doctor`, or all changes of its state with `rollwalk \
+     monitor`";
+const STOP: &str = "return to the safe pose with `rollwalk return`, and also switch torque off \
+                    with `rollwalk disarm`; switch torque off at once with `rollwalk estop`";
 
-/// Words with the commands that are meant.
+/// Words, each with its suggestion.
 const WORDS: [(&str, &str); 10] = [
     ("arm", PLAY),
     ("play", PLAY),
@@ -24,7 +24,7 @@ const WORDS: [(&str, &str); 10] = [
     ("stop", STOP),
 ];
 
-/// Names the commands that are meant by a word that is none.
+/// Replaces clap's suggestion for an unknown command by that of `WORDS`.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     if error.kind() != ErrorKind::InvalidSubcommand {
         return error;

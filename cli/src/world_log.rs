@@ -1,4 +1,4 @@
-//! The log of the simulated world (`--world-log`): a table with a line for each of its steps (`docs/formats/world-log.md`).
+//! Log of the simulated world (`--world-log`): a table with a line for each simulation step (`docs/formats/world-log.md`).
 
 use miette::miette;
 use rollwalk_host::catalog::Catalog;
@@ -18,28 +18,28 @@ use std::rc::Rc;
 /// Option of commands that simulate a world.
 #[derive(clap::Args)]
 pub struct WorldLogArgs {
-    /// Write what the robot does in its world as a table, a line for each step: pose, motors, setpoints, forces of the ground.
+    /// Write the robot's motion in its world as a table, one line for each step: pose, motors, set-points, ground forces.
     #[arg(long, value_name = "FILE.csv")]
     world_log: Option<PathBuf>,
 }
 
 impl WorldLogArgs {
-    /// Path of the log, if one is requested.
+    /// Path of the log, if one was requested.
     pub fn path(&self) -> Option<&Path> {
         self.world_log.as_deref()
     }
 
-    /// Begins the log, if one is asked for.
+    /// Starts the log, if one was requested.
     ///
     /// # Errors
-    /// It cannot be written there.
+    /// Returns an error if the log cannot be written.
     pub fn begin(&self, robot: &Robot, rotation: Rotation) -> miette::Result<Option<WorldLog>> {
         let Some(path) = &self.world_log else { return Ok(None) };
-        files::ending(path, "a log of the world", &["csv"])?;
+        files::ending(path, "a world log", &["csv"])?;
         if path.as_os_str() == "-" {
             return Err(miette!(
-                help = "name a file, or a pipe",
-                "a log of the world does not go to standard output, where the report is"
+                help = "give a file or a pipe",
+                "a world log cannot be written to standard output, which contains the report"
             ));
         }
         let lines = Lines::with_heading(&Output::at(path)?, rotation, log::heading(robot))?;
@@ -48,13 +48,13 @@ impl WorldLogArgs {
     }
 }
 
-/// A log that grows.
+/// Growing log.
 pub struct WorldLog {
     lines: Lines,
     rows: log::Lines,
-    /// Names for the clips of the library that is played.
+    /// Identity and names of the library that is playing.
     library: Option<(u32, Catalog)>,
-    /// Simulated time of the last line, s.
+    /// Simulated time of the previous line, s.
     written_s: f64,
     failed: Option<miette::Report>,
 }
@@ -63,21 +63,21 @@ impl WorldLog {
     /// Adds a line.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn add(&mut self, moment: &Moment<'_>, world: &World) -> miette::Result<()> {
         self.lines.push(self.rows.next(moment, world))
     }
 
-    /// Writes what waits.
+    /// Writes buffered lines to the file.
     ///
     /// # Errors
-    /// The operating system refuses, or did so in a step.
+    /// Returns an error if the operating system refuses, or refused in an earlier step.
     pub fn end(&mut self) -> miette::Result<()> {
         self.failed.take().map_or(Ok(()), Err)?;
         self.lines.flush()
     }
 
-    /// Takes the names of the library that is played from now on.
+    /// Sets the names of the library that plays from now on.
     fn name_clips(&mut self, library: Option<&Library<'_>>) {
         let id = library.map(|library| library.index().id());
         if self.library.as_ref().map(|(known, _)| *known) != id {
@@ -111,7 +111,7 @@ impl Observer for WorldLog {
     }
 }
 
-/// A log that an observer writes while its owner looks after it.
+/// Log that an observer writes while its owner checks it.
 #[derive(Clone)]
 pub struct SharedLog(Rc<RefCell<WorldLog>>);
 
@@ -128,25 +128,25 @@ impl SharedLog {
         log
     }
 
-    /// True if all lines could be written.
+    /// True if all lines were written.
     pub fn is_sound(&self) -> bool {
         self.0.borrow().failed.is_none()
     }
 
-    /// Looks up which library is played now.
+    /// Updates the names after a change of the library that plays.
     ///
     /// # Errors
-    /// A line could not be written.
+    /// Returns an error if a line could not be written.
     pub fn on_time(&self, rig: &Rig<Local>) -> miette::Result<()> {
         let mut log = self.0.borrow_mut();
         log.name_clips(rig.core().controller().library().as_ref());
         log.failed.take().map_or(Ok(()), Err)
     }
 
-    /// Writes what waits.
+    /// Writes buffered lines to the file.
     ///
     /// # Errors
-    /// The operating system refuses, or did so in a step.
+    /// Returns an error if the operating system refuses, or refused in an earlier step.
     pub fn end(&self) -> miette::Result<()> {
         self.0.borrow_mut().end()
     }

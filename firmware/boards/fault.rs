@@ -1,12 +1,12 @@
-//! The end on the real boards: faults and panics.
+//! Halt of the real boards after a fault or a panic.
 //!
-//! Fail-safe is silence. Nothing is sent any more, so the actuators' own watchdogs take the torque away, as they must when
-//! a cable breaks. Then the watchdog resets the chip; the controller starts as emergency stopped and waits for the operator.
+//! The halted board is silent, which is fail-safe: the actuators' own watchdogs switch torque off, as they must when a cable
+//! breaks. Then the watchdog resets the chip. The controller starts in the emergency-stopped state and waits for the operator.
 
 use core::panic::PanicInfo;
 use cortex_m_rt::{ExceptionFrame, exception};
 
-/// Takes the buses off, and waits for the watchdog.
+/// Disconnects from the buses, and waits for the watchdog.
 pub fn halt() -> ! {
     cortex_m::interrupt::disable();
     crate::silence();
@@ -15,7 +15,7 @@ pub fn halt() -> ! {
     }
 }
 
-/// Stops after a panic. The symbol check keeps a release from having one.
+/// Halts after a panic. The symbol check proves that a release contains no panic.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     halt()

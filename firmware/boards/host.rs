@@ -1,5 +1,4 @@
-//! The host, as the controller's side of the link sees it, on boards with several ports to it: it is answered where its last
-//! message came from.
+//! Host on one of several ports of a board. The controller answers it at the port of its latest message.
 
 use crate::Core;
 use crate::link::{Link, Port};
@@ -7,24 +6,24 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Gateway, Packet, Report};
 use rollwalk_protocol::wire::{Node, ToController};
 
-/// The host at one of the ports `P`.
+/// Host at one of the ports `P`.
 pub struct Host<P> {
-    /// The controller's address on the link.
+    /// Address of the controller on the link.
     node: u8,
     port: P,
     /// Gateway between the controller and a serial port.
     gateway: Gateway,
-    /// The port that has asked for the report.
+    /// Port that has requested the report.
     report_due: Option<P>,
 }
 
 impl<P: Copy + PartialEq> Host<P> {
-    /// A host that is taken to be at this port until it is heard at another.
+    /// Creates a host that is assumed to be at `port` until a message arrives at another port.
     pub fn new(node: u8, port: P) -> Self {
         Self { node, port, gateway: Gateway::default(), report_due: None }
     }
 
-    /// Takes a frame from a port.
+    /// Processes a frame from a port.
     pub fn take_frame(&mut self, controller: &mut Core, now_us: u64, port: P, frame: &Frame) {
         if self.is_from_a_host(frame) {
             self.turn_to(port);
@@ -32,7 +31,7 @@ impl<P: Copy + PartialEq> Host<P> {
         controller.on_link_frame(now_us, frame);
     }
 
-    /// Takes a packet from a serial port.
+    /// Processes a packet from a serial port.
     pub fn take(&mut self, controller: &mut Core, now_us: u64, port: P, packet: &Packet<'_>) {
         match packet {
             Packet::Link(frame) => self.take_frame(controller, now_us, port, frame),
@@ -48,32 +47,32 @@ impl<P: Copy + PartialEq> Host<P> {
         }
     }
 
-    /// Passes on the next frame that the gateway has made of a message.
+    /// Passes the next frame that the gateway has made of a message to the controller.
     pub fn pass_on(&mut self, controller: &mut Core, now_us: u64) {
         if let Some(frame) = self.gateway.poll(now_us) {
             controller.on_link_frame(now_us, &frame);
         }
     }
 
-    /// True if a frame is from a host to this controller. Other frames on the link do not show the host's port.
+    /// True if a frame is from a host to this controller. Other frames on the link do not identify the host's port.
     fn is_from_a_host(&self, frame: &Frame) -> bool {
         ToController::decode(frame)
             .is_ok_and(|(to, _)| to.number() == self.node || to == Node::BROADCAST)
     }
 
-    /// Answers the host at this port from now on. A message under way to the other port is dropped.
+    /// Answers the host at this port from now on. Drops an incomplete message of the other port.
     fn turn_to(&mut self, port: P) {
         if self.port != port {
             (self.port, self.gateway) = (port, Gateway::default());
         }
     }
 
-    /// The next frame for a port, if the host is there.
+    /// Returns the next frame for a port; `None` if the host is at another port.
     pub fn poll(&self, controller: &mut Core, now_us: u64, port: P) -> Option<Frame> {
         if self.port == port { controller.poll_link(now_us) } else { None }
     }
 
-    /// Gives a serial port that is free the next packet.
+    /// Sends the next packet on a serial port that is free.
     pub fn give(
         &mut self,
         controller: &mut Core,

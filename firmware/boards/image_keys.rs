@@ -1,34 +1,35 @@
-//! Keys of a board's image. `cargo xtask image` fills them into a program with the features `authenticated` and `signed`
+//! Keys of a board's image. `cargo xtask image` writes them into a program with the features `authenticated` and `signed`
 //! (`firmware/src/hal/key_block.rs`).
 //!
-//! A program with one of these features does not start without its key: a lost key must not turn into no protection.
+//! A program with one of these features does not start without its key, so that a missing key never disables the protection.
 
 use rollwalk_firmware::Controller;
 #[cfg(any(feature = "authenticated", feature = "signed"))]
 use rollwalk_firmware::hal::key_block::{self, Keys};
 use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash, ParameterStore};
 
-/// The board's store of libraries.
+/// Library store of the board.
 #[cfg(not(feature = "signed"))]
 pub type Libraries<F> = FlashStore<F>;
-/// The board's store of libraries, which must be signed.
+/// Library store of the board, which accepts only signed libraries.
 #[cfg(feature = "signed")]
 pub type Libraries<F> = rollwalk_firmware::store::Signed<FlashStore<F>>;
 
-/// The block of keys. `cargo xtask image` finds it by its name.
+/// Block of keys, which `cargo xtask image` finds by its name.
 #[cfg(any(feature = "authenticated", feature = "signed"))]
 #[used]
 #[unsafe(no_mangle)]
 static ROLLWALK_KEYS: [u8; key_block::LEN] = key_block::BLANK;
 
-/// The keys that were filled in; `None` if none were.
+/// Keys of the image; `None` if no keys were written into it.
 #[cfg(any(feature = "authenticated", feature = "signed"))]
 fn keys() -> Option<Keys> {
     // SAFETY: it reads a static. Volatile, because the compiler knows the blank block only.
     Keys::decode(&unsafe { (&raw const ROLLWALK_KEYS).read_volatile() })
 }
 
-/// The store, which lets signed libraries pass only, if the image has a library key. `None`: that key is not there.
+/// Wraps the store so that it accepts only signed libraries, in an image with the feature `signed`. Returns `None` if the image
+/// lacks the library key.
 pub fn trusting<F: MappedFlash>(store: FlashStore<F>) -> Option<Libraries<F>> {
     #[cfg(feature = "signed")]
     let store = {
@@ -38,8 +39,9 @@ pub fn trusting<F: MappedFlash>(store: FlashStore<F>) -> Option<Libraries<F>> {
     Some(store)
 }
 
-/// Lets the controller obey hosts with the link key only, if the image has one, and counts the boot in `boots`, which
-/// belongs to the counter alone. `None`: the key is not there, or the flash is unfit for the counter.
+/// Requires the link key from hosts, in an image with the feature `authenticated`, and counts the boot in `boots`.
+///
+/// All of `boots` belongs to the counter. Returns `None` if the image lacks the link key or the flash is unfit for the counter.
 pub fn insist<S: LibraryStore, P: ParameterStore, F: MappedFlash>(
     controller: &mut Controller<S, P>,
     boots: F,

@@ -1,4 +1,4 @@
-//! A line of serial servos over a board's hardware.
+//! Line of serial servos on the hardware of a board.
 
 use heapless::spsc::Consumer;
 use rollwalk_firmware::hal::servo_line::ServoLine;
@@ -9,7 +9,7 @@ pub trait Transmitter {
     /// True if there is room for a byte.
     fn has_room(&self) -> bool;
 
-    /// Takes a byte, if [`Self::has_room`].
+    /// Sends a byte. Requires [`Self::has_room`].
     fn write(&mut self, byte: u8);
 }
 
@@ -20,12 +20,12 @@ pub struct Line<T> {
 }
 
 impl<T: Transmitter> Line<T> {
-    /// A line that nothing was sent over yet.
+    /// Creates a line over which nothing was sent yet.
     pub fn new(transmitter: T, received: Consumer<'static, u8>) -> Self {
         Self { transmitter, state: ServoLine::default(), received }
     }
 
-    /// The next byte of a servo.
+    /// Returns the next byte of a servo.
     pub fn receive(&mut self) -> Option<u8> {
         loop {
             let byte = self.received.dequeue()?;
@@ -35,17 +35,17 @@ impl<T: Transmitter> Line<T> {
         }
     }
 
-    /// True if the hardware has all of the previous packet.
+    /// True if the hardware has accepted all bytes of the previous packet.
     pub fn is_free(&self) -> bool {
         self.state.is_free()
     }
 
-    /// Sends a packet, if [`Self::is_free`].
+    /// Sends a packet. Requires [`Self::is_free`].
     pub fn send(&mut self, packet: Packet) {
         self.state.send(packet);
     }
 
-    /// Hands bytes to the hardware while it has room.
+    /// Passes bytes to the hardware while it has room.
     pub fn work(&mut self) {
         while self.transmitter.has_room()
             && let Some(byte) = self.state.next_byte()

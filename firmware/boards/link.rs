@@ -1,32 +1,32 @@
-//! The link's packets over a serial port of a real board.
+//! Packets of the link over a serial port of a real board.
 
 use rollwalk_protocol::serial::{Deframer, Line, Packet};
 
-/// Something that carries bytes both ways.
+/// Port that carries bytes in both directions.
 pub trait Port {
-    /// The next byte that was received.
+    /// Returns the next received byte.
     fn receive(&mut self) -> Option<u8>;
 
-    /// Takes as many bytes as there is room for, and returns how many. None are the end of a packet.
+    /// Accepts bytes while there is room, and returns their number. An empty slice marks the end of a packet.
     fn write(&mut self, bytes: &[u8]) -> usize;
 }
 
-/// The link over a port.
+/// Link over a port.
 pub struct Link<P> {
     pub port: P,
     deframer: Deframer,
     line: Line,
-    /// Bytes of the line that are with the port.
+    /// Number of bytes of the line that the port has accepted.
     sent: usize,
 }
 
 impl<P: Port> Link<P> {
-    /// The link over a port that nothing was sent over yet.
+    /// Creates a link over a port on which nothing was sent yet.
     pub fn new(port: P) -> Self {
         Self { port, deframer: Deframer::default(), line: Line::new(), sent: 0 }
     }
 
-    /// The next packet that was received.
+    /// Returns the next received packet.
     pub fn receive(&mut self) -> Option<Packet<'_>> {
         let zero = loop {
             let byte = self.port.receive()?;
@@ -43,7 +43,7 @@ impl<P: Port> Link<P> {
         self.sent >= self.line.len()
     }
 
-    /// Sends a packet, if [`Self::is_free`].
+    /// Sends a packet. Requires [`Self::is_free`].
     pub fn send(&mut self, packet: &Packet<'_>) {
         if let Some(line) = packet.encode() {
             self.line = line;
@@ -51,7 +51,7 @@ impl<P: Port> Link<P> {
         }
     }
 
-    /// Hands bytes to the port while it has room.
+    /// Passes bytes to the port while it has room.
     pub fn work(&mut self) {
         let rest = self.line.get(self.sent..).unwrap_or_default();
         self.sent = self.sent.saturating_add(self.port.write(rest));

@@ -1,25 +1,27 @@
-//! Parts of a real board's flash: libraries, parameters and the count of boots.
+//! Regions of a real board's flash: libraries, parameters and boot counter.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind};
 
-/// A part of the flash.
+/// Region of the flash.
 pub struct Part {
-    /// Address or offset of its beginning, as the board's driver counts.
+    /// Start of the region: an address or an offset, depending on the board's driver.
     pub start: u32,
     pub size: u32,
 }
 
-/// The parts of the flash.
+/// Regions of the flash.
 pub struct Parts {
     pub libraries: Part,
-    /// The boot counter's.
+    /// Region of the boot counter.
     pub boots: Part,
     pub parameters: Part,
 }
 
 impl Parts {
-    /// Divides flash that is erased in units: the last three are the parameters', the three before them the boot counter's,
-    /// also in images without a link key. Libraries stay where they are when an image with one follows.
+    /// Divides flash into regions.
+    ///
+    /// The last three erase units are for parameters, and the three before them for the boot counter. Images without a link key
+    /// reserve its units too, so that libraries stay where they are when an image with a link key follows.
     pub const fn of(start: u32, size: u32, unit: u32) -> Self {
         let few = 3 * unit;
         let end = start + size;
@@ -32,7 +34,11 @@ impl Parts {
 }
 
 impl Part {
-    /// Place of `len` bytes at an offset, if they are within the part and whole units of it.
+    /// Location of `len` bytes at an offset of the region.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the bytes are outside the region or not aligned to whole units.
     pub fn place(&self, offset: u32, len: usize, unit: usize) -> Result<u32, NorFlashErrorKind> {
         let end = (offset as usize).checked_add(len);
         let within = end.is_some_and(|end| end <= self.size as usize);

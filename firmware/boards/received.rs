@@ -1,4 +1,4 @@
-//! Bytes on their way from an interrupt to the loop.
+//! Received bytes on their way from an interrupt to the main loop.
 
 use core::cell::Cell;
 use cortex_m::interrupt::{Mutex, free};
@@ -8,17 +8,19 @@ use static_cell::StaticCell;
 /// Queue of the bytes that a serial line has received.
 pub type Received<const N: usize> = StaticCell<Queue<u8, N>>;
 
-/// The interrupt's end of a queue. It is a static of its own: only then can the compiler prove the queue's length, and that no
-/// remainder by it panics.
+/// Interrupt's end of a queue.
+///
+/// It is a separate static: only then can the compiler prove the queue's length, and that a remainder by the length does not
+/// panic.
 pub struct Writer(Mutex<Cell<Option<Producer<'static, u8>>>>);
 
 impl Writer {
-    /// The end of no queue yet.
+    /// Creates a writer without a queue.
     pub const fn new() -> Self {
         Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Writes to a queue from now on, and returns the loop's end of it; once.
+    /// Connects the writer to a queue, and returns the main loop's end of it. Returns `None` if the queue is already in use.
     pub fn connect<const N: usize>(
         &self,
         queue: &'static Received<N>,
@@ -28,7 +30,7 @@ impl Writer {
         Some(reader)
     }
 
-    /// Takes all bytes that the hardware has, in its interrupt.
+    /// Queues all bytes that the hardware has received. Call it in the interrupt.
     pub fn fill(&self, mut next: impl FnMut() -> Option<u8>) {
         free(|cs| {
             let mut writer = self.0.borrow(cs).take();

@@ -1,13 +1,15 @@
-//! Robot of an image, for the build scripts of all boards. `cargo xtask image` and `cargo xtask board` name its module,
-//! which `apps/board-bench` has made of the robot file, in `ROLLWALK_ROBOT`.
+//! Robot of an image, for the build scripts of all boards.
+//!
+//! `cargo xtask image` and `cargo xtask board` set `ROLLWALK_ROBOT` to the path of its module, which `apps/board-bench`
+//! generates from the robot file.
 
 use std::path::Path;
 use std::{env, fs, io};
 
-/// Writes `robot.rs` into the folder of the build script's output: a declaration of the module `robot`.
+/// Writes `robot.rs`, a declaration of the module `robot`, into the output directory of the build script.
 ///
 /// # Errors
-/// No module is named, or the operating system's error.
+/// Returns an error if `ROLLWALK_ROBOT` is not set or the file cannot be written.
 pub fn declare() -> io::Result<()> {
     println!("cargo:rerun-if-env-changed=ROLLWALK_ROBOT");
     let module = env::var("ROLLWALK_ROBOT").map_err(|_| {

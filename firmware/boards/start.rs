@@ -1,4 +1,4 @@
-//! The controller of a real board, as it starts: settings, stores in flash, keys, and the robot's buses.
+//! Start of the controller on a real board: settings, stores in flash, keys, and the robot's buses.
 
 use crate::image_keys::{self, Libraries};
 use crate::partition::{Part, Parts};
@@ -10,10 +10,10 @@ use rollwalk_firmware::store::{FlashParameters, FlashStore};
 use rollwalk_firmware::{Controller, Settings};
 use static_cell::StaticCell;
 
-/// Boots of a library on trial.
+/// Number of boots after which a library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;
 
-/// The controller with its stores.
+/// Controller with its stores.
 pub type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
@@ -21,14 +21,14 @@ static CONTROLLER: StaticCell<Core> = StaticCell::new();
 /// Buses of a robot with their numbers, in the order of the board's ports.
 type Assigned = Vec<(u8, Bus), MAX_BUSES>;
 
-/// A controller that can begin.
+/// Controller that is ready to run, with its buses.
 pub struct Started {
     pub controller: &'static mut Core,
     pub on_can: Assigned,
     pub on_serial: Assigned,
 }
 
-/// Settings of a chip, and the control period, µs.
+/// Settings for a chip with this serial number, and the control period, µs.
 pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
     let settings = Settings { uid, ..Settings::default() };
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
@@ -36,7 +36,7 @@ pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
     (Settings { overrun_us: period_us * 3 / 2, ..settings }, period_us)
 }
 
-/// Starts the controller of the image's robot; once. `None` if flash, keys or robot are unfit.
+/// Starts the controller of the image's robot. Returns `None` if flash, keys or robot are unfit, or on a second call.
 pub fn start(parts: Parts, settings: Settings) -> Option<Started> {
     let Parts { libraries, boots, parameters } = parts;
     let libraries = FlashStore::mount(libraries, TRIAL_BOOTS).ok()?;

@@ -1,7 +1,7 @@
-//! Ramp to the SAFE pose from the measured pose, or from where a stream of setpoints ends, for all channels at once.
+//! Ramp of all channels to the SAFE pose, from the measured pose or from the end of a set-point stream.
 //!
-//! The ramp is the minimum-jerk quintic from there to the SAFE pose, at rest at both ends.
-//! All channels arrive together; the slowest channel determines the duration.
+//! The ramp is a minimum-jerk quintic, at rest at both ends. All channels arrive together: the slowest channel determines the
+//! duration.
 
 use heapless::Vec;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
@@ -11,7 +11,7 @@ use crate::limiter::Target;
 /// Peak speed of the quintic on a unit interval, s'(1/2) = 30/16.
 const PEAK_SPEED: f32 = 1.875;
 
-/// Shortest ramp, s, also for a robot that already stands in SAFE.
+/// Shortest ramp, s. Applies also to a robot that already stands in SAFE.
 const MIN_DURATION_S: f32 = 0.25;
 
 /// Values of a channel at the beginning and the end of a ramp.
@@ -21,12 +21,12 @@ pub struct RampEnds {
     pub from: f32,
     /// Value in SAFE, rad or rad/s.
     pub to: f32,
-    /// Torques at the beginning and in SAFE, N·m. The change comes in along the ramp: the robot takes its weight on as it
-    /// stands up.
+    /// Torques at the beginning and in SAFE, N·m. The torque changes along the ramp, as the robot takes on its weight while
+    /// standing up.
     pub torques_nm: [f32; 2],
 }
 
-/// A ramp in progress.
+/// Ramp in progress.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     ends: Vec<RampEnds, MAX_CHANNELS>,
@@ -36,8 +36,8 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// Creates a ramp of all channels on which every joint stays below `speed_rad_s` and below its own
-    /// rate limit, for a control period in seconds.
+    /// Creates a ramp of all channels for a control period in seconds. Every joint stays below `speed_rad_s` and below its own
+    /// rate limit.
     pub fn new(
         config: &RobotConfig,
         ends: Vec<RampEnds, MAX_CHANNELS>,
@@ -56,7 +56,7 @@ impl Ramp {
         Self { duration_s: needed.fold(MIN_DURATION_S, f32::max), ends, period_s, ticks: 0 }
     }
 
-    /// Target at the current time; the first is the beginning, at rest.
+    /// Target at the current time. The first target is the start of the ramp, at rest.
     pub fn target(&self, channel: usize) -> Option<Target> {
         let &RampEnds { from, to, torques_nm: [before_nm, after_nm] } = self.ends.get(channel)?;
         let u = (self.elapsed_s() / self.duration_s).min(1.0);
@@ -73,12 +73,12 @@ impl Ramp {
         self.ticks = self.ticks.saturating_add(1);
     }
 
-    /// True if the targets have arrived.
+    /// True if the targets have reached the end of the ramp.
     pub fn arrived(&self) -> bool {
         self.elapsed_s() >= self.duration_s
     }
 
-    /// Time since the start, s, from the count of ticks, so that rounding does not accumulate.
+    /// Time since the start, s, computed from the number of ticks so that rounding does not accumulate.
     fn elapsed_s(&self) -> f32 {
         self.ticks as f32 * self.period_s
     }

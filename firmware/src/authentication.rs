@@ -1,10 +1,11 @@
-//! Authentication of the host's messages: sessions, counters, and the proofs that go ahead of messages.
+//! Authentication of the host's messages: sessions, counters, and authenticators that precede messages.
 //!
-//! A controller that was given a [`LinkKey`](rollwalk_protocol::wire::authentication::LinkKey) insists: heartbeats, commands,
-//! parameter requests and library transfers count only behind an authenticator that fits; emergency stops, identity and
-//! log need none. What is admitted goes to the same handlers as without a key. `docs/formats/wire-format.md` specifies the bytes.
+//! A controller with a [`LinkKey`](rollwalk_protocol::wire::authentication::LinkKey) accepts heartbeats, commands, parameter
+//! requests and library transfers only after a valid authenticator. Emergency stops and requests for identity and log require
+//! no authenticator. Admitted messages are handled in the same way as without a key. `docs/formats/wire-format.md` specifies
+//! the bytes.
 //!
-//! Without the feature `authenticated` everything is admitted, and nothing of this is in the image.
+//! Without the feature `authenticated`, every message is admitted and none of this code is in the image.
 
 #[cfg(not(feature = "authenticated"))]
 pub(crate) use absent::Authentication;
@@ -19,7 +20,7 @@ pub(crate) enum Admission {
     Admitted,
     /// Message without an authenticator.
     Missing,
-    /// Message with a wrong authenticator: forged, a copy, out of order or of another session.
+    /// Message with an invalid authenticator: forged, a copy, out of order or of another session.
     Wrong,
 }
 
@@ -68,13 +69,13 @@ mod present {
     use rollwalk_protocol::wire::transport::{Reply, TransferResult};
     use rollwalk_protocol::wire::{Node, Response};
 
-    /// Sessions at a time: a host, and visitors that command now and then.
+    /// Number of simultaneous sessions: one for a host, the others for visitors that send occasional commands.
     const SESSIONS: usize = 4;
-    /// Life of a session without a message, µs. Shorter than the time after which an old command's expiry, 16 bits of ms,
-    /// would be valid again.
+    /// Lifetime of a session without a message, µs. It is shorter than the time after which the 16-bit expiry of an old
+    /// command, in ms, would be valid again.
     const LIFE_US: u64 = 10_000_000;
 
-    /// A session with the counters of its last messages.
+    /// Session with the counters of its latest messages.
     #[derive(Clone, Copy)]
     struct Session {
         session: LinkSession,
@@ -91,34 +92,34 @@ mod present {
     /// Sessions and authenticators of a controller with a key.
     #[derive(Default)]
     pub(crate) struct Authentication {
-        /// Link key; `None` admits everything.
+        /// Link key; `None` admits every message.
         key: Option<LinkKey>,
-        /// Count of this boot; `None` when it could not be stored: no session then.
+        /// Number of this boot; `None` if it could not be stored, so that no session can begin.
         boot: Option<u32>,
-        /// Count of offers since the boot.
+        /// Number of sessions offered since the boot.
         offers: u32,
-        /// The latest offer, until a message proves that its host has the key. Requests are not authenticated, and must not
-        /// end sessions.
+        /// Latest offered session, until a message proves that its host has the key. Requests for sessions are not
+        /// authenticated, and so must not end existing sessions.
         offered: Option<Session>,
         sessions: [Option<Session>; SESSIONS],
-        /// The latest authenticator of each subject, until its message arrives.
+        /// Latest authenticator for each subject, until its message arrives.
         kept: [Option<Authenticator>; Subject::ALL.len()],
         refused: u32,
     }
 
     impl Authentication {
-        /// Insists on the key from here on.
+        /// Requires the key from now on.
         pub fn insist(&mut self, key: LinkKey, boot: Option<u32>) {
             *self = Self { key: Some(key), boot, ..Self::default() };
         }
 
-        /// Count of messages that were refused.
+        /// Number of refused messages.
         pub fn refused(&self) -> u32 {
             self.refused
         }
 
-        /// Counts a refused message; returns the count if it is to be logged: 1, 16, 256, ... so that a flood does not displace
-        /// the other log entries.
+        /// Counts a refused message. Returns the count if it must be logged: 1, 16, 256 and so on, so that a flood does not
+        /// displace the other log entries.
         pub fn count_refused(&mut self) -> Option<u32> {
             self.refused = self.refused.saturating_add(1);
             let is_due =
@@ -126,7 +127,7 @@ mod present {
             is_due.then_some(self.refused)
         }
 
-        /// Keeps an authenticator to `node` until its message arrives; returns whether the frame is an authenticator.
+        /// Keeps an authenticator sent to `node` until its message arrives. Returns true if the frame is an authenticator.
         pub fn keep(&mut self, node: Option<Node>, frame: &Frame) -> bool {
             let Ok((to, authenticator)) = Authenticator::decode(frame) else { return false };
             if node == Some(to)
@@ -137,7 +138,7 @@ mod present {
             true
         }
 
-        /// Decides on the frame, or the request, `bytes` with the identifier `id`.
+        /// Decides on a frame or request that consists of `bytes` and has the identifier `id`.
         pub fn admit(&mut self, now_us: u64, id: u16, bytes: &[u8]) -> Admission {
             if self.key.is_none() {
                 return Admission::Admitted;
@@ -151,7 +152,7 @@ mod present {
             }
         }
 
-        /// The session of an authentic message, whose counter has advanced.
+        /// Returns the session of an authentic message and advances its counter; `None` if the message is not authentic.
         fn verify(
             &mut self,
             now_us: u64,
@@ -181,7 +182,7 @@ mod present {
             Some(())
         }
 
-        /// Puts a session in the place of one that has ended, otherwise of the one that was not used for the longest time.
+        /// Stores a session in the slot of an ended one, or otherwise in that of the least recently used one.
         fn begin(&mut self, now_us: u64, session: Session) {
             let age = |place: &&mut Option<Session>| {
                 let alive = place.filter(|session| session.is_alive(now_us));
@@ -192,8 +193,8 @@ mod present {
             }
         }
 
-        /// Answers the link's request if it asks for a session; returns whether it does. `next` is the next offset of the
-        /// store, which a refusal carries.
+        /// Answers the link's request if it is a request for a session; returns true in that case. A refusal carries `next`,
+        /// the next offset of the store.
         pub fn answer_session_request(&mut self, now_us: u64, link: &mut Link, next: u32) -> bool {
             let Ok(request) = SessionRequest::decode(link.request()) else { return false };
             let Some(node) = link.node.filter(|_| self.insists()) else { return false };
@@ -208,7 +209,7 @@ mod present {
             true
         }
 
-        /// The answer to a request for a session. `None`: boots cannot be counted, or there were 2^32 offers.
+        /// Answers a request for a session; `None` if boots cannot be counted or 2^32 sessions were offered.
         fn offer(
             &mut self,
             now_us: u64,
@@ -228,7 +229,7 @@ mod present {
             Some(SessionOffer { number: session.number, tag })
         }
 
-        /// A session with a number that was never used, and whose short number no session has that is alive.
+        /// Creates a session with a number that was never used and a short number that no live session has.
         fn new_session(&mut self, now_us: u64, nonce: u64) -> Option<LinkSession> {
             let boot = u64::from(self.boot?) << 32;
             for _ in 0..=SESSIONS {
@@ -244,7 +245,7 @@ mod present {
             None
         }
 
-        /// True if a key was given.
+        /// True if the controller has a link key.
         pub fn insists(&self) -> bool {
             self.key.is_some()
         }

@@ -1,10 +1,8 @@
-//! Error states of the actuator buses, as their CAN controllers report them to
-//! [`crate::Controller::on_bus_state`].
+//! Error states of the actuator buses, as their CAN controllers report them to [`crate::Controller::on_bus_state`].
 //!
-//! A CAN controller counts errors. Unacknowledged frames make it error-passive, never bus-off: this is the symptom of
-//! missing motor power. Errors on the line make it bus-off. It must stay off, because automatic recovery would send a
-//! stale setpoint as soon as the short circuit is gone. Only the operator's two-step clear restarts it, through
-//! [`BusWatch::take_restart`].
+//! A CAN controller counts errors. Unacknowledged frames, the symptom of missing motor power, make it error-passive but never
+//! bus-off. Errors on the line make it bus-off. It must then stay off, because automatic recovery would send a stale set-point
+//! as soon as the short circuit is gone. Only the operator's two-step clear restarts it, through [`BusWatch::take_restart`].
 
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::serial::BusState;
@@ -12,13 +10,13 @@ use rollwalk_protocol::serial::BusState;
 use crate::bus::MAX_BUSES;
 use crate::safety::EventSet;
 
-/// Ticks without acknowledgement after which it counts as a fault; adapters cause shorter interruptions.
+/// Number of ticks without acknowledgement that count as a fault. Adapters cause shorter interruptions.
 const NO_ACK_TICKS: u8 = 3;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct WatchedBus {
     state: BusState,
-    /// Ticks in this state.
+    /// Number of ticks in this state.
     ticks: u8,
     restart: bool,
 }
@@ -43,7 +41,7 @@ impl WatchedBus {
 pub(crate) struct BusWatch([WatchedBus; MAX_BUSES]);
 
 impl BusWatch {
-    /// Records the state of a bus; returns whether it changed. Unknown bus numbers are ignored.
+    /// Records the state of a bus; returns true if it changed. Ignores unknown bus numbers.
     pub fn observe(&mut self, bus: u8, state: BusState) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.state != state => {
@@ -71,7 +69,7 @@ impl BusWatch {
         self.0.iter().filter_map(WatchedBus::fault).fold(FaultBits::default(), FaultBits::with)
     }
 
-    /// The number of the bus with a fault.
+    /// Number of the bus with a fault.
     pub fn about(&self, fault: Fault) -> Option<u8> {
         let number = self.0.iter().position(|bus| bus.fault() == Some(fault))?;
         u8::try_from(number).ok()
@@ -84,7 +82,7 @@ impl BusWatch {
         }
     }
 
-    /// Returns true if a bus is to be restarted, once after each permission.
+    /// Returns true if a bus must be restarted, once for each permission.
     pub fn take_restart(&mut self, bus: u8) -> bool {
         match self.0.get_mut(usize::from(bus)) {
             Some(bus) if bus.restart => {

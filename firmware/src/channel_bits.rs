@@ -2,7 +2,7 @@
 
 use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
-/// The bit of a channel.
+/// Bit of a channel.
 pub(crate) fn bit(channel: usize) -> u32 {
     const { assert!(MAX_CHANNELS <= 32, "a bit for each channel") };
     1_u32.checked_shl(channel as u32).unwrap_or(0)

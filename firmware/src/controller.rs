@@ -1,4 +1,4 @@
-//! The controller: connects state machine, motion, library and link, and runs the timers.
+//! Controller: connects state machine, motion, library and link, and runs the timers.
 
 mod messages;
 
@@ -30,7 +30,7 @@ use crate::tilt::TiltWatch;
 use crate::transfer::LibraryStorage;
 use crate::tuning::Tuning;
 
-/// A robot's controller: frames and time in, frames out.
+/// Controller of a robot. The caller passes it frames and the time, and sends the frames that it returns.
 ///
 /// Times are microseconds of the controller's monotonic clock, the same clock in every call.
 pub struct Controller<S, P = NoParameters> {
@@ -49,22 +49,25 @@ pub struct Controller<S, P = NoParameters> {
     events: EventSet,
     /// Time at which the current state was entered.
     since_us: u64,
-    /// Time since which SAFE is held in Returning.
+    /// Time since which SAFE is held in the state Returning.
     held_since_us: Option<u64>,
-    /// Time of the last tick and the interval before it.
+    /// Time of the latest tick.
     last_tick_us: Option<u64>,
+    /// Interval between the two latest ticks.
     tick_gap_us: u64,
     ticks_to_frame: u16,
 }
 
 impl<S: LibraryStore> Controller<S> {
-    /// A controller in [`State::Boot`], without memory for parameters. The first [`tick`](Self::tick) checks
-    /// configuration and library; an unusable one raises a fault and prevents arming.
+    /// Creates a controller in [`State::Boot`], without memory for parameters.
+    ///
+    /// The first [`tick`](Self::tick) checks configuration and library. If one of them is unusable, it raises a fault and
+    /// prevents arming.
     pub fn new(config: RobotConfig, store: S, settings: Settings) -> Self {
         Self::with_buses(config, Buses::new(), store, settings)
     }
 
-    /// Creates a controller like [`Controller::new`], with the actuator protocols of its buses.
+    /// Creates a controller like [`Controller::new`], with the configuration of its actuator buses.
     pub fn with_buses(config: RobotConfig, buses: Buses, store: S, settings: Settings) -> Self {
         Self::with_parameters(config, buses, store, NoParameters, settings)
     }
@@ -102,7 +105,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// The stores of library and parameters.
+    /// Returns the stores of library and parameters.
     pub fn into_stores(self) -> (S, P) {
         (self.storage.into_store(), self.tuning.into_store())
     }
@@ -112,40 +115,44 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.motion.actuators.receive(&self.setup.config, bus, frame);
     }
 
-    /// Processes bytes of serial line `bus`, in portions of any size.
+    /// Processes bytes of serial line `bus`, in chunks of any size.
     pub fn on_serial(&mut self, _now_us: u64, bus: u8, bytes: &[u8]) {
         self.motion.actuators.receive_serial(&self.setup.config, bus, bytes);
     }
 
-    /// Records the error state of an actuator bus; call on change, or in every control period. Bus-off switches
-    /// torque off before this returns; the bus must stay off until [`Self::take_bus_restart`].
+    /// Records the error state of an actuator bus. Call on change, or in every control period.
+    ///
+    /// Bus-off switches torque off before this returns. The bus must stay off until [`Self::take_bus_restart`] returns true.
     pub fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) {
         if self.bus_watch.observe(bus, state) && state == BusState::Off {
             self.raise(now_us, Event::BusOff);
         }
     }
 
-    /// Records the direction of up in the body frame (x forward, y left, z to the robot's top), of any
-    /// length, from a filter over an IMU's gyroscope and accelerometer. Call at 10 Hz at least, preferably
-    /// in every control period.
+    /// Records the direction of up in the body frame (x forward, y left, z to the robot's top), as a vector of any length.
+    ///
+    /// The direction comes from a filter over an IMU's gyroscope and accelerometer. Call at 10 Hz at least, preferably in every
+    /// control period.
     pub fn on_attitude(&mut self, now_us: u64, up_body: [f32; 3]) {
         self.tilt.observe(now_us, up_body);
     }
 
-    /// Records measurements of an IMU, for hosts that close the loop over the link: angular velocity of the root link, rad/s, and
-    /// specific force at its origin, m/s², both in its axes (x forward, y left, z to the robot's top). Call in every control
-    /// period, before [`tick`](Self::tick).
+    /// Records measurements of an IMU, for hosts that close the loop over the link.
+    ///
+    /// These are the angular velocity of the root link, rad/s, and the specific force at its origin, m/s², both in its axes (x
+    /// forward, y left, z to the robot's top). Call in every control period, before [`tick`](Self::tick).
     pub fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         self.imu.observe(gyro_rad_s, force_m_s2);
     }
 
-    /// Records which end effectors touch the ground, a bit each in the order of the robot file, for hosts that close the loop
-    /// over the link. Call in every control period, before [`tick`](Self::tick), or never.
+    /// Records the end effectors in contact with the ground, for hosts that close the loop over the link.
+    ///
+    /// Bits are in the order of the robot file. Call in every control period, before [`tick`](Self::tick), or never.
     pub fn on_contacts(&mut self, contacts: u32) {
         self.imu.observe_contacts(contacts);
     }
 
-    /// Expected attitude of the body: that of the playing clip, before that the one of SAFE.
+    /// Expected attitude of the body: that of the playing clip, or of SAFE while no clip plays.
     fn expected_attitude(&self) -> Attitude {
         let clip = |library: &Library<'_>| match self.motion.playing() {
             Some(playing) => playing.clip,
@@ -155,17 +162,18 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         attitude.unwrap_or(Attitude::LEVEL)
     }
 
-    /// Returns true once if an actuator bus that is off is to be restarted, because the operator has cleared the fault.
+    /// Returns true if an actuator bus that is off must be restarted, because the operator has cleared the fault. Returns it
+    /// once for each clear.
     pub fn take_bus_restart(&mut self, bus: u8) -> bool {
         self.bus_watch.take_restart(bus)
     }
 
-    /// Emergency stop by the board's own input: torque is off when this returns.
+    /// Stops the robot through the board's own emergency-stop input. Torque is off when this returns.
     pub fn estop(&mut self, now_us: u64) {
         self.raise(now_us, Event::EStop);
     }
 
-    /// Advances by one control period and computes the next setpoints. Call at [`Settings::control_hz`].
+    /// Advances by one control period and computes the next set-points. Call at [`Settings::control_hz`].
     pub fn tick(&mut self, now_us: u64) {
         if self.state() == State::Boot {
             self.events.insert(Event::Started);
@@ -200,37 +208,39 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.observe(now_us, status);
     }
 
-    /// The next frame for actuator bus `bus`, if there is one.
+    /// Returns the next frame for actuator bus `bus`; `None` if nothing is pending.
     pub fn poll_actuator(&mut self, bus: u8) -> Option<Frame> {
         self.motion.actuators.poll(&self.setup.config, bus)
     }
 
-    /// The next packet for serial line `bus`. Poll again once the packet has been sent; `None` also while
-    /// servos may be answering.
+    /// Returns the next packet for serial line `bus`; `None` if nothing is pending or servos may be answering. Poll again once
+    /// the packet has been sent.
     pub fn poll_serial(&mut self, bus: u8) -> Option<Packet> {
         self.motion.actuators.poll_serial(&self.setup.config, bus)
     }
 
-    /// Admits commands, parameter requests, library transfers and host heartbeats from now on only from hosts with `key`. `boot`
-    /// is a number above that of every earlier boot ([`crate::store::BootCounter`]). Without it no session begins, and the robot
-    /// obeys nothing but emergency stops.
+    /// Requires `key` from now on: commands, parameter requests, library transfers and heartbeats are accepted only from hosts
+    /// with it.
+    ///
+    /// `boot` is a number above that of every earlier boot ([`crate::store::BootCounter`]). If it is `None`, no session can
+    /// begin, and the robot accepts only emergency stops.
     #[cfg(feature = "authenticated")]
     pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
         self.authentication.insist(key, boot);
     }
 
-    /// Count of messages on the link that were refused because nothing proved that they were from a host with the key.
+    /// Number of messages on the link that were refused because they were not from a host with the key.
     #[cfg(feature = "authenticated")]
     pub fn unauthenticated_messages(&self) -> u32 {
         self.authentication.refused()
     }
 
-    /// The current state.
+    /// Current state.
     pub fn state(&self) -> State {
         self.safety.state()
     }
 
-    /// Latched faults, and those of the library.
+    /// Latched faults, and faults of the library.
     pub fn faults(&self) -> FaultBits {
         let started = !matches!(self.state(), State::Boot | State::SelfTest);
         let mut faults = self.safety.latched();
@@ -243,43 +253,43 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         faults
     }
 
-    /// Clip and frame that are playing; `None` outside of playback.
+    /// Clip and frame of playback; `None` if no clip plays.
     pub fn playing(&self) -> Option<Playing> {
         self.motion.playing()
     }
 
-    /// Offset of the latest target of a channel in place of a torque, rad or rad/s; 0 for actuators that accept torques.
+    /// Offset of a channel's latest target that replaces a torque, rad or rad/s; 0 for actuators that accept torques.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.motion.torque_offset(channel)
     }
 
-    /// The latest target in a channel's mailbox; `None` while torque is off.
+    /// Latest target of a channel; `None` while torque is off.
     pub fn setpoint(&self, channel: usize) -> Option<Target> {
         self.motion.emitted(channel)
     }
 
-    /// The robot's configuration.
+    /// Configuration of the robot.
     pub fn config(&self) -> &RobotConfig {
         &self.setup.config
     }
 
-    /// The store of libraries.
+    /// Store of the libraries.
     pub fn library_store(&self) -> &S {
         self.storage.store()
     }
 
-    /// The active library.
+    /// Active library.
     pub fn library(&self) -> Option<Library<'_>> {
         self.storage.library()
     }
 
-    /// True if the library is on trial: unless one of its motions is played to the end within a few boots, the previous library
+    /// True if the library is on trial. Unless one of its motions is played to the end within a few boots, the previous library
     /// is activated again.
     pub fn library_on_trial(&self) -> bool {
         self.storage.on_trial()
     }
 
-    /// Confirms a library on trial without playing it; only while disarmed.
+    /// Confirms a library on trial without playing it. Allowed only while disarmed.
     pub fn confirm_library(&mut self) -> Result<(), StoreError> {
         if self.state() != State::Disarmed {
             return Err(StoreError::NotSealed);
@@ -287,17 +297,17 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.storage.confirm()
     }
 
-    /// Count of damaged frames on the link.
+    /// Number of damaged frames on the link.
     pub fn damaged_link_frames(&self) -> u32 {
         self.link.damaged_frames
     }
 
-    /// Reason for which the library in the store was refused, if it was.
+    /// Reason why the library in the store was refused; `None` if it was not.
     pub fn library_reject(&self) -> Option<Reject> {
         self.storage.reject()
     }
 
-    /// The STATUS message.
+    /// Builds the STATUS message.
     fn status(&self, counter: u8) -> Status {
         let playing = self.playing();
         let faults = self.faults();

@@ -1,8 +1,8 @@
-//! Admission of commands: each one at most once, in order and unexpired; ARM and CLEAR in two steps, with a nonce.
+//! Admission of commands: at most once, in order and unexpired. ARM and CLEAR require two steps, with a nonce.
 
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 
-/// Increment between nonces: odd, so that the sequence has full period, and large, so that successive nonces differ
+/// Increment between nonces. It is odd, so that the sequence has the full period. It is large, so that successive nonces differ
 /// in many bits.
 const NONCE_STEP: u16 = 0x9E37;
 /// Lifetime of a nonce, µs.
@@ -11,18 +11,18 @@ const NONCE_LIFE_US: u64 = 2_000_000;
 /// Decision on a received command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Execute it, then call [`Gate::answered`].
+    /// Execute the command, then call [`Gate::answered`].
     Execute,
-    /// Repeat this answer: the command has been executed before.
+    /// Repeat this answer, because the command was executed before.
     Repeat(CommandAck),
-    /// Refuse it with this result.
+    /// Refuse the command with this result.
     Refuse(CommandResult),
 }
 
 /// Command that a nonce confirms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Permit {
-    /// Arming, which turns torque on.
+    /// Arming, which switches torque on.
     Arm,
     /// Clearing of a latched state.
     Clear,
@@ -35,18 +35,18 @@ struct Nonce {
     until_us: u64,
 }
 
-/// Count of sequence numbers.
+/// Number of sequence numbers.
 const NUMBERS: usize = 16;
 
-/// Recent commands, the answer to the latest, and the pending nonce.
+/// Recent commands, the answer to the latest one, and the pending nonce.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gate {
     last: Option<(Command, CommandAck)>,
-    /// The latest command of each sequence number. A host reuses a number only after the command that bore it has
-    /// expired, so that older commands with that number are refused as expired.
+    /// Latest command of each sequence number. A host reuses a number only after the earlier command has expired, so older
+    /// commands with that number are refused as expired.
     known: [Option<Command>; NUMBERS],
     nonce: Option<Nonce>,
-    /// The last nonce that was drawn.
+    /// Latest nonce that was drawn.
     drawn: Option<u16>,
 }
 
@@ -89,8 +89,10 @@ impl Gate {
         }
     }
 
-    /// Draws a new nonce and voids the one before. It is not a secret: it proves that the confirming host received
-    /// the answer to a recent request. The sequence repeats only after all 65,536 values.
+    /// Draws a new nonce and voids the previous one.
+    ///
+    /// A nonce is not a secret: it proves that the confirming host received the answer to a recent request. The sequence
+    /// repeats only after all 65,536 values.
     pub fn draw(&mut self, now_us: u64, permit: Permit) -> u16 {
         // The first nonce is a multiplicative hash (Knuth) of the time, so that it differs from start to start.
         let first = || ((now_us as u32).wrapping_mul(0x9E37_79B1) >> 16) as u16;
@@ -100,14 +102,14 @@ impl Gate {
         value
     }
 
-    /// True if `value` is the pending nonce; voids it in either case.
+    /// Returns true if `value` is the pending nonce for `permit`, and voids the nonce in any case.
     pub fn redeem(&mut self, now_us: u64, permit: Permit, value: u16) -> bool {
         self.nonce.take().is_some_and(|nonce| {
             nonce.permit == permit && nonce.value == value && now_us <= nonce.until_us
         })
     }
 
-    /// Voids the nonce, because its preconditions changed.
+    /// Voids the nonce because its preconditions changed.
     pub fn void(&mut self) {
         self.nonce = None;
     }
@@ -171,8 +173,8 @@ mod tests {
         assert_eq!(gate.judge(600_000, next), Verdict::Execute);
     }
 
-    /// A copy of any earlier command is refused. The fault campaign found that one from nine or more commands back
-    /// counted as new, because its sequence number, modulo 16, was ahead.
+    /// Refuses a copy of any earlier command. The fault campaign found that a copy from nine or more commands before counted as
+    /// new, because its sequence number, modulo 16, was ahead.
     #[test]
     fn a_copy_is_refused_from_however_far_back() {
         for back in 1..16 {
@@ -238,7 +240,7 @@ mod tests {
         assert!(!gate.redeem(11, Permit::Arm, nonce));
     }
 
-    /// A nonce drawn twice would make a copy of an old confirmation valid again.
+    /// A repeated nonce would make a copy of an old confirmation valid again.
     #[test]
     fn no_nonce_comes_again_before_all_others() {
         let mut gate = Gate::default();

@@ -1,15 +1,15 @@
-//! A cursor that moves through the motion graph: chooses the next 60 Hz frame.
+//! Cursor that moves through the motion graph and chooses the next 60 Hz frame.
 //!
-//! It follows motions, repeats loops and takes transitions towards the goal node:
+//! The cursor plays motions, repeats loops and takes transitions towards the goal node:
 //!
-//! - A looping motion repeats until a goal elsewhere is set, and is left only at the exit frame of the transition that
-//!   leads there. A motion that ends is left at its last frame.
-//! - When a motion ends and no goal is set, the cursor returns to SAFE and stays there.
-//! - The first frame of a transition is the exit frame and its last frame is the entry frame, so
-//!   neither is played twice.
+//! - A looping motion repeats until a goal elsewhere is set. It is left only at the exit frame of the transition that leads
+//!   there. A finite motion is left at its final frame.
+//! - When a finite motion ends and no goal is set, the cursor returns to SAFE and stays there.
+//! - The first frame of a transition is the exit frame of the motion before it, and its final frame is the entry frame of the
+//!   motion after it. Neither is played twice.
 //!
-//! The blocks in which the cursor will enter the next clip and the one after it are checked
-//! beforehand: at once when a goal is set, otherwise a portion in each frame.
+//! The blocks in which the cursor will enter the next two clips are checked beforehand: at once when a goal is set, otherwise a
+//! portion in each frame.
 
 use rollwalk_protocol::library::{
     ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
@@ -22,30 +22,30 @@ enum Place {
     Transition(Edge),
 }
 
-/// Reason for which a goal is refused.
+/// Reason why a goal is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GoalError {
-    /// Goal without a route to it.
+    /// Goal that no route leads to.
     Unreachable,
 }
 
 /// Position in the motion graph of a library, with its goal.
 ///
-/// It borrows nothing: every call takes the library of [`GraphCursor::start`].
+/// The cursor stores no reference: the caller passes the library of [`GraphCursor::start`] to every call.
 #[derive(Clone, Debug)]
 pub struct GraphCursor {
     place: Place,
     cursor: ClipCursor,
-    /// Node that is still to be reached.
+    /// Goal that is not reached yet.
     goal: Option<NodeId>,
-    /// Transition that leaves the present motion or, during a transition, the motion at its end.
+    /// Transition out of the current motion or, during a transition, out of the motion at its end.
     onward: Option<Edge>,
-    /// Entries into the next clip and into the one after.
+    /// Entries into the next two clips.
     entries: [Option<Entry>; 2],
 }
 
 impl GraphCursor {
-    /// A cursor at rest in the SAFE pose.
+    /// Creates a cursor at rest in the SAFE pose.
     pub fn start(library: &Library<'_>) -> Result<Self, Unreadable> {
         let safe = library.safe_node();
         let frames = library.clip(safe.clip()).ok_or(Unreadable)?.frames;
@@ -54,23 +54,22 @@ impl GraphCursor {
         Ok(Self { place, cursor, goal: None, onward: None, entries: [None; 2] })
     }
 
-    /// Clip and frame at which it stands.
+    /// Current clip and frame.
     pub fn at(&self) -> (ClipId, u16) {
         (self.cursor.clip(), self.cursor.frame())
     }
 
-    /// Writes the channels' values of the present frame: rad, rad/s.
+    /// Writes the channels' values of the current frame, rad or rad/s.
     pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
         self.cursor.frame_into(library, out)
     }
 
-    /// Writes the torques of the present frame, N·m.
+    /// Writes the torques of the current frame, N·m.
     pub fn torques_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
         self.cursor.torques_into(library, out)
     }
 
-    /// Sets the goal. If the goal is the motion being played, and that motion ends instead of
-    /// looping, it is played once more.
+    /// Sets the goal. A finite motion that is being played and becomes the goal is played once more.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         let (from, arriving) = match self.place {
             Place::Motion(node) => (node, false),
@@ -111,7 +110,7 @@ impl GraphCursor {
         self.entries = [now, then];
     }
 
-    /// Entry into a clip at a frame, with the checks already done for it.
+    /// Entry into a clip at a frame, including the checks that were already done for it.
     // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
     fn entry(&self, library: &Library<'_>, place: Option<(ClipId, u16)>) -> Option<Entry> {
@@ -134,7 +133,7 @@ impl GraphCursor {
         Ok(())
     }
 
-    /// Frames until the goal is reached; 0 without a goal.
+    /// Number of frames until the goal is reached; 0 without a goal.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
         let Some(goal) = self.goal else { return 0 };
         let frame = self.cursor.frame();
@@ -180,7 +179,7 @@ impl GraphCursor {
         }
     }
 
-    /// Advances to the next frame. Fails only with a library other than the validated one.
+    /// Advances to the next frame. Fails only if `library` is not the one that was validated.
     pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
         let clip = self.cursor.clip();
         match self.place {

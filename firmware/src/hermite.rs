@@ -1,10 +1,10 @@
-//! Cubic Hermite upsampling: 60 Hz frames in, position and velocity at the control rate out.
+//! Cubic Hermite upsampling of 60 Hz frames to position and velocity at the control rate.
 //!
-//! The cubic between two frames has the frames' values and slopes at its ends. The slope at a frame is the central
-//! difference of its neighbours, so one frame of look-ahead suffices, the curve is C1 everywhere, also at the seams
-//! of loops and between clips, and constant, linear and quadratic motions are reproduced exactly.
+//! The cubic between two frames has their values and slopes at its ends. The slope at a frame is the central difference of its
+//! neighbours, so one frame of look-ahead suffices. The curve is C1 everywhere, also where a loop repeats and where clips join.
+//! It reproduces constant, linear and quadratic motions exactly.
 //!
-//! The planner's curve through its samples has a continuous second derivative, for which it solves for all slopes at once
+//! The planner's spline through its samples has a continuous second derivative. It requires all slopes to be solved for at once
 //! (`planner/src/sample/spline.rs`).
 
 use rollwalk_protocol::library::RATE_HZ;
@@ -21,7 +21,7 @@ pub struct Sample {
     pub slope: f32,
 }
 
-/// The cubic through `start` and `end`, `interval_s` apart, at the fraction `u` in 0..=1.
+/// Evaluates the cubic through `start` and `end`, `interval_s` apart, at the fraction `u` in 0..=1.
 pub fn cubic(start: Sample, end: Sample, interval_s: f32, u: f32) -> Sample {
     let (m0, m1) = (start.slope * interval_s, end.slope * interval_s);
     let rise = end.value - start.value;
@@ -34,7 +34,7 @@ pub fn cubic(start: Sample, end: Sample, interval_s: f32, u: f32) -> Sample {
     }
 }
 
-/// Point `u` of the segment between `frames[1]` and `frames[2]` of four consecutive 60 Hz values.
+/// Evaluates the segment between `frames[1]` and `frames[2]` of four consecutive 60 Hz values at the fraction `u`.
 pub fn between(frames: [f32; 4], u: f32) -> Sample {
     let [before, from, to, after] = frames;
     let slope = |a: f32, b: f32| (b - a) * (0.5 * FRAME_HZ);

@@ -1,16 +1,17 @@
-//! The latest measurements of an IMU and of contact switches, until a [sample](crate::track) takes them along.
+//! Measurements of an IMU and of contact switches, collected until the next [sample](crate::track).
 
 use rollwalk_protocol::wire::{Accelerometer, Answered, Gyro};
 
-/// Measurements since the last sample.
+/// Measurements since the latest sample.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Imu {
     gyro_rad_s: Option<[f32; 3]>,
-    /// Sum of the specific forces, m/s², and their number.
+    /// Sum of the specific forces, m/s².
     forces_m_s2: [f32; 3],
+    /// Number of measurements in the sum.
     count: u16,
     contacts: Option<u32>,
-    /// Measurements of the sample that is being sent.
+    /// Content of the latest sample, which is being sent.
     sampled: Sampled,
 }
 
@@ -21,12 +22,13 @@ pub(crate) struct Sampled {
     pub accelerometer: Option<Accelerometer>,
     /// Contacts of end effectors, a bit each.
     pub contacts: Option<u32>,
-    /// The answer that was in force.
+    /// Answer in force.
     pub answered: Option<Answered>,
 }
 
 impl Imu {
-    /// Records angular velocity, rad/s, and specific force, m/s², in body axes. Ignores measurements with NaN or infinite values.
+    /// Records angular velocity, rad/s, and specific force, m/s², in body axes. Ignores measurements with NaN or infinite
+    /// values.
     pub fn observe(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         if gyro_rad_s.iter().chain(&force_m_s2).all(|value| value.is_finite()) {
             self.gyro_rad_s = Some(gyro_rad_s);
@@ -40,12 +42,12 @@ impl Imu {
         }
     }
 
-    /// Records which end effectors touch the ground, a bit each.
+    /// Records the end effectors in contact with the ground, a bit each.
     pub fn observe_contacts(&mut self, contacts: u32) {
         self.contacts = Some(contacts);
     }
 
-    /// Moves the measurements and the answer in force into the present sample. The next sample contains only later measurements.
+    /// Moves the measurements and the answer in force into a new sample. The next sample contains only later measurements.
     pub fn sample(&mut self, answered: Option<Answered>) {
         let count = f32::from(self.count);
         let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));
@@ -58,7 +60,7 @@ impl Imu {
         (self.forces_m_s2, self.count) = ([0.0; 3], 0);
     }
 
-    /// The body at the last sample.
+    /// Content of the latest sample besides its joints.
     pub fn sampled(&self) -> Sampled {
         self.sampled
     }

@@ -1,13 +1,13 @@
-//! Log of the last state changes and faults, for a host that connects afterwards.
+//! Log of the latest state changes and faults, for a host that connects afterwards.
 //!
-//! Kept in RAM until a reset. Only changes are recorded, so neither repeated frames nor a lasting fault displace the
+//! The log is kept in RAM until a reset. Only changes are recorded, so neither repeated frames nor a lasting fault displace the
 //! entries that explain why the robot stopped.
 
 use rollwalk_protocol::faults::Event;
 use rollwalk_protocol::time::wrapping_ms;
 use rollwalk_protocol::wire::{Log, LogEntry, MAX_LOG_ENTRIES, State};
 
-/// Ring buffer of the last entries, each at its number modulo the capacity.
+/// Ring buffer of the latest entries. An entry's index is its number modulo the capacity.
 #[derive(Clone, Debug)]
 pub(crate) struct Journal {
     entries: [Option<LogEntry>; MAX_LOG_ENTRIES],
@@ -19,7 +19,7 @@ impl Journal {
         Self { entries: [None; MAX_LOG_ENTRIES], next: 0 }
     }
 
-    /// Records an event that changed the state, or a new fault, with channel and value of that fault.
+    /// Records an event that changed the state, or a new fault, with the channel and value of that fault.
     pub fn note(
         &mut self,
         at_us: u64,
@@ -33,7 +33,7 @@ impl Journal {
         self.record(LogEntry { at_ms, event, before, after, fault, channel, value });
     }
 
-    /// Records that messages were refused because they were not authentic, with their count as the value.
+    /// Records that messages were refused because they were not authentic. The value of the entry is their count.
     pub fn note_refused(&mut self, at_us: u64, state: State, count: u32) {
         let (at_ms, event) = (wrapping_ms(at_us), Event::Unauthenticated.code());
         let (before, after, fault, channel) = (state, state, None, None);
@@ -48,7 +48,7 @@ impl Journal {
         self.next = self.next.wrapping_add(1);
     }
 
-    /// Entries from number `since` on.
+    /// Entries with number `since` and above.
     pub fn since(&self, now_us: u64, since: u32) -> Log {
         let oldest = self.next.saturating_sub(MAX_LOG_ENTRIES as u32);
         // A number that has not been reached yet dates from before a reset: no entry follows it.

@@ -6,15 +6,15 @@
 //!                  │                                             authentication: from a host with the key)
 //!                  │  link:     transmit scheduler of the host link
 //!                  │  safety:   states, events, transitions     (pure state machine)
-//!                  │  motion:   setpoints of the actuators      (align, player or stream, then
+//!                  │  motion:   set-points of the actuators     (align, player or stream, then
 //!                  │                                            limiter ─> actuators' mailboxes)
 //!                  │  tuning:   gains and torque limits at run time
 //!                  │  journal:  log of state changes and faults
 //!                  └─ transfer: receives libraries into the store
 //! ```
 //!
-//! Sans-IO: frames and the time go in, frames come out. No clock, no allocation, no `unsafe`, no
-//! panic on any input. `docs/playback-and-safety.md` specifies the behaviour.
+//! Sans-IO: the caller passes frames and the time, and receives frames. The crate has no clock, no allocation and no `unsafe`,
+//! and does not panic on any input. `docs/playback-and-safety.md` specifies the behaviour.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

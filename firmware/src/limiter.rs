@@ -1,27 +1,32 @@
-//! Last stage before the wire: clamps every setpoint to the robot's limits.
+//! Last stage before the bus: clamps every set-point to the robot's limits.
 //!
-//! Per channel and tick, a value that is not finite is replaced by the last one; the value is then clamped to the
-//! channel's range, and after that to the distance from the last value that the rate limit allows in one period. A
-//! channel emits nothing before [`Limiter::start`] sets its measured value, so the first setpoint after torque-on is
-//! the measured pose, not a remembered one.
+//! For each channel and tick, a value that is not finite is replaced by the previous value. The value is then clamped to the
+//! channel's range, and finally to the change from the previous value that the rate limit allows in one period. A channel emits
+//! nothing before [`Limiter::start`] sets its measured value, so the first set-point after torque on is the measured pose, not
+//! a remembered one.
 //!
-//! A torque that is not finite becomes 0. It starts at 0, changes by no more than [`FULL_TORQUE_S`] allows, and is within
-//! the channel's torque limit. Where the actuator has no field for a torque, the value is offset by as much as its gain
-//! turns into that torque, [`MAX_OFFSET_RAD`] at most, before range and rate are looked at.
+//! A torque that is not finite becomes 0. Torque starts at 0, changes at the rate that [`FULL_TORQUE_S`] allows, and stays
+//! within the channel's torque limit. If the actuator has no field for a torque, the value gets an offset that its gain turns
+//! into that torque. The offset is at most [`MAX_OFFSET_RAD`] or [`MAX_OFFSET_RAD_S`], and is added before range and rate are
+//! limited.
 //!
-//! A joint that starts outside its range (a leg resting on its stop) does not jump into it: it may stay or follow its
-//! target inwards, never further out.
+//! A joint that starts outside its range (a leg resting on its stop) does not jump into it. It may stay or follow its target
+//! inwards, but not move further out.
 
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS};
 
-/// Shortest time for a torque to change by the channel's limit, s. Longer than a frame, so that a value that is wrong for
-/// one frame does not get far, and short enough for a foot that touches down: a step of two thirds of the limit passes.
+/// Shortest time for a torque to change by the channel's limit, s.
+///
+/// It is longer than a frame, which limits the effect of a value that is wrong for one frame. It is short enough for a foot
+/// that touches down: a step of two thirds of the limit passes within a frame.
 pub const FULL_TORQUE_S: f32 = 0.025;
-/// Largest offset of a joint in place of a torque, rad. Servos that hold a robot sag by less. A servo stiffer than its file is
-/// moved by less than half of the alignment tolerance.
+/// Largest offset of a joint's angle that replaces a torque, rad.
+///
+/// Servos that hold a robot sag by less. A servo stiffer than its file states is moved by less than half of the alignment
+/// tolerance.
 pub const MAX_OFFSET_RAD: f32 = 0.15;
-/// Largest offset of a wheel's speed in place of a torque, rad/s: with a wheel of 5 cm and nothing to push against,
-/// 5 cm/s.
+/// Largest offset of a wheel's speed that replaces a torque, rad/s. An unloaded wheel of 5 cm radius changes its rim speed by 5
+/// cm/s.
 pub const MAX_OFFSET_RAD_S: f32 = 1.0;
 
 /// Target of a channel, without gains.
@@ -31,20 +36,20 @@ pub struct Target {
     pub value: f32,
     /// Joint speed, rad/s; not used for wheels.
     pub slope: f32,
-    /// Torque that is fed forward, N·m.
+    /// Feed-forward torque, N·m.
     pub torque_nm: f32,
 }
 
-/// Last command of a channel.
+/// Latest command of a channel.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     value: f32,
-    /// The value without an offset.
+    /// Value without an offset that replaces a torque.
     meant: f32,
     torque_nm: f32,
 }
 
-/// The limiter of all channels.
+/// Limiter of all channels.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     period_s: f32,
@@ -52,17 +57,17 @@ pub struct Limiter {
 }
 
 impl Limiter {
-    /// A limiter for a control period in seconds; nothing started yet.
+    /// Creates a limiter for a control period in seconds, with all channels stopped.
     pub fn new(period_s: f32) -> Self {
         Self { period_s, last: [None; MAX_CHANNELS] }
     }
 
-    /// Resets all channels: none emits a setpoint until it is started again.
+    /// Stops all channels: each emits nothing until it is started again.
     pub fn stop(&mut self) {
         self.last = [None; MAX_CHANNELS];
     }
 
-    /// Starts a channel at its measured value, rad or rad/s. Ignored when not finite.
+    /// Starts a channel at its measured value, rad or rad/s. Ignores a value that is not finite.
     pub fn start(&mut self, channel: usize, measured: f32) {
         if let Some(last) = self.last.get_mut(channel)
             && measured.is_finite()
@@ -71,28 +76,29 @@ impl Limiter {
         }
     }
 
-    /// Lets all torques begin at 0 again, at once.
+    /// Sets all torques to 0 at once.
     pub fn drop_torques(&mut self) {
         self.last.iter_mut().flatten().for_each(|last| last.torque_nm = 0.0);
     }
 
-    /// The last emitted value, or the measured one after a start; `None` when the channel is stopped.
+    /// Latest emitted value, or the measured one after a start; `None` if the channel is stopped.
     pub fn last(&self, channel: usize) -> Option<f32> {
         self.last.get(channel)?.map(|last| last.value)
     }
 
-    /// Last value without an offset in place of a torque, for the comparison with measurements.
+    /// Latest value without an offset that replaces a torque, for comparison with measurements.
     pub fn meant(&self, channel: usize) -> Option<f32> {
         self.last.get(channel)?.map(|last| last.meant)
     }
 
-    /// Offset of the last value in place of a torque, rad or rad/s; 0 for a channel that is stopped.
+    /// Offset of the latest value that replaces a torque, rad or rad/s; 0 if the channel is stopped.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.last.get(channel).copied().flatten().map_or(0.0, |last| last.value - last.meant)
     }
 
-    /// Clamps the target to the channel's `limits`; returns `None` for a channel that has not been started. A torque
-    /// for an actuator that does not take any becomes an offset of the value.
+    /// Clamps the target to the channel's `limits`; returns `None` if the channel is stopped.
+    ///
+    /// If `takes_torque` is false, the torque becomes an offset of the value.
     pub fn apply(
         &mut self,
         limits: &Channel,
@@ -121,7 +127,7 @@ impl Limiter {
     }
 }
 
-/// A torque that is not finite is none.
+/// Limits the size and rate of change of a torque. Replaces a torque that is not finite by 0.
 fn limited_torque(limits: &Channel, last: f32, torque_nm: f32, period_s: f32) -> f32 {
     let most = limits.max_torque_nm;
     let step = most * (period_s / FULL_TORQUE_S);
@@ -153,20 +159,20 @@ fn limited(limits: &Channel, last: f32, target: Target, period_s: f32) -> Target
     Target { value, slope: within(slope, -limits.max_rate, limits.max_rate), torque_nm: 0.0 }
 }
 
-/// Clamps `value` to the range from `low` to `high`; a limit that is NaN is ignored.
+/// Clamps `value` to the range from `low` to `high`; ignores a limit that is NaN.
 ///
-/// Not `clamp`, which panics on limits in the wrong order; not `max` and `min`, which compile to function calls on a
-/// Cortex-M4, and this runs for every channel in every control period.
+/// `clamp` would panic on limits in the wrong order. `max` and `min` compile to function calls on a Cortex-M4, and this runs
+/// for every channel in every control period.
 pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
     let value = if value < low { low } else { value };
     if value > high { high } else { value }
 }
 
-/// The gains and the torque `(kp, kd, τ)`, scaled down by the same factor where
-/// `kp·position_error + kd·velocity_error + τ` would exceed `max_torque_nm`. Errors are target minus last measurement,
-/// in rad and rad/s.
+/// Gains and torque `(kp, kd, τ)`, scaled down by a common factor if `kp·position_error + kd·velocity_error + τ` would exceed
+/// `max_torque_nm`.
 ///
-/// The actuator has a torque limit of its own; this one holds even when that is set wrongly.
+/// Errors are target minus latest measurement, rad and rad/s. The bound holds even if the actuator's own torque limit is set
+/// wrongly.
 pub fn gains_within_torque(
     (kp, kd, torque_nm): (f32, f32, f32),
     position_error: f32,
@@ -222,7 +228,7 @@ mod tests {
         prop_oneof![Just(ChannelKind::JointPosition), Just(ChannelKind::WheelSpeed)]
     }
 
-    /// Duration of the rise to the whole torque, stated in seconds, independent of the limiter's constant.
+    /// Time to rise to the full torque, stated in seconds and independent of the limiter's constant.
     #[test]
     fn the_whole_torque_takes_a_fortieth_of_a_second() {
         for hz in [60.0f32, 120.0, 500.0, 1000.0] {
@@ -269,7 +275,7 @@ mod tests {
             }
         }
 
-        /// The commanded torque stays within the limit, and the gains change only where it would exceed it.
+        /// The commanded torque stays within the limit, and the gains change only if the torque would exceed it.
         #[test]
         fn torque_is_bounded(gains in (0.0f32..655.0, 0.0f32..65.0, -200.0f32..200.0), e in -7.0f32..7.0, de in -130.0f32..130.0, most in 0.01f32..160.0) {
             let (kp, kd, nm) = gains_within_torque(gains, e, de, most);
@@ -285,7 +291,7 @@ mod tests {
             prop_assert_eq!(gains_within_torque(none, e, de, most), (0.0, 0.0, 0.0));
         }
 
-        /// A torque that is given again and again gets through, as itself or as an offset that the gain turns into it.
+        /// A constant torque is reached in the end, either as a torque or as an offset that the gain turns into it.
         #[test]
         fn a_torque_gets_through(kind in kinds(), asked in -1.0f32..=1.0) {
             let config = config(kind);

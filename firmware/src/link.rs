@@ -1,8 +1,8 @@
 //! Transmit scheduler of the host link: status, faults, answers and telemetry, the most urgent first.
 //!
-//! Messages wait here until the bus accepts them. Acknowledgements of commands have a short queue; everything else
-//! is a latest value or a flag, so a host that floods the controller with requests receives the latest answers and
-//! memory stays bounded.
+//! Messages wait here until the bus accepts them. Acknowledgements of commands have a short queue. Each other message has a
+//! single slot for its latest value, or a flag. A host that floods the controller with requests therefore receives the latest
+//! answers, and memory use stays bounded.
 
 use heapless::Deque;
 use rollwalk_protocol::can::Frame;
@@ -15,22 +15,22 @@ use rollwalk_protocol::wire::{
     Node, ParameterAck, STATUS_PERIOD_MS, Status,
 };
 
-/// Telemetry messages of each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
+/// Number of telemetry messages in each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
 const TELEMETRY_PER_FRAME: u8 = 4;
 const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
 /// Interval at which a lasting fault is reported again, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: a LOG with the maximum number of entries.
 const MAX_RESPONSE: usize = 13 + LOG_ENTRY_BYTES * MAX_LOG_ENTRIES;
-/// Largest lead of a newer heartbeat's number, modulo 256, at once.
+/// Largest immediate lead of a heartbeat's number over the previous one, modulo 256.
 const AHEAD: u32 = 2;
-/// Time in which it may be ahead by one more, µs: half of the period. Numbers that run faster are old heartbeats that
-/// are repeated, such as 0, 100, 200 over and over.
+/// Time after which the lead may be larger by one, µs: half the heartbeat period. Numbers that rise faster are repetitions of
+/// old heartbeats, such as 0, 100, 200 over and over.
 const AHEAD_US: u32 = HEARTBEAT_PERIOD_MS * 1000 / 2;
-/// Limit of polls for which a message may pass through the transport; more indicate an internal error.
+/// Maximum number of polls for which a message may be in the transport. More indicate an internal error.
 const MAX_POLLS: usize = 4;
 
-/// A message whose content is sampled at the moment of transmission.
+/// Message whose content is sampled at the time of transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Outgoing {
     EstopAck,
@@ -47,16 +47,16 @@ pub(crate) enum Outgoing {
     Discovered,
 }
 
-/// The controller's end of the link.
+/// Controller's end of the link.
 pub(crate) struct Link {
-    /// Address of this controller; `None` when the settings have no usable one.
+    /// Address of this controller; `None` if the settings contain an invalid one.
     pub node: Option<Node>,
-    /// Count of frames with an identifier of this node but invalid content.
+    /// Number of frames with an identifier of this node but invalid content.
     pub damaged_frames: u32,
     endpoint: Endpoint,
     estop_ack: bool,
     heartbeat: Option<HeartbeatReply>,
-    /// Number and time, µs, of the last heartbeat that fed the watchdog.
+    /// Number and time, µs, of the latest heartbeat that fed the watchdog.
     last_heartbeat: Option<(u8, u64)>,
     acks: Deque<CommandAck, 4>,
     parameter: Option<ParameterAck>,
@@ -74,10 +74,10 @@ pub(crate) struct Link {
     batch: Option<Batch>,
 }
 
-/// A batch of measurements that is being sent.
+/// Batch of measurements that is being sent.
 #[derive(Clone, Copy, Debug)]
 struct Batch {
-    /// Number of its sample.
+    /// Number of the batch's sample.
     number: u8,
     /// Next message: gyro, accelerometer, channels, sample.
     next: u8,
@@ -109,7 +109,7 @@ impl Link {
         }
     }
 
-    /// True if a message to `to` is for this node. With an unusable address only broadcasts are.
+    /// True if a message to `to` is for this node. With an invalid address, only broadcasts are.
     pub fn is_for_us(&self, to: Node) -> bool {
         to == Node::BROADCAST || self.node == Some(to)
     }
@@ -122,9 +122,11 @@ impl Link {
         self.discovered = true;
     }
 
-    /// Processes a heartbeat. One that is not ahead of the last one is answered but does not feed the watchdog,
-    /// because a bridge that repeats its last frames is no host. After `timeout_us` without a valid heartbeat any
-    /// number is accepted: a robot with torque returns to SAFE by then, and a restarted host can connect.
+    /// Processes a heartbeat.
+    ///
+    /// A heartbeat that is not ahead of the previous one is answered but does not feed the watchdog, because a bridge may
+    /// repeat old frames without a host. After `timeout_us` without a valid heartbeat, any number is accepted. A robot with
+    /// torque has then begun to return to SAFE, and a restarted host can connect.
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
             let ahead = u32::from(heartbeat.seq.wrapping_sub(seq));
@@ -138,13 +140,13 @@ impl Link {
         self.answer_heartbeat(now_us, heartbeat);
     }
 
-    /// Answers a heartbeat, whether or not it fed the watchdog.
+    /// Answers a heartbeat without feeding the watchdog.
     pub fn answer_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat) {
         let controller_ms = wrapping_ms(now_us);
         self.heartbeat = Some(HeartbeatReply { seq: heartbeat.seq, controller_ms });
     }
 
-    /// Time of the last heartbeat that fed the watchdog, µs.
+    /// Time of the latest heartbeat that fed the watchdog, µs.
     pub fn host_seen_us(&self) -> Option<u64> {
         self.last_heartbeat.map(|(_, at)| at)
     }
@@ -157,23 +159,24 @@ impl Link {
         let _ = self.acks.push_back(ack);
     }
 
-    /// Replaces an answer that has not been sent yet.
+    /// Queues an answer to a parameter request. It replaces an answer that was not sent yet.
     pub fn acknowledge_parameter(&mut self, ack: ParameterAck) {
         self.parameter = Some(ack);
     }
 
-    /// Processes a transport frame; returns whether it completed a request.
+    /// Processes a transport frame; returns true if it completed a request.
     pub fn on_transport(&mut self, now_us: u64, data: &[u8]) -> bool {
         self.endpoint.on_frame(data, now_us) == Event::Received
     }
 
-    /// The last complete request.
+    /// Latest complete request.
     pub fn request(&self) -> &[u8] {
         self.endpoint.received()
     }
 
-    /// Answers a request. A host has one request pending at a time: a new one means that it no longer waits
-    /// for the answer to the one before.
+    /// Answers a request.
+    ///
+    /// A host has only one request pending: a new one means that the host no longer waits for the answer to the previous one.
     #[inline(never)]
     pub fn respond(&mut self, response: &Response) {
         let mut bytes = [0; MAX_RESPONSE];
@@ -182,7 +185,7 @@ impl Link {
         }
     }
 
-    /// Sends an answer that is encoded already.
+    /// Sends an answer that is already encoded.
     pub fn send_message(&mut self, message: &[u8]) {
         self.endpoint.reset();
         // No other message is in transmission, and answers fit.
@@ -194,8 +197,9 @@ impl Link {
         self.telemetry_left = TELEMETRY_PER_FRAME;
     }
 
-    /// Sends the measurements of a sample next, in place of other telemetry. Returns false, and sends none, while those of the
-    /// sample before are not through.
+    /// Sends the measurements of a sample next, in place of other telemetry.
+    ///
+    /// Returns false and sends nothing if measurements of the previous sample are still unsent.
     pub fn begin_batch(&mut self, number: u8) -> bool {
         let is_free = self.batch.is_none();
         if is_free {
@@ -205,12 +209,12 @@ impl Link {
         is_free
     }
 
-    /// Reports known faults again, because a command was refused for them.
+    /// Schedules another report of known faults, because a command was refused for them.
     pub fn report(&mut self, faults: FaultBits) {
         self.reports.0 |= faults.0;
     }
 
-    /// Schedules status messages and fault reports; call once per control period.
+    /// Schedules status messages and fault reports. Call it once per control period.
     pub fn observe(&mut self, now_us: u64, status: Status) {
         // The frame number always advances; that alone is not a change of status.
         let essence = |s: Status| (s.state, s.severity, s.faults, s.clip, s.library);
@@ -224,7 +228,7 @@ impl Link {
         }
     }
 
-    /// The next message to send, most urgent first.
+    /// Returns the next message to send, most urgent first.
     pub fn next(&mut self, now_us: u64, channels: u8) -> Option<Outgoing> {
         let node = self.node?;
         if core::mem::take(&mut self.estop_ack) {
@@ -278,7 +282,9 @@ impl Link {
     }
 }
 
-/// True if a periodic message is due. Keeps the average rate at any polling rate; periods missed in a gap are dropped.
+/// True if a periodic message is due.
+///
+/// Keeps the average rate at any polling rate. Periods missed in a gap are dropped.
 fn due(at_us: &mut u64, now_us: u64, period_us: u64) -> bool {
     let due = now_us >= *at_us;
     if due {

@@ -1,8 +1,7 @@
-//! Setpoints of the actuators: enabling, alignment, playback, damping, off.
+//! Set-points of the actuators: enabling, alignment, playback, damping, torque off.
 //!
-//! One stage for each torque state of the state machine. In every stage a target reaches a mailbox only through the
-//! limiter, and the limiter passes nothing for a channel whose measured pose it has not received since torque was
-//! last off.
+//! Each torque state of the state machine has one stage. In every stage a target reaches an actuator only through the limiter.
+//! The limiter passes nothing for a channel whose pose was not measured since torque was last off.
 
 mod health;
 mod host;
@@ -42,26 +41,26 @@ enum Stage {
     Damped,
 }
 
-/// Robot and settings: constant while the controller runs.
+/// Robot and settings, constant while the controller runs.
 pub(crate) struct Setup {
     pub config: RobotConfig,
     pub buses: Buses,
     pub settings: Settings,
 }
 
-/// Motion stage with its ramp, player, limiter and actuators.
+/// Motion stage, with its limiter and actuators.
 pub(crate) struct Motion {
     stage: Stage,
     limiter: Limiter,
     pub actuators: Actuators,
     pub parameters: Parameters,
     emitted: [Option<Target>; MAX_CHANNELS],
-    /// Ticks for which a joint has been far from its setpoint.
+    /// Ticks for which a joint has been far from its set-point.
     behind_ticks: u32,
     ticks_to_query: u16,
-    /// Tracking settings of the next stream, if its setpoints answer samples.
+    /// Tracking settings of the next stream; `None` if its set-points do not answer samples.
     tracking: Option<Tracking>,
-    /// Number of the sample that is due.
+    /// Number of the sample that is due; `None` if no sample is due.
     sample: Option<u8>,
     soft_gains: SoftGains,
 }
@@ -82,17 +81,17 @@ impl Motion {
         }
     }
 
-    /// The latest target sent to the actuator; `None` while torque is off.
+    /// Latest target sent to the actuator; `None` while torque is off.
     pub fn emitted(&self, channel: usize) -> Option<Target> {
         self.emitted.get(channel).copied().flatten()
     }
 
-    /// Offset of the latest target in place of a torque, rad or rad/s.
+    /// Offset of the latest target that replaces a torque, rad or rad/s.
     pub fn torque_offset(&self, channel: usize) -> f32 {
         self.limiter.torque_offset(channel)
     }
 
-    /// Clip and frame that are playing.
+    /// Clip and frame of playback.
     pub fn playing(&self) -> Option<Playing> {
         match &self.stage {
             Stage::Playing(player) => Some(player.playing()),
@@ -100,7 +99,7 @@ impl Motion {
         }
     }
 
-    /// True if setpoints that answer samples are followed.
+    /// True if the robot follows set-points that answer samples.
     pub fn is_tracking(&self) -> bool {
         matches!(self.stage, Stage::Tracking(_))
     }
@@ -139,7 +138,7 @@ impl Motion {
         self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| Unreadable)
     }
 
-    /// Requests a motion from the player; returns the frames until it starts.
+    /// Requests a motion from the player; returns the number of frames until it starts.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<u16, GoalError> {
         match &mut self.stage {
             Stage::Playing(player) => {
@@ -150,7 +149,7 @@ impl Motion {
         }
     }
 
-    /// Sets the playback speed, in 64ths of the planned one.
+    /// Sets the playback speed, in 64ths of the planned speed.
     pub fn set_speed(&mut self, speed_64ths: u8) {
         if let Stage::Playing(player) = &mut self.stage {
             player.set_speed(speed_64ths);
@@ -176,7 +175,7 @@ impl Motion {
         matches!(&self.stage, Stage::Playing(player) if player.rests_in_safe(library))
     }
 
-    /// Damps joints without stiffness and brakes wheels.
+    /// Damps joints without stiffness, and brakes wheels.
     pub fn damp(&mut self, setup: &Setup) {
         for i in 0..setup.config.channels.len() {
             if self.limiter.last(i).is_none()
@@ -191,7 +190,7 @@ impl Motion {
         self.stage = Stage::Damped;
     }
 
-    /// Writes the setpoints of the next control period into the mailboxes.
+    /// Sets the commands of the actuators for the next control period.
     pub fn drive(&mut self, setup: &Setup, library: Option<Library<'_>>, events: &mut EventSet) {
         match self.stage {
             Stage::Off => {
@@ -270,7 +269,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Time since the last setpoints of the host were taken, s.
+    /// Time since the latest set-points of the host, s.
     pub fn starved_s(&self, settings: &Settings) -> f32 {
         match &self.stage {
             Stage::Streaming(stream) => f32::from(stream.starved()) / f32::from(RATE_HZ),
@@ -279,7 +278,7 @@ impl Motion {
         }
     }
 
-    /// Raises events of setpoints that have ended, or that do not come any more.
+    /// Raises events if a stream has ended or its set-points no longer arrive.
     fn watch_host(&self, setup: &Setup, (is_halted, rests): (bool, bool), events: &mut EventSet) {
         let patience_s = setup.settings.heartbeat_timeout_us as f32 * 1e-6;
         if rests {
@@ -289,7 +288,7 @@ impl Motion {
         }
     }
 
-    /// The value that takes a channel over from its last setpoint without a change of its torque ([`SoftGains::rest`]).
+    /// Value at which a channel can rest without a change of its torque ([`SoftGains::rest`]).
     #[inline(never)]
     fn rest(&mut self, setup: &Setup, channel: usize) -> Option<f32> {
         let meant = self.limiter.meant(channel)?;
@@ -298,7 +297,7 @@ impl Motion {
         self.soft_gains.rest(channel, meant, measured)
     }
 
-    /// Has the joints of a robot that is tracked rest where they are.
+    /// Sets the joints of a tracked robot to rest where they are, without a change of torque.
     fn hold_joints(&mut self, setup: &Setup) {
         for (i, channel) in setup.config.channels.iter().enumerate() {
             let rest = self.rest(setup, i);
@@ -372,7 +371,8 @@ impl Motion {
         }
     }
 
-    /// `parts` are those of kp and kd that act; all of them without.
+    /// Limits a target and passes it to the actuator. `parts` are the fractions of kp and kd that act; `None` selects the full
+    /// gains.
     fn emit(
         &mut self,
         setup: &Setup,
@@ -415,7 +415,7 @@ impl Motion {
         }
     }
 
-    /// Assumes SAFE as the pose of actuators that measure none.
+    /// Sets SAFE as the assumed pose of actuators that do not measure their pose.
     fn assume_safe(&mut self, library: Option<Library<'_>>) {
         let mut safe = [0.0; MAX_CHANNELS];
         if self.actuators.pose_is_assumed()
@@ -435,7 +435,7 @@ impl Motion {
     }
 }
 
-/// The SAFE pose and its torques.
+/// Values and torques of the SAFE pose.
 fn safe(library: &Library<'_>) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNELS]), Unreadable> {
     let (mut pose, mut torques) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
     library.safe_pose_into(&mut pose).ok_or(Unreadable)?;
@@ -443,7 +443,8 @@ fn safe(library: &Library<'_>) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNEL
     Ok((pose, torques))
 }
 
-/// A ramp to SAFE, whose torques act with a share, from the value and the torque that `from` has for a channel.
+/// Creates a ramp to SAFE from the value and torque that `from` returns for each channel. The torques of SAFE are scaled by
+/// `feed_forward`.
 fn ramp_to_safe(
     setup: &Setup,
     library: &Library<'_>,

@@ -1,9 +1,9 @@
-//! Gains, torque limits and the share of the torques that is fed forward, in force: those of the robot's configuration,
-//! or values set at run time.
+//! Gains, torque limits and the fraction of feed-forward torque in force: those of the robot's configuration, or values set at
+//! run time.
 //!
-//! New values are checked against the configuration: a gain may be raised to a multiple of the configured one; a
-//! torque limit may only be lowered, because libraries are validated against it. While torque is on, a change takes
-//! effect as a ramp of [`RAMP_US`], so that no joint jerks.
+//! New values are checked against the configuration. A gain may be raised to a multiple of the configured one. A torque limit
+//! may only be lowered, because libraries are validated against it. While torque is on, a change takes effect as a ramp of
+//! [`RAMP_US`], so that no joint jerks.
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::{MAX_KD_NM_S_RAD, MAX_KP_NM_RAD};
@@ -15,13 +15,13 @@ use crate::store::{PARAMETERS, ParameterSet};
 
 /// Duration of a change while torque is on, µs: long against the servos' dynamics, short for the operator.
 const RAMP_US: u32 = 500_000;
-/// Smallest torque limit as a fraction of the configured one: the damped stop needs some torque.
+/// Smallest torque limit as a fraction of the configured one. The damped stop needs some torque.
 const LEAST_TORQUE: f32 = 0.1;
-/// Smallest gain and torque limit that can be set while torque is on, as a fraction of the configured one: no node on the link
-/// may make a robot that stands go limp.
+/// Smallest gain or torque limit that can be set while torque is on, as a fraction of the configured one. A node on the link
+/// must not be able to make a standing robot go limp.
 const LEAST_WHILE_DRIVEN: f32 = 0.5;
 
-/// A value on its ramp.
+/// Value that changes along a ramp.
 #[derive(Clone, Copy, Debug, Default)]
 struct GainRamp {
     from: f32,
@@ -34,12 +34,12 @@ impl GainRamp {
         Self { from: to, to, ticks_left: 0 }
     }
 
-    /// Starts a ramp of `ticks_left` ticks from the current value to another.
+    /// Starts a ramp of `ticks_left` ticks from the current value to `to`.
     fn lead_to(&mut self, to: f32, ramp_ticks: u16, ticks_left: u16) {
         *self = Self { from: self.now(ramp_ticks), to, ticks_left };
     }
 
-    /// The current value on the ramp.
+    /// Current value on the ramp.
     // Called rarely: kept once in the image instead of inlined.
     #[inline(never)]
     fn now(&self, ramp_ticks: u16) -> f32 {
@@ -52,24 +52,24 @@ impl GainRamp {
     }
 }
 
-/// Reason for refusing a parameter, and the violated limit, otherwise 0.
+/// Reason for refusing a parameter, and the violated limit or 0.
 pub(crate) type Refusal = (ParameterResult, f32);
 
-/// The parameters of all channels.
+/// Parameters of all channels.
 #[derive(Clone, Debug)]
 pub(crate) struct Parameters {
     channels: Vec<[GainRamp; PARAMETERS], MAX_CHANNELS>,
-    /// Channels in force: the configuration with these parameters. Cached, because every control period reads it.
+    /// Channels in force: the configuration with these parameters. Cached, because every control period reads them.
     driven: Vec<Channel, MAX_CHANNELS>,
-    /// Share of the library's torques that is fed forward.
+    /// Fraction of the library's torques that is fed forward.
     feed_forward: GainRamp,
     ramp_ticks: u16,
-    /// Ticks until the last ramp ends.
+    /// Ticks until all ramps have ended.
     moving_ticks: u16,
 }
 
 impl Parameters {
-    /// The configuration's parameters.
+    /// Creates parameters with the values of the configuration.
     pub fn new(config: &RobotConfig, settings: &Settings) -> Self {
         let ramp_ticks = u16::try_from(settings.ticks(RAMP_US)).unwrap_or(u16::MAX).max(1);
         let channels = gathered(config.channels.iter().map(|c| configured(c).map(GainRamp::at)));
@@ -107,19 +107,19 @@ impl Parameters {
         self.driven.get(channel)
     }
 
-    /// Share of the library's torques that is fed forward, in force: 0 to 1.
+    /// Fraction of the library's torques that is fed forward, 0 to 1.
     pub fn feed_forward(&self) -> f32 {
         self.feed_forward.now(self.ramp_ticks)
     }
 
-    /// Parameters of a damped channel: kd of the configuration, not the tuned one, within the torque limit in force.
+    /// Parameters of a damped channel, with the configured kd instead of the tuned one, and the torque limit in force.
     pub fn damped(&self, config: &RobotConfig, channel: usize) -> Option<Channel> {
         let configured = config.channels.get(channel)?;
         let max_torque_nm = self.driven(channel)?.max_torque_nm;
         Some(Channel { max_torque_nm, ..*configured })
     }
 
-    /// Goal value of a parameter, even while its ramp runs.
+    /// Value of a parameter at the end of its ramp.
     pub fn get(&self, parameter: u8, channel: u8) -> Result<f32, Refusal> {
         let values = self.channels.get(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
         let ramp = match values.get(usize::from(parameter)) {
@@ -133,7 +133,7 @@ impl Parameters {
         if channel == 0 { Ok(&self.feed_forward) } else { Err(UNKNOWN_CHANNEL) }
     }
 
-    /// Sets a parameter: at once, or in a ramp while `driven`.
+    /// Sets a parameter, along a ramp if `driven` is true and otherwise at once.
     pub fn set(
         &mut self,
         config: &RobotConfig,
@@ -167,7 +167,7 @@ impl Parameters {
         Ok(to)
     }
 
-    /// Resets all to the configuration: at once, or in a ramp while `driven`.
+    /// Resets all parameters to the configuration, along a ramp if `driven` is true and otherwise at once.
     pub fn reset(&mut self, config: &RobotConfig, driven: bool) {
         let ramp_ticks = self.ramp_ticks;
         self.moving_ticks = ramp_ticks;
@@ -181,14 +181,14 @@ impl Parameters {
         self.apply(config);
     }
 
-    /// Values of all parameters, for a store.
+    /// Values of all parameters, for the parameter store.
     pub fn all(&self, config: &RobotConfig) -> ParameterSet {
         let values = gathered(self.channels.iter().map(|values| values.map(|ramp| ramp.to)));
         let feed_forward = self.feed_forward.to;
         ParameterSet { config_hash: config.hash(), values, feed_forward }
     }
 
-    /// Restores a stored set as a whole or not at all; returns whether it fits the configuration and its
+    /// Restores a stored set as a whole. Returns false and changes nothing if the set does not fit the configuration or its
     /// ranges.
     pub fn restore(
         &mut self,
@@ -214,7 +214,7 @@ impl Parameters {
 const UNKNOWN_CHANNEL: Refusal = (ParameterResult::UnknownChannel, 0.0);
 const UNKNOWN_PARAMETER: Refusal = (ParameterResult::UnknownParameter, 0.0);
 
-/// The configuration's values of a channel, in the order of [`Parameter::ALL`].
+/// Configured values of a channel, in the order of [`Parameter::ALL`].
 fn configured(limits: &Channel) -> [f32; PARAMETERS] {
     [limits.kp_nm_rad, limits.kd_nm_s_rad, limits.max_torque_nm]
 }
@@ -238,7 +238,7 @@ fn check((least, most): (f32, f32), value: f32) -> Result<(), Refusal> {
     Err((ParameterResult::OutOfRange, if value < least { least } else { most }))
 }
 
-/// Collects one value per channel; `collect` would add a panic path for an overflow that cannot happen.
+/// Collects one value per channel. `collect` would add a panic path for an overflow that cannot happen.
 fn gathered<T>(of_channels: impl Iterator<Item = T>) -> Vec<T, MAX_CHANNELS> {
     let mut all = Vec::new();
     for of_channel in of_channels {
@@ -275,7 +275,7 @@ mod tests {
         RobotConfig { robot: 0, channels: [joint, wheel].into_iter().collect() }
     }
 
-    /// Sets a parameter and returns the result, `Ok` included.
+    /// Sets a parameter and returns the result with its value.
     fn set(parameters: &mut Parameters, which: (u8, u8), value: f32, driven: bool) -> Refusal {
         match parameters.set(&config(), &Settings::default(), which, value, driven) {
             Ok(value) => (ParameterResult::Ok, value),
@@ -352,7 +352,7 @@ mod tests {
         assert_eq!(set(&mut p, (KP, 0), 2.5, true).0, ParameterResult::Ok);
     }
 
-    /// Gains that are allowed fit the scale of a setpoint, with any ratio and configuration.
+    /// Permitted gains fit the scale of a set-point, with any ratio and configuration.
     #[test]
     fn gains_stay_within_the_scale_of_a_setpoint() {
         let mut config = config();
@@ -460,9 +460,9 @@ mod tests {
     }
 
     proptest! {
-        /// After any sequence of requests, gains and torque limit are within their ranges and the rest of the channel
-        /// is that of the configuration. While driven, no gain moves faster than its whole range within the duration
-        /// of a ramp.
+        /// After any sequence of requests, gains and torque limit are within their ranges, and the other fields of the channel
+        /// are those of the configuration. While torque is on, no gain changes faster than its whole range in the duration of a
+        /// ramp.
         #[test]
         fn nothing_that_is_asked_for_leads_out_of_the_ranges(
             requests in prop::collection::vec((0u8..6, 0u8..4, anything(), 0u8..30, any::<bool>()), 1..60),

@@ -1,8 +1,8 @@
-//! Schedule of control periods and count of missed ones, for boards that keep the time themselves.
+//! Schedule of control periods and number of missed ones, for boards that keep the time themselves.
 
 use rollwalk_protocol::time::divided;
 
-/// Schedule of control periods, exact on average even when the period is no whole number of microseconds.
+/// Schedule of control periods. The rate is exact on average even if the period is not a whole number of microseconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Periods {
     rate_hz: u64,
@@ -16,8 +16,8 @@ impl Periods {
         Self { rate_hz: u64::from(rate_hz).max(1), start_us: now_us, count: 0 }
     }
 
-    /// Returns the count of periods missed before the present one if a period has begun since the last such answer;
-    /// otherwise `None`.
+    /// Returns the number of missed periods if a new period has begun since the previous call that returned `Some`; otherwise
+    /// `None`.
     pub fn next(&mut self, now_us: u64) -> Option<u64> {
         let passed = now_us.saturating_sub(self.start_us).saturating_mul(self.rate_hz);
         let count = divided(divided(passed, 1000), 1000);

@@ -1,16 +1,18 @@
 //! Playback of the frames of a [`GraphCursor`] as a smooth curve, at the control rate.
 //!
-//! Keeps four consecutive frames and interpolates between the middle two. The cursor is thus two frames ahead of
-//! playback: a new goal takes effect after two frames at the earliest, and the slopes are known across every seam.
+//! The player keeps four consecutive frames and interpolates between the middle two. The cursor is thus two frames ahead of
+//! playback: a new goal takes effect after at least two frames, and the slopes are known across the joints of clips.
 //!
-//! Playback may be slower than planned, down to a halt, never faster: the limits were checked at the planned speed
-//! and hold at every lower one. The playback speed changes gradually, so that joint speeds do not jump and wheels
-//! stay within their acceleration limits.
+//! Playback may be slower than planned, down to a halt, but never faster. The planner checks the limits at the planned speed,
+//! and a motion within them stays within them at lower speeds. The playback speed changes gradually, so that joint speeds do
+//! not jump and wheels stay within their acceleration limits.
 //!
-//! Torques are interpolated linearly: they jump where a foot touches the ground, and a cubic overshoots both ends of
-//! such a step. They are not scaled with the playback speed s. A slower motion needs the same torque for its weight and
-//! s² of the torque for its acceleration, but a library holds only the sum of the two. Weight is most of it, and a halted
-//! robot must stand on its torques. The gains correct the excess, (1 − s²) of the torque for acceleration.
+//! Torques are interpolated linearly. They jump where a foot touches the ground, and a cubic would overshoot both ends of such
+//! a step.
+//!
+//! Torques are not scaled with the playback speed s. A slower motion needs the same torque for its weight and s² of the torque
+//! for its acceleration, but a library contains only the sum of the two. Weight dominates, and a halted robot must stand on its
+//! torques. The gains correct the excess, (1 − s²) of the torque for acceleration.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
@@ -23,17 +25,17 @@ use crate::window::Window;
 /// Lead of the cursor over playback, frames.
 const AHEAD: u16 = 2;
 
-/// The planned playback speed, in 64ths: the highest.
+/// Planned playback speed in 64ths, which is also the highest speed.
 pub const PLANNED_SPEED_64THS: u8 = 64;
 
-/// Units of playback time in a control period; a multiple of 64.
+/// Number of units of playback time in a control period; a multiple of 64.
 const PARTS: u32 = 1 << 14;
 const PARTS_PER_64TH: u32 = PARTS / PLANNED_SPEED_64THS as u32;
 
 /// Shortest time from the planned speed to a halt, s.
 const HALT_S: f32 = 0.4;
-/// Approximate longest time to a halt, s, even where a wheel has no acceleration to spare: then the limiter bounds
-/// its acceleration.
+/// Approximate maximum time to a halt, s. It applies even if a wheel has no acceleration to spare; the limiter then bounds its
+/// acceleration.
 const LONGEST_HALT_S: f32 = 2.0;
 
 /// Position of playback in the library.
@@ -41,14 +43,13 @@ const LONGEST_HALT_S: f32 = 2.0;
 pub struct Playing {
     /// Clip of the library: a motion or a transition.
     pub clip: ClipId,
-    /// Frame passed last.
+    /// Latest frame that playback has passed.
     pub frame: u16,
-    /// Part of the way to the next frame, 0 up to but not including 1.
+    /// Fraction of the interval to the next frame, from 0 up to but not including 1.
     pub phase: f32,
 }
 
-/// A frame: clip and number, whether the robot rests in SAFE there, the channels' values, rad or rad/s, and torques,
-/// N·m.
+/// Frame of a clip, with values in rad or rad/s and torques in N·m. The flag is true if the robot rests in SAFE in this frame.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     clip: ClipId,
@@ -67,7 +68,7 @@ impl Frame {
         Ok(frame)
     }
 
-    /// Becomes the frame at which a cursor stands.
+    /// Copies the frame at which a cursor stands.
     // Once in the image instead of where it is called.
     #[inline(never)]
     fn take(&mut self, cursor: &GraphCursor, library: &Library<'_>) -> Result<(), Unreadable> {
@@ -83,25 +84,25 @@ impl Frame {
 
 /// Player of a library.
 ///
-/// It borrows nothing: every call takes the library of [`Player::start`].
+/// The player stores no reference: the caller passes the library of [`Player::start`] to every call.
 #[derive(Clone, Debug)]
 pub struct Player {
     cursor: GraphCursor,
-    /// The cursor stands at its last frame.
+    /// Frames around the current one. The cursor stands at the newest.
     window: Window<Frame>,
-    /// Way from the second frame to the third, in units of playback time at the planned speed.
+    /// Position between the second frame and the third, in units of playback time at the planned speed.
     parts: u32,
     ticks_per_frame: u16,
-    /// Units of playback time per control period at present.
+    /// Current playback rate, in units of playback time per control period.
     rate: u32,
-    /// Playback speed that the operator commanded, in 64ths of the planned one.
+    /// Playback speed that the operator commanded, in 64ths of the planned speed.
     speed_64ths: u8,
     halted: bool,
     has_torques: bool,
 }
 
 impl Player {
-    /// A player that rests in the SAFE pose, for a control rate of `ticks_per_frame` · 60 Hz.
+    /// Creates a player that rests in the SAFE pose, for a control rate of `ticks_per_frame` · 60 Hz.
     pub fn start(library: &Library<'_>, ticks_per_frame: u16) -> Result<Self, Unreadable> {
         let cursor = GraphCursor::start(library)?;
         let frame = Frame::of(&cursor, library)?;
@@ -117,17 +118,17 @@ impl Player {
         })
     }
 
-    /// Sets the playback speed, in 64ths of the planned one, 1 to 64.
+    /// Sets the playback speed, 1 to 64, in 64ths of the planned speed.
     pub fn set_speed(&mut self, speed_64ths: u8) {
         self.speed_64ths = speed_64ths.clamp(1, PLANNED_SPEED_64THS);
     }
 
-    /// Slows down to a halt anywhere in the motion.
+    /// Slows playback down to a halt anywhere in the motion.
     pub fn halt(&mut self) {
         self.halted = true;
     }
 
-    /// Resumes after a halt.
+    /// Resumes playback after a halt.
     pub fn go_on(&mut self) {
         self.halted = false;
     }
@@ -137,7 +138,7 @@ impl Player {
         self.cursor.set_goal(library, goal)
     }
 
-    /// Frames until the requested motion starts; 0 once it plays.
+    /// Number of frames until the requested motion starts; 0 once it plays.
     pub fn frames_to_goal(&self, library: &Library<'_>) -> u16 {
         match self.cursor.frames_to_goal(library) {
             0 => 0,
@@ -179,8 +180,9 @@ impl Player {
         }
     }
 
-    /// Largest rate of change of the playback speed s, 1/s, with s = 1 as planned. With wheel speed w and
-    /// acceleration w' as planned, the wheel turns at s w and accelerates by s² w' + s' w.
+    /// Largest rate of change of the playback speed s, 1/s, where s = 1 is the planned speed.
+    ///
+    /// A wheel with planned speed w and planned acceleration w' turns at s w and accelerates by s² w' + s' w.
     fn most_change_per_s(&self, config: &RobotConfig) -> f32 {
         let speed = self.speed();
         let wheels = config.channels.iter().enumerate();
@@ -194,12 +196,12 @@ impl Player {
         most.fold(1.0 / HALT_S, f32::min).max(1.0 / LONGEST_HALT_S)
     }
 
-    /// Playback speed at present, as a fraction of the planned one.
+    /// Current playback speed, as a fraction of the planned one.
     fn speed(&self) -> f32 {
         self.rate as f32 / PARTS as f32
     }
 
-    /// The present position of playback.
+    /// Current position of playback.
     pub fn playing(&self) -> Playing {
         let [_, from, _, _] = self.window.frames();
         Playing { clip: from.clip, frame: from.number, phase: self.phase() }
@@ -211,7 +213,7 @@ impl Player {
         rest.iter().all(|frame| frame.rests_in_safe) && self.cursor.rests_in_safe(library)
     }
 
-    /// The present target of a channel.
+    /// Current target of a channel.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
         let kind = config.channels.get(channel)?.kind;
         let planned = self.planned(channel)?;

@@ -1,8 +1,8 @@
-//! The safety state machine: a pure function `(state, event) -> (state, action)`.
+//! Safety state machine: a pure function `(state, event) -> (state, action)`.
 //!
-//! The state machine has neither time nor buses nor motions: [`crate::Controller`] turns those into events and carries out the
-//! actions. Tests can therefore try every event in every state, and compare the table in `docs/playback-and-safety.md` with the
-//! one that they generate from [`step`].
+//! The state machine handles neither time nor buses nor motions: [`crate::Controller`] turns those into events and carries out
+//! the actions. Tests can therefore try every event in every state. They also compare the table in
+//! `docs/playback-and-safety.md` with one generated from [`step`].
 //!
 //! ```text
 //! Boot ─> SelfTest ─> Disarmed ─> Aligning ─> Ready <──> Playing <──> Paused
@@ -15,13 +15,13 @@
 //!            └────────EStopped  <─ everywhere
 //! ```
 //!
-//! The motors drive only in Aligning, Ready, Playing, Paused, Streaming and Returning. The only way into these states is
-//! Disarmed → Aligning, which starts from the measured pose. Streaming is entered from Ready; it ends through Aligning, or
-//! through Returning, which then holds the robot where it is: from there no way leads along the graph. Events that arrive
-//! together are handled most severe first, hence the outcome does not depend on the order in which frames came in.
-//! [`rollwalk_protocol::faults`] defines the severity of each event.
-//! - A fault never re-arms by itself: TorqueOff with a latched fault and EStopped wait for the
-//!   operator's two-step clear, which runs the self test again.
+//! The motors drive only in Aligning, Ready, Playing, Paused, Streaming and Returning. The only transition into these states is
+//! Disarmed → Aligning, and alignment starts from the measured pose. Streaming is entered from Ready, and ends through Aligning
+//! or Returning. After a stream, Returning holds the robot at its current pose, since no transition of the graph starts there.
+//! Events that arise together are handled most severe first, so the outcome does not depend on the order in which frames
+//! arrived. [`rollwalk_protocol::faults`] defines the severity of each event.
+//! TorqueOff with a latched fault and EStopped are left only by the operator's two-step clear, which runs the self test again.
+//! A fault therefore never re-arms the robot.
 
 use rollwalk_protocol::faults::{Event, FaultBits, Severity};
 use rollwalk_protocol::wire::{State, Torque};
@@ -31,33 +31,33 @@ use rollwalk_protocol::wire::{State, Torque};
 pub enum Action {
     /// Event without an action.
     None,
-    /// Examine the configuration, report through `SelfTestPassed` or `SelfTestFailed`.
+    /// Check the configuration, then report `SelfTestPassed` or `SelfTestFailed`.
     RunSelfTest,
-    /// Enable the actuators, then ramp from the pose measured at that moment.
+    /// Enable the actuators, then ramp from the pose measured at that time.
     AlignFromMeasured,
     /// Start the player in the SAFE node.
     HoldSafe,
     /// Slow playback down to a halt.
     Pause,
-    /// Let playback speed up again.
+    /// Return playback to the commanded speed.
     Resume,
-    /// Send the player to SAFE, from a halt too, and accept no other target.
+    /// Send the player to SAFE, also from a halt, and accept no other target.
     RouteToSafe,
-    /// Follow the setpoints that the host streams, from SAFE on.
+    /// Follow the set-points that the host streams, beginning in SAFE.
     StartStream,
-    /// Ramp to SAFE from the setpoints at which the stream ends.
+    /// Ramp to SAFE from the final set-points of the stream.
     AlignFromStream,
-    /// Bring the stream to rest where it is.
+    /// Bring the stream to rest at its current pose.
     HaltStream,
-    /// Start the time that SAFE, or the end of a stream, is held before damping.
+    /// Start the timer for which SAFE, or the final pose of a stream, is held before damping.
     StartHold,
-    /// Replace all setpoints by damping.
+    /// Replace all set-points by damping.
     Damp,
-    /// Disable every actuator at once and forget setpoints, nonces and player.
+    /// Disable every actuator at once, and drop set-points, nonces and player.
     CutTorque,
 }
 
-/// The state machine: reactions follow from the severity of an event, commands and progress from the event itself.
+/// Transition function. Faults react according to their severity; commands and progress have transitions of their own.
 pub fn step(state: State, event: Event) -> (State, Action) {
     use Action as A;
     use Event as E;
@@ -105,8 +105,9 @@ pub fn step(state: State, event: Event) -> (State, Action) {
     }
 }
 
-/// The state machine with its memory: faults, which latch until the operator clears them, and whether SAFE
-/// is held.
+/// State machine with its memory: latched faults, and a flag that is true while SAFE is held.
+///
+/// Faults stay latched until the operator clears them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateMachine {
     state: State,
@@ -115,22 +116,22 @@ pub struct StateMachine {
 }
 
 impl StateMachine {
-    /// A machine in this state, without faults.
+    /// Creates a state machine in a state, without faults.
     pub fn new(state: State) -> Self {
         Self { state, latched: FaultBits::default(), holding: false }
     }
 
-    /// Present state.
+    /// Current state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// Faults since the last clear.
+    /// Faults since the most recent clear.
     pub fn latched(&self) -> FaultBits {
         self.latched
     }
 
-    /// True if the event can occur in the present state. Without torque a silent host or actuator raises no fault, it only
+    /// True if the event can occur in the current state. Without torque, a silent host or actuator does not raise a fault but
     /// prevents arming.
     pub fn can_arise(&self, event: Event) -> bool {
         match event {
@@ -145,7 +146,7 @@ impl StateMachine {
         }
     }
 
-    /// Handles an event.
+    /// Handles an event and returns the action to carry out.
     pub fn handle(&mut self, event: Event) -> Action {
         let (next, action) = step(self.state, event);
         if let Some(fault) = event.fault() {
@@ -160,11 +161,11 @@ impl StateMachine {
     }
 }
 
-/// Events raised since the last tick, taken out most severe first.
+/// Set of events raised since the latest tick, which [`pop`](Self::pop) removes most severe first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventSet(u32);
 
-/// Bit sets of the events of each severity, by its code.
+/// Bit sets of the events of each severity, indexed by its code.
 const BY_SEVERITY: [u32; Severity::ALL.len()] = {
     let mut sets = [0; Severity::ALL.len()];
     let mut events = Event::ALL;
@@ -181,7 +182,7 @@ impl EventSet {
         self.0 |= 1 << event.code();
     }
 
-    /// Removes and returns the most severe event; of several, the one with the lowest code.
+    /// Removes and returns the most severe event. Among equally severe events, this is the one with the lowest code.
     pub fn pop(&mut self) -> Option<Event> {
         let most_severe = BY_SEVERITY.iter().rev().map(|set| self.0 & set).find(|&set| set != 0)?;
         self.0 &= !(most_severe & most_severe.wrapping_neg());

@@ -14,40 +14,39 @@ pub struct Settings {
     pub control_hz: u16,
     /// Timeout of the host's heartbeat, µs.
     pub heartbeat_timeout_us: u32,
-    /// Ticks without feedback after which an actuator counts as lost.
+    /// Number of ticks without feedback after which an actuator counts as lost.
     pub silent_ticks: u16,
     /// Largest joint speed during alignment, rad/s.
     pub align_speed_rad_s: f32,
-    /// Largest distance of a measured joint from the SAFE pose at the end of alignment, rad: servos with proportional
-    /// gain sag under the robot's weight.
+    /// Largest distance of a measured joint from the SAFE pose at the end of alignment, rad. Servos with proportional gain sag
+    /// under the robot's weight.
     pub align_tolerance_rad: f32,
     /// Timeout of enabling the actuators, and of settling after the ramp, µs each.
     pub align_patience_us: u32,
-    /// Largest distance of a measured joint from its setpoint during playback, rad.
+    /// Largest distance of a measured joint from its set-point during playback, rad.
     pub follow_tolerance_rad: f32,
-    /// Time beyond `follow_tolerance_rad` after which the controller assumes that something blocks the joint, µs.
+    /// Time beyond `follow_tolerance_rad` after which the controller assumes that the joint is blocked, µs.
     pub follow_patience_us: u32,
-    /// Longest interval between ticks, µs; a longer one is an overrun.
+    /// Longest permitted interval between ticks, µs. A longer one is an overrun.
     pub overrun_us: u32,
-    /// Largest distance outside its range at which a measured joint still permits arming, rad;
-    /// beyond it the measurement or the servo's zero is wrong.
+    /// Largest distance of a measured joint outside its range at which arming is permitted, rad. Beyond it, the measurement or
+    /// the servo's zero is wrong.
     pub out_of_range_rad: f32,
     /// Largest gain at run time as a multiple of the configured one, 1 or more.
     pub max_gain_ratio: f32,
-    /// True if an IMU is required: without it arming is refused, and stale measurements count as a lean.
+    /// True if an IMU is required. Without one arming is refused, and stale measurements count as a lean.
     pub imu_required: bool,
-    /// Tilt in excess of the motion's own at which the robot returns to SAFE, rad; infinite to
-    /// disable this.
+    /// Tilt beyond the motion's own at which the robot returns to SAFE, rad; infinite to disable this.
     pub lean_rad: f32,
-    /// Tilt in excess of the motion's own at which the joints are damped, because a return is
-    /// hopeless, rad; infinite to disable this.
+    /// Tilt beyond the motion's own at which the joints are damped, because the robot cannot recover, rad; infinite to disable
+    /// this.
     pub tip_rad: f32,
     /// Time beyond `lean_rad` or `tip_rad` after which the controller reacts, µs.
     pub tilt_patience_us: u32,
-    /// Duration for which SAFE is held after a return because of a fault, such as a lost host, µs;
-    /// a return by DISARM alone does not hold it.
+    /// Time for which SAFE is held after a return caused by a fault, such as a lost host, µs. A return caused by DISARM does
+    /// not hold SAFE.
     pub hold_us: u32,
-    /// Duration of damping before torque is switched off, µs.
+    /// Time of damping before torque is switched off, µs.
     pub damping_us: u32,
 }
 
@@ -77,12 +76,12 @@ impl Default for Settings {
     }
 }
 
-/// An invalid setting.
+/// Invalid setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SettingsError {
-    /// Field of [`Settings`].
+    /// Name of the field in [`Settings`].
     pub field: &'static str,
-    /// The rule that it violates.
+    /// Rule that the value violates.
     pub must: &'static str,
 }
 
@@ -132,7 +131,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Control periods per 60 Hz frame.
+    /// Number of control periods in a 60 Hz frame.
     pub fn ticks_per_frame(&self) -> u16 {
         (self.control_hz / RATE_HZ).max(1)
     }
@@ -142,7 +141,7 @@ impl Settings {
         1.0 / f32::from(self.control_hz.max(1))
     }
 
-    /// Control periods of a duration, rounded up.
+    /// Number of control periods in a duration, rounded up.
     pub fn ticks(&self, duration_us: u32) -> u32 {
         let control_hz = u32::from(self.control_hz);
         let (seconds, rest_us) = (duration_us / 1_000_000, duration_us % 1_000_000);

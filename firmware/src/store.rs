@@ -1,13 +1,13 @@
 //! Memory of the motion library: written by the transfer service, read by the player.
 //!
-//! The controller writes only while disarmed. It plays only bytes that it has validated in place: a write to the
-//! library in use invalidates it first.
+//! The controller writes only while disarmed. It plays only bytes that it has validated in place: a write to the library in use
+//! invalidates it first.
 //!
-//! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts, or in a [`RamFlash`] that
-//! stands for it; [`RamStore`] keeps one in RAM.
-//! [`FlashParameters`] keeps gains and limits, in a flash of its own.
-//! With the feature `ed25519`, `Signed` around either of them takes only signed libraries; with `authenticated`,
-//! `BootCounter` counts boots.
+//! [`FlashStore`] keeps two libraries in NOR flash, safe against power cuts; a [`RamFlash`] can stand in for the flash.
+//! [`RamStore`] keeps one library in RAM. [`FlashParameters`] keeps gains and limits in a flash region of its own.
+//!
+//! With the feature `ed25519`, `Signed` wraps one of the library stores and accepts only signed libraries. With
+//! `authenticated`, `BootCounter` counts boots.
 
 #[cfg(feature = "authenticated")]
 mod boots;
@@ -41,21 +41,22 @@ pub use slots::{GeometryError, MappedFlash};
 ///   └──────────┴────────┴──────────> abandon
 /// ```
 pub trait LibraryStore {
-    /// Largest library, bytes.
+    /// Size of the largest library, bytes.
     fn capacity(&self) -> usize;
 
-    /// Makes room for a library of `len` bytes with that digest. Returns the count of its leading bytes that an
-    /// interrupted transfer has already stored.
+    /// Makes room for a library of `len` bytes with this digest. Returns the number of leading bytes that an interrupted
+    /// transfer has already stored.
     fn begin(&mut self, len: usize, digest: u32) -> Result<usize, StoreError>;
 
-    /// Writes `data` at `offset` of the incoming library. `offset` is at most the count of stored bytes; bytes that
-    /// are already stored are skipped.
+    /// Writes `data` at `offset` of the incoming library.
+    ///
+    /// `offset` is at most the number of stored bytes. Bytes that are already stored are skipped.
     fn write(&mut self, offset: usize, data: &[u8]) -> Result<(), StoreError>;
 
-    /// Checks the complete library in memory and opens it to [`Self::received`].
+    /// Checks the complete library in memory and makes it available through [`Self::received`].
     fn seal(&mut self) -> Result<(), StoreError>;
 
-    /// The library that was sealed last; empty when there is none.
+    /// Library sealed most recently; empty if there is no sealed library.
     fn received(&self) -> &[u8];
 
     /// Activates the sealed library, on trial if the store supports that.
@@ -64,15 +65,15 @@ pub trait LibraryStore {
     /// Drops the incoming library after a failed check.
     fn abandon(&mut self);
 
-    /// The active library; empty when there is none.
+    /// Active library; empty if there is no active library.
     fn bytes(&self) -> &[u8];
 
-    /// True if only libraries that their owner has signed become active.
+    /// True if only libraries signed by their owner become active.
     fn insists_on_signatures(&self) -> bool {
         false
     }
 
-    /// True if [`Self::bytes`] outlast a transfer, until [`Self::activate`].
+    /// True if [`Self::bytes`] stays valid during a transfer, until [`Self::activate`].
     fn keeps_library(&self) -> bool {
         false
     }
@@ -82,28 +83,28 @@ pub trait LibraryStore {
         false
     }
 
-    /// Confirms the active library; it is no longer on trial.
+    /// Confirms the active library, which ends its trial.
     fn confirm(&mut self) -> Result<(), StoreError> {
         Ok(())
     }
 
-    /// Reactivates the previous library after the active one was refused; returns whether there is one.
+    /// Reactivates the previous library after the active one was refused; returns true if there is a previous library.
     fn roll_back(&mut self) -> bool {
         false
     }
 }
 
-/// Reason for which a store refused a request.
+/// Reason why a store refused a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The library is larger than the store, or the write leaves the library.
+    /// Library larger than the store, or write beyond the end of the library.
     OutOfRange,
-    /// The memory itself failed.
+    /// Failure of the memory.
     Medium,
-    /// Content of the memory differs from the announced one.
+    /// Content of the memory that does not match its announced length or digest.
     Damaged,
-    /// Signature missing, or not one of the owner's.
+    /// Missing signature, or signature of another key than the owner's.
     Unsigned,
-    /// Sealed library missing.
+    /// Missing sealed library.
     NotSealed,
 }

@@ -1,17 +1,17 @@
-//! Setpoints that a host streams, as a smooth curve at the control rate: the counterpart of the [player](crate::player) of a
+//! Set-points that a host streams, as a smooth curve at the control rate: the counterpart of the [player](crate::player) of a
 //! library.
 //!
-//! The host numbers its frames from 0 and sends them ahead of time, [`RATE_HZ`](rollwalk_protocol::library::RATE_HZ) a second; they
-//! wait in a ring until they are due by the controller's clock. Four consecutive frames make the curve between the middle two, so
-//! that a frame takes effect two frames after it was taken.
+//! The host numbers its frames from 0 and sends them ahead of time, at [`RATE_HZ`](rollwalk_protocol::library::RATE_HZ). The
+//! frames wait in a ring buffer until they are due by the controller's clock. Four consecutive frames define the curve between
+//! the middle two, so a frame takes effect two frames after it was taken from the ring buffer.
 //!
 //! ```text
 //! SETPOINT ──> ring of DEPTH frames ──> window of 4 ──> Hermite ──> target
 //! ```
 //!
-//! A frame that lacks a channel is taken with that channel's last value when a later frame is there, [`MOST_GAPS`] times in a
-//! row: a lost message is a small error. Without frames, joints come to rest at the last one within two frames, while wheels keep
-//! their speed. Late frames are played late, and nothing jumps.
+//! A frame may lack a channel because a message was lost. If a later frame has arrived, it is taken with that channel's
+//! previous value, at most [`MOST_GAPS`] times in a row. Without new frames, joints come to rest at the latest frame within two
+//! frames, while wheels keep their speed. Late frames are played late, without a jump.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::Setpoint;
@@ -21,9 +21,9 @@ use crate::hermite;
 use crate::limiter::Target;
 use crate::window::{WINDOW, Window};
 
-/// Frames that may wait: a power of two, so that places follow from numbers that wrap.
+/// Number of frames in the ring buffer. A power of two, so that indices follow from numbers that wrap.
 pub const DEPTH: usize = 16;
-/// Frames in a row that are taken although a channel of them is missing.
+/// Maximum number of consecutive frames that are taken although a channel is missing.
 pub const MOST_GAPS: u8 = 3;
 
 /// Values of all channels, rad or rad/s, and torques, N·m.
@@ -33,36 +33,36 @@ struct Frame {
     torques: [f32; MAX_CHANNELS],
 }
 
-/// A frame that is on its way.
+/// Frame that is being received.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
-    /// A bit for each channel that has come.
+    /// Received channels, a bit each.
     heard: u32,
     frame: Frame,
 }
 
-/// A stream of setpoints.
+/// Stream of set-points.
 #[derive(Clone, Debug)]
 pub struct Stream {
     ring: [Waiting; DEPTH],
-    /// Frames taken so far, and the number of the next one, modulo 65,536.
+    /// Number of frames taken, which is also the number of the next frame, modulo 65,536.
     taken: u16,
     window: Window<Frame>,
-    /// Ticks since frame k was passed.
+    /// Ticks since playback passed frame k.
     ticks: u16,
     ticks_per_frame: u16,
-    /// A frame was taken.
+    /// True if a frame was taken.
     begun: bool,
-    /// Frames in a row with a missing channel.
+    /// Number of consecutive frames taken with a missing channel.
     gaps: u8,
-    /// Frames since the last one was taken.
+    /// Number of frame periods since the latest frame was taken.
     starved: u16,
     halted: bool,
     halted_frames: u8,
 }
 
 impl Stream {
-    /// A stream that rests in a pose, for a control rate of `ticks_per_frame` · 60 Hz.
+    /// Creates a stream that rests in a pose, for a control rate of `ticks_per_frame` · 60 Hz.
     pub fn start(
         values: [f32; MAX_CHANNELS],
         torques: [f32; MAX_CHANNELS],
@@ -83,8 +83,10 @@ impl Stream {
         }
     }
 
-    /// Keeps a setpoint until it is due. Ignored: one of a frame that was taken or is more than [`DEPTH`] ahead, of an unknown
-    /// channel, and one that would begin the stream further than `nearest_rad` from the pose in which the joint rests.
+    /// Keeps a set-point until it is due.
+    ///
+    /// Ignores a set-point of an unknown channel, of a frame that was already taken, or of a frame [`DEPTH`] or more ahead.
+    /// Ignores an initial set-point of a joint further than `nearest_rad` from the pose in which the joint rests.
     pub fn receive(&mut self, config: &RobotConfig, setpoint: &Setpoint, nearest_rad: f32) {
         let channel = usize::from(setpoint.channel);
         let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
@@ -122,7 +124,7 @@ impl Stream {
         }
     }
 
-    /// The frame that is due, if it is there.
+    /// Takes the frame that is due; `None` if it has not arrived.
     fn take(&mut self, config: &RobotConfig) -> Option<Frame> {
         let all = all(config);
         let heard = |ahead: usize| {
@@ -160,7 +162,7 @@ impl Stream {
         Some(frame)
     }
 
-    /// The last frame once more. The wheels of a stream that has ended stand.
+    /// Repeats the latest frame. Sets wheel speeds to 0 if the stream has ended.
     fn held(&self, config: &RobotConfig) -> Frame {
         let [.., last] = self.window.frames();
         let mut frame = *last;
@@ -172,32 +174,32 @@ impl Stream {
         frame
     }
 
-    /// Ends the stream: the robot halts where it is.
+    /// Ends the stream: the robot halts at its current pose.
     pub fn halt(&mut self) {
         self.halted = true;
     }
 
-    /// True if the stream was ended, and its curve is at rest.
+    /// True if the stream has ended and its curve is at rest.
     pub fn rests(&self) -> bool {
         usize::from(self.halted_frames) >= WINDOW
     }
 
-    /// Frames taken so far, modulo 65,536.
+    /// Number of frames taken, modulo 65,536.
     pub fn taken(&self) -> u16 {
         self.taken
     }
 
-    /// Frames since the last one was taken.
+    /// Number of frame periods since the latest frame was taken.
     pub fn starved(&self) -> u16 {
         self.starved
     }
 
-    /// True if the host ended the stream, or its end was called for.
+    /// True if the stream has ended, on request of the host or of the controller.
     pub fn is_halted(&self) -> bool {
         self.halted
     }
 
-    /// The present target of a channel.
+    /// Current target of a channel.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<Target> {
         let [a, b, c, d] = self.window.frames();
         let value = |frame: &Frame| frame.values.get(channel).copied();
@@ -212,7 +214,7 @@ impl Stream {
     }
 }
 
-/// Place of a frame in the ring.
+/// Index of a frame in the ring buffer.
 fn place(number: u16) -> usize {
     usize::from(number) % DEPTH
 }

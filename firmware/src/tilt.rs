@@ -1,8 +1,8 @@
 //! Tilt protection: compares the body's attitude, measured by an optional IMU, with that of the playing clip.
 //!
-//! The adapter supplies the direction of up from a filter that fuses gyroscope and accelerometer; an accelerometer
-//! alone mistakes every step for a tilt. The library contains the mean direction of up of each clip and the largest
-//! deviation from it; without an entry a clip counts as level.
+//! The adapter supplies the direction of up from a filter that fuses gyroscope and accelerometer. An accelerometer alone would
+//! mistake every step for a tilt. The library contains the mean direction of up of each clip and the largest deviation from it.
+//! A clip without this entry counts as level.
 
 use rollwalk_protocol::library::Attitude;
 
@@ -13,17 +13,18 @@ use rollwalk_protocol::faults::Event;
 /// Age after which an IMU measurement is stale, µs.
 const STALE_US: u64 = 100_000;
 
-/// The latest IMU measurement and the time spent beyond each angle.
+/// Latest IMU measurement, and the times for which the tilt has exceeded each limit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TiltWatch {
     attitude: Option<([f32; 3], u64)>,
-    /// Ticks spent beyond the first and beyond the second angle.
+    /// Ticks for which the tilt has exceeded the limit for leaning.
     leaning_ticks: u32,
+    /// Ticks for which the tilt has exceeded the limit for tipping.
     tipped_ticks: u32,
 }
 
 impl TiltWatch {
-    /// Records the direction of up in the body frame, of any length. Vectors without a direction are ignored and do
+    /// Records the direction of up in the body frame, as a vector of any length. Ignores vectors without a direction, which do
     /// not refresh the measurement.
     pub fn observe(&mut self, now_us: u64, up_body: [f32; 3]) {
         let length = length(up_body);
@@ -42,7 +43,7 @@ impl TiltWatch {
         self.attitude.is_some_and(|(_, at)| now_us.saturating_sub(at) <= STALE_US)
     }
 
-    /// Tilt beyond the clip's own deviation, rad.
+    /// Tilt beyond the clip's own deviation, rad; `None` before the first measurement.
     pub fn excess_rad(&self, expected: &Attitude) -> Option<f32> {
         let (up, _) = self.attitude?;
         let cosine: f32 = up.iter().zip(&expected.up_body).map(|(a, b)| a * b).sum();
@@ -50,7 +51,7 @@ impl TiltWatch {
         Some((angle_rad(cosine) - expected.spread_rad).max(0.0))
     }
 
-    /// Advances by one control period in which the clip's attitude was `expected`.
+    /// Advances by one control period in which the clip's attitude was `expected`. Raises the events of excessive tilt.
     pub fn watch(
         &mut self,
         now_us: u64,
@@ -77,7 +78,8 @@ impl TiltWatch {
     }
 }
 
-/// Angle with a cosine, to 0.1 mrad (Abramowitz and Stegun 4.4.45): finer than any IMU, in a fraction of `acosf`'s code.
+/// Arc cosine to 0.1 mrad (Abramowitz and Stegun 4.4.45). That is finer than any IMU, and takes a fraction of the code of
+/// `acosf`.
 fn angle_rad(cosine: f32) -> f32 {
     let x = cosine.abs().min(1.0);
     let acute = 1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261 - x * 0.018_729_3));
@@ -130,7 +132,7 @@ mod tests {
         assert_eq!((fall.pop(), fall.pop()), (Some(Event::Tipped), Some(Event::Leaning)));
     }
 
-    /// A motion that bows is expected to have the tilt of its bow.
+    /// Tilt is measured against the attitude of the clip: a motion that bows may tilt.
     #[test]
     fn the_clip_says_what_is_expected() {
         let bow = Attitude { up_body: [0.6_f32.sin(), 0.0, 0.6_f32.cos()], spread_rad: 0.1 };

@@ -1,16 +1,16 @@
-//! Setpoints that answer measurements, for a host that closes the loop over the link. The counterpart of the
-//! [stream](crate::stream), whose setpoints are sent ahead of time.
+//! Set-points that answer measurements, for a host that closes the loop over the link. In contrast, the set-points of a
+//! [stream](crate::stream) are sent ahead of time.
 //!
-//! At a fixed rate the controller sends a sample, all measurements of an instant, and the host answers it with a setpoint for
-//! every channel. A whole answer acts from the next control period on; of a part nothing acts.
+//! At a fixed rate the controller sends a sample: all measurements of an instant. The host answers with a set-point for every
+//! channel. A complete answer takes effect in the next control period; an incomplete one has no effect.
 //!
 //! ```text
-//! sample k ──> host ──> SETPOINT ... ──> answer k, whole ──> target
+//! sample k ──> host ──> SETPOINT ... ──> answer k, complete ──> target
 //! ```
 //!
-//! When the answer in force is [`MISSED`] samples older than usual, the robot holds still where it is, with the full gains of its
-//! configuration: joints stay [where the controller says](Track::rest_at), with the last torques, and wheels brake. Tracking
-//! continues when answers return; otherwise the controller ends it (`docs/playback-and-safety.md`).
+//! The robot holds still when the answer in force is [`MISSED`] samples older than usual. It then uses the full gains of its
+//! configuration: joints stay [at the angle that the controller sets](Track::rest_at) with their latest torques, and wheels
+//! brake. Tracking continues when answers return; otherwise the controller ends it (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::wire::{Answered, Setpoint};
@@ -18,12 +18,12 @@ use rollwalk_protocol::wire::{Answered, Setpoint};
 use crate::channel_bits::{all, bit};
 use crate::limiter::Target;
 
-/// Samples without an answer that acts, beyond the two that an answer is usually late, after which the robot holds still.
+/// Number of samples by which the answer in force may be older than usual before the robot holds still.
 pub const MISSED: u16 = 3;
-/// Samples by which an answer may be late, before it counts as missed.
+/// Usual age of the answer in force, samples.
 const USUALLY_LATE: u16 = 2;
-/// Age in samples from which one may not be answered any more: its answer would not be in force for a sample before the robot
-/// holds still.
+/// Age at which a sample can no longer be answered, samples. A later answer would be in force for less than one sample before
+/// the robot holds still.
 const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 
 /// Tracking settings that a host requests.
@@ -31,52 +31,55 @@ const OLDEST: u8 = (MISSED + USUALLY_LATE) as u8;
 pub struct Tracking {
     /// Control periods from one sample to the next.
     pub periods: u16,
-    /// Parts of kp and kd of the configuration that act around a setpoint which is not stiff.
+    /// Fractions of the configured kp and kd that act around a set-point without the stiff flag.
     pub parts: [f32; 2],
 }
 
-/// Setpoints of all channels.
+/// Set-points of all channels.
 #[derive(Clone, Copy, Debug)]
 struct Answer {
-    /// Number of the sample, modulo 256.
+    /// Number of the answered sample, modulo 256.
     number: u8,
-    /// A bit for each channel that is there, and for each that is stiff.
+    /// Received channels, a bit each.
     heard: u32,
+    /// Channels with the stiff flag, a bit each.
     stiff: u32,
-    /// Values, rad or rad/s, and torques, N·m.
+    /// Values, rad or rad/s.
     values: [f32; MAX_CHANNELS],
+    /// Torques, N·m.
     torques: [f32; MAX_CHANNELS],
 }
 
-/// Closed loop with a host.
+/// Control loop that a host closes.
 #[derive(Clone, Debug)]
 pub struct Track {
     tracking: Tracking,
-    /// Control periods since the last sample.
+    /// Control periods since the latest sample.
     since_sample: u16,
-    /// Samples taken so far.
+    /// Number of samples taken.
     samples: u16,
-    /// The answer in force: before the first the robot rests.
+    /// Answer in force; the SAFE pose before the first answer.
     acts: Answer,
-    /// A whole one that acts from the next period on, if any channel of it is there; and the one that is on its way.
+    /// Complete answer that takes effect in the next period, if any of its channels is marked as received.
     whole: Answer,
+    /// Answer that is being received.
     comes: Answer,
-    /// Speeds of joints between the last two answers, rad/s.
+    /// Joint speeds between the two latest answers in force, rad/s.
     slopes: [f32; MAX_CHANNELS],
-    /// Answers that were in force so far, modulo 65,536.
+    /// Number of answers that have taken effect, modulo 65,536.
     answers: u16,
-    /// Control periods from the measurements of the answer in force until it came into force.
+    /// Control periods from the measurements of the answered sample to the period in which the answer took effect.
     delay: u16,
-    /// Control periods since the sample that the answer in force is to.
+    /// Control periods since the sample of the answer in force.
     starved: u16,
-    /// Control periods since the end was called for.
+    /// Control periods since the halt; `None` before it.
     halted: Option<u16>,
-    /// Control periods for which the robot holds still.
+    /// Control periods for which the robot has held still.
     held: u16,
 }
 
 impl Track {
-    /// Tracking of a robot that rests in a pose.
+    /// Starts tracking for a robot that rests in a pose with these values and torques.
     // Inlined, its arrays are copied number by number: 18 kB of code.
     #[inline(never)]
     pub fn start(
@@ -101,14 +104,14 @@ impl Track {
         }
     }
 
-    /// Age of a sample, in samples, if it may still be answered.
+    /// Age of a sample, in samples; `None` if the sample is too old to be answered.
     fn age(&self, number: u8) -> Option<u8> {
         let newest = self.samples.checked_sub(1)? as u8;
         let age = newest.wrapping_sub(number);
         (age < OLDEST && u16::from(age) < self.samples).then_some(age)
     }
 
-    /// True if a sample that may be answered is newer than another answer.
+    /// True if sample `number` can be answered and is newer than sample `than`.
     fn is_newer(&self, number: u8, than: u8) -> bool {
         match (self.age(number), self.age(than)) {
             (Some(age), Some(other)) => age < other,
@@ -117,9 +120,11 @@ impl Track {
         }
     }
 
-    /// Takes a setpoint. Ignored are setpoints of an unknown channel, of no recent sample, of a sample older than another that is
-    /// being answered or in force, and setpoints that would begin further than `nearest_rad` from the pose in which the joint
-    /// rests.
+    /// Accepts a set-point.
+    ///
+    /// Ignores a set-point of an unknown channel, of a sample that is too old, or of a sample older than one that is being
+    /// answered or in force. Ignores an initial set-point of a joint further than `nearest_rad` from the pose in which the
+    /// joint rests.
     pub fn receive(&mut self, config: &RobotConfig, setpoint: &Setpoint, nearest_rad: f32) {
         let channel = usize::from(setpoint.channel);
         let Some(kind) = config.channels.get(channel).map(|channel| channel.kind) else { return };
@@ -160,8 +165,9 @@ impl Track {
         }
     }
 
-    /// Advances by one control period, of `period_s`. Returns whether a sample is due: the caller sends it with the number
-    /// [`sample`](Self::sample).
+    /// Advances by one control period of `period_s`.
+    ///
+    /// Returns true if a sample is due: the caller then sends it with the number [`sample`](Self::sample).
     pub fn advance(&mut self, period_s: f32) -> bool {
         self.starved = self.starved.saturating_add(1);
         self.since_sample = self.since_sample.saturating_add(1);
@@ -182,7 +188,7 @@ impl Track {
         is_due
     }
 
-    /// Brings the answer that is whole into force.
+    /// Puts the complete answer into force.
     fn take(&mut self, period_s: f32) {
         let between = self.whole.number.wrapping_sub(self.acts.number);
         let between_s = f32::from(between) * f32::from(self.tracking.periods) * period_s;
@@ -208,18 +214,18 @@ impl Track {
         self.samples.wrapping_sub(1) as u8
     }
 
-    /// The answer in force.
+    /// Number and delay of the answer in force; `None` before the first answer.
     pub fn answered(&self, period_s: f32) -> Option<Answered> {
         let delay_s = f32::from(self.delay) * period_s;
         (self.answers > 0).then_some(Answered { number: self.acts.number, delay_s })
     }
 
-    /// Ends it: the robot halts where it is.
+    /// Halts the robot at its current pose, which ends tracking.
     pub fn halt(&mut self) {
         self.halted = self.halted.or(Some(0));
     }
 
-    /// True if the end of tracking was called for.
+    /// True if the robot was halted.
     pub fn is_halted(&self) -> bool {
         self.halted.is_some()
     }
@@ -229,35 +235,35 @@ impl Track {
         self.halted.is_some_and(|halted| halted >= periods)
     }
 
-    /// Answers that were in force so far, modulo 65,536.
+    /// Number of answers that have taken effect, modulo 65,536.
     pub fn answers(&self) -> u16 {
         self.answers
     }
 
-    /// Control periods since the sample that the answer in force is to.
+    /// Control periods since the sample of the answer in force.
     pub fn starved(&self) -> u16 {
         self.starved
     }
 
-    /// True if answers are missing, or the end was called for: the robot holds still.
+    /// True if the robot holds still, because answers are missing or it was halted.
     pub fn holds(&self) -> bool {
         let most = self.tracking.periods.saturating_mul(MISSED.saturating_add(USUALLY_LATE));
         self.is_halted() || self.starved > most
     }
 
-    /// True if the robot holds still from this control period on.
+    /// True if the robot began to hold still in this control period.
     pub fn begins_to_hold(&self) -> bool {
         self.held == 1
     }
 
-    /// Has a joint rest at an angle, rad, with its last torque.
+    /// Sets the angle at which a joint rests, rad. Its torque stays the same.
     pub fn rest_at(&mut self, channel: usize, angle_rad: f32) {
         if let Some(value) = self.acts.values.get_mut(channel) {
             *value = angle_rad;
         }
     }
 
-    /// The present target of a channel, and the parts of its configured gains that act around it: kp, kd.
+    /// Current target of a channel, and the fractions of its configured kp and kd that act around it.
     pub fn target(&self, config: &RobotConfig, channel: usize) -> Option<(Target, [f32; 2])> {
         let kind = config.channels.get(channel)?.kind;
         let target = Target {

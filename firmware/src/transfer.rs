@@ -1,8 +1,10 @@
-//! Library transfer: blocks, check, activation.
+//! Library transfer: receives blocks, checks the library and activates it.
 //!
-//! The only writer of the store. Before a library changes, the proof of its validity is dropped; validating the bytes
-//! read back from the store restores it. A store with two slots keeps the active library playable during a transfer
-//! and takes the new one on trial: it is confirmed once one of its motions has been played and SAFE is reached again.
+//! This module is the only writer of the store. Before a library changes, the record that it is valid is dropped; validation of
+//! the bytes read back from the store restores it.
+//!
+//! A store with two slots keeps the active library playable during a transfer, and activates the new one on trial. The new
+//! library is confirmed once one of its motions has been played and SAFE is reached again.
 
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{ClipId, Index, Library, Reject, Why, validate};
@@ -12,7 +14,7 @@ use crate::store::{LibraryStore, StoreError};
 use rollwalk_protocol::faults::Event;
 use rollwalk_protocol::wire::State;
 
-/// A transfer: announced length and digest, and received bytes.
+/// Transfer: announced length and digest, and offset of the next byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Transfer {
     len: u32,
@@ -29,16 +31,16 @@ enum Proof {
     Played,
 }
 
-/// The store, its library, and the transfer in progress.
+/// Store, its active library, and the transfer in progress.
 pub(crate) struct LibraryStorage<S> {
     store: S,
     active: Option<Index>,
     transfer: Option<Transfer>,
-    /// Index of the checked library that is not active yet.
+    /// Index of a checked library that is not active yet.
     finished: Option<Index>,
     reject: Option<Reject>,
     proof: Proof,
-    /// True if the active library could not be played: the next self test validates it again.
+    /// True if the active library could not be played. The next self test validates it again.
     suspect: bool,
 }
 
@@ -56,22 +58,22 @@ impl<S: LibraryStore> LibraryStorage<S> {
         }
     }
 
-    /// The store.
+    /// Returns a reference to the store.
     pub fn store(&self) -> &S {
         &self.store
     }
 
-    /// Takes the store out.
+    /// Returns the store.
     pub fn into_store(self) -> S {
         self.store
     }
 
-    /// The active library.
+    /// Active library.
     pub fn library(&self) -> Option<Library<'_>> {
         Library::open(self.store.bytes(), self.active.as_ref()?)
     }
 
-    /// Reason for which the store's content was refused.
+    /// Reason why the store's content was refused.
     pub fn reject(&self) -> Option<Reject> {
         self.reject
     }
@@ -81,8 +83,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
     }
 
-    /// Activates the store's library after power-on if it is valid. An invalid library on trial is rolled
-    /// back.
+    /// Activates the store's library after power-on if it is valid. Rolls back an invalid library on trial.
     pub fn load(&mut self, config: &RobotConfig) {
         if core::mem::take(&mut self.suspect) {
             self.active = None;
@@ -97,7 +98,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         }
     }
 
-    /// Records events during playback.
+    /// Records an event during playback.
     pub fn observe(&mut self, event: Event) {
         self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
@@ -118,8 +119,8 @@ impl<S: LibraryStore> LibraryStorage<S> {
         }
     }
 
-    /// Confirms a library on trial that has completed a motion, as soon as the store may be written; call once per
-    /// control period.
+    /// Confirms a library on trial that has completed a motion, as soon as the store may be written. Call it once per control
+    /// period.
     pub fn settle(&mut self, state: State) {
         if state == State::Disarmed && self.proof == Proof::Played {
             // If the store fails, the library stays on trial; the next motion tries again.
@@ -148,7 +149,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         self.transfer.map_or(0, |transfer| transfer.next)
     }
 
-    /// Carries out a transfer request. `may_write` while torque is off and arming has not begun.
+    /// Carries out a transfer request. `may_write` is true while torque is off and arming has not begun.
     pub fn handle(
         &mut self,
         request: &Request<'_>,
@@ -437,8 +438,8 @@ mod tests {
         (reply.result, reply.next)
     }
 
-    /// The next self test validates a library only if it could not be played: it need not read all of it after every
-    /// other fault.
+    /// The next self test validates a library again only if it could not be played. It need not read the whole library after
+    /// every other fault.
     #[test]
     fn what_could_not_be_played_is_validated_again() {
         let first = library(&config());
@@ -455,7 +456,7 @@ mod tests {
         assert!(storage.active.is_none() && storage.reject().is_some());
     }
 
-    /// A motion that ended in a fault proves nothing about its library, whichever fault it was.
+    /// A motion that ended in a fault proves nothing about its library, whatever the fault was.
     #[test]
     fn every_fault_voids_what_a_trial_has_shown() {
         let bytes = library(&config());

@@ -1,5 +1,4 @@
-//! Controller's side of requests about gains and limits: executes each once, answers every one, and saves the
-//! parameters on request.
+//! Requests to read, change and save gains and limits. Executes each request once and answers every one.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
@@ -12,16 +11,16 @@ use crate::motion::{Motion, Setup};
 use crate::parameters::{Parameters, Refusal};
 use crate::store::ParameterStore;
 
-/// Robot state that a request changes, and the state that decides whether it may.
+/// Robot state that a request changes, and the state that decides if it may.
 pub(crate) struct Robot<'a> {
     pub state: State,
     pub setup: &'a Setup,
     pub motion: &'a mut Motion,
-    /// Voided by every change: an operator who is about to arm has requested that with other gains.
+    /// Gate that every change voids: the operator who is about to arm requested that with other gains.
     pub gate: &'a mut Gate,
 }
 
-/// The parameter store, and the last request with its answer.
+/// Parameter store, and the latest request with its answer.
 pub(crate) struct Tuning<P> {
     store: P,
     last: Option<(Frame, ParameterAck)>,
@@ -39,7 +38,7 @@ impl<P: ParameterStore> Tuning<P> {
         self.store
     }
 
-    /// Applies the parameters saved for this robot, in the first self test after power-on.
+    /// Applies the parameters saved for this robot. Takes effect only in the first self test after power-on.
     pub fn load(&mut self, setup: &Setup, parameters: &mut Parameters) {
         if core::mem::replace(&mut self.loaded, true) {
             return;
@@ -59,7 +58,7 @@ impl<P: ParameterStore> Tuning<P> {
         };
     }
 
-    /// Executes a request, which came in `frame`, unless it is a repetition; returns the answer.
+    /// Answers a request that arrived in `frame`. Executes the request unless it is a repetition.
     pub fn answer(
         &mut self,
         frame: &Frame,
@@ -78,7 +77,7 @@ impl<P: ParameterStore> Tuning<P> {
         ack
     }
 
-    /// The answer to a request that is not to be executed, because it has been before or is out of order.
+    /// Returns the answer to a request that was executed before or is out of order; `None` if it must be executed.
     fn known(&self, frame: &Frame, seq: u8) -> Option<Result<ParameterAck, Refusal>> {
         let (last, ack) = self.last?;
         // As for commands, a number 1 to 8 ahead, modulo 16, is newer.
@@ -140,7 +139,7 @@ impl<P: ParameterStore> Tuning<P> {
     }
 }
 
-/// The answer to a request that is not authentic.
+/// Answer to a request that is not authentic.
 pub(crate) fn unauthenticated(request: ParameterRequest) -> ParameterAck {
     ack(request, Err((ParameterResult::AuthenticationRequired, 0.0)))
 }

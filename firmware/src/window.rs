@@ -1,23 +1,23 @@
-//! Window of four consecutive frames; [player](crate::player) and [stream](crate::stream) interpolate between the middle two.
+//! Window of four consecutive frames. [Player](crate::player) and [stream](crate::stream) interpolate between the middle two.
 
-/// Frames that define a segment of a curve.
+/// Number of frames that define a segment of a curve.
 pub(crate) const WINDOW: usize = 4;
 
-/// Frames k−1, k, k+1, k+2. A ring buffer, so that no frame is ever copied.
+/// Frames k−1, k, k+1 and k+2, in a ring buffer so that no frame is copied.
 #[derive(Clone, Debug)]
 pub(crate) struct Window<T> {
     frames: [T; WINDOW],
-    /// Place of the oldest.
+    /// Index of the oldest frame.
     first: usize,
 }
 
 impl<T: Copy> Window<T> {
-    /// A curve that rests in a frame.
+    /// Creates a window for a curve that rests in a frame.
     pub fn resting(frame: T) -> Self {
         Self { frames: [frame; WINDOW], first: 0 }
     }
 
-    /// Frame k−1, to be overwritten with frame k+3 before [`turn`](Self::turn).
+    /// Returns frame k−1, to be overwritten with frame k+3 before [`turn`](Self::turn).
     pub fn oldest(&mut self) -> &mut T {
         let [a, b, c, d] = &mut self.frames;
         match self.first {
@@ -33,7 +33,7 @@ impl<T: Copy> Window<T> {
         self.first = self.first.wrapping_add(1) % WINDOW;
     }
 
-    /// The frames, the oldest first.
+    /// Frames, the oldest first.
     pub fn frames(&self) -> [&T; WINDOW] {
         let [a, b, c, d] = &self.frames;
         match self.first {

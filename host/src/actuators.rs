@@ -1,8 +1,8 @@
-//! Actuators and their buses, as far as words about faults depend on them: a serial line has no termination, CAN has no adapter
-//! that servos share.
+//! Actuators and buses of a robot, which determine how faults are described.
 //!
-//! Controllers report a fault as a code, a channel and a number of a bus. The host knows the robot, so it names the cause that
-//! this kind of bus has.
+//! Controllers report a fault as a code, a channel and a bus number. The host has the description of the robot's buses, so it
+//! names a cause that this kind of bus can have. A serial line, for example, has no termination, and CAN has no adapter that
+//! servos share.
 
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::actuators::bus::{Buses, Protocol};
@@ -16,45 +16,45 @@ use serde::{Deserialize, Serialize};
 pub enum BusKind {
     /// CAN.
     Can,
-    /// Serial line that servos share and answer on: Dynamixel, Feetech.
+    /// Serial line that servos share for commands and answers: Dynamixel, Feetech.
     ServoLine,
     /// Serial line to a board that sends pulses to hobby servos: Maestro.
     PulseBoard,
 }
 
-/// An actuator bus.
+/// Actuator bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ActuatorBus {
     /// Kind.
     pub kind: BusKind,
-    /// Protocol of the actuators, for people.
+    /// Name of the actuators' protocol, for display.
     pub protocol: String,
-    /// Bits per second.
+    /// Bit rate, bit/s.
     pub bit_rate: u32,
 }
 
 /// Address and model of a channel's actuator.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ActuatorOf {
-    /// Number of its bus.
+    /// Bus number of the actuator.
     pub bus: u8,
-    /// Address on that bus.
+    /// Address on the bus.
     pub id: u8,
-    /// Model, as the robot file has it.
+    /// Model, as written in the robot file.
     pub model: String,
 }
 
-/// Buses and actuators of a robot; empty for a robot that is not known.
+/// Buses and actuators of a robot; empty if the robot is unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Actuators {
-    /// Buses by number.
+    /// Buses, indexed by bus number.
     pub buses: Vec<ActuatorBus>,
-    /// Actuators by channel.
+    /// Actuators, indexed by channel.
     pub channels: Vec<ActuatorOf>,
 }
 
 impl Actuators {
-    /// Actuators of a robot; `models` by channel.
+    /// Creates the description from the configuration of a robot. `models` are the actuators' models, one for each channel.
     pub fn new<'a>(
         config: &RobotConfig,
         buses: &Buses,
@@ -79,7 +79,7 @@ impl Actuators {
         Self { buses: buses.collect(), channels: channels.collect() }
     }
 
-    /// Bus of a channel, with its number.
+    /// Number and description of the bus of a channel.
     pub fn bus_of(&self, channel: u8) -> Option<(u8, &ActuatorBus)> {
         let number = self.channels.get(usize::from(channel))?.bus;
         Some((number, self.buses.get(usize::from(number))?))
@@ -90,14 +90,14 @@ impl Actuators {
         (0..).zip(&self.channels).filter(move |(_, of)| of.bus == bus).map(|(channel, _)| channel)
     }
 
-    /// Kind of all buses that have actuators; `None` for a robot with several kinds, or one that is not known.
+    /// Common kind of all buses that have actuators; `None` if the kinds differ or the robot is unknown.
     pub fn kind(&self) -> Option<BusKind> {
         let mut kinds = self.channels.iter().filter_map(|of| self.buses.get(usize::from(of.bus)));
         let first = kinds.next()?.kind;
         kinds.all(|bus| bus.kind == first).then_some(first)
     }
 
-    /// Kind of the bus that a report of a fault is about, or else of all buses.
+    /// Kind of the bus that a fault report concerns, or otherwise the common kind of all buses.
     pub fn kind_for(
         &self,
         fault: Fault,
@@ -111,22 +111,22 @@ impl Actuators {
         of_bus.or(of_channel).or_else(|| self.kind())
     }
 
-    /// Limits of a channel's servo, if its data sheet is known.
+    /// Limits of a channel's servo; `None` if its data sheet is unknown.
     pub fn limits(&self, channel: u8) -> Option<ServoLimits> {
         limits(&self.channels.get(usize::from(channel))?.model)
     }
 }
 
-/// Name of a fault and first step against it, for a kind of bus.
+/// Name of a fault and the first step against it, for a kind of bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultWords {
     /// Short description.
     pub name: &'static str,
-    /// First step.
+    /// First step against the fault.
     pub advice: &'static str,
 }
 
-/// Words for a fault on a kind of bus, or on one that is not known.
+/// Describes a fault on a kind of bus; `None` stands for an unknown kind.
 pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
     let of_any = fault.description();
     let (name, advice) = match (kind, fault) {
@@ -140,15 +140,15 @@ pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
         ),
         (Some(BusKind::Can), Fault::BusOff) => (
             "a CAN bus is off",
-            "motor power off, look for a short between CAN_H and CAN_L; clear, then arm",
+            "switch motor power off and check for a short between CAN_H and CAN_L; clear, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::BusOff) => (
             "the serial adapter of the servos is gone",
-            "plug the adapter in again, end other programs that use it; clear, then arm",
+            "plug the adapter in again and end other programs that use it; clear, then arm",
         ),
         (Some(BusKind::PulseBoard), Fault::BusOff) => (
             "the serial line to the servo board is gone",
-            "plug the servo board in again, end other programs that use it; clear, then arm",
+            "plug the servo board in again and end other programs that use it; clear, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::BusNoAck | Fault::BusPassive) => (
             "the serial line of the servos is disturbed",
@@ -168,25 +168,26 @@ pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
         ),
         (Some(BusKind::ServoLine), Fault::ActuatorFault) => (
             "a servo reports a fault, or its torque went off",
-            "check the supply voltage under load, let it cool; switch servos off and on, clear, then arm",
+            "check the supply voltage under load and let the servo cool; switch servos off and on, \
+             clear, then arm",
         ),
         (None, Fault::BusOff) => (
             "an actuator bus is lost",
-            "motor power off, look at the bus and its adapter; clear, then arm",
+            "switch motor power off, check the bus and its adapter; clear, then arm",
         ),
         _ => (of_any.name, of_any.advice),
     };
     FaultWords { name, advice }
 }
 
-/// Names of faults for the buses of a robot, separated by commas; `no fault` for an empty set.
+/// Names of faults on the buses of a robot, separated by commas; `no fault` for an empty set.
 pub fn fault_names_on(faults: FaultBits, actuators: &Actuators) -> String {
     let names = faults.iter().map(|fault| fault_words(fault, actuators.kind()).name);
     let names: Vec<_> = names.collect();
     if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
 }
 
-/// Clause for an event on a kind of bus; `None` where [`Event::description`] fits every kind.
+/// Clause for an event on a kind of bus; `None` if [`Event::description`] fits every kind.
 pub fn event_words(event: Event, kind: Option<BusKind>) -> Option<&'static str> {
     Some(match (kind?, event) {
         (BusKind::Can, Event::BusOff) => "a CAN bus went off",
@@ -210,15 +211,15 @@ pub fn event_words(event: Event, kind: Option<BusKind>) -> Option<&'static str> 
 /// Limits of a servo, from its data sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoLimits {
-    /// Least supply voltage, V.
+    /// Lowest supply voltage, V.
     pub min_v: f32,
-    /// Greatest supply voltage, V.
+    /// Highest supply voltage, V.
     pub max_v: f32,
     /// Highest temperature, °C.
     pub max_c: u8,
 }
 
-/// Limits of a model, by the beginning of its name; `-T` and `-R` are connectors.
+/// Limits of a model, found by the beginning of its name. The suffixes `-T` and `-R` denote connectors.
 fn limits(model: &str) -> Option<ServoLimits> {
     let sheet = |min_v, max_v, max_c| ServoLimits { min_v, max_v, max_c };
     // ROBOTIS e-manual, specifications and default temperature limits.
@@ -233,7 +234,7 @@ fn limits(model: &str) -> Option<ServoLimits> {
     sheets.into_iter().find(|(name, _)| model.starts_with(name)).map(|(_, limits)| limits)
 }
 
-/// Conditions in the status of an actuator, in words; empty for one that is well. `limits` name the range that was left.
+/// Describes the conditions in the status of an actuator; empty if it has none. `limits` name the range that was left.
 pub fn conditions(status: ActuatorStatus, limits: Option<ServoLimits>) -> Vec<String> {
     let overheated = limits.map_or_else(
         || "too hot, torque is off".to_owned(),
@@ -251,16 +252,16 @@ pub fn conditions(status: ActuatorStatus, limits: Option<ServoLimits>) -> Vec<St
         (ActuatorStatus::HARDWARE, "hardware error, torque is off".to_owned()),
         (
             ActuatorStatus::TIMED_OUT,
-            "its watchdog switched torque off: no setpoint came".to_owned(),
+            "its watchdog switched torque off, because no setpoint arrived".to_owned(),
         ),
         (ActuatorStatus::TORQUE_LIMITED, "at its torque limit".to_owned()),
-        (ActuatorStatus::POSITION_LIMITED, "at a position limit of its own".to_owned()),
+        (ActuatorStatus::POSITION_LIMITED, "at its own position limit".to_owned()),
         (ActuatorStatus::UNANSWERED, "did not answer".to_owned()),
     ];
     words.into_iter().filter(|(bit, _)| status.0 & bit != 0).map(|(_, words)| words).collect()
 }
 
-/// Faults of an actuator that its status before did not have, in words.
+/// Describes the faults of an actuator that its previous status did not have.
 pub fn new_faults(
     before: Option<ActuatorStatus>,
     now: ActuatorStatus,
@@ -274,7 +275,7 @@ pub fn new_faults(
 mod tests {
     use super::*;
 
-    /// Words that belong to CAN alone.
+    /// Terms that only apply to CAN.
     const OF_CAN: [&str; 7] =
         ["CAN", "terminat", "candump", "bus is off", "acknowledge", "error-passive", "Ω"];
 
@@ -302,7 +303,7 @@ mod tests {
         assert!(off.name.contains("CAN bus") && off.advice.contains("CAN_H"), "{off:?}");
     }
 
-    /// A host that does not know the robot blames neither kind of bus.
+    /// Description of a fault names no kind of bus if the robot is unknown.
     #[test]
     fn a_lost_bus_of_an_unknown_robot_is_named_neutrally() {
         let FaultWords { name, advice } = fault_words(Fault::BusOff, None);
@@ -348,7 +349,7 @@ mod tests {
         assert!(conditions(ActuatorStatus(ActuatorStatus::ENABLED), None).is_empty());
     }
 
-    /// A monitor warns once, and not of a servo that is at its torque limit as it may be.
+    /// A monitor warns once of a fault, and does not warn of a servo at its torque limit.
     #[test]
     fn a_fault_is_new_once() {
         let hot = ActuatorStatus(ActuatorStatus::OVERHEATED | ActuatorStatus::TORQUE_LIMITED);

@@ -1,7 +1,7 @@
-//! The host's part of an authenticated link: asks for a session, and makes the frame that goes ahead of each message.
+//! Host's side of an authenticated link: requests a session, and creates the authenticator that precedes each message.
 //!
-//! No clock and no bus; [`crate::client`] drives it. Where nothing can be random, as in the cores, the first nonce is an
-//! argument.
+//! The module has neither clock nor bus; [`crate::client`] calls it. The first nonce is an argument, because some environments
+//! of this code have no random numbers.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
@@ -12,22 +12,22 @@ use rollwalk_protocol::wire::authentication::{
 
 /// Interval of requests for a session, µs.
 const ASK_US: u64 = 150_000;
-/// Offers with a wrong tag after which the key is another one than the controller's. The offer to another host has a wrong
-/// tag, too.
+/// Number of offers with a wrong tag after which the keys of host and controller are considered different. An offer to another
+/// host also has a wrong tag.
 const WRONG_OFFERS: u32 = 3;
-/// Heartbeats in a row without an answer after which the session is over: the controller was restarted.
+/// Number of consecutive heartbeats without an answer after which the session has ended, because the controller was restarted.
 const UNANSWERED: u32 = 5;
 
-/// The link key of a robot, and a number for its use.
+/// Link key of a robot, and a nonce for its use.
 #[derive(Clone, Debug)]
 pub struct Credentials {
-    /// The secret that host and controller share.
+    /// Secret that host and controller share.
     pub key: LinkKey,
-    /// Start of the nonces, random: one that was used before could let an old session pass for a new one.
+    /// First nonce, a random value. A nonce that was used before could make an old session pass for a new one.
     pub nonce: u64,
 }
 
-/// A controller to talk to.
+/// Controller to communicate with.
 #[derive(Clone, Debug)]
 pub struct Peer {
     /// Address of the controller.
@@ -37,13 +37,13 @@ pub struct Peer {
 }
 
 impl From<Node> for Peer {
-    /// Controller that accepts every host.
+    /// Peer for a controller that accepts every host.
     fn from(node: Node) -> Self {
         Self { node, credentials: None }
     }
 }
 
-/// Reason for which a controller gave no session.
+/// Reason why a controller gave no session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoSession {
     /// Controller and host have different keys.
@@ -54,7 +54,7 @@ pub enum NoSession {
     CannotCount,
 }
 
-/// Sessions with one controller.
+/// Sessions with a controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Authentication {
     credentials: Credentials,
@@ -62,7 +62,7 @@ pub(crate) struct Authentication {
     session: Option<(LinkSession, [u32; COUNTERS])>,
     next_ask_us: u64,
     wrong_offers: u32,
-    /// Heartbeats since the last answer.
+    /// Number of heartbeats since the latest answer.
     unanswered: u32,
 }
 
@@ -75,12 +75,12 @@ impl Authentication {
         self.session.is_some()
     }
 
-    /// Instant of the next request for a session, µs.
+    /// Time of the next request for a session, µs.
     pub fn next_us(&self) -> u64 {
         if self.has_session() { u64::MAX } else { self.next_ask_us }
     }
 
-    /// The request for a session that is due.
+    /// Returns the request for a session that is due; `None` if none is due.
     pub fn request(&mut self, now_us: u64) -> Option<[u8; 9]> {
         if now_us < self.next_us() {
             return None;
@@ -89,7 +89,7 @@ impl Authentication {
         Some(SessionRequest { nonce: self.credentials.nonce }.encode())
     }
 
-    /// Ends the session: the controller did not know it. The next one is asked for with another nonce.
+    /// Ends a session that the controller no longer has. The next session is requested with another nonce.
     pub fn end_session(&mut self) {
         if self.session.take().is_some() {
             self.credentials.nonce = self.credentials.nonce.wrapping_add(1);
@@ -97,7 +97,7 @@ impl Authentication {
         }
     }
 
-    /// Notes a heartbeat that was sent.
+    /// Records that a heartbeat was sent.
     pub fn on_heartbeat(&mut self) {
         self.unanswered += 1;
         if self.unanswered > UNANSWERED {
@@ -106,12 +106,12 @@ impl Authentication {
         }
     }
 
-    /// Notes a heartbeat's answer.
+    /// Records that a heartbeat was answered.
     pub fn on_reply(&mut self) {
         self.unanswered = 0;
     }
 
-    /// Takes the answer to a request for a session; `None` when it is none to ours.
+    /// Processes an offer of a session; returns `None` if the offer does not answer this host's request.
     pub fn on_offer(&mut self, offer: SessionOffer) -> Option<Result<(), NoSession>> {
         if self.has_session() {
             return None;
@@ -127,14 +127,14 @@ impl Authentication {
         (self.wrong_offers == WRONG_OFFERS).then_some(Err(NoSession::WrongKey))
     }
 
-    /// The authenticator to send ahead of `frame`; `None` for frames that need none, and without a session.
+    /// Authenticator to send ahead of `frame`; `None` without a session, or for frames that require no authenticator.
     pub fn of_frame(&mut self, frame: &Frame) -> Option<Frame> {
         let id = frame.standard_id()?;
         let subject = Subject::of(id).filter(|subject| *subject != Subject::Transfer)?;
         self.authenticate(subject, id, frame.data())
     }
 
-    /// The authenticator to send ahead of a request of a transfer.
+    /// Authenticator to send ahead of a transfer request.
     pub fn of_request(&mut self, message: &[u8]) -> Option<Frame> {
         self.authenticate(Subject::Transfer, request_id(self.node), message)
     }

@@ -1,7 +1,7 @@
-//! Names for the numbers of a motion library: those that operators use for motions and channels.
+//! Names for the numbers of a motion library, which operators use for motions and channels.
 //!
-//! On the wire a library is its identity, a motion its code, a clip or a channel its index. A catalog is made with
-//! the library, where the names are known, and stored next to it.
+//! On the link, a library is denoted by its identity, a motion by its code, and a clip or channel by its index. A catalog is
+//! created together with the library, when the names are known, and stored next to it.
 
 use crate::actuators::Actuators;
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
@@ -9,7 +9,7 @@ use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use serde::{Deserialize, Serialize};
 
-/// Names of a library's content.
+/// Names for the content of a library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Catalog {
     /// Name of the robot.
@@ -26,83 +26,83 @@ pub struct Catalog {
     pub safe: usize,
     /// Names of joints, then of actuated wheels, in the order of the robot's configuration.
     pub channels: Vec<String>,
-    /// Actuators of the channels and their buses; empty where they are not known.
+    /// Actuators of the channels and their buses; empty if they are unknown.
     #[serde(default)]
     pub actuators: Actuators,
 }
 
-/// A motion.
+/// Motion of a library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Motion {
     /// Name.
     pub name: String,
-    /// Command code, if it has one.
+    /// Command code; `None` if the motion cannot be commanded.
     pub code: Option<u8>,
-    /// Count of frames at 60 Hz.
+    /// Number of frames at 60 Hz.
     pub frames: u16,
     /// True if the motion repeats.
     pub looping: bool,
 }
 
-/// A transition, by indices of motions.
+/// Transition between two motions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transition {
-    /// Index of the motion that it leaves.
+    /// Index of the motion before the transition.
     pub from: usize,
-    /// Index of the motion that it enters.
+    /// Index of the motion after the transition.
     pub to: usize,
 }
 
 /// Ambiguity in the names of a library's motions.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NameFault {
-    /// Characters that a terminal obeys or hides, or a space at an end.
+    /// Name with characters that a terminal interprets or hides, or with a space at an end.
     #[error(
-        "the name of motion {motion}, \"{}\", has characters that cannot be seen, or a space at an end",
+        "the name of motion {motion}, \"{}\", has invisible characters, or a space at an end",
         Shown(name)
     )]
     Unclear {
-        /// Number of the motion.
+        /// Index of the motion.
         motion: u8,
         /// Name of the motion.
         name: String,
     },
-    /// A name that can pass for another.
+    /// Name that can be mistaken for another.
     #[error("the name of motion {motion}, `{name}`, {problem}")]
     Doubtful {
-        /// Number of the motion.
+        /// Index of the motion.
         motion: u8,
         /// Name of the motion.
         name: String,
         /// Defect of the name.
         problem: &'static str,
     },
-    /// Two motions whose names look the same.
+    /// Two motions with names that look the same.
     #[error("motions {first} and {second} have names that look the same, `{name}`")]
     LookAlike {
-        /// Number of one.
+        /// Index of the first motion.
         first: u8,
-        /// Number of the other.
+        /// Index of the second motion.
         second: u8,
-        /// Name of the other.
+        /// Name of the second motion.
         name: String,
     },
-    /// Two motions with one name.
+    /// Two motions with the same name.
     #[error("motions {first} and {second} have the same name, `{name}`")]
     Duplicate {
-        /// Number of one.
+        /// Index of the first motion.
         first: u8,
-        /// Number of the other.
+        /// Index of the second motion.
         second: u8,
         /// Common name.
         name: String,
     },
 }
 
-/// Checks what controllers do not: that operators can distinguish the motions of a validated library by their names.
+/// Checks that operators can distinguish the motions of a validated library by their names. Controllers do not check this.
 ///
 /// # Errors
-/// The first name that cannot be distinguished.
+/// Returns an error for the first name that cannot be distinguished.
 pub fn check_names(library: &Library<'_>) -> Result<(), NameFault> {
     let all = || library.nodes().filter_map(|node| Some((node.0, library.name(node)?)));
     for (motion, name) in all() {
@@ -124,14 +124,14 @@ pub fn check_names(library: &Library<'_>) -> Result<(), NameFault> {
     Ok(())
 }
 
-/// Name of a channel; `names` are those of the first channels.
+/// Name of a channel. `names` are the known names, indexed by channel.
 pub fn channel_name(names: &[String], channel: u8) -> String {
     let name = names.get(usize::from(channel));
     name.cloned().unwrap_or_else(|| format!("channel {channel}"))
 }
 
 impl Catalog {
-    /// Creates the catalog of a validated library, for the robot with these names; `None` when the library has no
+    /// Creates the catalog of a validated library, for a robot with these names. Returns `None` if the library contains no
     /// names.
     pub fn of(library: &Library<'_>, robot: &str, channels: Vec<String>) -> Option<Self> {
         let motion = |node: NodeId| {
@@ -159,7 +159,7 @@ impl Catalog {
         })
     }
 
-    /// Names of a robot whose library is not known: of its channels alone.
+    /// Creates a catalog with the names of a robot's channels, for an unknown library.
     pub fn of_robot(robot: &str, config_hash: u32, channels: Vec<String>) -> Self {
         Self {
             robot: robot.to_owned(),
@@ -173,18 +173,18 @@ impl Catalog {
         }
     }
 
-    /// Catalog with the actuators of its robot.
+    /// Adds the actuators of the robot to the catalog.
     #[must_use]
     pub fn with_actuators(self, actuators: Actuators) -> Self {
         Self { actuators, ..self }
     }
 
-    /// The motion with a name.
+    /// Motion with a name.
     pub fn motion(&self, name: &str) -> Option<&Motion> {
         self.motions.iter().find(|motion| motion.name == name)
     }
 
-    /// Name of what a clip plays, by its number: a motion's name, or `from → to`.
+    /// Name for a clip index: the name of a motion, or `from → to` for a transition.
     pub fn clip(&self, clip: u8) -> Option<String> {
         let clip = usize::from(clip);
         if let Some(motion) = self.motions.get(clip) {

@@ -1,9 +1,11 @@
-//! The host's end of the link without bus or clock: frames and the time go in, frames come out.
+//! Host's end of the link without bus or clock: the caller passes frames and the time, and sends the frames that the client
+//! returns.
 //!
-//! Keeps the heartbeat going, follows the controller's clock and state, numbers commands, repeats an
-//! emergency stop until it is acknowledged, and carries transport messages. [`crate::session`] and
-//! [`crate::operator`] decide what to send. With a link key it keeps an authenticated session, begins another one when the
-//! controller has lost it, and proves each message; callers notice only that a message takes longer then.
+//! The client sends heartbeats, follows the controller's clock and state, numbers commands, repeats an emergency stop until it
+//! is acknowledged, and carries transport messages. [`crate::session`] and [`crate::operator`] decide what to send.
+//!
+//! With a link key, the client keeps an authenticated session, authenticates each message, and begins another session after the
+//! controller has lost it. Callers only notice that a message then takes longer.
 
 use crate::authentication::{Authentication, NoSession, Peer};
 use rollwalk_protocol::can::Frame;
@@ -18,14 +20,14 @@ use rollwalk_protocol::wire::{
     ParameterAck, ParameterAction, ParameterRequest, ParameterResult, Sample, Status,
 };
 
-/// Validity of a command, ms: covers its repetitions.
+/// Validity of a command including its repetitions, ms.
 pub const COMMAND_LIFE_MS: u16 = 500;
 const _: () = assert!(COMMAND_LIFE_MS <= MOST_VALID_MS);
 /// Validity of a command, µs.
 pub(crate) const COMMAND_LIFE_US: u64 = COMMAND_LIFE_MS as u64 * 1000;
 /// Retransmission interval of an unanswered command, µs.
 pub(crate) const ACK_TIMEOUT_US: u64 = 60_000;
-/// Largest number of sequence numbers to try until one counts as new, for a host that does not know the last one.
+/// Maximum number of sequence numbers to try until one counts as new. A host that has just started lacks the previous number.
 pub(crate) const SEQUENCE_TRIES: u32 = 9;
 /// Number of emergency stops in the first burst.
 const ESTOP_BURST: u32 = 5;
@@ -36,26 +38,27 @@ const ESTOP_PERIOD_US: u64 = 100_000;
 /// Poll interval of the transport while a message is in flight, µs.
 const TRANSPORT_POLL_US: u64 = 1_000;
 
-/// A message of the controller.
+/// Message of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Incoming {
     /// Status.
     Status(Status),
     /// Fault report.
     Fault(FaultReport),
-    /// The answer to a command.
+    /// Answer to a command.
     Ack(CommandAck),
-    /// The answer to a parameter request.
+    /// Answer to a parameter request.
     Parameter(ParameterAck),
-    /// The acknowledgement of an emergency stop.
+    /// Acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// The answer to a heartbeat (for a visitor, to another host's heartbeat), which contains the controller's clock.
+    /// Answer to a heartbeat, which contains the controller's clock. A visitor receives the answers to another host's
+    /// heartbeats.
     Alive,
-    /// The same, and the clock has begun anew: the controller has restarted since the last answer.
+    /// Answer to a heartbeat with a clock that has begun anew, because the controller has restarted since the previous answer.
     Restarted,
-    /// The answer to a transport request.
+    /// Answer to a transport request.
     Response(Response),
-    /// A transport message failed in either direction.
+    /// Failure of a transport message in either direction.
     TransportFailed(IsoTpError),
     /// Angular velocity of the root link.
     Gyro(Gyro),
@@ -65,64 +68,64 @@ pub enum Incoming {
     Sample(Sample),
     /// Telemetry of a joint or wheel.
     Joint(JointTelemetry),
-    /// An authenticated session has begun, or none can.
+    /// Start of an authenticated session, or the reason why none can start.
     Session(Result<(), NoSession>),
-    /// A message was not taken for authentic: another session is asked for, then it can be sent again.
+    /// Refusal of a message as not authentic. The client requests another session, after which the message can be sent again.
     SessionLost,
 }
 
-/// An output of the client.
+/// Output of the client.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outgoing {
-    /// Send this frame.
+    /// Frame to send.
     Frame(Frame),
-    /// A transport message timed out.
+    /// Timeout of a transport message.
     TransportFailed(IsoTpError),
 }
 
-/// An emergency stop that is not acknowledged yet.
+/// Emergency stop that is not acknowledged yet.
 #[derive(Clone, Copy, Debug)]
 struct Stopping {
     sent: u32,
     next_us: u64,
 }
 
-/// The host of one controller.
+/// Host of one controller.
 #[derive(Clone, Debug)]
 pub struct Client {
     node: Node,
     transport: Endpoint,
     heartbeat_seq: u8,
-    /// `u64::MAX` for a visitor, which has none.
+    /// Time of the next heartbeat, µs; `u64::MAX` for a visitor, which sends no heartbeats.
     next_heartbeat_us: u64,
     command_seq: u8,
-    /// Instant at which the last command of each sequence number expires, µs.
+    /// Time at which the latest command of each sequence number expires, µs.
     expired_us: [u64; 16],
     command: Option<Frame>,
     parameter_seq: u8,
     parameter: Option<Frame>,
-    /// Host's time in µs and controller's time in ms when the last heartbeat was answered.
+    /// Host's time, µs, and controller's time, ms, of the latest answered heartbeat.
     clocks: Option<(u64, u32)>,
-    /// Instant of the last heartbeat, µs.
+    /// Time of the latest heartbeat, µs.
     heartbeat_us: u64,
-    /// Round trip of the last answered heartbeat, µs.
+    /// Round-trip time of the latest answered heartbeat, µs.
     round_trip_us: Option<u64>,
     stopping: Option<Stopping>,
     /// True while heartbeats are withheld.
     silent: bool,
     status: Option<Status>,
-    /// Sessions with a controller that insists on them.
+    /// Sessions with a controller that requires authentication.
     authentication: Option<Authentication>,
-    /// A frame whose authenticator has been given out.
+    /// Frame whose authenticator has already been sent.
     proven: Option<Frame>,
-    /// A request in transmission whose authenticator is to be sent ahead.
+    /// Transfer request in transmission whose authenticator must be sent ahead.
     unproven: Option<Vec<u8>>,
-    /// The last message of the transport was a request for a session.
+    /// True if the latest transport message was a request for a session.
     asks_session: bool,
 }
 
 impl Client {
-    /// Creates a host without contact yet. It sends the first heartbeat at once, or as soon as it has a session.
+    /// Creates a host that has no contact yet. It sends the first heartbeat at once, or as soon as it has a session.
     pub fn new(peer: impl Into<Peer>) -> Self {
         let Peer { node, credentials } = peer.into();
         Self {
@@ -148,13 +151,15 @@ impl Client {
         }
     }
 
-    /// A visitor: sends no heartbeats, so that the controller still detects the loss of its host. Commands need the
-    /// controller's clock, which a visitor overhears from the replies to a host: it can command only beside one.
+    /// Creates a visitor, which sends no heartbeats, so that the controller still detects the loss of its host.
+    ///
+    /// Commands depend on the controller's clock. A visitor takes it from the replies to a host, so it can send commands only
+    /// while there is one.
     pub fn visitor(peer: impl Into<Peer>) -> Self {
         Self { next_heartbeat_us: u64::MAX, ..Self::new(peer) }
     }
 
-    /// True if commands wait for an authenticated session.
+    /// True if commands must wait for an authenticated session.
     pub fn needs_session(&self) -> bool {
         self.authentication.as_ref().is_some_and(|own| !own.has_session())
     }
@@ -163,23 +168,25 @@ impl Client {
         self.next_heartbeat_us == u64::MAX
     }
 
-    /// The controller's last status.
+    /// Latest status of the controller.
     pub fn status(&self) -> Option<Status> {
         self.status
     }
 
-    /// Round trip of the last answered heartbeat, µs.
+    /// Round-trip time of the latest answered heartbeat, µs.
     pub fn round_trip_us(&self) -> Option<u64> {
         self.round_trip_us
     }
 
-    /// True while an emergency stop waits to be acknowledged.
+    /// True while an emergency stop is unacknowledged.
     pub fn is_stopping(&self) -> bool {
         self.stopping.is_some()
     }
 
-    /// Withholds heartbeats, or sends them again. A host that cannot know whether its commands arrive withholds them,
-    /// so that the robot returns to SAFE on the timeout.
+    /// Withholds heartbeats, or resumes them.
+    ///
+    /// A host that cannot verify that its commands arrive withholds heartbeats, so that the robot returns to SAFE on the
+    /// timeout.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
         if silent {
@@ -187,7 +194,7 @@ impl Client {
         }
     }
 
-    /// Drops a frame whose authenticator was given out already.
+    /// Drops a frame whose authenticator has already been sent.
     fn drop_proven(&mut self, subject: Subject) {
         self.proven.take_if(|frame| frame.standard_id().and_then(Subject::of) == Some(subject));
     }
@@ -196,7 +203,7 @@ impl Client {
         self.silent || self.stopping.is_some() || self.needs_session()
     }
 
-    /// Processes a frame of the link. Frames of other nodes and damaged ones are ignored.
+    /// Processes a frame of the link. Ignores damaged frames and frames of other nodes.
     pub fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<Incoming> {
         let (node, message) = FromController::decode(frame).ok()?;
         if node != self.node {
@@ -257,7 +264,7 @@ impl Client {
         }
     }
 
-    /// Processes a complete message of the transport.
+    /// Processes a complete transport message.
     fn on_message(&mut self) -> Option<Incoming> {
         let message = self.transport.received();
         if let (Some(own), Ok(offer)) = (&mut self.authentication, SessionOffer::decode(message)) {
@@ -283,14 +290,15 @@ impl Client {
         self.asks_session || !self.transport.is_sending()
     }
 
-    /// Ends the authenticated session; `false` without a key.
+    /// Ends the authenticated session; returns false if the client has no key.
     fn lose_session(&mut self) -> bool {
         let Some(own) = &mut self.authentication else { return false };
         own.end_session();
         true
     }
 
-    /// The frame, or first the one that proves it.
+    /// Returns the authenticator of a frame and keeps the frame for later, or returns the frame if it requires no
+    /// authenticator.
     fn with_proof(&mut self, frame: Frame) -> Frame {
         let Some(proof) = self.authentication.as_mut().and_then(|own| own.of_frame(&frame)) else {
             return frame;
@@ -299,7 +307,7 @@ impl Client {
         proof
     }
 
-    /// Next output at `now_us`; call until `None`.
+    /// Returns the next output at `now_us`. Call it until it returns `None`.
     pub fn poll(&mut self, now_us: u64) -> Option<Outgoing> {
         if let Some(Stopping { sent, next_us }) = &mut self.stopping
             && now_us >= *next_us
@@ -352,7 +360,7 @@ impl Client {
         }
     }
 
-    /// Latest instant of the next [`poll`](Self::poll).
+    /// Latest time of the next [`poll`](Self::poll), µs.
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
         let estop = self.stopping.map_or(u64::MAX, |stopping| stopping.next_us);
         let transport =
@@ -363,8 +371,9 @@ impl Client {
         heartbeat.min(estop).min(transport).min(session)
     }
 
-    /// Creates a command, to be sent once or several times; `None` while the controller's clock is unknown, because
-    /// the command's expiry is in that clock.
+    /// Creates a command, to be sent once or several times.
+    ///
+    /// Returns `None` while the controller's clock is unknown, because the command's expiry refers to that clock.
     pub fn command(&mut self, now_us: u64, action: Action) -> Option<Command> {
         let (heard_us, controller_ms) = self.clocks?;
         let now_ms = controller_ms.wrapping_add((now_us.saturating_sub(heard_us) / 1000) as u32);
@@ -378,13 +387,13 @@ impl Client {
         (self.command_seq + 1) & 0xF
     }
 
-    /// Earliest time of a new command, µs. Before it, copies of the last command with the same sequence number may
-    /// still be in flight, and would be executed.
+    /// Earliest time of a new command, µs. Until then, copies of the previous command with the same sequence number may still
+    /// be in flight, and would be executed.
     pub fn next_command_us(&self) -> u64 {
         self.expired_us[usize::from(self.next_command_seq())]
     }
 
-    /// Sends a command or repeats it: the controller executes it once.
+    /// Sends or repeats a command, which the controller executes once.
     pub fn send_command(&mut self, command: Command) {
         self.command = Some(command.encode(self.node));
     }
@@ -401,12 +410,12 @@ impl Client {
         ParameterRequest { seq: self.parameter_seq, action }
     }
 
-    /// Sends a parameter request or repeats it.
+    /// Sends or repeats a parameter request.
     pub fn send_parameter(&mut self, request: ParameterRequest) {
         self.parameter = Some(request.encode(self.node));
     }
 
-    /// Sends a transport request. One of a library transfer to a controller that insists on authentication needs a
+    /// Sends a transport request. A library transfer to a controller that requires authentication needs a
     /// [session](Self::needs_session).
     pub fn request(&mut self, request: &Request<'_>) -> Result<(), SendError> {
         let mut message = [0; MAX_MESSAGE];
@@ -418,13 +427,14 @@ impl Client {
         Ok(())
     }
 
-    /// Drops the transport messages in flight.
+    /// Drops transport messages in flight.
     pub fn reset_transport(&mut self) {
         self.transport.reset();
     }
 
-    /// Sends an emergency stop at once, and repeats it until the controller acknowledges it. Withholds heartbeats until
-    /// then, and drops a command that is not sent yet.
+    /// Sends an emergency stop at once, and repeats it until the controller acknowledges it.
+    ///
+    /// Withholds heartbeats until then, and drops a command that is not sent yet.
     pub fn estop(&mut self, now_us: u64) {
         self.command = None;
         self.proven = None;

@@ -1,7 +1,7 @@
 //! Frames of the link as named signals, for logs that operators and programs read.
 //!
-//! The codecs check a frame; names, units and enumerations are those of [`Database::link`], of which
-//! `docs/rollwalk.dbc` is made.
+//! The codecs check a frame. Names, units and enumerations are those of [`Database::link`], from which `docs/rollwalk.dbc` is
+//! generated.
 
 use crate::dbc::{Database, Message};
 use rollwalk_protocol::can::Frame;
@@ -15,14 +15,14 @@ static MESSAGES: LazyLock<BTreeMap<u16, Message>> = LazyLock::new(|| {
     Database::link().messages.into_iter().map(|message| (message.id, message)).collect()
 });
 
-/// A decoded frame.
+/// Decoded frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DecodedFrame {
     /// Name of the message, as in the schema: `status`.
     pub message: &'static str,
-    /// Address of the controller; 15 for all.
+    /// Address of the controller; 15 for all controllers.
     pub node: u8,
-    /// Signals by name. Frames that carry a part of a longer message have none.
+    /// Signals by name; empty for frames that carry a part of a longer message.
     pub signals: BTreeMap<&'static str, Value>,
 }
 
@@ -30,20 +30,20 @@ pub struct DecodedFrame {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// A number, in the unit of the signal.
+    /// Number in the unit of the signal.
     Number(f64),
-    /// A name from an enumeration.
+    /// Name from an enumeration.
     Name(String),
-    /// A set of names.
+    /// Set of names.
     Names(Vec<String>),
-    /// Absent value, such as no clip or no channel.
+    /// Absent value, for example if no clip plays.
     None,
 }
 
 /// Decodes a frame of the link.
 ///
 /// # Errors
-/// The frame is not one of the link, or is damaged.
+/// Returns an error if the frame is damaged or not a frame of the link.
 pub fn decode(frame: &Frame) -> Result<DecodedFrame, DecodeError> {
     let (node, from_controller) = match ToController::decode(frame) {
         Err(DecodeError::OtherMessage) if let Ok((node, _)) = Authenticator::decode(frame) => {

@@ -1,4 +1,4 @@
-//! States, events and faults in words. Facts about faults come from [`rollwalk_protocol::faults`].
+//! Descriptions of states, events and faults in sentences. Facts about faults are defined in [`rollwalk_protocol::faults`].
 
 use crate::actuators::{Actuators, BusKind, conditions, event_words, fault_names_on, fault_words};
 use rollwalk_protocol::actuator::ActuatorStatus;
@@ -6,8 +6,8 @@ use rollwalk_protocol::faults::{Event, Fault, FaultBits};
 use rollwalk_protocol::wire::{LogEntry, State, Status};
 
 /// Behaviour of a robot that receives no heartbeats.
-pub const LEFT_ALONE: &str =
-    "an armed robot returns to SAFE by itself, or halts if it is streamed to";
+pub const LEFT_ALONE: &str = "an armed robot then returns to SAFE automatically, or halts if it was following streamed \
+     setpoints";
 
 /// Description of a state, to follow "the robot is".
 pub fn state_name(state: State) -> &'static str {
@@ -27,7 +27,7 @@ pub fn state_name(state: State) -> &'static str {
     }
 }
 
-/// Description of a state without its faults; of a robot that a bus has stopped also which bus.
+/// Description of a state without its faults. Names the bus if a bus has stopped the robot.
 pub fn state_words(status: &Status, actuators: &Actuators) -> String {
     match status.state {
         State::EStopped if !status.faults.contains(Fault::EStop) => condition(status, actuators),
@@ -35,8 +35,9 @@ pub fn state_words(status: &Status, actuators: &Actuators) -> String {
     }
 }
 
-/// Description of a state with its faults, to follow "the robot is". A bus that fails stops the robot as an emergency stop
-/// does, and is named as the cause.
+/// Description of a state with its faults, to follow "the robot is".
+///
+/// A failed bus stops the robot like an emergency stop, and is named as the cause.
 pub fn condition(status: &Status, actuators: &Actuators) -> String {
     let Status { state, faults, .. } = *status;
     let names = fault_names_on(faults, actuators);
@@ -52,21 +53,22 @@ pub fn condition(status: &Status, actuators: &Actuators) -> String {
     }
 }
 
-/// Advice to the operator: about the most severe fault, without a fault about the state. `kind` is that of the actuator buses.
+/// Advice to the operator about the most severe fault, or about the state if there is no fault. `kind` is the kind of the
+/// actuator buses.
 pub fn advice(state: State, faults: FaultBits, kind: Option<BusKind>) -> &'static str {
     if let Some(fault) = faults.first() {
         return fault_words(fault, kind).advice;
     }
     match state {
-        State::Boot | State::SelfTest => "wait: it tests itself",
-        State::Disarmed => "arm: it goes from its pose to SAFE, slowly",
-        State::Aligning => "wait: it goes to SAFE",
+        State::Boot | State::SelfTest => "wait for the end of the self-test",
+        State::Disarmed => "arm: the robot then moves slowly from its pose to SAFE",
+        State::Aligning => "wait until the robot is at SAFE",
         State::Ready => "play a motion",
         State::Playing => "play another motion, pause, or return to SAFE",
-        State::Paused => "go on, or return to SAFE",
-        State::Returning => "wait: it returns to SAFE, or halts, then torque goes off",
-        State::Damped => "wait: it is let down, then torque goes off",
-        State::TorqueOff => "wait: it becomes disarmed by itself, then it can be armed",
+        State::Paused => "resume, or return to SAFE",
+        State::Returning => "wait: the robot returns to SAFE or halts, then torque is switched off",
+        State::Damped => "wait: the robot sinks down, then torque is switched off",
+        State::TorqueOff => "wait until the robot is disarmed automatically, then arm",
         State::EStopped => "clear, then arm",
         State::Streaming => "steer, or return to SAFE",
     }
@@ -75,7 +77,7 @@ pub fn advice(state: State, faults: FaultBits, kind: Option<BusKind>) -> &'stati
 /// Description of the event with this [`Event::code`].
 pub fn event_sentence(code: u8) -> String {
     Event::from_code(code).map_or_else(
-        || format!("something that this host does not know (event {code})"),
+        || format!("event {code}, which this version of rollwalk does not support"),
         |event| event.description().to_owned(),
     )
 }
@@ -91,12 +93,12 @@ pub fn entry_sentence(entry: &LogEntry, actuators: &Actuators) -> String {
     words.map_or_else(|| event_sentence(entry.event), str::to_owned)
 }
 
-/// Description of a fault, with channel and value of its report if it has them.
+/// Description of a fault, with the channel and value of its report if present.
 pub fn fault_report(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
     fault_words(fault, None).name.to_owned() + &report_details(fault, channel, value)
 }
 
-/// Description of a fault as [`fault_report`] gives it, in the words for the bus that it is about.
+/// Description of a fault like that of [`fault_report`], adapted to the kind of bus that it concerns.
 pub fn fault_report_on(
     fault: Fault,
     channel: Option<u8>,
@@ -108,7 +110,7 @@ pub fn fault_report_on(
     fault_words(fault, kind).name.to_owned() + &report_details(fault, name, value)
 }
 
-/// Channel and value of a fault report in parentheses; empty without both.
+/// Channel and value of a fault report in parentheses; empty if both are absent.
 pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>) -> String {
     let value = fault.description().value.zip(value);
     let value = value.map(|(quantity, value)| match fault {
@@ -119,10 +121,10 @@ pub fn report_details(fault: Fault, channel: Option<String>, value: Option<f32>)
     if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) }
 }
 
-/// Status byte of an actuator in words.
+/// Description of an actuator's status byte.
 fn actuator_status(status: ActuatorStatus) -> String {
     if !status.faulty() && !status.enabled() {
-        return "torque off without an error of its own: a dip of its supply resets a servo".into();
+        return "torque off without an error: a supply dip resets a servo".into();
     }
     let conditions = conditions(status, None);
     if conditions.is_empty() { "torque on, no error".into() } else { conditions.join(", ") }
@@ -148,7 +150,7 @@ mod tests {
         assert_eq!(advice(State::Ready, FaultBits::default(), None), "play a motion");
     }
 
-    /// Torque goes off at the end of every session; without a fault there is nothing to clear.
+    /// Torque goes off at the end of every session: without a fault there is nothing to clear.
     #[test]
     fn torque_off_without_a_fault_needs_no_clear() {
         let words = advice(State::TorqueOff, FaultBits::default(), None);
@@ -206,13 +208,13 @@ mod tests {
                 Fault::ActuatorFault,
                 knee(),
                 9.0,
-                " (knee, its watchdog switched torque off: no setpoint came)",
+                " (knee, its watchdog switched torque off, because no setpoint arrived)",
             ),
             (
                 Fault::ActuatorFault,
                 knee(),
                 0.0,
-                " (knee, torque off without an error of its own: a dip of its supply resets a servo)",
+                " (knee, torque off without an error: a supply dip resets a servo)",
             ),
             (Fault::TrackingError, knee(), 0.91, " (knee, 0.910 rad from its setpoint)"),
             (Fault::BusOff, None, 1.0, " (bus 1)"),

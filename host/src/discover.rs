@@ -1,19 +1,20 @@
-//! Discovery of the controllers on the link: each of them answers a DISCOVER broadcast.
+//! Discovery of the controllers on the link: each controller answers a DISCOVER broadcast.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::wire::{Discover, Discovered, FromController, Node};
 use std::collections::BTreeSet;
 
-/// Count of DISCOVER requests; several, because a frame may get lost.
+/// Number of DISCOVER requests. Several are sent because a frame may be lost.
 const ASKED: u32 = 3;
 
-/// A controller that answered: its address, its serial number and its major protocol version.
+/// Controller that answered: address, serial number and major protocol version.
 pub type Found = (u8, [u8; 6], u8);
 
-/// Controllers that answer within `wait_us`, by address. Two at one address both appear: their addresses are wrong.
+/// Finds the controllers that answer within `wait_us`, sorted by address. Two controllers at the same address, which is an
+/// error in their configuration, both appear.
 ///
 /// # Errors
-/// The bus is gone.
+/// Returns an error if the bus is lost.
 pub fn discover(bus: &mut impl LinkBus, wait_us: u64) -> Result<BTreeSet<Found>, LinkError> {
     let mut found = BTreeSet::new();
     for _ in 0..ASKED {

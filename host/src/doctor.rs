@@ -1,6 +1,6 @@
-//! Diagnosis of a robot, and how to clear its faults: from the traffic on the link and the controller's answers.
+//! Diagnosis of a robot and remedies for its faults, from the traffic on the link and the controller's answers.
 //!
-//! A pure function of [`Findings`], which the caller collects from a bus.
+//! The diagnosis is a pure function of [`Findings`], which the caller collects from a bus.
 
 use crate::actuators::{Actuators, BusKind, conditions, fault_words};
 use crate::catalog::{Catalog, channel_name};
@@ -16,34 +16,35 @@ use rollwalk_protocol::wire::{
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Bus load above which frames come late, percent.
+/// Bus load above which frames are delayed, percent.
 const FULL_PERCENT: f64 = 70.0;
 
-/// Tilt beyond that of the motion that no operator would call one, rad: 3 degrees. Controllers stop at 0.35 rad.
+/// Tilt beyond that of the motion that an operator would still call level, rad: 3 degrees. Controllers stop at 0.35 rad.
 const LEVEL_RAD: f32 = 0.05;
 
-/// Part of its reports in which a servo has no answer when another one has the same ID: some of the collisions still read.
+/// Fraction of unanswered reports above which two servos probably have the same ID. It is low because some of their colliding
+/// answers are still readable.
 const COLLIDES: f64 = 0.05;
 
-/// Actuators of a robot that is not known.
+/// Actuators of an unknown robot.
 static UNKNOWN: Actuators = Actuators { buses: Vec::new(), channels: Vec::new() };
 
-/// Traffic on the link over a span of time.
+/// Traffic on the link during a time span.
 #[derive(Clone, Debug, Default)]
 pub struct Traffic {
-    /// Frames and bits by identifier.
+    /// Number of frames and of bits, by identifier.
     pub by_id: BTreeMap<u16, (u64, u64)>,
-    /// Last status.
+    /// Latest status.
     pub status: Option<Status>,
-    /// Last report of each fault, by code.
+    /// Latest report of each fault, by code.
     pub faults: BTreeMap<u8, FaultReport>,
-    /// Other controllers that were heard.
+    /// Addresses of other controllers on the link.
     pub others: BTreeSet<u8>,
-    /// Last telemetry of each channel.
+    /// Latest telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
     /// Number of telemetry frames that report an unanswered servo, and of all telemetry frames, by channel.
     pub unanswered: BTreeMap<u8, (u32, u32)>,
-    /// Duration, µs.
+    /// Duration of the time span, µs.
     pub span_us: u64,
 }
 
@@ -88,13 +89,13 @@ pub struct Findings<'a> {
     pub heard: &'a Traffic,
     /// True if the controller has a host: [`Listener::has_host`](crate::listener::Listener::has_host).
     pub has_host: bool,
-    /// The controller's identity; `None` when it does not answer.
+    /// Identity of the controller; `None` if it does not answer.
     pub hello: Option<&'a Hello>,
-    /// True if another program is transferring data with the controller, so that no request was sent.
+    /// True if another program is transferring data with the controller. No request was sent in that case.
     pub transferring: bool,
-    /// The controller's log.
+    /// Log of the controller.
     pub history: Option<&'a History>,
-    /// A known fault of the bus and its remedy.
+    /// Known fault of the bus and its remedy.
     pub complaint: Option<&'a str>,
     /// Bitrate of the link, bit/s.
     pub bitrate: u32,
@@ -102,7 +103,7 @@ pub struct Findings<'a> {
     pub expected_config: Option<u32>,
     /// Names of motions and channels.
     pub catalog: Option<&'a Catalog>,
-    /// The bus as written on the command line.
+    /// Bus as written on the command line.
     pub bus: &'a str,
 }
 
@@ -114,18 +115,18 @@ pub enum Gravity {
     Fine,
     /// Information.
     Note,
-    /// Something does not work.
+    /// Fault.
     Wrong,
 }
 
-/// A finding: a sentence, and what to do about it.
+/// Finding of a diagnosis, with its remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// Severity.
     pub gravity: Gravity,
-    /// The finding as a sentence.
+    /// Description of the finding.
     pub what: String,
-    /// Remedy, or command to type; empty if there is none.
+    /// Remedy or command to type; empty if there is none.
     pub help: String,
 }
 
@@ -158,8 +159,9 @@ impl Findings<'_> {
     }
 
     fn not_asked(&self) -> Finding {
-        let what = "another program is in the middle of a transfer with the controller; a request would interrupt it";
-        let help = format!("after it: rollwalk doctor --bus {}", self.bus);
+        let what = "another program is transferring data to the controller, and a request would \
+            interrupt the transfer";
+        let help = format!("after the transfer, type rollwalk doctor --bus {}", self.bus);
         finding(Gravity::Wrong, what.into(), help)
     }
 
@@ -173,18 +175,19 @@ impl Findings<'_> {
                 "the controller does not answer; {controllers} {} {are} on the bus",
                 others.join(", ")
             );
-            let help = format!("name it: rollwalk doctor --node {} --bus {bus}", others[0]);
+            let help =
+                format!("give the address: rollwalk doctor --node {} --bus {bus}", others[0]);
             return finding(Gravity::Wrong, what, help);
         }
         let others = match self.heard.by_id.len() {
-            0 => "there is nothing on the bus at all".to_owned(),
+            0 => "there are no frames on the bus".to_owned(),
             count => format!(
-                "frames with {count} identifiers are on the bus, none of them from the controller"
+                "none of the frames on the bus ({count} identifiers) are from the controller"
             ),
         };
         let help = format!(
-            "is it powered, on this bus, and of this bitrate ({} bit/s)? rollwalk discover --bus {bus} lists \
-             controllers with other addresses",
+            "check the controller's power, cable and bitrate ({} bit/s); rollwalk discover --bus \
+             {bus} lists controllers with other addresses",
             self.bitrate
         );
         finding(Gravity::Wrong, format!("the controller does not answer, and {others}"), help)
@@ -193,12 +196,12 @@ impl Findings<'_> {
     fn identity(&self, hello: &Hello) -> Option<Finding> {
         let expected = self.expected_config.filter(|&expected| expected != hello.config_hash)?;
         let what = format!(
-            "this is another robot: its firmware is for configuration {:08x}, the robot file describes \
-             {expected:08x}",
+            "this is another robot: its firmware has configuration {:08x}, the robot file \
+             describes {expected:08x}",
             hello.config_hash
         );
         let help =
-            "build the firmware from this robot file, or give the file that it was built from";
+            "build the firmware from this robot file, or give the robot file of the firmware";
         Some(finding(Gravity::Wrong, what, help.into()))
     }
 
@@ -213,29 +216,28 @@ impl Findings<'_> {
         let (gravity, help) = match status.state {
             State::Disarmed if hello.library.is_none() => (
                 Gravity::Wrong,
-                format!(
-                    "it needs a library: rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}"
-                ),
+                format!("flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}"),
             ),
             State::Disarmed if faulty => (Gravity::Note, String::new()),
             State::Disarmed => {
-                (Gravity::Fine, format!("it can be armed: rollwalk send --arm MOTION --bus {bus}"))
+                (Gravity::Fine, format!("arm the robot: rollwalk send --arm MOTION --bus {bus}"))
             }
             State::EStopped => {
-                let help = "once the cause is gone: rollwalk clear --bus";
+                let help = "remove the cause, then type rollwalk clear --bus";
                 (Gravity::Wrong, format!("{help} {bus}"))
             }
             State::TorqueOff if faulty => (
                 Gravity::Wrong,
-                format!("once the causes below are gone: rollwalk clear --bus {bus}"),
+                format!("remove the causes below, then type rollwalk clear --bus {bus}"),
             ),
             State::Damped | State::TorqueOff => (
                 Gravity::Note,
-                "it is on its way to Disarmed; run doctor again in a few seconds".into(),
+                "run doctor again in a few seconds: the robot will be disarmed then".into(),
             ),
-            State::Boot | State::SelfTest if faulty => {
-                (Gravity::Wrong, "its configuration cannot be used: rollwalk robot check".into())
-            }
+            State::Boot | State::SelfTest if faulty => (
+                Gravity::Wrong,
+                "correct the configuration of the firmware: rollwalk robot check".into(),
+            ),
             _ => (Gravity::Fine, String::new()),
         };
         finding(gravity, what, help)
@@ -251,14 +253,15 @@ impl Findings<'_> {
         // What is reported is the tilt of now; the fault is latched since that of then.
         let is_level = |report: &FaultReport| (0.0..LEVEL_RAD).contains(&report.value);
         if fault == Fault::Tilt && report.is_some_and(is_level) {
-            described = "the body was tilted, and is not any more".to_owned();
+            described = "the body was tilted, and is level again".to_owned();
         }
         let advice = fault_words(fault, actuators.kind_for(fault, number, value)).advice;
         let help = format!("{advice} (docs/faults.md, {code} {fault:?})");
         finding(Gravity::Wrong, format!("fault {code}: {described}"), help)
     }
 
-    /// Channels without telemetry, whose position is unknown: one finding for each bus of a robot that is known.
+    /// Channels without telemetry, whose position is unknown: one finding for each bus, or a single one if the robot is
+    /// unknown.
     fn silent_channels(&self, hello: &Hello, status: &Status) -> Vec<Finding> {
         let is_silent = |channel: &u8| !self.heard.joints.contains_key(channel);
         let gravity = if status.state == State::Boot { Gravity::Note } else { Gravity::Wrong };
@@ -274,7 +277,7 @@ impl Findings<'_> {
         (0..actuators.buses.len() as u8).filter_map(on_bus).collect()
     }
 
-    /// Silent ones of these channels, which are all of a bus, or of the robot.
+    /// Finding about the silent channels among `channels`, which are all channels of a bus or of the robot.
     fn silent_on(
         &self,
         gravity: Gravity,
@@ -299,33 +302,44 @@ impl Findings<'_> {
         let help = match of {
             Some((_, of)) if of.kind == BusKind::ServoLine => match (all, self.twin(channels)) {
                 (true, _) => format!(
-                    "is the servo supply on, is the data wire in the adapter, and are the servos set to {} bit/s? New ones have \
-                     another rate. An adapter that echoes what it sends hides the answers: switch its echo off",
+                    "switch the servo supply on, connect the data wire, and set the servos to {} \
+                     bit/s, because new servos have another rate; switch off the echo of the \
+                     adapter, which hides answers",
                     of.bit_rate
                 ),
                 (false, Some(twin)) => format!(
-                    "{} answers only sometimes: do two servos have its ID? Unplug one of them, and set the other's",
+                    "{} misses answers, as two servos with the same ID do: unplug one of them, and \
+                     set the ID of the other",
                     self.addressed(twin)
                 ),
-                (false, None) => "is its plug in, and does it have the ID and baud rate of the robot file? New servos have ID 1; \
-                                  behind a break in the chain all are silent"
-                    .to_owned(),
+                (false, None) => {
+                    "check the plug, and set the servo to the ID and baud rate of the \
+                                  robot file (new servos have ID 1); all servos behind a break in \
+                                  the chain are silent"
+                        .to_owned()
+                }
             },
             Some((_, of)) if of.kind == BusKind::PulseBoard => format!(
-                "is the servo board powered and connected, with serial mode UART at {} bit/s?",
+                "check power and cable of the servo board, and set its serial mode to UART at {} \
+                 bit/s",
                 of.bit_rate
             ),
             Some((_, of)) if all => format!(
-                "is motor power on, is the CAN bus connected and terminated at both ends, and at {} bit/s?",
+                "switch motor power on, and check the cable of the CAN bus, its termination at \
+                 both ends, and its bitrate of {} bit/s",
                 of.bit_rate
             ),
-            None if all => "is motor power on, and are the actuator buses connected?".to_owned(),
-            _ => "is it powered and connected, and does it have the address in the robot file?".to_owned(),
+            None if all => {
+                "switch motor power on, and check the cables of the actuator buses".to_owned()
+            }
+            _ => "check power and cable of the actuator, and set its address to that in the robot \
+                file"
+                .to_owned(),
         };
         Some(finding(gravity, what, help))
     }
 
-    /// Servo among these whose answers are lost now and then, as those of two with one ID are.
+    /// Single channel among `channels` that occasionally misses answers, as two servos with the same ID do.
     fn twin(&self, channels: &[u8]) -> Option<u8> {
         let missed = |channel: &u8| {
             let (missed, all) = self.heard.unanswered.get(channel).copied().unwrap_or_default();
@@ -336,7 +350,7 @@ impl Findings<'_> {
         all.next().is_none().then_some(one)
     }
 
-    /// Name of a channel with its bus and address, where they are known.
+    /// Name of a channel, with its bus and address if known.
     fn addressed(&self, channel: u8) -> String {
         let name = self.channel(channel);
         match self.actuators().channels.get(usize::from(channel)) {
@@ -345,8 +359,8 @@ impl Findings<'_> {
         }
     }
 
-    /// Actuators that are too hot, have a wrong supply, or dropped torque for another reason: telemetry has no degrees and no
-    /// volts, but these flags.
+    /// Actuators that are too hot, have a bad supply voltage, or lost torque for another reason. Telemetry has no temperatures
+    /// and voltages, but flags for these conditions.
     fn conditions(&self) -> Vec<Finding> {
         let all = self.heard.joints.values().filter(|joint| joint.status.faulty());
         let each = |joint: &JointTelemetry| {
@@ -355,13 +369,15 @@ impl Findings<'_> {
             let words = conditions(status, limits).join(", ");
             let has = |bit| status.0 & bit != 0;
             let help = if has(ActuatorStatus::BAD_VOLTAGE) {
-                "measure the supply at the servo under load: battery, thin or long wires"
+                "measure the supply voltage at the servo under load; check the battery and replace \
+                 thin or long wires"
             } else if has(ActuatorStatus::OVERHEATED) {
-                "let it cool; a joint that carries the robot in a bent pose heats most"
+                "let the actuator cool; joints that carry the robot in a bent pose heat most"
             } else if has(ActuatorStatus::TIMED_OUT) {
-                "it heard no setpoint in time: see to the load of its bus, and to plugs and cable"
+                "no setpoint arrived in time: check the load of its bus, the plugs and the cable"
             } else {
-                "switch it off and on; if it fails again, read its error with the maker's tool"
+                "switch the actuator off and on; if it fails again, read its error with the \
+                 manufacturer's tool"
             };
             finding(
                 Gravity::Wrong,
@@ -372,7 +388,7 @@ impl Findings<'_> {
         all.map(each).collect()
     }
 
-    /// Servos on serial lines that now and then do not answer: what a disturbed line shows first.
+    /// Servos on serial lines that occasionally do not answer, which is the first symptom of a disturbed line.
     fn unanswered(&self) -> Option<Finding> {
         let missed = self.heard.unanswered.iter().filter(|(_, (missed, _))| *missed > 0);
         let who = missed.clone().map(|(&channel, (missed, all))| {
@@ -386,13 +402,13 @@ impl Findings<'_> {
                 let worst = missed.max_by_key(|(_, (missed, _))| *missed);
                 let worst = worst.map_or(0, |(&channel, _)| channel);
                 format!(
-                    "{count} servos did not always answer, {} least of all",
+                    "{count} servos did not always answer; {} missed most answers",
                     self.channel(worst)
                 )
             }
         };
-        let help = "look at the data wire, its pull-up, the servos' supply and their return delay; after a tenth of a second \
-                    without any answer the robot is let down";
+        let help = "check the data wire, its pull-up, the servo supply and the return delay; after \
+                    0.1 s without any answer the controller lets the robot down";
         // A robot that gets by is not one that does not work.
         Some(finding(Gravity::Note, what, help.into()))
     }
@@ -402,7 +418,7 @@ impl Findings<'_> {
         let stop = history.last_stop()?;
         let seconds = f64::from(history.age_ms(stop)) * 1e-3;
         let what = format!(
-            "it last stopped {seconds:.1} s ago while it was {}: {}{}",
+            "the robot last stopped {seconds:.1} s ago while it was {}: {}{}",
             state_name(stop.before),
             entry_sentence(stop, self.actuators()),
             self.entry_detail(stop)
@@ -410,7 +426,7 @@ impl Findings<'_> {
         Some(finding(Gravity::Note, what, String::new()))
     }
 
-    /// Channel and value of a log entry.
+    /// Channel and value of a log entry in parentheses.
     pub fn entry_detail(&self, entry: &LogEntry) -> String {
         entry.fault.map_or_else(String::new, |fault| {
             report_details(fault, self.channel_of(entry.channel), Some(entry.value))
@@ -421,15 +437,20 @@ impl Findings<'_> {
         (status.state.torque() == Torque::Driven && !self.has_host).then(|| {
             let what =
                 "no host sends heartbeats: the robot will return to SAFE and switch torque off";
-            finding(Gravity::Wrong, what.into(), "rollwalk console keeps it armed".into())
+            finding(
+                Gravity::Wrong,
+                what.into(),
+                "start rollwalk console, which keeps the robot armed".into(),
+            )
         })
     }
 
     fn load(&self) -> Finding {
         let percent = self.heard.load_percent(self.bitrate);
-        let what = format!("frames of the link fill {percent:.1} % of {} bit/s", self.bitrate);
+        let what = format!("link frames use {percent:.1} % of {} bit/s", self.bitrate);
         if percent > FULL_PERCENT {
-            let help = "frames come late: the list below shows which identifiers take the most";
+            let help = "reduce the traffic, because frames arrive late; the list below shows the \
+                identifiers with the most bits";
             return finding(Gravity::Wrong, what, help.into());
         }
         finding(Gravity::Fine, what, String::new())
@@ -444,7 +465,7 @@ impl Findings<'_> {
         self.catalog.map_or(&UNKNOWN, |catalog| &catalog.actuators)
     }
 
-    /// Description of a log entry's event, in the words for the robot's buses.
+    /// Description of a log entry's event, adapted to the robot's buses.
     pub fn entry_sentence(&self, entry: &LogEntry) -> String {
         entry_sentence(entry, self.actuators())
     }
@@ -530,7 +551,7 @@ mod tests {
     #[test]
     fn a_robot_that_is_well_is_told_so() {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
-        assert!(text.contains("it can be armed"), "{text}");
+        assert!(text.contains("arm the robot: rollwalk send --arm"), "{text}");
         assert!(!text.contains("Wrong"), "{text}");
     }
 
@@ -538,7 +559,7 @@ mod tests {
     fn a_controller_that_was_not_asked_is_not_called_silent() {
         let heard = heard(State::Disarmed, FaultBits::default(), 2);
         let found = Findings { transferring: true, ..findings(&heard, None) }.diagnose();
-        assert!(found[0].what.contains("in the middle of a transfer"), "{found:?}");
+        assert!(found[0].what.contains("another program is transferring data"), "{found:?}");
         assert!(!found.iter().any(|f| f.what.contains("does not answer")), "{found:?}");
     }
 
@@ -555,7 +576,8 @@ mod tests {
         }
     }
 
-    /// The report has the tilt of now. A body that was set up again is not tilted by 0.001 rad.
+    /// A fault report contains the current tilt. A body that was set upright again, with a tilt of 0.001 rad, must not be
+    /// called tilted.
     #[test]
     fn a_body_that_was_set_up_again_is_not_called_tilted() {
         let node = Node::new(1).unwrap();
@@ -567,7 +589,7 @@ mod tests {
             diagnose(&heard, Some(&hello()))
         };
         let text = told(0.001);
-        assert!(text.contains("fault 7: the body was tilted, and is not any more ->"), "{text}");
+        assert!(text.contains("fault 7: the body was tilted, and is level again ->"), "{text}");
         let text = told(0.5);
         assert!(text.contains("the body is tilted (0.500 rad beyond"), "{text}");
         let text = told(-1.0);
@@ -594,7 +616,7 @@ mod tests {
         };
         assert!(!told(0).contains("did not answer"), "{}", told(0));
         let text = told(3);
-        let expected = "Note: servos did not answer: channel 1 in 3 of 40 reports -> look at";
+        let expected = "Note: servos did not answer: channel 1 in 3 of 40 reports -> check";
         assert!(text.contains(expected), "{text}");
     }
 
@@ -605,7 +627,7 @@ mod tests {
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
         assert!(text.contains("no position from any actuator:"), "{text}");
         let text = diagnose(&Traffic::default(), None);
-        assert!(text.contains("nothing on the bus at all"), "{text}");
+        assert!(text.contains("there are no frames on the bus"), "{text}");
     }
 
     fn of_pup() -> Catalog {
@@ -626,8 +648,8 @@ mod tests {
         text(&findings)
     }
 
-    /// Diagnosis of a robot on a serial line has no CAN terms: adapter gone, all servos silent, one silent, two with one ID, low
-    /// supply, overheated.
+    /// Diagnosis of a robot on a serial line contains no CAN terms: lost adapter, all servos silent, one silent, two with the
+    /// same ID, low supply, overheated.
     #[test]
     fn a_serial_line_is_diagnosed_in_its_own_words() {
         let node = Node::new(1).unwrap();
@@ -662,12 +684,12 @@ mod tests {
                 ][..],
             ),
             (all_silent, &["any actuator on bus 0 (Dynamixel)", "1000000 bit/s", "echo"]),
-            (one_silent, &["no position from knee (bus 0, ID 3)", "New servos have ID 1"]),
+            (one_silent, &["no position from knee (bus 0, ID 3)", "new servos have ID 1"]),
             (
                 same_id,
                 &[
                     "no position from knee (bus 0, ID 3)",
-                    "hip (bus 0, ID 1) answers only sometimes: do two servos have its ID",
+                    "hip (bus 0, ID 1) misses answers, as two servos with the same ID do",
                 ],
             ),
             (brown_out, &["Wrong: knee (bus 0, ID 3): supply voltage outside 3.7 to 6 V"]),

@@ -1,5 +1,5 @@
-//! Joints and wheels of a robot over time, from the frames of its link: as they are measured, and as the library that it plays
-//! plans them.
+//! States of a robot's joints and wheels over time, from the frames of its link: measured, and as planned by the library that
+//! it plays.
 
 use crate::catalog::Catalog;
 use rollwalk_protocol::can::Frame;
@@ -8,16 +8,16 @@ use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
 use rollwalk_protocol::wire::{FromController, JointTelemetry, Node, State, Status, Torque};
 use std::collections::BTreeMap;
 
-/// Knowledge of the robot beyond the link.
+/// Additional knowledge of the robot, which frames do not contain.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
-    /// Names of its channels.
+    /// Names of the robot's channels.
     pub catalog: &'a Catalog,
-    /// Library that the controller plays and its robot, for planned values.
+    /// Library that the controller plays, and configuration of its robot; planned values require both.
     pub library: Option<(Library<'a>, &'a RobotConfig)>,
 }
 
-/// A joint or driven wheel at one time.
+/// State of a joint or driven wheel at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Channel number.
@@ -35,17 +35,17 @@ pub struct Joint {
 /// States of all joints and driven wheels at one time, by channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Joints {
-    /// Measured states, once all channels have reported again.
+    /// Measured states, each time that all channels have reported.
     Measured(Vec<Joint>),
     /// Planned states, at every status while a known library is played.
     Planned(Vec<Joint>),
 }
 
-/// Reads joints from frames.
+/// Extracts states of joints from frames.
 pub struct Reader<'a> {
     node: Node,
     known: Option<Known<'a>>,
-    /// Last telemetry of each channel.
+    /// Latest telemetry of each channel.
     measured: BTreeMap<u8, JointTelemetry>,
     last_channel: Option<u8>,
 }
@@ -56,7 +56,7 @@ impl<'a> Reader<'a> {
         Self { node, known, measured: BTreeMap::new(), last_channel: None }
     }
 
-    /// Takes a frame of the link.
+    /// Processes a frame of the link. Returns the states that it completes.
     pub fn on_frame(&mut self, frame: &Frame) -> Option<Joints> {
         match FromController::decode(frame).ok()? {
             (node, FromController::JointTelemetry(joint)) if node == self.node => {
@@ -69,7 +69,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The channels take turns: once round is a state of the robot.
+    /// Records the telemetry of a channel. Returns the states of all channels when a new round of the channels begins.
     fn on_joint(&mut self, joint: JointTelemetry) -> Option<Vec<Joint>> {
         let is_round = self.last_channel.is_some_and(|last| joint.channel <= last);
         let joints = is_round.then(|| {

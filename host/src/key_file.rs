@@ -1,7 +1,7 @@
 //! Files with link keys: the secret that a robot shares with its hosts, as text.
 //!
-//! A file is one line, so that it survives copying and no other file is mistaken for it: `rollwalk-link-key-1 ` and 64
-//! hexadecimal digits. Public and private keys of libraries are in PEM instead, as other tools have them.
+//! A file consists of a single line: `rollwalk-link-key-1 ` and 64 hexadecimal digits. It thus survives copying, and other
+//! files are not mistaken for it. Public and private keys of libraries are in PEM, the format of other tools.
 
 use rollwalk_protocol::wire::authentication::LINK_KEY_LEN;
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use std::path::Path;
 /// First word of a file with a link key.
 pub const LINK: &str = "rollwalk-link-key-1";
 
-/// The text of a file with this link key.
+/// Text of a file with this link key.
 pub fn text(key: &[u8; LINK_KEY_LEN]) -> String {
     let mut line = format!("{LINK} ");
     for byte in key {
@@ -19,7 +19,7 @@ pub fn text(key: &[u8; LINK_KEY_LEN]) -> String {
     line + "\n"
 }
 
-/// The link key of a file's text; `None` if it is no link key.
+/// Parses the text of a file with a link key; `None` if the text is not a link key.
 pub fn parse(text: &str) -> Option<[u8; LINK_KEY_LEN]> {
     let digits = text.trim_end().strip_prefix(LINK)?.strip_prefix(' ')?;
     if digits.len() != 2 * LINK_KEY_LEN || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
@@ -32,10 +32,10 @@ pub fn parse(text: &str) -> Option<[u8; LINK_KEY_LEN]> {
     Some(key)
 }
 
-/// Error text for a file that holds no link key, to follow the file's name.
+/// Error text for a file without a link key, to follow the file's name.
 pub fn refusal() -> String {
     format!(
-        "is no link key: that is one line, `{LINK}` and {} hexadecimal digits",
+        "is not a link key; expected one line with `{LINK}` and {} hexadecimal digits",
         2 * LINK_KEY_LEN
     )
 }

@@ -1,25 +1,25 @@
-//! The host's end of the link: sessions, consoles and tools for a controller, over any bus.
+//! Host's end of the link: sessions, consoles and tools for a controller, over any bus.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`session`] | blocking procedures: connect, flash, arm, select motions, stop |
-//! | [`dbc`] | every frame signal by signal, and as a DBC file |
+//! | [`dbc`] | database of all frames and signals, also as a DBC file |
 //! | [`decode`] | frames as named signals, for logs |
 //! | [`joints`] | joints over time, measured and planned, from frames |
-//! | [`telemetry`] | telemetry files for Foxglove |
+//! | [`telemetry`] | telemetry files for Foxglove, written from frames |
 //! | [`traces`] | motors over time, from telemetry files and logs of buses |
-//! | [`authentication`] | sessions with a controller that obeys only hosts with its key |
+//! | [`authentication`] | sessions with a controller that accepts only hosts with its key |
 //! | [`key_file`] | files with keys |
-//! | [`client`] | the protocol without clock or bus: frames and time in, frames out |
-//! | [`operator`] | the logic of a console: intents, frames and time in, frames and a view out |
-//! | [`stream`] | setpoints that a host streams: frames in, messages out |
-//! | [`discover`], [`listener`] | controllers on the link; other hosts of a controller |
-//! | [`catalog`] | names for the numbers of a library |
-//! | [`actuators`] | buses and servos of a robot, and the words that faults have on each kind of bus |
+//! | [`client`] | the protocol without clock or bus: receives frames and the time, returns frames |
+//! | [`operator`] | the logic of a console: receives intents, frames and the time, returns frames and a view |
+//! | [`stream`] | set-points that a host streams |
+//! | [`discover`], [`listener`] | detection of controllers on the link, and of other hosts of a controller |
+//! | [`catalog`] | names for the motions and channels of a library |
+//! | [`actuators`] | buses and servos of a robot, and descriptions of faults for each kind of bus |
 //! | [`doctor`] | diagnosis of a robot, and how to clear its faults |
-//! | [`transfer`] | transfer of a library: answers in, requests out |
-//! | [`describe`] | states, events and faults in words, and what to do next |
-//! | [`refusal`] | the controller's refusals in sentences |
+//! | [`transfer`] | transfer of a library: receives answers, returns requests |
+//! | [`describe`] | descriptions of states, events and faults, and advice |
+//! | [`refusal`] | descriptions of the controller's refusals |
 //!
 //! ```
 //! use rollwalk_host::session::Session;

@@ -1,37 +1,36 @@
 //! Detection of another host and of its transport messages on the link, by listening before sending.
 //!
-//! Two nodes that send different data under one identifier destroy each other's frames (docs/formats/wire-format.md), and a
-//! second host's heartbeats keep feeding the watchdog of a robot whose own host has died. A program that may not be
-//! alone therefore listens before it sends: for the heartbeats of another host, and for transport messages of any
-//! node.
+//! Two nodes that send different data under one identifier destroy each other's frames (docs/formats/wire-format.md). The
+//! heartbeats of a second host also keep feeding the watchdog of a robot whose own host is lost. A program that may not be
+//! alone therefore listens before it sends: for the heartbeats of another host, and for transport messages of any node.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{FromController, HOST_TIMEOUT_MS, Node, ToController};
 
-/// Time to listen for another host, µs: longer than the heartbeat timeout, so that a robot whose host has just died
-/// has noticed before our heartbeats begin.
+/// Time to listen for another host, µs. It is longer than the heartbeat timeout, so that a robot whose host has just been lost
+/// detects the loss before this host's heartbeats begin.
 const HOST_US: u64 = 1000 * HOST_TIMEOUT_MS as u64 + 50_000;
 /// Timeout for the end of other programs' transport messages, µs.
 pub const PAUSE_TIMEOUT_US: u64 = 5_000_000;
-/// Silence after which no transport message is in flight, µs.
+/// Silence after which no transport message is considered in flight, µs.
 const PAUSE_US: u64 = 500_000;
 
-/// Traffic of others with a controller.
+/// Traffic of other hosts with a controller.
 #[derive(Clone, Debug)]
 pub struct Listener {
     node: Node,
-    /// Number of the last heartbeat.
+    /// Number of the latest heartbeat.
     heartbeat: Option<u8>,
     has_host: bool,
     has_controller: bool,
     since_us: u64,
-    /// Time of the last frame of a transport message, µs.
+    /// Time of the latest frame of a transport message, µs.
     transport_us: Option<u64>,
 }
 
 impl Listener {
-    /// Creates a listener that has heard nothing yet of controller `node` and its hosts.
+    /// Creates a listener that has received no frames of controller `node` and its hosts yet.
     pub fn new(now_us: u64, node: Node) -> Self {
         Self {
             node,
@@ -89,19 +88,19 @@ impl Listener {
     }
 }
 
-/// Listens for another host of `node`, until one is heard or the heartbeat timeout of a robot without one is over.
+/// Listens for another host of `node`, until a heartbeat arrives or the heartbeat timeout of a robot without a host has passed.
 ///
 /// # Errors
-/// The bus is gone.
+/// Returns an error if the bus is lost.
 pub fn find_host(bus: &mut impl LinkBus, node: Node) -> Result<Listener, LinkError> {
     let listener = Listener::new(bus.now_us(), node);
     listen(bus, listener, HOST_US, |listener, _| listener.has_host())
 }
 
-/// Listens until no transport message is in flight, or the timeout is over.
+/// Listens until no transport message is in flight or the timeout has passed.
 ///
 /// # Errors
-/// The bus is gone.
+/// Returns an error if the bus is lost.
 pub fn find_pause(
     bus: &mut impl LinkBus,
     listener: Listener,
@@ -149,7 +148,7 @@ mod tests {
         Listener::new(0, node())
     }
 
-    /// A bus on which these frames arrive, 50 ms apart.
+    /// Bus on which these frames arrive, 50 ms apart.
     fn heard(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {

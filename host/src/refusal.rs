@@ -1,4 +1,4 @@
-//! Sentences for the codes with which a controller refuses requests.
+//! Descriptions of the codes with which a controller refuses requests.
 
 use crate::actuators::fault_words;
 use crate::authentication::NoSession;
@@ -6,61 +6,73 @@ use crate::describe::{fault_report, state_name};
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State};
 
-/// Refusal of a controller that accepts only hosts with its key.
-const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key, --link-key FILE or \
-     ROLLWALK_LINK_KEY (emergency stops need none)";
+/// Description of the refusal of a controller that accepts only hosts with its key.
+const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key with \
+     --link-key FILE or ROLLWALK_LINK_KEY (emergency stops require none)";
 
-/// Reason for which there is no authenticated session, after the controller's name, and remedy.
+/// Reason why there is no authenticated session, to follow the controller's name, and remedy.
 pub fn session_refusal(why: NoSession) -> &'static str {
     match why {
         NoSession::WrongKey => {
-            "has another link key than the one given: give the file that its image was built with"
+            "has another link key than the given one: give the key file that its image was built \
+             with"
         }
         NoSession::NotNeeded => {
-            "has no link key and obeys every host: leave out --link-key, and unset ROLLWALK_LINK_KEY"
+            "has no link key and accepts every host: leave out --link-key, and unset \
+             ROLLWALK_LINK_KEY"
         }
         NoSession::CannotCount => {
-            "cannot store how often it was switched on, and so obeys emergency stops only: its flash is worn out or broken"
+            "accepts emergency stops only, because it cannot store its boot count: replace the \
+             worn or defective flash"
         }
     }
 }
 
-/// Reason for which a command was not executed, and remedy.
+/// Reason why a command was not executed, and remedy.
 pub fn command_refusal(result: CommandResult) -> &'static str {
     match result {
-        CommandResult::Ok => "it was not refused",
+        CommandResult::Ok => "the request was not refused",
         CommandResult::UnknownCode => "no motion of the active library has this code",
-        CommandResult::WrongState => "this is not possible in its present state",
-        CommandResult::Expired => "the command arrived too late: this computer or the bus is busy",
+        CommandResult::WrongState => "this is not allowed in the present state of the robot",
+        CommandResult::Expired => {
+            "the command arrived too late, because this computer or the bus is busy; try again"
+        }
         CommandResult::Unreachable => "the motion graph has no route to this motion",
         CommandResult::NotArmed => "torque is off; arm first",
-        CommandResult::NoLibrary => "it has no valid library; flash one first",
+        CommandResult::NoLibrary => "the controller has no valid library; flash a library first",
         CommandResult::WrongNonce => "the confirmation did not match the request; try again",
-        CommandResult::ConfigMismatch => "its library was built for another robot",
+        CommandResult::ConfigMismatch => {
+            "the library of the controller was built for another robot; flash one for this robot"
+        }
         CommandResult::PoseUnknown => {
             "an actuator does not report its position, or is outside its limits"
         }
         CommandResult::OutOfOrder => {
-            "other commands came at the same time: of another program, or the last of one that has ended; try again"
+            "commands of another program, perhaps one that has ended, arrived at the same time; \
+             try again"
         }
-        CommandResult::UnknownKind => "its firmware is older than this kind of command",
+        CommandResult::UnknownKind => {
+            "the firmware does not support this command; update the firmware"
+        }
         CommandResult::FaultPresent => "a fault is still present",
-        CommandResult::BadSpeed => "playback speeds are 1/64 to 64/64 of the planned one",
+        CommandResult::BadSpeed => "give a playback speed from 1/64 to 64/64 of the planned speed",
         CommandResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         CommandResult::Unproven => {
-            "it has a key of its owner, and setpoints of a host prove nothing: play motions of its library"
+            "the controller has an owner's key, and setpoints of a host are not signed; play \
+             motions of its library"
         }
         CommandResult::UnfitActuators => {
-            "an actuator takes no torque, or no gains with its setpoints: the robot plays motions of its library only"
+            "an actuator does not accept torques or gains with its setpoints; play motions of the \
+             library"
         }
         CommandResult::BadTracking => {
-            "a rate of 20 samples a second up to its control rate, and gains of 0 to 100 % are possible"
+            "give a rate from 20 samples/s to the control rate, and gains from 0 to 100 %"
         }
     }
 }
 
-/// [`command_refusal`], with the controller's state after the command and the fault that it reported with its answer, where
-/// the host knows them.
+/// Reason as in [`command_refusal`]. Includes the controller's state after the command, and the fault that it reported with its
+/// answer, if known.
 pub fn command_refusal_in(
     result: CommandResult,
     state: Option<State>,
@@ -68,13 +80,13 @@ pub fn command_refusal_in(
 ) -> String {
     match (result, state, fault) {
         (CommandResult::WrongState, Some(State::EStopped), _) => {
-            "it is stopped by an emergency stop; clear it first".to_owned()
+            "the robot is stopped by an emergency stop; clear the stop first".to_owned()
         }
         (CommandResult::WrongState, Some(State::TorqueOff), _) => {
-            "it has stopped, torque off; clear it first".to_owned()
+            "the robot has stopped with torque off; clear the stop first".to_owned()
         }
         (CommandResult::WrongState, Some(state), _) => {
-            format!("this is not possible while it is {}", state_name(state))
+            format!("this is not allowed while the robot is {}", state_name(state))
         }
         (CommandResult::FaultPresent | CommandResult::PoseUnknown, _, Some(report)) => {
             let FaultReport { fault, channel, value, .. } = report;
@@ -86,55 +98,68 @@ pub fn command_refusal_in(
     }
 }
 
-/// Reason for which a parameter request was refused in a state of the controller, if that is known, and remedy.
+/// Reason why a parameter request was refused, and remedy. `state` is the state of the controller, if known.
 pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<State>) -> String {
     let sentence = match result {
-        ParameterResult::Ok => "it was not refused",
-        ParameterResult::UnknownParameter => "its firmware is older than this parameter",
-        ParameterResult::UnknownChannel => "the robot has fewer channels",
+        ParameterResult::Ok => "the request was not refused",
+        ParameterResult::UnknownParameter => {
+            "the firmware does not support this parameter; update the firmware"
+        }
+        ParameterResult::UnknownChannel => "the robot does not have this channel",
         ParameterResult::OutOfRange => {
             // All its digits: whether it is the largest value or the smallest is not known here.
-            return format!("the value is no number, or beyond the limit of {limit}");
+            return format!("the value is not a number, or is beyond the limit of {limit}");
         }
         ParameterResult::WrongState => match state {
-            None => "it is not disarmed: disarm it first, or clear it if it has stopped",
-            Some(State::EStopped) => "it is stopped by an emergency stop; clear it first",
-            Some(State::TorqueOff) => "it has stopped; clear it first",
+            None => "the robot is not disarmed: disarm it first, or clear it if it has stopped",
+            Some(State::EStopped) => {
+                "the robot is stopped by an emergency stop; clear the stop first"
+            }
+            Some(State::TorqueOff) => "the robot has stopped; clear the stop first",
             Some(State::Boot | State::SelfTest | State::Disarmed) => {
-                "it was not disarmed at that moment; try again"
+                "the robot was not disarmed at that moment; try again"
             }
             Some(_) => "torque is on; disarm first",
         },
-        ParameterResult::StoreFailed => "it has no memory for parameters, or one that fails",
-        ParameterResult::OutOfOrder => {
-            "other requests came at the same time: of another program, or the last of one that has ended; try again"
+        ParameterResult::StoreFailed => {
+            "the controller cannot store parameters: its memory is missing or defective"
         }
-        ParameterResult::UnknownRequest => "its firmware is older than this kind of request",
-        ParameterResult::NotSupported => "it makes no difference to the actuator of this channel",
+        ParameterResult::OutOfOrder => {
+            "requests of another program, perhaps one that has ended, arrived at the same time; \
+             try again"
+        }
+        ParameterResult::UnknownRequest => {
+            "the firmware does not support this request; update the firmware"
+        }
+        ParameterResult::NotSupported => "the actuator of this channel ignores this parameter",
         ParameterResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
     };
     sentence.to_owned()
 }
 
-/// Reason for which a request of a library transfer failed, and remedy.
+/// Reason why a request of a library transfer failed, and remedy.
 pub fn transfer_refusal(reply: &Reply) -> String {
     let sentence = match reply.result {
-        TransferResult::Ok => "it answers, but does not take in what it is sent",
+        TransferResult::Ok => "the controller answers, but does not store the data",
         TransferResult::WrongState => {
-            "it is not disarmed: disarm it first, or clear it if it has stopped"
+            "the robot is not disarmed: disarm it first, or clear it if it has stopped"
         }
-        TransferResult::TooLong => "the library is larger than its memory",
-        TransferResult::OutOfOrder => "a part of the library is missing before this one",
-        TransferResult::BadCrc => "what it stored is not what was sent",
-        TransferResult::NotBegun => "it was restarted during the transfer; try again",
-        TransferResult::Incomplete => "a part of the library is missing",
-        TransferResult::NotFinished => "it holds another library than the one to activate",
-        TransferResult::StoreFailed => "its memory cannot be written",
-        TransferResult::UnknownRequest => "its firmware is older than this kind of transfer",
+        TransferResult::TooLong => "the library is larger than the memory of the controller",
+        TransferResult::OutOfOrder => "a block of the library before this one is missing",
+        TransferResult::BadCrc => "the stored data differs from the sent data",
+        TransferResult::NotBegun => "the controller was restarted during the transfer; try again",
+        TransferResult::Incomplete => "a block of the library is missing",
+        TransferResult::NotFinished => {
+            "the controller stores another library than the one to activate"
+        }
+        TransferResult::StoreFailed => "the memory of the controller cannot be written",
+        TransferResult::UnknownRequest => {
+            "the firmware does not support this transfer; update the firmware"
+        }
         TransferResult::AuthenticationRequired => AUTHENTICATION_REQUIRED,
         TransferResult::Rejected if reply.why == UNSIGNED => {
-            "it is not signed with the key that this controller was built for: sign it with `rollwalk library sign \
-             LIB.rwl --key KEY.pem -o SIGNED.rwl`, and flash that"
+            "the library is not signed with the key of this controller: sign it with `rollwalk \
+             library sign LIB.rwl --key KEY.pem -o SIGNED.rwl`, and flash SIGNED.rwl"
         }
         TransferResult::Rejected => {
             let (section, why) = (section_name(reply.section), why_sentence(reply.why));
@@ -144,7 +169,7 @@ pub fn transfer_refusal(reply: &Reply) -> String {
     sentence.to_owned()
 }
 
-/// Part of a library file, by [`rollwalk_protocol::library::Section::code`].
+/// Name of a library file's section, by [`rollwalk_protocol::library::Section::code`].
 fn section_name(code: u8) -> &'static str {
     match code {
         0 => "header or section table",
@@ -161,29 +186,29 @@ fn section_name(code: u8) -> &'static str {
         11 => "torque clip table",
         12 => "torques",
         255 => "footer",
-        _ => "a section that this host does not know",
+        _ => "unknown section",
     }
 }
 
-/// Fault of a library, by [`rollwalk_protocol::library::Why::code`].
+/// Description of a library's defect, by [`rollwalk_protocol::library::Why::code`].
 fn why_sentence(code: u8) -> String {
     let known = match code {
         1 => "this is not a motion library",
         2 => "the library is truncated",
-        3 => "something follows the end of the library",
-        4 => "the library is corrupted: a checksum does not fit",
+        3 => "there are bytes after the end of the library",
+        4 => "the library is corrupted: a checksum does not match",
         5 => {
             "the library has another format version than the firmware reads: build both from the \
               same release"
         }
-        9 => "the controller's own configuration is unusable",
+        9 => "the configuration of the controller is invalid",
         10 => "the library was built for another robot: build it again from this robot's file",
         15 => "a channel differs from this robot's configuration",
         19 => "a frame or a torque is outside the limits of its channel",
         20 => "a motion is faster than the limit of its channel",
         21 => "a looping motion jumps from its last frame to its first",
         22 => "a motion ends with a turning wheel",
-        25 => "a transition does not meet the motion that it joins",
+        25 => "a transition does not begin or end with the frame of its motion",
         26 => "a motion has no route to the safe motion",
         32 => "the safe motion does not come to rest",
         _ => return format!("the library is malformed (reason {code})"),
@@ -204,15 +229,15 @@ mod tests {
     #[test]
     fn what_a_state_does_not_allow_is_told_by_the_state() {
         let sentence = |state| parameter_refusal(ParameterResult::WrongState, 0.0, state);
-        assert!(sentence(Some(State::EStopped)).contains("emergency stop; clear it"));
-        assert!(sentence(Some(State::TorqueOff)).contains("clear it"));
+        assert!(sentence(Some(State::EStopped)).contains("emergency stop; clear the stop"));
+        assert!(sentence(Some(State::TorqueOff)).contains("clear the stop"));
         for state in [State::Aligning, State::Ready, State::Playing, State::Damped] {
             assert_eq!(sentence(Some(state)), "torque is on; disarm first");
         }
         assert!(sentence(None).contains("disarm it first, or clear it"));
     }
 
-    /// The controller reports what keeps it from arming with its answer.
+    /// A controller reports the fault that prevents arming together with its answer.
     #[test]
     fn the_fault_behind_a_refusal_is_named() {
         let report = |fault, channel, value| FaultReport { counter: 0, fault, channel, value };

@@ -1,55 +1,57 @@
-//! Setpoints that a host streams: frames in, messages out, as many ahead of the controller as it should have.
+//! Set-points that a host streams, sent ahead of the controller by a fixed number of frames.
 //!
-//! Part of the [operator](crate::operator). The controller plays the frames by its own clock and tells in STATUS how many it has
-//! taken; what it has not taken yet is kept here or waits in its ring (`docs/formats/wire-format.md`, SETPOINT).
+//! This module is part of the [operator](crate::operator). The controller plays the frames by its own clock, and reports in
+//! STATUS the number of frames that it has taken. Other frames are kept here or wait in its ring buffer
+//! (`docs/formats/wire-format.md`, SETPOINT).
 
 use rollwalk_protocol::can::Frame as CanFrame;
 use rollwalk_protocol::wire::{Node, Setpoint};
 use std::collections::VecDeque;
 
-/// Frames that are sent ahead of the last known one of the controller, which is up to 3 frames old: 0.12 to 0.17 s. The
-/// controller has room for 16.
+/// Number of frames sent ahead of the controller's latest known frame. That frame is up to 3 frames old, so the lead is 0.12 to
+/// 0.17 s. The controller has room for 16 frames.
 const LEAD: u64 = 10;
 
-/// Setpoint of a channel: angle of a joint, rad, or speed of a wheel, rad/s; and torque, N·m.
+/// Set-point of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
-    /// Angle or speed.
+    /// Angle of a joint, rad, or speed of a wheel, rad/s.
     pub value: f32,
-    /// Torque that is fed forward.
+    /// Feed-forward torque, N·m.
     pub torque_nm: f32,
 }
 
-/// A stream, from its first frame on.
+/// Stream of set-points, beginning with its first frame.
 #[derive(Clone, Debug, Default)]
 pub struct Stream {
-    /// Frames that the controller has not taken yet, the first with the number `first`.
+    /// Frames that the controller has not taken yet.
     frames: VecDeque<Vec<Target>>,
+    /// Number of the first of these frames.
     first: u64,
-    /// Frame and channel of the next message.
+    /// Frame number and channel of the next message.
     next: (u64, usize),
-    /// Frames that the controller has taken.
+    /// Number of frames that the controller has taken.
     taken: u64,
 }
 
 impl Stream {
-    /// Adds a frame: setpoints of all channels, 1/60 s after those of the frame before.
+    /// Adds a frame: set-points of all channels, 1/60 s after the previous frame.
     pub fn push(&mut self, frame: Vec<Target>) {
         self.frames.push_back(frame);
     }
 
-    /// Frames that the controller has not taken yet, here and on its side.
+    /// Number of frames that the controller has not taken yet, both here and in its ring buffer.
     pub fn ahead(&self) -> usize {
         let end = self.first + self.frames.len() as u64;
         end.saturating_sub(self.taken) as usize
     }
 
-    /// Frames that the controller has taken.
+    /// Number of frames that the controller has taken.
     pub fn taken(&self) -> u64 {
         self.taken
     }
 
-    /// Takes the count of frames in a STATUS of the state Streaming, modulo 4096.
+    /// Processes the number of frames in a STATUS of the state Streaming, modulo 4096.
     pub fn on_status(&mut self, frame: u16) {
         let more = u64::from(frame).wrapping_sub(self.taken) & 0xFFF;
         // An older STATUS does not count back.
@@ -61,7 +63,7 @@ impl Stream {
         }
     }
 
-    /// The next message, if it is time for it.
+    /// Returns the next message; `None` if the stream is already far enough ahead.
     pub fn poll(&mut self, to: Node) -> Option<CanFrame> {
         let (mut number, mut channel) = self.next.max((self.first, 0));
         let mut frame = self.frames.get((number - self.first) as usize)?;

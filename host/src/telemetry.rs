@@ -2,11 +2,11 @@
 //!
 //! | topic | schema | when |
 //! |---|---|---|
-//! | `/joint_states` | `foxglove.JointStates` | when every channel has reported once more |
-//! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played; not without it |
-//! | `/status`, `/fault`, `/command`, `/command_ack` | the message of that name | with it |
+//! | `/joint_states` | `foxglove.JointStates` | each time that all channels have reported |
+//! | `/planned_joint_states` | `foxglove.JointStates` | at every status while a known library is played |
+//! | `/status`, `/fault`, `/command`, `/command_ack` | the message of that name | with each message |
 //!
-//! Everything is JSON, in radians, rad/s and N·m.
+//! Messages are JSON, in rad, rad/s and N·m. The topic of planned states exists only if the library is known.
 
 use crate::decode::decode;
 use crate::joints::{Joints, Known, Reader};
@@ -19,22 +19,23 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
-/// Messages that are written as decoded.
+/// Names of the messages that are written as decoded.
 const DECODED: [&str; 4] = ["status", "fault", "command", "command_ack"];
 
-/// A telemetry file that is being written.
+/// Telemetry file that is being written.
 pub struct Telemetry<'a, W: Write + Seek> {
     writer: Writer<W>,
     node: Node,
     joints: Reader<'a>,
     measured_topic: u16,
-    /// Topic of planned states; `None` if the library is unknown, because an empty topic would mean a robot that plays nothing.
+    /// Topic of planned states; `None` if the library is unknown, because an empty topic would mean that the robot plays
+    /// nothing.
     planned_topic: Option<u16>,
     topics: BTreeMap<&'static str, u16>,
     sequence: u32,
 }
 
-/// A `foxglove.JointStates`.
+/// Message of type `foxglove.JointStates`.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct JointStates {
     timestamp: Timestamp,
@@ -59,10 +60,10 @@ pub(crate) struct JointState {
 }
 
 impl<'a, W: Write + Seek> Telemetry<'a, W> {
-    /// A file about controller `node`.
+    /// Creates a file about controller `node`.
     ///
     /// # Errors
-    /// What `to` says.
+    /// Returns an error if `to` cannot be written.
     pub fn new(to: W, node: Node, known: Option<Known<'a>>) -> McapResult<Self> {
         let library = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
         let options = WriteOptions::new().compression(None).library(library);
@@ -92,10 +93,10 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         Ok(Self { writer, node, joints, measured_topic, planned_topic, topics, sequence })
     }
 
-    /// Takes a frame of the link, received at `at_us` microseconds since 1970.
+    /// Processes a frame of the link, received at `at_us` microseconds since 1970.
     ///
     /// # Errors
-    /// What the file says.
+    /// Returns an error if the file cannot be written.
     pub fn on_frame(&mut self, at_us: u64, frame: &Frame) -> McapResult<()> {
         if let Ok(decoded) = decode(frame)
             && decoded.node == self.node.number()
@@ -109,18 +110,18 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
         }
     }
 
-    /// Writes what waits, as a chunk: readers recover it from a file that was not ended.
+    /// Writes the buffered messages as a chunk, which readers can recover from a file that was not completed.
     ///
     /// # Errors
-    /// What the file says.
+    /// Returns an error if the file cannot be written.
     pub fn flush(&mut self) -> McapResult<()> {
         self.writer.flush()
     }
 
-    /// Ends the file.
+    /// Completes the file.
     ///
     /// # Errors
-    /// What the file says.
+    /// Returns an error if the file cannot be written.
     pub fn finish(mut self) -> McapResult<()> {
         self.writer.finish().map(drop)
     }

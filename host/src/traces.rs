@@ -1,4 +1,4 @@
-//! Commanded and measured motion of a robot's motors over time, from telemetry files and logs of actuator buses. Times are
+//! Commanded and measured motion of a robot's motors over time, from telemetry files and logs of actuator buses. Times are in
 //! seconds since the first message.
 
 use crate::telemetry::JointStates;
@@ -11,10 +11,10 @@ use rollwalk_protocol::wire::FromController;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
-/// Values with their times, s.
+/// Pairs of time, s, and value.
 pub type Points = Vec<(f64, f64)>;
 
-/// A motor and its drive.
+/// Traces of a motor and its drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motor {
     /// Commanded angle of a joint, rad.
@@ -34,51 +34,55 @@ pub struct Motor {
 pub struct Traces {
     /// Motors by channel.
     pub motors: Vec<Motor>,
-    /// Stretches of time in which all drives are commanded, s.
+    /// Time intervals in which all drives are commanded, s.
     pub commanded_s: Vec<[f64; 2]>,
 }
 
-/// Reason for which a file cannot be used.
+/// Reason why a file cannot be used.
 #[derive(Debug, Error)]
 pub enum Unusable {
     /// Unreadable MCAP file.
-    #[error("it is no MCAP file that can be read: {0}")]
+    #[error("it is not a readable MCAP file: {0}")]
     Mcap(#[from] mcap::McapError),
     /// Compressed chunks that are far larger than the file.
     #[error(
-        "its compressed chunks unpack to {unpacked} bytes, and at most {most} of a file of this size are read: record anew, or cut the recording into shorter ones with `mcap filter`"
+        "its compressed chunks unpack to {unpacked} bytes, but the limit for a file of this size \
+         is {most} bytes: record again, or split the recording with `mcap filter`"
     )]
     Unpacked {
-        /// Size that the chunks declare.
+        /// Size that the chunks declare, bytes.
         unpacked: u64,
-        /// Most that is read.
+        /// Limit of the size that is read, bytes.
         most: u64,
     },
-    /// A message of a topic is not as monitors write it.
+    /// Message of a topic in another format than that of monitors.
     #[error(
-        "a message of {0} is no JSON of foxglove.JointStates, as `rollwalk monitor --mcap` writes it"
+        "a message of {0} is not JSON of foxglove.JointStates, as written by `rollwalk monitor \
+         --mcap`"
     )]
     Message(String),
-    /// A topic is missing.
-    #[error("it has no {0}: {1}")]
+    /// Missing topic.
+    #[error("it lacks the topic {0}: {1}")]
     Topic(&'static str, &'static str),
-    /// The buses of the log are not those of the robot.
+    /// Buses in the log that do not match those of the robot.
     #[error(
-        "it has frames of {found} actuator buses, and the robot has {expected}: log all of them, `candump -l` takes several interfaces"
+        "it has frames of {found} actuator buses, but the robot has {expected}: log all buses by \
+         giving several interfaces to `candump -l`"
     )]
     Buses {
-        /// Interfaces with frames of actuators.
+        /// Number of interfaces with frames of actuators.
         found: usize,
-        /// Buses of the robot.
+        /// Number of buses of the robot.
         expected: usize,
     },
-    /// The log of a link.
+    /// Log of the link instead of actuator buses.
     #[error(
-        "it is the log of the link, which has what motors measure but not what drives are commanded: log the actuator buses, or record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`"
+        "it is a log of the link, which lacks the commands of the drives: log the actuator buses, \
+         or record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`"
     )]
     LinkOnly,
-    /// A motor is missing.
-    #[error("no {what} of {name} is in it")]
+    /// Missing motor.
+    #[error("it lacks the {what} of {name}")]
     Motor {
         /// Missing quantity.
         what: &'static str,
@@ -87,23 +91,24 @@ pub enum Unusable {
     },
 }
 
-/// Most bytes of a record, which is in memory whole.
+/// Limit of the size of a record, bytes. A record is kept in memory as a whole.
 const RECORD_MAX: usize = 16 << 20;
-/// Most bytes that compressed chunks unpack to: as many as the longest recording has without compression.
+/// Limit of the unpacked size of all compressed chunks, bytes: the size of the longest recording without compression.
 const UNPACKED_MAX: u64 = 256 << 20;
-/// Bytes per byte of the file that chunks may unpack to beyond [`RECORD_MAX`]: telemetry is compressed to a tenth.
+/// Limit of the ratio of unpacked size to file size, beyond [`RECORD_MAX`]. Telemetry is compressed to a tenth.
 const RATIO_MAX: u64 = 32;
 
 const MEASURED: &str = "/joint_states";
 const PLANNED: &str = "/planned_joint_states";
-/// Longest time between planned states, which come with every status, and between setpoints of a drive, s.
+/// Longest interval between planned states, s. They arrive with every status.
 const PLANNED_GAP_S: f64 = 0.25;
+/// Longest interval between set-points of a drive, s.
 const SETPOINT_GAP_S: f64 = 0.1;
 
-/// Reads a file of `rollwalk monitor --mcap`, also one that was not ended or that other tools have compressed.
+/// Reads a file of `rollwalk monitor --mcap`. The file may be incomplete, or compressed by other tools.
 ///
 /// # Errors
-/// What it lacks, or why it cannot be read.
+/// Returns an error if the file cannot be read or lacks a topic or motor.
 pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
     let most = (RECORD_MAX as u64 + RATIO_MAX * bytes.len() as u64).min(UNPACKED_MAX);
     let unpacked = unpacked_bytes(bytes);
@@ -135,10 +140,12 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
         return Err(error.into());
     }
     let mut of = |topic, why| turns.remove(topic).ok_or(Unusable::Topic(topic, why));
-    let measured = of(MEASURED, "is it telemetry of a robot?")?;
+    let measured =
+        of(MEASURED, "record telemetry of a robot with `rollwalk monitor --mcap RUN.mcap`")?;
     let planned = of(
         PLANNED,
-        "drives were commanded what nobody knows; record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`",
+        "to record the commands of the drives, use `rollwalk monitor --mcap RUN.mcap --library \
+         LIB.rwl`",
     )?;
     let begin_ns = measured[0].0.min(planned[0].0);
     let at_s = |ns: u64| ns.saturating_sub(begin_ns) as f64 * 1e-9;
@@ -177,9 +184,9 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     Traces { motors, commanded_s }.whole(config, names)
 }
 
-/// Bytes that the compressed chunks of a file declare to unpack to; up to where the file is cut off or damaged.
+/// Sum of the unpacked sizes that the compressed chunks of a file declare. Stops where the file is truncated or damaged.
 fn unpacked_bytes(bytes: &[u8]) -> u64 {
-    /// Opcode and length before every record.
+    /// Length of the opcode and length field before every record, bytes.
     const HEAD: usize = 9;
     let mut rest = bytes.get(mcap::MAGIC.len()..).unwrap_or_default();
     let mut unpacked = 0_u64;
@@ -203,11 +210,12 @@ fn unpacked_bytes(bytes: &[u8]) -> u64 {
     unpacked
 }
 
-/// Reads a log of all actuator buses of a robot, which speak the Rollwalk servo profile: of a robot with several, the
-/// interfaces in the order of their names. A link in the log does not matter.
+/// Reads a log of all actuator buses of a robot with the Rollwalk servo profile.
+///
+/// If the robot has several buses, the interfaces are assigned in the order of their names. Frames of the link are ignored.
 ///
 /// # Errors
-/// What it lacks.
+/// Returns an error if the log lacks a bus or a motor.
 pub fn of_candump(
     entries: &[LogEntry],
     config: &RobotConfig,
@@ -274,7 +282,7 @@ pub fn of_candump(
 }
 
 impl Traces {
-    /// Itself, if every drive is commanded and some motor measured.
+    /// Returns the traces if every drive is commanded and at least one motor is measured.
     fn whole(self, config: &RobotConfig, names: &[String]) -> Result<Self, Unusable> {
         let all = self.motors.iter().zip(&config.channels).zip(names);
         for ((motor, channel), name) in all {
@@ -294,7 +302,7 @@ impl Traces {
     }
 }
 
-/// Adds a stretch of time to the last one if it begins at most `gap_s` after that, or as another one.
+/// Extends the final interval if the new one begins at most `gap_s` after it; otherwise appends the new one.
 fn extend(stretches_s: &mut Vec<[f64; 2]>, [from_s, to_s]: [f64; 2], gap_s: f64) {
     match stretches_s.last_mut() {
         Some(last) if from_s - last[1] <= gap_s => last[1] = to_s,
@@ -302,14 +310,14 @@ fn extend(stretches_s: &mut Vec<[f64; 2]>, [from_s, to_s]: [f64; 2], gap_s: f64)
     }
 }
 
-/// The times that are in both.
+/// Intersection of two lists of time intervals.
 fn both(ones: &[[f64; 2]], others: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let pairs = ones.iter().flat_map(|one| others.iter().map(move |other| (one, other)));
     let common = pairs.map(|(one, other)| [one[0].max(other[0]), one[1].min(other[1])]);
     common.filter(|[from_s, to_s]| from_s < to_s).collect()
 }
 
-/// Speeds of planned angles, by differences of neighbouring samples; none across a pause of the recording.
+/// Speeds of planned angles, from differences of neighbouring samples. Differences do not span a pause of the recording.
 fn slopes(points: &[(f64, f64)]) -> Points {
     let near = |one: usize, other: usize| points[other].0 - points[one].0 <= PLANNED_GAP_S;
     let slope = |k: usize| {
@@ -435,7 +443,7 @@ mod tests {
         assert!(of_mcap(b"time_s,x", &config, &names).is_err());
     }
 
-    /// A file of one compressed chunk, which declares `declared` bytes and has `zeros` of them.
+    /// File of one compressed chunk, which declares `declared` bytes and contains `zeros` bytes.
     fn bomb(zeros: u64, declared: u64) -> Vec<u8> {
         let mut file = Cursor::new(Vec::new());
         let options = WriteOptions::new().compression(Some(Compression::Zstd)).chunk_size(None);
@@ -471,7 +479,10 @@ mod tests {
         let honest = bomb(64 << 20, 64 << 20);
         assert!(honest.len() < 100_000, "{}", honest.len());
         let error = why(&honest);
-        assert!(error.contains("unpack to 67") && error.contains("at most 1"), "{error}");
+        assert!(
+            error.contains("unpack to 67") && error.contains("limit for a file of this size is 1"),
+            "{error}"
+        );
         // The reader stops at the size that a chunk declares.
         let error = why(&bomb(64 << 20, 1000));
         assert!(error.contains("decompress"), "{error}");

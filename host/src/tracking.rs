@@ -1,7 +1,7 @@
-//! The host's end of a closed loop over the link: batches of measurements in, setpoints that answer them out
+//! Host's end of a closed loop over the link: receives batches of measurements, and sends set-points that answer them
 //! (`docs/formats/wire-format.md`, SAMPLE).
 //!
-//! Part of the [operator](crate::operator), which sends answers only to a controller that follows them.
+//! This module is part of the [operator](crate::operator), which sends answers only to a controller that follows them.
 
 use crate::stream::Target;
 use rollwalk_protocol::can::Frame;
@@ -13,16 +13,16 @@ use rollwalk_protocol::wire::{
 /// Parameters of a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tracking {
-    /// Samples a second; the controller takes this rate, or the next higher one that it can.
+    /// Rate of samples, Hz. The controller uses this rate, or the next higher rate that is possible.
     pub rate_hz: u16,
-    /// Parts of kp and kd of the robot file that drives close around setpoints which are not stiff, %.
+    /// Fraction of the robot file's kp that acts around set-points without the stiff flag, %.
     pub kp_percent: u8,
-    /// The same of kd.
+    /// Fraction of the robot file's kd that acts around these set-points, %.
     pub kd_percent: u8,
 }
 
 impl Tracking {
-    /// The command that begins it.
+    /// Command that begins tracking.
     pub fn action(self) -> Action {
         let Self { rate_hz, kp_percent, kd_percent } = self;
         Action::Track { rate_hz, kp_percent, kd_percent }
@@ -32,39 +32,40 @@ impl Tracking {
 /// Measurements of an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Number of the sample, counted on from that of the first one heard.
+    /// Number of the sample, counted from the number of the first received sample.
     pub number: u64,
-    /// Time from the measurements of a sample until its answer acted, of the answer in force, s; `None` before the first.
+    /// Time from the measurements of a sample until its answer took effect, for the answer in force, s; `None` before the first
+    /// answer.
     pub delay_s: Option<f32>,
-    /// Samples that were taken since the one whose answer was in force.
+    /// Number of samples taken since the one whose answer was in force; `None` before the first answer.
     pub late: Option<u8>,
-    /// The last measurements of every channel; `None` of one that was never heard.
+    /// Latest measurements of each channel; `None` for a channel that has not reported yet.
     pub joints: Vec<Option<JointTelemetry>>,
-    /// Channels whose measurements did not come with this sample, and are older.
+    /// Number of channels whose measurements did not arrive with this sample, and are older.
     pub stale: usize,
-    /// Angular velocity of the root link in its axes, rad/s, if the controller has an IMU.
+    /// Angular velocity of the root link in its axes, rad/s; `None` without an IMU.
     pub gyro_rad_s: Option<[f32; 3]>,
-    /// Specific force at its origin, mean since the sample before, m/s².
+    /// Specific force at the origin of the root link, mean since the previous sample, m/s²; `None` without an IMU.
     pub force_m_s2: Option<[f32; 3]>,
     /// Contact of each end effector with the ground, one bit each; `None` without contact switches.
     pub contacts: Option<u32>,
 }
 
-/// Batches, as they arrive.
+/// Collects batches of measurements as they arrive.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
     joints: Vec<Option<JointTelemetry>>,
-    /// Channels heard since the last sample, a bit each.
+    /// Channels that have reported since the latest sample, a bit each.
     heard: u32,
     gyro: Option<Gyro>,
     accelerometer: Option<Accelerometer>,
     last: Option<u64>,
-    /// Samples whose number was left out.
+    /// Number of skipped sample numbers.
     lost: u64,
 }
 
 impl Samples {
-    /// Takes the measurements of a channel.
+    /// Records the measurements of a channel.
     pub fn on_joint(&mut self, joint: JointTelemetry) {
         let channel = usize::from(joint.channel);
         if channel < MAX_CHANNELS {
@@ -74,17 +75,17 @@ impl Samples {
         }
     }
 
-    /// Takes an angular velocity.
+    /// Records an angular velocity.
     pub fn on_gyro(&mut self, gyro: Gyro) {
         self.gyro = Some(gyro);
     }
 
-    /// Takes a specific force.
+    /// Records a specific force.
     pub fn on_accelerometer(&mut self, accelerometer: Accelerometer) {
         self.accelerometer = Some(accelerometer);
     }
 
-    /// Ends a batch. `None` for a sample that came already.
+    /// Ends a batch. Returns `None` for a repeated or outdated sample.
     pub fn on_sample(&mut self, sample: Sample) -> Option<Measured> {
         let number = match self.last {
             None => u64::from(sample.number),
@@ -111,13 +112,13 @@ impl Samples {
         })
     }
 
-    /// Samples that did not arrive.
+    /// Number of samples that did not arrive.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 }
 
-/// The answer that is being sent.
+/// Answer that is being sent.
 #[derive(Clone, Debug, Default)]
 pub struct Answer {
     number: u8,
@@ -127,12 +128,12 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// The answer to a sample: setpoints of all channels.
+    /// Creates the answer to a sample: set-points of all channels.
     pub fn new(number: u64, stiff: bool, targets: Vec<Target>) -> Self {
         Self { number: number as u8, stiff, targets, next: 0 }
     }
 
-    /// The next message.
+    /// Returns the next message; `None` once all are sent.
     pub fn poll(&mut self, to: Node) -> Option<Frame> {
         let Target { value, torque_nm } = *self.targets.get(self.next)?;
         let channel = u8::try_from(self.next).ok()?;

@@ -1,9 +1,9 @@
-//! Transfer of a motion library without bus or clock: BEGIN, blocks, FINISH, ACTIVATE; requests come out, answers go in.
+//! Transfer of a motion library without bus or clock: BEGIN, blocks, FINISH, ACTIVATE. The caller sends the requests and passes
+//! the answers.
 //!
-//! A block that is lost or damaged is repeated at half the size: one lost frame of a long message
-//! loses the whole message, so on a bad link short messages are more likely to arrive. With every
-//! block that arrives the blocks grow again. [`crate::session`] waits for the answers, [`crate::operator`] gets on with other
-//! work.
+//! A block that is lost or damaged is repeated at half the size. A lost frame of a long message loses the whole message, so on
+//! a bad link short messages are more likely to arrive. Blocks grow again with every block that arrives. [`crate::session`]
+//! waits for the answers, while [`crate::operator`] continues with other work.
 
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, TransferResult};
@@ -12,28 +12,28 @@ use rollwalk_protocol::wire::transport::{MAX_BLOCK, Reply, Request, Response, Tr
 const BLOCK_TIMEOUT_US: u64 = 250_000;
 /// Timeout of requests that erase or read memory, µs.
 const MEMORY_TIMEOUT_US: u64 = 5_000_000;
-/// Largest number of transmissions of a request other than a block.
+/// Maximum number of transmissions of a request other than a block.
 const REQUEST_SENDS: u32 = 5;
-/// Smallest size of a block, and step by which blocks grow, bytes.
+/// Smallest size of a block and step of its growth, bytes.
 const SMALLEST_BLOCK: usize = 32;
-/// Number of blocks in a row without progress after which the transfer is given up.
+/// Number of consecutive blocks without progress after which the transfer fails.
 const LOST_BLOCKS: u32 = 16;
 
 /// Progress of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Bytes that the controller has received.
+    /// Number of bytes that the controller has received.
     pub done: usize,
     /// Size of the library, bytes.
     pub total: usize,
 }
 
-/// Reason for which a transfer ended early. The next transfer resumes where it stopped.
+/// Reason why a transfer ended early. The next transfer resumes at the same offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransferError {
-    /// The controller does not answer.
+    /// Missing answers of the controller.
     Silent,
-    /// The controller refuses the library or a step of the transfer.
+    /// Refusal of the library or of a step of the transfer.
     Refused(Reply),
 }
 
@@ -46,40 +46,41 @@ enum Stage {
     Complete,
 }
 
-/// A library on its way to a controller, which must be disarmed.
+/// Transfer of a library to a controller, which must be disarmed.
 #[derive(Clone, Debug)]
 pub struct Transfer<L> {
     library: L,
     digest: u32,
     stage: Stage,
-    /// Bytes that the controller has received.
+    /// Number of bytes that the controller has received.
     done: usize,
-    /// Size of the next block, and of the largest, bytes.
+    /// Size of the next block, bytes.
     size: usize,
+    /// Largest size of a block, bytes.
     largest: usize,
-    /// Requests in a row without progress.
+    /// Number of consecutive requests without progress.
     lost: u32,
 }
 
 impl<L: AsRef<[u8]>> Transfer<L> {
-    /// A transfer that has not begun, in blocks of at most `max_block` bytes, as HELLO says.
+    /// Creates a transfer that has not begun, with blocks of at most `max_block` bytes, the limit in the controller's HELLO.
     pub fn new(library: L, max_block: u16) -> Self {
         let digest = file_digest(library.as_ref());
         let largest = usize::from(max_block).clamp(1, MAX_BLOCK);
         Self { library, digest, stage: Stage::Begin, done: 0, size: largest, largest, lost: 0 }
     }
 
-    /// The library.
+    /// Library to transfer.
     pub fn library(&self) -> &[u8] {
         self.library.as_ref()
     }
 
-    /// Bytes that the controller has, of all.
+    /// Progress of the transfer.
     pub fn progress(&self) -> Progress {
         Progress { done: self.done, total: self.library().len() }
     }
 
-    /// The request to be sent; `None` when the library is in use.
+    /// Request to send; `None` once the library is active.
     pub fn request(&self) -> Option<Request<'_>> {
         let library = self.library();
         let Self { digest, .. } = *self;
@@ -100,8 +101,9 @@ impl<L: AsRef<[u8]>> Transfer<L> {
         if self.stage == Stage::Blocks { BLOCK_TIMEOUT_US } else { MEMORY_TIMEOUT_US }
     }
 
-    /// The answer to the present request in a message. An answer with `next` beyond the end belongs to another file or is
-    /// damaged, and counts as lost.
+    /// Returns the answer to the current request; `None` if the message is another one.
+    ///
+    /// An answer with `next` beyond the end of the library is damaged or belongs to another file, and counts as lost.
     pub fn answer(&self, response: Response) -> Option<Reply> {
         let Response::Reply(reply) = response else { return None };
         let kind = self.request()?.kind();
@@ -109,10 +111,10 @@ impl<L: AsRef<[u8]>> Transfer<L> {
         (reply.request == kind && is_valid).then_some(reply)
     }
 
-    /// Goes on with the answer to the request; `None` if it or its answer got lost.
+    /// Continues with the answer to the request; `None` means that the request or its answer was lost.
     ///
     /// # Errors
-    /// The controller refuses, or no answer comes to many repetitions.
+    /// Returns an error if the controller refuses, or if too many repetitions are unanswered.
     pub fn answered(&mut self, reply: Option<Reply>) -> Result<(), TransferError> {
         if self.stage == Stage::Blocks {
             return self.block_answered(reply);

@@ -1,4 +1,4 @@
-//! Estimates friction and speed of a box from a few measured places of it, with their standard deviations.
+//! Estimates friction and speed of a box from a few measured positions, with standard deviations.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -11,10 +11,10 @@ use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
 use std::sync::Arc;
 
 const STEPS: usize = 60;
-/// Standard deviation of a measured place, m.
+/// Standard deviation of a measured position, m.
 const NOISE_M: f64 = 1e-3;
 
-/// A box that slides on the ground, of a coefficient of friction and a speed.
+/// Simulates a box that slides on the ground, with a given friction coefficient and initial speed.
 fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() * 2e-3 };
@@ -74,5 +74,5 @@ fn main() {
     for (k, deviation) in fit.deviations().into_iter().enumerate() {
         println!("{}: {:.4} ± {deviation:.4} (truth {})", names[k], fit.parameters[k], truth[k]);
     }
-    println!("{} places of 1 mm accuracy, {} simulations", seen.len(), fit.rollouts);
+    println!("{} positions measured to 1 mm, {} simulations", seen.len(), fit.rollouts);
 }

@@ -1,7 +1,7 @@
-//! Checks if derivatives of a rollout can be used: their growth, changes of contacts, and derivatives that are exactly 0.
+//! Checks whether derivatives of a rollout are usable: their growth, changes of contacts, and derivatives that are exactly 0.
 //!
-//! A box that slides forgets its speed. A box that tumbles does not: a small initial change is large after some bounces, and its
-//! gradient, though exact, hardly predicts finite changes.
+//! The motion of a sliding box soon no longer depends on its initial speed. A tumbling box amplifies a small initial change
+//! with every bounce. Its gradient is exact, but hardly predicts finite changes.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -12,7 +12,7 @@ use rollwalk_physics::sensitivity::{Health, Parameter, Recorder};
 use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, StepError, System};
 use std::sync::Arc;
 
-/// Runs a box of 10 cm for a second and a half, and reports.
+/// Simulates a box of 10 cm for 1.5 s, and prints a report.
 fn report(name: &str, motion: Motion) -> Result<(), StepError> {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 0.5, about_com_kg_m2: Matrix3::identity() * 8e-4 };
@@ -41,7 +41,7 @@ fn report(name: &str, motion: Motion) -> Result<(), StepError> {
         Box::new(turn),
         Box::new(Touching::new(&system, 0..8, OfContact::Friction)),
     ];
-    let names = ["place along x", "height", "turn about y", "friction"];
+    let names = ["position along x", "height", "turn about y", "friction"];
     let mut recorder = Recorder::new(&system, parameters);
     for _ in 0..180 {
         system.step_recorded(1.0 / 120.0, &mut recorder)?;
@@ -49,8 +49,8 @@ fn report(name: &str, motion: Motion) -> Result<(), StepError> {
     let health = Health::of(&recorder.finish(), 0..1);
     println!("{name}:");
     let sizes: Vec<_> = health.size.iter().step_by(30).map(|size| format!("{size:.2}")).collect();
-    println!("  largest derivative every quarter of a second: {}", sizes.join(", "));
-    println!("  {} changes of contacts, {} steps halved", health.events.len(), health.halved.len());
+    println!("  largest derivative after each 0.25 s: {}", sizes.join(", "));
+    println!("  {} contact changes, {} halved steps", health.events.len(), health.halved.len());
     for &parameter in &health.without_effect {
         println!("  nothing depends on the {}", names[parameter]);
     }

@@ -1,5 +1,5 @@
-//! Finds the way of a handle that pulls a cube along the ground by a string, so that it stops at a target: trajectory
-//! optimisation with one parameter for each knot of a curve and each axis.
+//! Finds the path of a handle that pulls a cube by a string along the ground, so that the cube stops at a target. This
+//! trajectory optimisation has one parameter for each knot of a curve and each axis.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -21,12 +21,13 @@ const AXES: [Vector3<f64>; 2] = [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 
 const HANDLE: Vector3<f64> = Vector3::new(0.12, 0.0, 0.05);
 const TARGET_M: Vector3<f64> = Vector3::new(0.1, 0.05, 0.0);
 
-/// The way of the handle: a smooth curve through ten knots in a second.
+/// Path of the handle: a smooth curve through ten knots in one second.
 fn curve() -> Curve {
     Curve { begin_s: 0.0, spacing_s: 1.0 / 9.0, knots: 10, degree: Degree::Cubic, periodic: false }
 }
 
-/// A cube, a particle on a firm anchor as the handle, and a string between them; the anchor's number among the forces.
+/// Builds a cube, a handle (a particle on a stiff anchor), and a string between them. Returns the system and the force index of
+/// the anchor.
 fn scene() -> (System, usize) {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 0.2, about_com_kg_m2: Matrix3::identity() * 8e-5 };
@@ -62,7 +63,7 @@ fn scene() -> (System, usize) {
     (System::new(Settings::default(), assembly), anchor)
 }
 
-/// Simulates the scene with the knots' values, ordered by knot: x and y of the first knot, then of the second.
+/// Simulates the scene for given values of the knots: x and y of the first knot, then of the second.
 fn rollout(values: &[f64]) -> Option<Rollout> {
     let (mut system, anchor) = scene();
     let curve = Arc::new(curve());

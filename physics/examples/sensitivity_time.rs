@@ -1,5 +1,5 @@
-//! CPU time of derivatives: AgileBot by 128 targets, LegBot on soft feet by 96, by the direct and the adjoint method, beside
-//! the simulation alone.
+//! CPU time of derivatives with the direct and the adjoint method, compared with the simulation alone: AgileBot with 128
+//! targets, and LegBot on soft feet with 96.
 //!
 //! `cargo run --release -p rollwalk-physics --example sensitivity_time`
 
@@ -24,7 +24,8 @@ fn robot(name: &str) -> Robot {
     Robot::from_toml(name, &text).expect("shipped robot files are sound")
 }
 
-/// A robot that swings its joints and drives its wheels; recorded by so many knots of each joint, or not.
+/// Simulates a robot that swings its joints and drives its wheels. `knots` is the number of recorded knots for each joint;
+/// `None` records nothing.
 fn run(
     robot: &Robot,
     parameters: &Parameters,
@@ -64,7 +65,7 @@ fn run(
     recorder.map(Recorder::finish)
 }
 
-/// Shortest of some runs.
+/// Prints the shortest CPU time of several runs.
 fn measure<T>(name: &str, mut what: impl FnMut() -> T) -> T {
     let mut shortest = f64::INFINITY;
     let mut result = None;
@@ -77,7 +78,7 @@ fn measure<T>(name: &str, mut what: impl FnMut() -> T) -> T {
     result.expect("it ran")
 }
 
-/// Times of a robot's rollouts, by eight knots of every joint.
+/// Compares the CPU times of a robot's rollouts, with eight knots for each joint.
 fn compare(robot: &Robot, parameters: &Parameters, name: &str, steps: usize) {
     println!("{name}, {steps} steps, {} targets", 8 * robot.joints.len());
     measure("simulation, with its setup", || run(robot, parameters, steps, None));

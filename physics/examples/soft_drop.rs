@@ -1,4 +1,4 @@
-//! Drops a soft block of tetrahedra on the ground, and asks how its height depends on its stiffness.
+//! Drops a soft block of tetrahedra on the ground, and differentiates its height with respect to its stiffness.
 
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -46,7 +46,10 @@ fn main() -> Result<(), StepError> {
             let [low, high] = [f64::min, f64::max]
                 .map(|of| heights.clone().reduce(of).expect("the block has nodes"));
             let joule = system.energy().total_j();
-            println!("{:.3} s: from {low:.4} to {high:.4} m, {joule:.3} J", system.time_s());
+            println!(
+                "{:.3} s: height from {low:.4} to {high:.4} m, energy {joule:.3} J",
+                system.time_s()
+            );
         }
     }
     println!("{:.1} Newton iterations a step", f64::from(iterations) / STEPS as f64);
@@ -55,7 +58,8 @@ fn main() -> Result<(), StepError> {
     let height = Residual::com(&rollout, STEPS, &Vector3::zeros(), Vector3::z());
     let by_shear = rollout.gradient(std::slice::from_ref(&height))[0] / height.value;
     println!(
-        "The centre of mass is at {:.4} m; one kilopascal more of shear modulus moves it by {:+.2e} m.",
+        "The centre of mass is at {:.4} m; increasing the shear modulus by 1 kPa moves the centre \
+         of mass by {:+.2e} m.",
         height.value,
         1e3 * by_shear
     );

@@ -1,7 +1,7 @@
-//! CPU time of a step: robots, a robot with soft feet, chains of bodies, a soft block.
+//! CPU time of a step for robots, a robot with soft feet, chains of bodies, and a soft block.
 //!
-//! `cargo run --release -p rollwalk-physics --example step_time [NAME [TIMES]]`: all systems, or those whose name begins with
-//! NAME, each for TIMES as many steps, so that a profiler sees enough of them.
+//! `cargo run --release -p rollwalk-physics --example step_time [NAME [TIMES]]`: NAME selects the systems whose name begins
+//! with it; the default is all systems. TIMES multiplies the number of steps, so that a profiler gets enough samples.
 
 use cpu_time::ProcessTime;
 use nalgebra::{Matrix3, Vector3};
@@ -23,7 +23,7 @@ fn level() -> Arc<dyn Ground> {
     Arc::new(Plane::level())
 }
 
-/// Steps, and prints what they took.
+/// Takes steps and prints their CPU time.
 fn measure(
     name: &str,
     step_s: f64,
@@ -63,7 +63,7 @@ fn robot(name: &str) -> Robot {
     Robot::from_toml(name, &text).expect("shipped robot files are sound")
 }
 
-/// A robot that swings its joints and drives its wheels.
+/// Measures a robot that swings its joints and drives its wheels.
 fn moving(robot: &Robot, parameters: &Parameters, name: &str, step_s: f64, steps: u32) {
     let mut world = World::standing(robot, &level(), parameters);
     let mut time_s = 0.0;
@@ -85,7 +85,7 @@ fn moving(robot: &Robot, parameters: &Parameters, name: &str, step_s: f64, steps
     });
 }
 
-/// Boxes in a row on the ground, each held to the next at two points.
+/// Measures a row of boxes on the ground. Each box is attached to the next at two points.
 fn chain(count: usize) {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.1 * 0.1 * 0.1 / 6.0);

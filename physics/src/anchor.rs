@@ -1,18 +1,18 @@
-//! A point of a body that is held to a place in the world: a wall's bolt, or a handle that moves.
+//! Spring between a point of a body and a point of the world, such as a bolt in a wall or a moving handle.
 
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
-/// The point, the place and the spring between them.
+/// Point of a body, point of the world, and the spring between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Anchor {
-    /// The body.
+    /// Index of the body.
     pub body: [usize; 1],
-    /// The point, from the centre of mass in body axes, m; 0 for a particle.
+    /// Point of the body, from its centre of mass in body axes, m; 0 for a particle.
     pub point: Vector3<f64>,
-    /// Position at which the point is held, in world axes, m.
+    /// Point of the world, in world axes, m.
     pub place: Vector3<f64>,
     /// Stiffness, N/m.
     pub stiffness_n_m: f64,
@@ -21,7 +21,7 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// Force on the body, N, and the point's arm, m.
+    /// Force on the body, N, and the arm from the centre of mass to the point, m.
     fn force(&self, now: &Motion) -> (Vector3<f64>, Vector3<f64>) {
         let (place, velocity) = now.point(&self.point);
         let force = (self.place - place) * self.stiffness_n_m - velocity * self.damping_n_s_m;

@@ -1,11 +1,11 @@
-//! Bodies and forces while they are put together, before they are a system.
+//! Bodies and forces from which a system is built.
 
 use crate::body::Body;
 use crate::force::Force;
 use crate::motion::Motion;
 use nalgebra::Vector3;
 
-/// The parts of a system to be.
+/// Parts of a future system.
 #[derive(Debug, Default)]
 pub struct Assembly {
     /// The bodies.
@@ -17,19 +17,19 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Adds a body; its index.
+    /// Adds a body and returns its index.
     pub fn add_body(&mut self, body: impl Into<Body>, motion: Motion) -> usize {
         self.bodies.push(body.into());
         self.motions.push(motion);
         self.bodies.len() - 1
     }
 
-    /// Adds a particle at rest; its index.
+    /// Adds a particle at rest and returns its index.
     pub fn add_particle(&mut self, mass_kg: f64, position: Vector3<f64>) -> usize {
         self.add_body(Body::Particle { mass_kg }, Motion::at(position))
     }
 
-    /// Adds a force; its index.
+    /// Adds a force and returns its index.
     pub fn add(&mut self, force: impl Force) -> usize {
         self.forces.push(Box::new(force));
         self.forces.len() - 1

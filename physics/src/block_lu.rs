@@ -1,21 +1,22 @@
-//! LU factors of a matrix of blocks whose pattern is symmetric, without exchanging rows between blocks.
+//! Block LU factorisation of a matrix with a symmetric pattern, without row exchanges between blocks.
 //!
-//! Newton's matrix is masses over the step squared and stiffnesses: nearly symmetric and positive, so that pivots within
-//! the blocks of the diagonal are enough. Where they are not, the solution's error shows it (`matrix.rs`). An order of
-//! minimum degree on bodies, instead of unknowns, leaves a robot's tree without any fill.
+//! The Newton matrix consists of masses over the squared step and of stiffnesses. It is nearly symmetric and positive definite,
+//! so that pivoting inside the diagonal blocks is usually sufficient. If it is not, the error of the solution is large, and
+//! `matrix.rs` detects this error. A minimum-degree order of bodies, instead of unknowns, gives no fill for the tree of a
+//! robot.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 use nalgebra::SMatrix;
 
-/// Most products of blocks that are planned: beyond it a method without a plan serves better.
+/// Maximum number of block products in a plan. Above it, a solver without a plan is faster.
 const MOST_UPDATES: usize = 20_000_000;
 
-/// Factors and the plan that makes them.
+/// Block factors and the elimination plan.
 #[derive(Debug)]
 pub(crate) struct BlockLu {
-    /// First unknown of each body, and the number of all.
+    /// Index of the first unknown of each body, followed by the total number of unknowns.
     firsts: Vec<usize>,
     pivots: Vec<Pivot>,
     /// Position of each body's pivot in the elimination order.
@@ -27,20 +28,22 @@ pub(crate) struct BlockLu {
 #[derive(Debug)]
 struct Pivot {
     body: usize,
-    /// Index of the diagonal block's first value; elimination replaces the block by its inverse.
+    /// Index of the first value of the diagonal block. Elimination replaces the block by its inverse.
     diagonal: usize,
-    /// Pivots that it is coupled with and that come later, in order.
+    /// Later pivots that this pivot is coupled with, in order.
     later: Vec<usize>,
-    /// First values of the blocks of `later`: in the pivot's column (`below`) and in its row (`beside`).
+    /// Index of the first value of each block of `later` in the column of the pivot.
     below: Vec<usize>,
+    /// Index of the first value of each block of `later` in the row of the pivot.
     beside: Vec<usize>,
-    /// First values of the blocks that the elimination changes, for each pair of `later`, rows first.
+    /// Index of the first value of each block that the elimination changes. There is one for each pair of `later`; rows vary
+    /// slowest.
     changed: Vec<u32>,
 }
 
 impl BlockLu {
-    /// Plans the elimination of bodies with these numbers of unknowns. `coupled` lists each off-diagonal block, in either order.
-    /// Returns `None` if the plan would be too long.
+    /// Plans the elimination. `unknowns` has the number of unknowns of each body; `coupled` lists each off-diagonal block, in
+    /// either order. Returns `None` if the plan exceeds the maximum number of products.
     pub fn plan(unknowns: &[usize], coupled: &[(usize, usize)]) -> Option<Self> {
         let count = unknowns.len();
         let mut neighbours = vec![Vec::new(); count];
@@ -116,7 +119,7 @@ impl BlockLu {
         Some(Self { firsts, pivots, places, values: vec![0.0; end] })
     }
 
-    /// Index of a matrix block's first value among the factors' values.
+    /// Index of the first value of a matrix block in `values`.
     pub fn begin(&self, row: usize, column: usize) -> usize {
         let [row, column] = [row, column].map(|body| self.places[body]);
         let pivot = &self.pivots[row.min(column)];
@@ -128,12 +131,12 @@ impl BlockLu {
         }
     }
 
-    /// Values to be set to those of the matrix before [`BlockLu::factorise`]: blocks by columns.
+    /// Values of the blocks, by columns. The caller writes the matrix here before [`BlockLu::factorise`].
     pub fn values(&mut self) -> &mut [f64] {
         &mut self.values
     }
 
-    /// Factorises in place; false where a pivot has no inverse.
+    /// Factorises in place. Returns false if a pivot block is singular.
     pub fn factorise(&mut self) -> bool {
         let Self { firsts, pivots, values, .. } = self;
         let size = |pivot: &Pivot| firsts[pivot.body + 1] - firsts[pivot.body];
@@ -175,7 +178,7 @@ impl BlockLu {
         true
     }
 
-    /// Solves with the factors, in place.
+    /// Solves one right-hand side in place.
     pub fn solve(&self, side: &mut [f64]) {
         let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
         for pivot in &self.pivots {
@@ -197,7 +200,7 @@ impl BlockLu {
         }
     }
 
-    /// Solves with the factors for several right sides at once, in place: of each unknown, one number of every side.
+    /// Solves `W` right-hand sides in place. Each row contains the values of one unknown in all right-hand sides.
     pub fn solve_lanes<const W: usize>(&self, sides: &mut [[f64; W]]) {
         let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
         let mut known = [[0.0; W]; 6];
@@ -226,7 +229,7 @@ impl BlockLu {
         }
     }
 
-    /// Solves with the transposed factors, in place.
+    /// Solves one right-hand side with the transposed matrix, in place.
     pub fn solve_transposed(&self, side: &mut [f64]) {
         let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
         for pivot in &self.pivots {
@@ -266,7 +269,7 @@ impl BlockLu {
     }
 }
 
-/// Subtracts the product of a block, by columns, and the rows of several vectors.
+/// Subtracts the product of a block, stored by columns, and the rows of several vectors.
 #[inline]
 fn subtract_lanes<const W: usize>(block: &[f64], known: &[[f64; W]], from: &mut [[f64; W]]) {
     let rows = from.len();
@@ -281,7 +284,7 @@ fn subtract_lanes<const W: usize>(block: &[f64], known: &[[f64; W]], from: &mut 
     }
 }
 
-/// A body's part of a vector.
+/// Entries of a vector that belong to one body.
 struct Small {
     parts: [f64; 6],
     length: usize,
@@ -311,7 +314,7 @@ fn store<const R: usize, const C: usize>(
     values[begin..begin + R * C].copy_from_slice(block.as_slice());
 }
 
-/// Replaces a block by its inverse; false without one.
+/// Replaces a block by its inverse. Returns false if the block is singular.
 fn invert<const N: usize>(values: &mut [f64], begin: usize) -> bool {
     let inverse = load::<N, N>(values, begin).try_inverse();
     let Some(inverse) = inverse.filter(|inverse| inverse.iter().all(|value| value.is_finite()))
@@ -322,13 +325,13 @@ fn invert<const N: usize>(values: &mut [f64], begin: usize) -> bool {
     true
 }
 
-/// Multiplies a block by an inverse from the right.
+/// Multiplies a block from the right by an inverse block.
 fn divide<const R: usize, const K: usize>(values: &mut [f64], block: usize, inverse: usize) {
     let product = load::<R, K>(values, block) * load::<K, K>(values, inverse);
     store(values, block, &product);
 }
 
-/// Subtracts the product of two blocks from a third.
+/// Subtracts the product of two blocks from a third block.
 fn subtract<const R: usize, const K: usize, const C: usize>(
     values: &mut [f64],
     target: usize,
@@ -341,7 +344,7 @@ fn subtract<const R: usize, const K: usize, const C: usize>(
     }
 }
 
-/// An order of elimination with little fill, and the place of each body in it.
+/// Minimum-degree order of elimination, and the position of each body in this order.
 fn minimum_degree(neighbours: &[Vec<usize>]) -> (Vec<usize>, Vec<usize>) {
     let count = neighbours.len();
     let mut starts = vec![0];
@@ -364,7 +367,7 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};
 
-    /// A ring with chords, of bodies and particles: with fill in every case.
+    /// Tests a ring with chords of rigid bodies and particles, which always has fill.
     #[test]
     fn factors_solve_what_a_dense_matrix_solves() {
         for seed in 0..20 {

@@ -1,4 +1,4 @@
-//! Bodies: rigid bodies, and particles, which do not turn.
+//! Rigid bodies, and particles, which have no rotation.
 
 use crate::force::{By, Derivative};
 use crate::motion::Motion;
@@ -14,12 +14,12 @@ pub struct Inertia {
     pub about_com_kg_m2: Matrix3<f64>,
 }
 
-/// Something with mass.
+/// Rigid body or particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Body {
-    /// Rigid body that moves and turns: six unknowns of a step.
+    /// Rigid body: six unknowns in a step.
     Rigid(Inertia),
-    /// Point mass, the node of a soft body: three unknowns. Moments on it have no effect.
+    /// Point mass, such as a node of a soft body: three unknowns in a step. Moments on a particle have no effect.
     Particle {
         /// Mass, kg.
         mass_kg: f64,
@@ -33,7 +33,7 @@ impl From<Inertia> for Body {
 }
 
 impl Inertia {
-    /// Angular momentum about the centre of mass, kg·m²/s, and the inertia, both in world axes.
+    /// Angular momentum about the centre of mass, kg·m²/s, and the inertia matrix, both in world axes.
     pub(crate) fn spinning(&self, motion: &Motion) -> (Vector3<f64>, Matrix3<f64>) {
         let inertia = motion.rotation * self.about_com_kg_m2 * motion.rotation.transpose();
         (inertia * motion.spin, inertia)
@@ -49,7 +49,7 @@ impl Body {
         }
     }
 
-    /// Unknowns of a step.
+    /// Number of unknowns in a step.
     pub(crate) fn unknowns(&self) -> usize {
         match self {
             Self::Rigid(_) => 6,
@@ -65,7 +65,7 @@ impl Body {
         }
     }
 
-    /// Derivatives of momentum and angular momentum by the motion.
+    /// Derivatives of the linear and angular momentum with respect to the motion.
     pub(crate) fn momentum_by(&self, motion: &Motion) -> Derivative {
         let mut by = Derivative::default();
         by.add_force(By::Velocity, &(Matrix3::identity() * self.mass_kg()));

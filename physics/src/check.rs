@@ -1,4 +1,4 @@
-//! Comparison of a force's derivatives with central differences, for the tests of all forces.
+//! Comparison of a force's derivatives with central differences, used in the tests of all forces.
 
 use crate::force::{Derivative, Force, View, Wrench};
 use crate::motion::{Motion, Scheme, Weights};
@@ -10,7 +10,7 @@ fn random(rng: &mut Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0))
 }
 
-/// Motions of some bodies near the origin.
+/// Random motions of bodies near the origin.
 fn motions(rng: &mut Rng, count: usize) -> Vec<Motion> {
     let one = |_| Motion {
         position: random(rng, 0.2),
@@ -21,7 +21,7 @@ fn motions(rng: &mut Rng, count: usize) -> Vec<Motion> {
     (0..count).map(one).collect()
 }
 
-/// A motion moved a little along one of its twelve directions.
+/// Motion changed by `by` along one of its twelve directions.
 fn moved(motion: &Motion, direction: usize, by: f64) -> Motion {
     let mut motion = *motion;
     let mut along = Vector3::zeros();
@@ -35,12 +35,12 @@ fn moved(motion: &Motion, direction: usize, by: f64) -> Motion {
     motion
 }
 
-/// Panics where a derivative of a force differs from central differences, at random motions.
+/// Panics if a derivative of a force differs from central differences at random motions.
 pub fn agrees_with_finite_differences(force: &dyn Force) {
     agrees_at(force, 20, |_| {});
 }
 
-/// The same at motions that `prepare` changes.
+/// [`agrees_with_finite_differences`] at `count` random motions that `prepare` may change.
 pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion])) {
     let bodies = force.bodies().len();
     let step = 1e-6;

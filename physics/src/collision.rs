@@ -1,5 +1,5 @@
-//! Contact of a point of one body with another body, whose shape is a signed distance in its own axes: a cloth's node and a
-//! solid that lies in it (thesis 4.5.3).
+//! Contact of a point of one body with the surface of another, whose shape is a signed distance in its own axes (thesis 4.5.3).
+//! An example is a node of a cloth on a solid.
 
 use crate::contact::Normal;
 use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
@@ -10,27 +10,27 @@ use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
-/// Gap beyond which a point is not expected to touch within an iteration, m.
+/// Gap above which an iteration ignores a possible contact, m.
 const REACH_M: f64 = 0.02;
-/// Gap beyond which one is not expected to touch within a step, besides what the bodies move, m.
+/// Gap above which a step ignores a possible contact, m. The solver adds the distance that the bodies can move.
 const FAR_M: f64 = 0.005;
 
-/// The point and the solid.
+/// Point of one body and solid of another.
 #[derive(Clone, Debug)]
 pub struct Collision {
-    /// The body of the point, and the solid.
+    /// Body of the point, and body of the solid.
     pub bodies: [usize; 2],
-    /// The point, from the centre of mass of its body in body axes, m; 0 for a particle.
+    /// Point from the centre of mass of its body, in body axes, m; 0 for a particle.
     pub point: Vector3<f64>,
-    /// The solid in its body's axes, from its centre of mass.
+    /// Shape of the solid, in the axes of its body, from the centre of mass.
     pub solid: Arc<dyn Ground>,
-    /// Along the normal.
+    /// Law of the normal force.
     pub normal: Normal,
-    /// Across it. It slips where it would have to hold still: hybrid friction is linear here.
+    /// Friction law. Hybrid friction acts as linear friction here, so that a sticking contact creeps.
     pub friction: Friction,
 }
 
-/// Contact geometry of the point at motions of the two bodies, in world axes.
+/// Contact geometry of the point for given motions of both bodies, in world axes.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
     surface: Surface,
@@ -40,7 +40,7 @@ struct Spot {
     velocity: Vector3<f64>,
 }
 
-/// The force on the point, and its derivatives by the point's place and velocity in the solid.
+/// Force on the point, and its derivatives with respect to position and velocity of the point relative to the solid.
 struct Law {
     force: Vector3<f64>,
     by_place: Matrix3<f64>,
@@ -240,7 +240,7 @@ mod tests {
         }
     }
 
-    /// Momentum and angular momentum of two colliding bodies are conserved; the two do collide.
+    /// Tests that two bodies collide and conserve momentum and angular momentum.
     #[test]
     fn what_collides_keeps_its_momentum() {
         let mut assembly = Assembly::default();

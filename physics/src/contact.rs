@@ -1,7 +1,7 @@
-//! Contact of a foot, wheel or blade with the ground: a spring along the normal, friction across it.
+//! Contact of a foot, wheel or blade with the ground: a spring along the normal, and friction in the tangent plane.
 //!
-//! The contact point of a wheel is the point of its rim that is deepest for the ground's normal at its centre; that of a
-//! foot is the deepest point of a sphere. Both move over the body as it turns, and all derivatives know that.
+//! The contact point of a wheel is the deepest point of its rim, along the ground normal at its centre. The contact point of a
+//! foot is the deepest point of a sphere. Both points move on the body when it turns, and all derivatives include this motion.
 
 mod by_number;
 mod normal;
@@ -22,45 +22,45 @@ pub use by_number::OfContact;
 pub use normal::Normal;
 pub use place::Tip;
 
-/// Speed at which rolling resistance has three quarters of its size, m/s.
+/// Speed at which the rolling resistance reaches three quarters of its constant part, m/s.
 const RESISTANCE_SPEED_M_S: f64 = 0.01;
 
-/// Gap beyond which a point is not expected to touch within an iteration, m.
+/// Gap above which an iteration ignores a possible contact, m. The radius of the contact applies instead if it is larger.
 const REACH_M: f64 = 0.02;
-/// Gap beyond which one is not expected to touch within a step, besides what it moves, m.
+/// Gap above which a step ignores a possible contact, m. The solver adds the distance that the body can move.
 const FAR_M: f64 = 0.005;
 
-/// Resistance along the rolling direction, as a share of the normal force: c_rr s(v) + c_v v.
+/// Rolling resistance as a fraction of the normal force: c_rr s(v) + c_v v, with a smooth sign s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Resistance {
-    /// c_rr.
+    /// Coefficient c_rr.
     pub constant: f64,
-    /// c_v, s/m.
+    /// Coefficient c_v, s/m.
     pub per_speed_s_m: f64,
 }
 
-/// A contact of one body with the ground.
+/// Contact of one body with the ground.
 #[derive(Clone, Debug)]
 pub struct Contact {
-    /// The body.
+    /// Index of the body.
     pub body: [usize; 1],
-    /// Centre of sphere or wheel from the body's centre of mass, in body axes, m.
+    /// Centre of the sphere or wheel, from the centre of mass in body axes, m.
     pub center: Vector3<f64>,
     /// Radius, m.
     pub radius_m: f64,
-    /// Shape.
+    /// Shape of the contacting part.
     pub tip: Tip,
-    /// Along the normal.
+    /// Law of the normal force.
     pub normal: Normal,
-    /// Across it.
+    /// Friction law in the tangent plane.
     pub friction: Friction,
-    /// Rolling resistance of a rim about its axis, or of a blade along itself.
+    /// Rolling resistance of a rim about its axis, or gliding resistance of a blade along itself.
     pub resistance: Resistance,
-    /// Ground that the tip touches.
+    /// Ground under the contact.
     pub ground: Arc<dyn Ground>,
 }
 
-/// Contact geometry at a motion of its body.
+/// Contact geometry for a given motion of the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     /// Vector from the centre of mass to the contact point, m.
@@ -73,7 +73,7 @@ pub(crate) struct Spot {
     blade: Option<Vector3<f64>>,
 }
 
-/// A quantity with its derivatives by position, rotation, velocity and spin of the body.
+/// Vector with its derivatives with respect to position, rotation, velocity and spin of the body.
 #[derive(Clone, Copy)]
 struct Varied {
     value: Vector3<f64>,
@@ -81,7 +81,7 @@ struct Varied {
 }
 
 impl Contact {
-    /// The contact at a motion of its body.
+    /// State of the contact for a given motion of the body.
     pub fn touch_at(&self, body: &Motion) -> Touch {
         let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
@@ -108,7 +108,7 @@ impl Contact {
         Place::new(&self.center, self.radius_m, self.tip, self.ground.as_ref(), body)
     }
 
-    /// Share of the normal force that resists rolling, at a rolling velocity, and its derivative.
+    /// Rolling resistance as a fraction of the normal force, at a rolling speed, and its derivative.
     fn resistance(&self, speed_m_s: f64) -> (f64, f64) {
         let Resistance { constant, per_speed_s_m } = self.resistance;
         let sign = (speed_m_s / RESISTANCE_SPEED_M_S).tanh();
@@ -116,7 +116,7 @@ impl Contact {
         (constant * sign + per_speed_s_m * speed_m_s, slope + per_speed_s_m)
     }
 
-    /// Force of the ground, its spring's part, N, and whether the contact slips.
+    /// Returns the force of the ground, N, the normal force of the spring, N, and true if the contact slips.
     fn force(
         &self,
         place: &Place,
@@ -138,7 +138,7 @@ impl Contact {
         (normal * force_n + friction.force + along, spring, friction.slips)
     }
 
-    /// Contact geometry at a motion of the body.
+    /// Contact geometry for a given motion of the body.
     pub(crate) fn spot(&self, body: &Motion) -> Spot {
         let place = self.place(body);
         let Surface { gap_m, normal, .. } = place.surface;
@@ -150,8 +150,8 @@ impl Contact {
         Spot { arm: place.arm, gap_m, normal, velocity, blade }
     }
 
-    /// Force after a small displacement of the point, m, with its velocity changed by `gain` times as much; and the
-    /// derivative by the displacement.
+    /// Force after a small displacement `shift` of the contact point, m, and its derivative with respect to `shift`. The
+    /// velocity of the point changes by `gain * shift`.
     pub(crate) fn law(
         &self,
         spot: &Spot,
@@ -202,7 +202,7 @@ impl Contact {
 }
 
 impl Varied {
-    /// a·b and its derivatives.
+    /// Dot product and its derivatives.
     fn dot(&self, other: &Self) -> (f64, [RowVector3<f64>; 4]) {
         let by = [0, 1, 2, 3]
             .map(|k| self.value.transpose() * other.by[k] + other.value.transpose() * self.by[k]);
@@ -424,7 +424,7 @@ mod tests {
         }
     }
 
-    /// Law of a shift equals the force after that shift; its derivative matches.
+    /// Tests that the law of a shift equals the force after that shift, and that its derivative is exact.
     #[test]
     fn the_law_of_a_shift_is_the_force_after_it() {
         let (axis, gain) = (Vector3::new(0.1, 1.0, 0.05).normalize(), 60.0);
@@ -457,7 +457,7 @@ mod tests {
         }
     }
 
-    /// A ball of 2 cm on level ground with its centre 5 mm beside the lattice of something else.
+    /// Tests a ball of 2 cm on level ground, with its centre 5 mm outside the lattice of another part of the ground.
     #[test]
     fn beside_the_lattice_a_foot_stands_on_the_ground_of_the_union() {
         let (half_m, center) = (0.15, Vector3::new(0.013, -0.007, 0.02));
@@ -506,7 +506,7 @@ mod tests {
         assert_eq!(touch.force, Vector3::zeros());
     }
 
-    /// A wheel that rolls does not slide, one that is dragged does.
+    /// Tests that a rolling wheel does not slide and a dragged one does.
     #[test]
     fn the_contact_point_of_a_wheel_is_that_of_its_rim() {
         let contact =

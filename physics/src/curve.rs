@@ -1,17 +1,18 @@
-//! Curves of time through knots, as which motors' targets are optimised: few numbers, and smooth.
+//! Curves of time through knots. Targets of motors are optimised as such curves, because they are smooth and have few
+//! parameters.
 //!
-//! Terrain consists of the same cubic B-splines, with coefficients that interpolate its samples.
+//! Terrain uses the same cubic B-splines, with coefficients that interpolate its samples.
 
 /// Interpolation of a curve between its knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Degree {
-    /// Straight from knot to knot; its speed jumps there.
+    /// Straight lines between the knots; the rate jumps at knots.
     Linear,
-    /// A uniform cubic B-spline: its acceleration is continuous, and it passes near its knots.
+    /// Uniform cubic B-spline with continuous second derivative. The curve passes near its knots, not through them.
     Cubic,
 }
 
-/// Knots at equal distances in time.
+/// Curve with equally spaced knots in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curve {
     /// Time of the first knot, s.
@@ -22,13 +23,13 @@ pub struct Curve {
     pub knots: usize,
     /// Interpolation between the knots.
     pub degree: Degree,
-    /// True if the first knot follows the last, for a gait's cycle. Otherwise the curve is constant before the first knot and
-    /// after the last.
+    /// True for a cycle, in which the first knot follows the final one. Otherwise the curve is constant before the first knot
+    /// and after the final one.
     pub periodic: bool,
 }
 
 impl Curve {
-    /// Value at a time, s, and its rate, with these values of the knots.
+    /// Value and rate at a time, s, for given values of the knots.
     pub fn at(&self, values: &[f64], time_s: f64) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (knot, weights) in self.weights(time_s) {
@@ -38,7 +39,7 @@ impl Curve {
         sum
     }
 
-    /// Derivatives of value and rate at a time, s, by one knot.
+    /// Derivatives of value and rate at a time, s, with respect to one knot.
     pub fn of_knot(&self, knot: usize, time_s: f64) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (_, weights) in self.weights(time_s).into_iter().filter(|(of, _)| *of == knot) {
@@ -48,7 +49,7 @@ impl Curve {
         sum
     }
 
-    /// Knots, and their weights in value and rate.
+    /// Indices of the contributing knots, and their weights in value and rate.
     fn weights(&self, time_s: f64) -> [(usize, [f64; 2]); 4] {
         let mut place = (time_s - self.begin_s) / self.spacing_s;
         let mut pace = 1.0 / self.spacing_s;

@@ -4,10 +4,10 @@ use crate::force::Force;
 use crate::motion::Motion;
 use crate::touch::Touch;
 
-/// A change at a contact between the beginning and the end of a step.
+/// Change of a contact between the beginning and the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactEvent {
-    /// Index of the contact's force.
+    /// Index of the force that is the contact.
     pub force: usize,
     /// Kind of change.
     pub change: ContactChange,
@@ -16,20 +16,20 @@ pub struct ContactEvent {
 /// Kind of change at a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactChange {
-    /// Touch-down, with the speed along the normal before the step, m/s, positive towards the ground.
+    /// Touch-down.
     TouchDown {
-        /// Speed of approach, m/s.
+        /// Approach speed along the normal before the step, m/s, positive towards the ground.
         approach_m_s: f64,
     },
     /// Lift-off.
     LiftOff,
-    /// Friction reached its limit.
+    /// Beginning of slip: friction has reached its limit.
     SlipBegins,
-    /// Friction holds again.
+    /// End of slip: friction is below its limit again.
     SlipEnds,
 }
 
-/// The contacts of a system as they were after the last step.
+/// States of all contacts after the previous step.
 #[derive(Clone, Debug)]
 pub(crate) struct Contacts {
     of_force: Vec<(usize, Touch)>,
@@ -41,7 +41,7 @@ impl Contacts {
         Self { of_force: (0..forces.len()).filter_map(numbered).collect() }
     }
 
-    /// Takes over the contacts at the end of a step; what has changed.
+    /// Stores the contacts at the end of a step, and returns the events since the previous step.
     pub fn update(&mut self, forces: &[Box<dyn Force>], motions: &[Motion]) -> Vec<ContactEvent> {
         let mut events = Vec::new();
         for (number, before) in &mut self.of_force {

@@ -1,8 +1,8 @@
 //! Interface of forces on bodies: springs, joints, motors and contacts.
 //!
-//! A force names the bodies that it acts on and computes force and moment on each, with derivatives by position, rotation,
-//! velocity and spin of all of them. Unknowns, steps and matrices are not part of it: the stepper applies the chain rule. One
-//! element therefore serves all integrators, and its derivatives can be tested separately.
+//! A force lists the bodies that it acts on. It computes force and moment on each body, and their derivatives with respect to
+//! position, rotation, velocity and spin of all of these bodies. The stepper maps these to unknowns by the chain rule. A force
+//! is therefore independent of the integrator, and its derivatives can be tested separately.
 
 use crate::friction::Friction;
 use crate::motion::{Motion, Trial, Weights};
@@ -13,7 +13,7 @@ use std::fmt::{self, Debug};
 
 pub use crate::friction::Held;
 
-/// Force, N, and moment about the centre of mass, N·m, in world axes.
+/// Force and moment about the centre of mass, in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
     /// Force, N.
@@ -23,7 +23,7 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    /// Force, then moment.
+    /// Vector of the force, then the moment.
     pub fn stacked(&self) -> Vector6<f64> {
         let mut all = Vector6::zeros();
         all.fixed_rows_mut::<3>(0).copy_from(&self.force);
@@ -32,13 +32,13 @@ impl Wrench {
     }
 }
 
-/// Derivatives of a wrench by the motion of a body: rows force and moment, columns a shift δc and a turn δθ of the body
-/// (`dR = [δθ] R`) in `by_pose`, of its velocity and spin in `by_rate`.
+/// Derivatives of a wrench with respect to the motion of a body. Rows are force and moment. Columns of `by_pose` are a shift δc
+/// and a turn δθ of the body (`dR = [δθ] R`); columns of `by_rate` are velocity and spin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
-    /// Derivative by δc, m, and δθ, rad.
+    /// Derivative with respect to δc, m, and δθ, rad.
     pub by_pose: Matrix6<f64>,
-    /// Derivative by velocity, m/s, and spin, rad/s.
+    /// Derivative with respect to velocity, m/s, and spin, rad/s.
     pub by_rate: Matrix6<f64>,
 }
 
@@ -48,12 +48,12 @@ impl Default for Derivative {
     }
 }
 
-/// Part of the motion that a block of a [`Derivative`] belongs to.
+/// Column block of a [`Derivative`].
 #[derive(Clone, Copy, Debug)]
 pub enum By {
     /// Shift of the centre of mass.
     Position,
-    /// Turn.
+    /// Turn of the body.
     Rotation,
     /// Velocity of the centre of mass.
     Velocity,
@@ -62,18 +62,18 @@ pub enum By {
 }
 
 impl Derivative {
-    /// Adds the derivative of the force by a part of the motion.
+    /// Adds a derivative of the force with respect to one component of the motion.
     pub fn add_force(&mut self, by: By, block: &Matrix3<f64>) {
         self.add(0, by, block);
     }
 
-    /// Adds the derivative of the moment by a part of the motion.
+    /// Adds a derivative of the moment with respect to one component of the motion.
     pub fn add_moment(&mut self, by: By, block: &Matrix3<f64>) {
         self.add(3, by, block);
     }
 
-    /// Derivative by the unknowns of a body: by its shift and, if it turns, by its rotation increment; through velocity and
-    /// spin as well.
+    /// Derivative with respect to the unknowns of a body: its shift and, for rigid bodies, its rotation increment. Includes the
+    /// dependence of velocity and spin on these unknowns.
     pub(crate) fn chained(&self, by: &Trial, gain: f64, turns: bool) -> Matrix6<f64> {
         let Self { by_pose, by_rate } = self;
         let mut by_unknowns = Matrix6::zeros();
@@ -100,7 +100,7 @@ impl Derivative {
     }
 }
 
-/// Motions of the bodies of a force: now, and at the ends of the two steps before.
+/// Motions of a force's bodies at the end of the step, at its beginning, and one step earlier.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// Motions at the end of the step.
@@ -111,23 +111,24 @@ pub struct View<'a> {
     pub before: &'a [Motion],
     /// Weights of the step's backward differences.
     pub weights: &'a Weights,
-    /// True if derivatives may be those of a tamer force with the same value: the secant of friction, and joint forces that keep
-    /// their moments as they turn. Used where exact derivatives make Newton's method oscillate across a kink or lead down from a
-    /// saddle.
+    /// True if derivatives may be those of a smoother force with the same value: the secant of friction, and joint forces
+    /// without the change of their moment arms. The solver sets it if exact derivatives oscillate across a kink or lead away
+    /// from a minimum.
     pub tame: bool,
-    /// Friction found so far, if hybrid friction holds the contact.
+    /// Present friction estimate of a contact that hybrid friction holds; `None` otherwise.
     pub held: Option<Held>,
 }
 
-/// A force that may have a kink, near a motion of its bodies: a law of the displacement of one point, or of one angle.
+/// Force law with a kink, near given motions of its bodies. The law depends on the displacement of one point, or on one angle.
 pub struct Kink<'a> {
     /// Jᵀ of each body: maps the force of the law to a wrench; its transpose maps body motion to displacement.
     pub(crate) levers: [Matrix6x3<f64>; 2],
-    /// Directions in which the law acts.
+    /// Number of directions in which the law acts.
     pub(crate) directions: usize,
-    /// True if the kink is always solved with the others; otherwise only if it leaves its tangent.
+    /// True if the kink is always part of the combined solve; false if it takes part only where it deviates from its tangent.
     pub(crate) always: bool,
-    /// Force after a displacement whose rate changes by `gain` times as much, and its derivative by the displacement.
+    /// Force after a displacement, and its derivative with respect to this displacement. The arguments are a gain and the
+    /// displacement. The rate of the displacement changes by the gain times the displacement.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub(crate) law: Box<dyn Fn(f64, &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) + 'a>,
 }
@@ -138,20 +139,20 @@ impl Debug for Kink<'_> {
     }
 }
 
-/// Something that acts on bodies. Results are functions of the motions alone, so that a step can be tried again.
+/// Force on bodies. Results depend on the motions alone, so that a step can be repeated.
 pub trait Force: Any + Debug + Send + Sync {
-    /// The bodies, by index in the system. A force that acts between a body and the world names the body alone.
+    /// Indices of the bodies in the system. A force between a body and the world lists that body only.
     fn bodies(&self) -> &[usize];
 
-    /// Adds the wrenches on its bodies, in their order.
+    /// Adds the wrenches on the bodies, in the order of [`bodies`](Self::bodies).
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]);
 
-    /// Adds the wrenches and their derivatives: that of the wrench on body `i` by the motion of body `j` is in
-    /// `derivatives[i * bodies + j]`.
+    /// Adds the wrenches and their derivatives. The derivative of the wrench on body `i` with respect to the motion of body `j`
+    /// is `derivatives[i * bodies + j]`.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], derivatives: &mut [Derivative]);
 
-    /// Adds the derivatives of the wrenches by the motions at the beginning of the step and one step earlier; false of a force
-    /// that does not look at them.
+    /// Adds the derivatives of the wrenches with respect to the motions at the beginning of the step and one step earlier.
+    /// Returns false if the force does not depend on these motions.
     fn history(
         &self,
         _view: &View<'_>,
@@ -161,22 +162,22 @@ pub trait Force: Any + Debug + Send + Sync {
         false
     }
 
-    /// Called when a step ends with these motions of all bodies, to update state that motions do not contain. A call with the
-    /// motions at the beginning of the step must undo the update.
+    /// Updates internal state at the end of a step, given the motions of all bodies. A call with the motions at the beginning
+    /// of the step must undo the update.
     fn end_step(&mut self, _motions: &[Motion]) {}
 
-    /// True if the force can have a [`Kink`].
+    /// Returns true if the force can have a [`Kink`].
     fn has_kink(&self) -> bool {
         false
     }
 
-    /// Law near motions of the bodies, for a force with kinks that its derivatives do not contain.
+    /// Returns the law near these motions, for a force whose derivatives omit a kink.
     fn kink(&self, _now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
         None
     }
 
-    /// True if the force has no effect in a step of this length, s, unless its bodies move in ways that their motions do not
-    /// show. The solver checks again at the solution of the step.
+    /// Returns true if the force has no effect in a step of `step_s` seconds, given the present velocities. The solver checks
+    /// again at the solution of the step.
     fn is_far(&self, _now: &[Motion], _step_s: f64) -> bool {
         false
     }

@@ -1,59 +1,59 @@
-//! Friction of a contact point as a force that depends on its sliding velocity (thesis 4.4.2).
+//! Friction of a contact point as a function of its sliding velocity (thesis 4.4.2).
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Law by which friction grows with sliding velocity.
+/// Dependence of friction on the sliding velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
-    /// Proportional to the sliding velocity up to the cone (Eq. 4.13).
+    /// Proportional to the sliding velocity, up to the friction cone (Eq. 4.13).
     #[default]
     Linear,
-    /// Smooth across the transition (Eq. 4.14).
+    /// Smooth transition to the friction cone (Eq. 4.14).
     Tanh,
-    /// Linear while the contact slides; a sticking contact does not move at all (thesis 4.4.3).
+    /// Linear for a sliding contact; a sticking contact does not move (thesis 4.4.3).
     Hybrid,
 }
 
-/// Friction of one contact.
+/// Friction parameters of one contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Friction law.
     pub model: Model,
     /// Coefficient μ.
     pub coefficient: f64,
-    /// Force over sliding velocity while it sticks, N·s/m. It is a parameter of its own: tied to the step, as in the
-    /// thesis (k_t = k_n h), refining the step would make contacts slip more.
+    /// Ratio of force to sliding velocity of a sticking contact, N·s/m. The thesis ties it to the step (k_t = k_n h); contacts
+    /// would then slip more with smaller steps.
     pub stick_n_s_m: f64,
 }
 
-/// Friction of a sticking contact: the friction force found so far, minus a stiffness times the remaining sliding velocity.
+/// Friction of a sticking contact: the force estimate minus a stiffness times the remaining sliding velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// N.
+    /// Force estimate, N.
     pub force: Vector3<f64>,
     /// Stiffness against sliding, N·s/m.
     pub stick_n_s_m: f64,
 }
 
-/// A friction force and its derivatives.
+/// Friction force and its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrictionForce {
-    /// N, against the sliding.
+    /// Force against the sliding direction, N.
     pub force: Vector3<f64>,
-    /// Derivative by the sliding velocity, N·s/m.
+    /// Derivative with respect to the sliding velocity, N·s/m.
     pub by_sliding: Matrix3<f64>,
-    /// Derivative by the normal force.
+    /// Derivative with respect to the normal force.
     pub by_normal: Vector3<f64>,
-    /// Derivative by the coefficient, N.
+    /// Derivative with respect to the coefficient, N.
     pub by_coefficient: Vector3<f64>,
-    /// Derivative by [`Friction::stick_n_s_m`], m/s.
+    /// Derivative with respect to [`Friction::stick_n_s_m`], m/s.
     pub by_stick: Vector3<f64>,
-    /// True if sticking would take more force than the friction cone holds.
+    /// True if sticking would require a force outside the friction cone.
     pub slips: bool,
 }
 
 impl FrictionForce {
-    /// The same with the derivative by the sliding velocity of a force proportional to it.
+    /// Replaces the derivative with respect to the sliding velocity by the secant, as if the force were proportional to it.
     pub fn secant(self, sliding: &Vector3<f64>) -> Self {
         let speed = sliding.norm();
         if speed == 0.0 {
@@ -65,7 +65,7 @@ impl FrictionForce {
 }
 
 impl Friction {
-    /// The force of a contact that is held, up to the cone, or of one that is not.
+    /// Force of a held contact, limited by the friction cone. Without `held`, the force of a free contact.
     pub(crate) fn held_force(
         &self,
         held: Option<&Held>,
@@ -78,7 +78,7 @@ impl Friction {
         FrictionForce { by_stick: Vector3::zeros(), ..force }
     }
 
-    /// The force at a sliding velocity, m/s in the tangent plane, under a normal force, N.
+    /// Force at a sliding velocity in the tangent plane, m/s, under a normal force, N.
     pub fn force(&self, sliding: &Vector3<f64>, normal_n: f64) -> FrictionForce {
         let limit = self.coefficient * normal_n;
         let speed = sliding.norm();

@@ -1,52 +1,52 @@
-//! A body held in place by springs: a hoist, a stand, or a hand.
+//! Body held at a pose by springs: a hoist, a stand, or a hand.
 
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::{from_yaw_pitch_roll, skew};
 
-/// Stiffness and damping of a hold.
+/// Stiffness and damping of a [`Hold`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grip {
-    /// Against a shift of the centre of mass, N/m.
+    /// Stiffness against a shift of the centre of mass, N/m.
     pub shift_n_m: f64,
-    /// Against its velocity, N·s/m.
+    /// Damping of the velocity of the centre of mass, N·s/m.
     pub velocity_n_s_m: f64,
-    /// Against a turn, N·m/rad for small angles.
+    /// Stiffness against a turn, N·m/rad for small angles.
     pub turn_nm_rad: f64,
-    /// Against spin, N·m·s/rad.
+    /// Damping of the spin, N·m·s/rad.
     pub spin_nm_s_rad: f64,
 }
 
-/// Pose at which a hold keeps its body.
+/// Target pose of a [`Hold`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Centre of mass in world, m.
+    /// Centre of mass in world axes, m.
     pub position: Vector3<f64>,
-    /// World from body.
+    /// Rotation from body to world axes.
     pub rotation: Matrix3<f64>,
 }
 
 impl Place {
-    /// Creates a pose at a position, m, turned by yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
+    /// Creates a pose from a position, m, and yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
     pub fn new(position: Vector3<f64>, yaw_pitch_roll: &Vector3<f64>) -> Self {
         Self { position, rotation: from_yaw_pitch_roll(yaw_pitch_roll) }
     }
 }
 
-/// A hold on one body.
+/// Springs that hold one body.
 #[derive(Clone, Debug)]
 pub struct Hold {
-    /// The body.
+    /// Index of the body.
     pub body: [usize; 1],
     /// Stiffness and damping of the hold.
     pub grip: Grip,
-    /// Pose to hold; `None` releases the body.
+    /// Target pose; `None` releases the body.
     pub place: Option<Place>,
 }
 
 impl Hold {
-    /// Force and moment towards a pose. An angle e gives the moment k sin e about the axis of the turn.
+    /// Force and moment towards a pose. A deviation by an angle e about any axis gives the moment k sin e about this axis.
     fn wrench(&self, now: &Motion, place: &Place) -> Wrench {
         let Grip { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
         let mut sine = Vector3::zeros();

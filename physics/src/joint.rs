@@ -1,4 +1,4 @@
-//! Joints as stiff springs: points of two bodies that stay together, and axes that stay parallel (thesis 4.5.4).
+//! Joints as stiff springs: coincident points and parallel axes of two bodies (thesis 4.5.4).
 
 use crate::force::{By, Derivative, Force, View, Wrench};
 use crate::motion::Motion;
@@ -6,28 +6,28 @@ use crate::points::{Points, Pull};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
-/// A point of one body that is held to a point of another: a ball joint. Between a body and a particle it attaches a node
-/// of a soft body; two on one line are a hinge.
+/// Ball joint between a point of one body and a point of another. Between a body and a particle, the joint attaches a node of a
+/// soft body. Two ball joints on one line form a hinge.
 #[derive(Clone, Debug)]
 pub struct Ball {
-    /// The two points.
+    /// Connected points.
     pub ends: Points,
     /// Stiffness, N/m.
     pub stiffness_n_m: f64,
-    /// Damping of the distance, N·s/m.
+    /// Damping of the relative velocity, N·s/m.
     pub damping_n_s_m: f64,
 }
 
-/// An axis of one body that is held parallel to an axis of another; with a [`Ball`] it makes a hinge.
+/// Constraint that keeps an axis of one body parallel to an axis of another. Together with a [`Ball`] it forms a hinge.
 #[derive(Clone, Debug)]
 pub struct ParallelAxes {
-    /// The two bodies.
+    /// Indices of the two bodies.
     pub bodies: [usize; 2],
-    /// Unit axis in each, in body axes.
+    /// Unit axis in each body, in body axes.
     pub axes: [Vector3<f64>; 2],
-    /// Stiffness, N·m/rad for small angles; of angle e the moment is k sin e.
+    /// Stiffness k, N·m/rad for small angles. An angle e gives the moment k sin e.
     pub stiffness_nm_rad: f64,
-    /// Damping of the speed across the first body's axis, N·m·s/rad. Turning about the axis is free.
+    /// Damping of the relative spin across the first body's axis, N·m·s/rad. Rotation about the axis is free.
     pub damping_nm_s_rad: f64,
 }
 

@@ -1,10 +1,10 @@
-//! Kinks of forces, where contacts open, close and begin to slide and where motors come to their limits; and Newton's
-//! correction beyond them.
+//! Kinks of forces, and the correction of a Newton step beyond them. Kinks occur where contacts open, close or begin to slide,
+//! and where motors reach their limits.
 //!
-//! Derivatives do not contain kinks: Newton's method would oscillate between the pieces of a force. But kinks are at few points,
-//! and the factors that gave the correction also give the displacements by a force there. So the laws of these forces, instead of
-//! their tangents, are solved on that small compliance first, without a new matrix of the whole system. The rest, which is
-//! smooth, is left to Newton's method.
+//! Derivatives omit kinks, so that Newton's method would oscillate between the branches of a force. But kinks act at few
+//! points, and the factors of the Newton matrix also give the compliance at these points. The exact laws of these forces are
+//! therefore solved first on this small compliance, without factorising the whole system again. Newton's method solves the
+//! remaining smooth problem.
 
 use crate::body::Body;
 use crate::force::{Force, Held, Kink};
@@ -12,54 +12,54 @@ use crate::matrix::BlockMatrix;
 use crate::residual::{Equations, Step};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Most kinks on particles for which this pays.
+/// Maximum number of kinks on particles that are corrected.
 const MOST: usize = 24;
-/// Share of its force by which a law must leave its tangent for the correction to be changed.
+/// Relative deviation of a law from its tangent above which the correction is changed.
 const LEAST: f64 = 0.02;
-/// Share of the residual below which a force does not matter.
+/// Fraction of the residual below which a force is negligible.
 const SMALL: f64 = 1e-6;
-/// Rounds over the kinks, each with the others' forces as they are.
+/// Number of Gauss-Seidel rounds over the kinks.
 const ROUNDS: usize = 4;
-/// Newton iterations on all kinks at once that follow, and on one.
+/// Maximum number of Newton iterations, on all kinks together and on one kink.
 const ITERATIONS: usize = 12;
-/// Accuracy, as a share of the largest displacement.
+/// Relative accuracy of the solution among the kinks.
 const ACCURACY: f64 = 1e-6;
-/// Times that both are tried.
+/// Maximum number of repetitions of Gauss-Seidel rounds and Newton iterations.
 const TURNS: usize = 3;
-/// Times that a step is halved.
+/// Maximum number of halvings of a Newton step on one kink.
 const HALVINGS: usize = 6;
-/// Steps to the root of a law in one direction.
+/// Maximum number of steps to the root of a law in one direction.
 const BISECTIONS: usize = 40;
-/// Smallest share of a step.
+/// Smallest fraction of a Newton step on all kinks.
 const SHORTEST: f64 = 0.02;
 
-/// The forces with kinks.
+/// Forces that can have kinks.
 #[derive(Debug)]
 pub(crate) struct Kinks {
     forces: Vec<usize>,
 }
 
-/// Outcome of correcting beyond kinks.
+/// Outcome of a correction beyond kinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leap {
-    /// Correction is unchanged: no kink lies in its way.
+    /// The correction is unchanged, because it crosses no kink.
     Stays,
-    /// Correction crosses kinks.
+    /// The correction crosses kinks and was changed.
     Leaps,
-    /// Solution among the kinks was not found: the matrix is not that of a minimum of a potential.
+    /// Failure to find a solution among the kinks: the matrix is not that of a minimum of a potential.
     Fails,
 }
 
-/// A kink in an iteration.
+/// Kink of one force in an iteration.
 struct Port<'a> {
     kink: Kink<'a>,
-    /// First unknown of each of its bodies, and the number of its unknowns.
+    /// First unknown of each body, and the number of its unknowns.
     bodies: [(usize, usize); 2],
     /// Force of the law at the present state, N or N·m.
     force: Vector3<f64>,
-    /// Derivative of the force by the displacement.
+    /// Derivative of the force with respect to the displacement.
     by_shift: Matrix3<f64>,
-    /// Displacement by Newton's correction.
+    /// Displacement of the uncorrected Newton step.
     moved: Vector3<f64>,
 }
 
@@ -68,7 +68,7 @@ impl Port<'_> {
         (self.kink.law)(gain, shift)
     }
 
-    /// Adds what the law gives to a right side.
+    /// Adds the wrenches of a force to a right-hand side.
     fn spread(&self, force: &Vector3<f64>, side: &mut [f64]) {
         for (&(first, unknowns), lever) in self.bodies.iter().zip(&self.kink.levers) {
             let wrench = lever * force;
@@ -78,7 +78,7 @@ impl Port<'_> {
         }
     }
 
-    /// Displacement by one of the bodies.
+    /// Displacement at the kink for given changes of the unknowns.
     fn shift(&self, of: &[f64]) -> Vector3<f64> {
         let mut shift = Vector3::zeros();
         for (&(first, unknowns), lever) in self.bodies.iter().zip(&self.kink.levers) {
@@ -91,7 +91,7 @@ impl Port<'_> {
 }
 
 impl Kinks {
-    /// Collects the kinks of forces on bodies.
+    /// Collects the forces with kinks.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let on_particle = |force: &dyn Force| {
             force.bodies().iter().any(|&body| matches!(bodies[body], Body::Particle { .. }))
@@ -109,8 +109,8 @@ impl Kinks {
         Self { forces: of_all }
     }
 
-    /// Replaces a correction, which Newton's method subtracts, by that with the forces' own laws, and returns the outcome.
-    /// `equations` have the factors that gave the correction; `norm` is that of their residual.
+    /// Changes a Newton correction so that it uses the exact laws of the forces with kinks. The caller subtracts the
+    /// correction. `equations` contain the factors that gave the correction; `norm` is the norm of their residual.
     pub fn correct(
         &self,
         step: &Step<'_>,
@@ -171,10 +171,10 @@ impl Kinks {
     }
 }
 
-/// Compliance at the kinks: displacements by forces there.
+/// Compliance at the kinks: displacements per force.
 struct Compliance {
     gain: f64,
-    /// Displacements by forces, without the laws' own tangents.
+    /// Compliance matrix without the tangents of the laws.
     matrix: DMatrix<f64>,
     /// Displacements without a change of the forces.
     free: DVector<f64>,
@@ -216,7 +216,7 @@ impl Compliance {
         self.matrix.fixed_view::<3, 3>(3 * row, 3 * column).into()
     }
 
-    /// Displacements at which all have the forces of their laws; none where that is not found.
+    /// Displacements that satisfy the laws of all kinks; `None` if the solve does not converge.
     fn solve(&self, ports: &[Port<'_>]) -> Option<Vec<Vector3<f64>>> {
         let mut shifts: Vec<Vector3<f64>> = ports.iter().map(|port| port.moved).collect();
         let start = self.wrong(ports, &shifts).0.norm();
@@ -233,7 +233,7 @@ impl Compliance {
         None
     }
 
-    /// Solves one after the other with the others' forces as they are.
+    /// Gauss-Seidel rounds: solves one kink after another, with the forces of the others fixed.
     fn rounds(&self, ports: &[Port<'_>], shifts: &mut [Vector3<f64>]) {
         let change =
             |k: usize, shift: &Vector3<f64>| ports[k].law(self.gain, shift).0 - ports[k].force;
@@ -251,7 +251,7 @@ impl Compliance {
         }
     }
 
-    /// Residual of displacements, and the derivatives of the laws there.
+    /// Residual for given displacements, and the derivatives of the laws there.
     fn wrong(
         &self,
         ports: &[Port<'_>],
@@ -270,7 +270,8 @@ impl Compliance {
         (wrong - &self.matrix * changes, tangents)
     }
 
-    /// Displacement y of one with the law λ, from where it is without a force: y = a + W λ(y).
+    /// Displacement y of one kink with the law λ, by damped Newton steps: y = a + W λ(y). The displacement `from` is a,
+    /// `compliance` is W.
     fn one(
         &self,
         port: &Port<'_>,
@@ -314,7 +315,7 @@ impl Compliance {
         shift
     }
 
-    /// The same of a law in one direction, which falls with the displacement: Newton's method within bounds.
+    /// Displacement for a law in one direction, whose force decreases with the displacement: bracketed Newton's method.
     fn scalar(&self, port: &Port<'_>, from: f64, compliance: f64) -> f64 {
         let wrong = |shift: f64| {
             let (force, by_shift) = port.law(self.gain, &Vector3::new(shift, 0.0, 0.0));
@@ -343,7 +344,7 @@ impl Compliance {
         shift
     }
 
-    /// Solves all equations by Newton's method; returns the norm of the residual at its end.
+    /// Solves all kinks together by Newton's method, and returns the final norm of the residual.
     fn polish(&self, ports: &[Port<'_>], shifts: &mut Vec<Vector3<f64>>) -> f64 {
         let size = self.free.len();
         let (mut left, mut tangents) = self.wrong(ports, shifts);

@@ -1,24 +1,26 @@
 //! Implicit simulation of robots on the ground, with exact derivatives (thesis ch. 4).
 //!
-//! A [`System`] is bodies and [`Force`]s. One step of it, backward Euler or BDF2, is a root of the force residual that
-//! Newton's method finds; joints, motors and contacts are forces, stiff ones, and each brings its own derivatives.
-//! World axes, SI units.
+//! A [`System`] consists of bodies and [`Force`]s. Each step, backward Euler or BDF2, solves the force balance by Newton's
+//! method. Joints, motors and contacts are stiff forces, and each supplies its own derivatives. World axes, SI units.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | [`motion`], [`rotation`] | pose and velocity, and how they follow from what a step moves; rotation increments |
-//! | [`body`], [`assembly`] | what moves: rigid bodies and particles; bodies and forces before they are a system |
-//! | [`force`] | the interface of what acts on bodies |
-//! | [`points`], [`joint`], [`spring`], [`anchor`], [`motor`] | what holds points together; joints as stiff springs; springs and strings; bolts in the world; motors |
+//! | [`motion`], [`rotation`] | pose and velocity, and their update in a step; rotation increments |
+//! | [`body`], [`assembly`] | rigid bodies and particles; bodies and forces from which a system is built |
+//! | [`force`] | interface of forces on bodies |
+//! | [`points`], [`joint`], [`spring`] | forces between two points; joints as stiff springs; springs and strings |
+//! | [`anchor`], [`motor`] | springs to the world; motors |
 //! | [`soft`] | soft bodies of tetrahedra |
-//! | [`hold`], [`push`] | a hoist, a stand or a hand; forces from outside |
+//! | [`hold`], [`push`] | hoist, stand or hand; external forces |
 //! | [`collision`] | contact of a point of one body with another body |
-//! | [`contact`], [`friction`], [`touch`], [`event`] | contact with the ground, its friction law, its reported state, and touch-down, lift-off and slip |
-//! | [`system`] | the step, halved where it does not converge |
-//! | [`sensitivity`] | derivatives of whole rollouts by what they depend on, direct and adjoint |
-//! | [`curve`] | curves of time through knots, which motors' targets follow |
-//! | `newton`, `kinks`, `residual`, `matrix`, `block_lu`, `sticking` | how a step is solved: the method, how it passes where forces are not smooth, the equations, their matrix and its factors, what friction holds |
-//! | [`world`] | a robot from its description |
+//! | [`contact`], [`friction`], [`touch`] | contact with the ground, its friction law and its reported state |
+//! | [`event`] | touch-down, lift-off and slip |
+//! | [`system`] | stepping, with steps halved if they do not converge |
+//! | [`sensitivity`] | direct and adjoint derivatives of whole rollouts |
+//! | [`curve`] | curves of time through knots, for targets of motors |
+//! | `newton`, `kinks`, `residual` | Newton's method, kinks of forces, and equations of a step |
+//! | `matrix`, `block_lu`, `sticking` | Newton matrix, its factors, and hybrid friction |
+//! | [`world`] | robot built from its description |
 //!
 //! ```
 //! use rollwalk_multibody::ground::{Ground, Plane};

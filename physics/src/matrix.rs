@@ -1,7 +1,7 @@
-//! The Newton matrix: blocks of bodies in compressed columns, and what solves it. Pattern and order are found once.
+//! Newton matrix: blocks of bodies in compressed columns, and its solvers. Pattern and elimination order are computed once.
 //!
-//! Factors of blocks (`block_lu.rs`) are several times as fast as those of single unknowns; a sparse LU with exchange of
-//! rows is there for matrices that they do not solve.
+//! The block LU (`block_lu.rs`) is several times as fast as an LU of single unknowns. A sparse LU with row exchanges solves the
+//! matrices that the block LU cannot.
 
 use crate::block_lu::BlockLu;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -15,12 +15,12 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// Most unknowns of a body.
+/// Maximum number of unknowns of a body.
 const MOST: usize = 6;
-/// Error of a solution, as a share of the right side, up to which Newton's method does not notice it.
+/// Relative error of a solution that does not affect Newton's method.
 const ERROR: f64 = 1e-6;
 
-/// Position of a block among the values.
+/// Position of a block in the values of the matrix.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Slot {
     /// Index of the block's first value in each of its columns.
@@ -29,21 +29,21 @@ pub(crate) struct Slot {
     columns: usize,
 }
 
-/// A square matrix of blocks with a fixed pattern.
+/// Square matrix of blocks with a fixed pattern.
 pub(crate) struct BlockMatrix {
     pattern: SymbolicSparseColMat<usize>,
     values: Vec<f64>,
     slots: BTreeMap<(usize, usize), Slot>,
-    /// Factors of blocks, and where each slot goes in them.
+    /// Block LU, and the index of each slot in its values.
     blocks: Option<(BlockLu, Vec<usize>)>,
-    /// Made when it is needed first.
+    /// LU with row exchanges, created on first use.
     exchanging: Option<Exchanging>,
-    /// True if the LU with exchange of rows is in use.
+    /// True if the LU with row exchanges is in use.
     exchanged: bool,
     solution: Vec<f64>,
 }
 
-/// LU with exchange of rows.
+/// LU with row exchanges.
 struct Exchanging {
     symbolic: SymbolicLu<usize>,
     numeric: NumericLu<usize, f64>,
@@ -57,8 +57,8 @@ impl fmt::Debug for BlockMatrix {
 }
 
 impl BlockMatrix {
-    /// A matrix of bodies with so many unknowns each, of which the blocks in `coupled`, pairs of row and column, and the
-    /// diagonal may be other than 0.
+    /// Creates a matrix of zeros. `unknowns` has the number of unknowns of each body. `coupled` lists the off-diagonal blocks
+    /// that may be nonzero, as pairs of row and column.
     pub fn new(unknowns: &[usize], coupled: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut blocks: BTreeSet<(usize, usize)> = (0..unknowns.len()).map(|k| (k, k)).collect();
         // By column, then row.
@@ -100,7 +100,7 @@ impl BlockMatrix {
         }
     }
 
-    /// Sets all to 0.
+    /// Sets all values to 0.
     pub fn clear(&mut self) {
         self.values.fill(0.0);
     }
@@ -110,7 +110,7 @@ impl BlockMatrix {
         self.slots[&(row, column)]
     }
 
-    /// Adds to a block. A particle has three rows or columns: the block's others are ignored.
+    /// Adds to a block. For a particle, only the first three rows or columns of `block` are used.
     pub fn add(&mut self, slot: &Slot, block: &Matrix6<f64>) {
         for (&start, column) in slot.starts[..slot.columns].iter().zip(block.column_iter()) {
             for (value, more) in self.values[start..start + slot.rows].iter_mut().zip(&column) {
@@ -119,7 +119,7 @@ impl BlockMatrix {
         }
     }
 
-    /// Multiplies the first three rows of a body by a matrix from the left.
+    /// Multiplies the first three rows of a body from the left by a matrix.
     pub fn mix_rows(&mut self, row: usize, by: &Matrix3<f64>) {
         for slot in self.slots.range((row, 0)..(row + 1, 0)).map(|(_, slot)| slot) {
             for &start in &slot.starts[..slot.columns] {
@@ -129,7 +129,8 @@ impl BlockMatrix {
         }
     }
 
-    /// Factorises and solves in place; false for a singular matrix or one with an entry that is no number.
+    /// Factorises the matrix and solves one right-hand side in place. Returns false if the matrix is singular or has a NaN or
+    /// infinite entry.
     pub fn solve(&mut self, side: &mut [f64]) -> bool {
         if !self.values.iter().all(|value| value.is_finite()) {
             return false;
@@ -138,7 +139,7 @@ impl BlockMatrix {
         !self.exchanged || self.solve_exchanging(side)
     }
 
-    /// Solves in place for another right side, with the factors of the last [`BlockMatrix::solve`].
+    /// Solves another right-hand side in place, with the factors of the previous [`BlockMatrix::solve`].
     pub fn solve_again(&mut self, side: &mut [f64]) {
         match (&self.blocks, &mut self.exchanging) {
             (_, Some(exchanging)) if self.exchanged => exchanging.solve(side),
@@ -147,12 +148,12 @@ impl BlockMatrix {
         }
     }
 
-    /// Values of all blocks, to be kept.
+    /// Values of all blocks, for [`factorise`](Self::factorise) later.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// Factorises the matrix with these values, for right sides that come; false for a singular one.
+    /// Factorises the matrix with these values, for later right-hand sides. Returns false if the matrix is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         self.values.copy_from_slice(values);
         // How exact the factors are shows at a right side: here at one that has a part of everything.
@@ -160,7 +161,8 @@ impl BlockMatrix {
         self.solve(&mut side)
     }
 
-    /// Solves in place for several right sides, with the last factors: of each unknown, one number of every side.
+    /// Solves `W` right-hand sides in place, with the previous factors. Each row contains the values of one unknown in all
+    /// right-hand sides.
     pub fn solve_lanes<const W: usize>(&mut self, sides: &mut [[f64; W]]) {
         match &self.blocks {
             Some((lu, _)) if !self.exchanged => lu.solve_lanes(sides),
@@ -175,7 +177,7 @@ impl BlockMatrix {
         }
     }
 
-    /// Solves in place with the transposed matrix and the last factors.
+    /// Solves one right-hand side in place with the transposed matrix and the previous factors.
     pub fn solve_transposed(&mut self, side: &mut [f64]) {
         match (&self.blocks, &mut self.exchanging) {
             (_, Some(exchanging)) if self.exchanged => exchanging.solve_transposed(side),
@@ -184,7 +186,7 @@ impl BlockMatrix {
         }
     }
 
-    /// Solves with the factors of blocks. Returns false and leaves the right side unchanged if the solution is not accurate.
+    /// Solves with the block LU. Returns false and leaves the right-hand side unchanged if the solution is inaccurate.
     fn solve_blocks(&mut self, side: &mut [f64]) -> bool {
         let Some((lu, begins)) = &mut self.blocks else { return false };
         let values = lu.values();
@@ -207,7 +209,7 @@ impl BlockMatrix {
         exact
     }
 
-    /// Norm of what the solution leaves of a right side.
+    /// Norm of the residual of the present solution.
     fn error(&self, side: &[f64]) -> f64 {
         let mut left = side.to_vec();
         let columns = self.pattern.col_ptr().windows(2).zip(&self.solution);
@@ -247,7 +249,7 @@ impl BlockMatrix {
 }
 
 impl Exchanging {
-    /// Solves in place with the last factors.
+    /// Solves in place with the previous factors.
     fn solve(&mut self, side: &mut [f64]) {
         let size = side.len();
         let side = MatMut::from_column_major_slice_mut(side, size, 1);
@@ -256,7 +258,7 @@ impl Exchanging {
         factors.solve_in_place_with_conj(Conj::No, side, Par::Seq, stack);
     }
 
-    /// The transposed matrix, with the last factors.
+    /// Solves in place with the transposed matrix and the previous factors.
     fn solve_transposed(&mut self, side: &mut [f64]) {
         let size = side.len();
         let side = MatMut::from_column_major_slice_mut(side, size, 1);
@@ -318,7 +320,7 @@ mod tests {
         }
     }
 
-    /// Matrix without a first pivot unless rows are exchanged.
+    /// Tests a matrix that has no first pivot without row exchanges.
     #[test]
     fn a_matrix_whose_diagonal_is_empty_is_solved_all_the_same() {
         let mut matrix = BlockMatrix::new(&[3, 3], [(0, 1), (1, 0)].into_iter());

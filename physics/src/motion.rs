@@ -1,23 +1,23 @@
-//! Position and velocity of what moves: rigid bodies and point masses, in world axes.
+//! Position and velocity of rigid bodies and particles, in world axes.
 
 use crate::rotation::Increment;
 use nalgebra::{Matrix3, Vector3};
 
-/// Pose and velocity of a rigid body at an instant; of a point mass with no rotation.
+/// Pose and velocity of a rigid body. For a particle, rotation and spin have no meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Centre of mass, m.
     pub position: Vector3<f64>,
-    /// World from body.
+    /// Rotation from body to world axes.
     pub rotation: Matrix3<f64>,
     /// Velocity of the centre of mass, m/s.
     pub velocity: Vector3<f64>,
-    /// Angular velocity, rad/s.
+    /// Angular velocity in world axes, rad/s.
     pub spin: Vector3<f64>,
 }
 
 impl Motion {
-    /// Motion at rest with axes parallel to the world's.
+    /// Motion at rest, with body axes parallel to the world axes.
     pub fn at(position: Vector3<f64>) -> Self {
         Self {
             position,
@@ -27,26 +27,26 @@ impl Motion {
         }
     }
 
-    /// A point of the body, given from its centre of mass in body axes: place and velocity.
+    /// Position, m, and velocity, m/s, of a point of the body. `in_body` is measured from the centre of mass in body axes.
     pub fn point(&self, in_body: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let arm = self.rotation * in_body;
         (self.position + arm, self.velocity + self.spin.cross(&arm))
     }
 }
 
-/// Displacement of a body in a step, the unknowns of the step: `d` of its centre, m, and the rotation increment, rad.
+/// Displacement of a body in a step. The displacements are the unknowns of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Displacement {
     /// Shift of the centre of mass, m.
     pub shift: Vector3<f64>,
-    /// Rotation increment in world axes, rad: the new rotation is Exp(turn) times the old.
+    /// Rotation increment in world axes, rad: the new rotation is Exp(turn) times the previous one.
     pub turn: Vector3<f64>,
 }
 
 /// Order of the integrator.
 ///
-/// Of robots, both settle and converge alike in iterations. BDF2 is much nearer to small steps, also where feet touch down:
-/// way of the third period, in % of that at 1/1920 s,
+/// Robots need about the same number of iterations with both orders. BDF2 is more accurate, also at touch-down. Deviation of
+/// the distance in the third period from the result with a step of 1/1920 s, %:
 ///
 /// | plan | BDF1 1/60 s | 1/120 s | 1/240 s | BDF2 1/60 s | 1/120 s | 1/240 s |
 /// |---|---|---|---|---|---|---|
@@ -57,18 +57,18 @@ pub struct Displacement {
 /// | swizzlebot_forward | −0.6 | −0.3 | −0.1 | 0.0 | 0.0 | 0.0 |
 /// | skate | −3.5 | −1.8 | −0.9 | +1.2 | +0.3 | +0.1 |
 ///
-/// An impact lasts about a step, and costs BDF2 its lead at 1/60 s; at 1/120 s it is as good as BDF1 at 1/960 s. Where a
-/// robot flies and falls at an edge of stability (flying_trot) no step of either settles.
+/// An impact lasts about one step and costs BDF2 its advantage at 1/60 s. At 1/120 s, BDF2 is as accurate as BDF1 at 1/960 s. A
+/// robot that flies and nearly falls (flying_trot) converges with neither order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scheme {
-    /// Backward Euler: first order, damps; eats impacts and spin.
+    /// Backward Euler: first order. Damps impacts and spin strongly.
     #[default]
     Bdf1,
-    /// Two-step backward differentiation: second order, damps far less.
+    /// Two-step backward differentiation: second order, with much less damping.
     Bdf2,
 }
 
-/// Weights of a backward difference of a quantity y: (now·y_n + last·y_{n−1} + before·y_{n−2}) / h.
+/// Weights of the backward difference of a quantity y: (now·y_n + last·y_{n−1} + before·y_{n−2}) / h.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
     /// Step h, s.
@@ -87,17 +87,17 @@ impl Weights {
         }
     }
 
-    /// Derivative of the rate by the quantity now, 1/s.
+    /// Derivative of the rate with respect to the present value, 1/s.
     pub fn gain(&self) -> f64 {
         self.now / self.step_s
     }
 
-    /// Derivatives of the rate by the quantity at the two steps before, 1/s.
+    /// Derivatives of the rate with respect to the values one and two steps earlier, 1/s.
     pub(crate) fn earlier_gains(&self) -> [f64; 2] {
         [self.last / self.step_s, self.before / self.step_s]
     }
 
-    /// The rate of a quantity from its value now and at the two steps before.
+    /// Rate of a quantity from its values now, one step earlier and two steps earlier.
     pub fn rate<T>(&self, now: T, last: T, before: T) -> T
     where
         T: std::ops::Mul<f64, Output = T> + std::ops::Add<T, Output = T>,
@@ -106,19 +106,19 @@ impl Weights {
     }
 }
 
-/// A body's motion at the end of a step, with what its derivatives by the unknowns need.
+/// Motion of a body at the end of a step, with its derivatives with respect to the unknowns.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial {
-    /// The motion.
+    /// Motion at the end of the step.
     pub motion: Motion,
-    /// dθ/dφ: turn of the body by its rotation increment.
+    /// Derivative dθ/dφ of the turn of the body with respect to its rotation increment.
     pub turn_by_phi: Matrix3<f64>,
-    /// dω/dφ, 1/s.
+    /// Derivative dω/dφ of the spin, 1/s.
     pub spin_by_phi: Matrix3<f64>,
 }
 
 impl Trial {
-    /// Evaluates `displacement` from `last`. `before` is the displacement of the step before, for BDF2.
+    /// Evaluates `displacement` from the motion `last`. `before` is the displacement in the previous step, for BDF2.
     pub fn new(
         weights: &Weights,
         last: &Motion,

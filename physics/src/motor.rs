@@ -1,4 +1,4 @@
-//! A motor on a hinge: a position and speed loop within the motor's limits, the inertia of its rotor, and the stops of the hinge.
+//! Motor on a hinge: position and speed loop within the motor's limits, rotor inertia, and mechanical stops.
 
 use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
 use crate::motion::Motion;
@@ -7,12 +7,12 @@ use rollwalk_multibody::rotation::skew;
 use rollwalk_robot::{Actuator, TorqueSpeedLine};
 use std::f64::consts::TAU;
 
-/// Stall torque of a motor of unknown torque-speed line, as a multiple of its torque limit: it has full torque up to 95 % of
-/// its speed limit.
+/// Ratio of stall torque to torque limit for an actuator without a torque-speed line. Such a motor has full torque up to 95 %
+/// of its speed limit.
 const ABRUPT: f64 = 20.0;
 
-/// Stall torque, N·m, and no-load speed, rad/s, of an actuator's torque-speed line. Where its robot file has none, the
-/// torque ends abruptly at `speed_max_rad_s`.
+/// Stall torque, N·m, and no-load speed, rad/s, of an actuator. Without a torque-speed line in its robot file, the torque falls
+/// steeply to 0 at `speed_max_rad_s`.
 pub fn torque_speed_line(actuator: &Actuator) -> (f64, f64) {
     match actuator.torque_speed {
         Some(TorqueSpeedLine { stall_torque_nm, no_load_speed_rad_s }) => {
@@ -22,7 +22,7 @@ pub fn torque_speed_line(actuator: &Actuator) -> (f64, f64) {
     }
 }
 
-/// Control law of a motor, at angle and speed at the end of a step: τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
+/// Control law of a motor, evaluated at the end of a step: τ = clamp(kp (q* − q) + kd (q̇* − q̇) + τ_ff, ±limit).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Law {
     /// Position gain, N·m/rad; 0 for a wheel.
@@ -33,27 +33,27 @@ pub struct Law {
     pub position_rad: f64,
     /// Target speed q̇*, rad/s.
     pub speed_rad_s: f64,
-    /// Feed-forward τ_ff, N·m.
+    /// Feed-forward torque τ_ff, N·m.
     pub torque_nm: f64,
-    /// Limit of the torque, N·m; 0 for a motor without power.
+    /// Torque limit, N·m; 0 for a motor without power.
     pub limit_nm: f64,
-    /// Stall torque, N·m, and no-load speed, rad/s, of the motor's torque-speed line; `None` for torque at any speed.
+    /// Stall torque, N·m, and no-load speed, rad/s, of the torque-speed line. `None` for full torque at any speed.
     pub line: Option<(f64, f64)>,
 }
 
-/// The torque of a motor, N·m, and its derivatives by angle and speed.
+/// Torque of a motor and its derivatives with respect to angle and speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Torque {
-    /// N·m, on the driven body about the axis.
+    /// Torque on the driven body about the axis, N·m.
     pub value_nm: f64,
     by_angle: f64,
     by_speed: f64,
-    /// Derivative by the torque that the loops request: 1 within all limits, 0 at one.
+    /// Derivative with respect to the torque that the control loops request: 1 within all limits, 0 at a limit.
     by_wanted: f64,
 }
 
 impl Law {
-    /// A servo with the gains, limits and [`torque_speed_line`] of an actuator, which holds angle 0 at rest.
+    /// Servo with the gains, limits and [`torque_speed_line`] of an actuator. The target is angle 0 at rest.
     pub fn servo(actuator: &Actuator) -> Self {
         Self {
             kp_nm_rad: actuator.kp_nm_rad,
@@ -64,7 +64,7 @@ impl Law {
         }
     }
 
-    /// The torque at an angle, rad, and a speed, rad/s.
+    /// Torque at an angle, rad, and a speed, rad/s.
     pub fn torque(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
         let error = self.position_rad - angle_rad;
         let wanted = self.kp_nm_rad * error
@@ -97,7 +97,7 @@ impl Law {
     }
 }
 
-/// Derivatives of a motor's torque by the numbers of its law.
+/// Derivatives of a motor's torque with respect to the parameters of its law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LawBy {
     pub position_nm_rad: f64,
@@ -107,29 +107,29 @@ pub(crate) struct LawBy {
     pub kd_rad_s: f64,
 }
 
-/// The motor of a hinge between a first body, which carries it, and a second, which it turns.
+/// Motor of a hinge. The first body carries the motor, and the second is driven.
 #[derive(Clone, Debug)]
 pub struct Motor {
-    /// The two bodies.
+    /// Indices of the carrying and the driven body.
     pub bodies: [usize; 2],
-    /// Unit axis in the first body.
+    /// Unit axis of the hinge, in axes of the first body.
     pub axis: Vector3<f64>,
-    /// Unit vectors across the axis, in body axes, that are parallel at angle 0.
+    /// Unit vectors across the axis, each in the axes of its body. They are parallel at angle 0.
     pub across: [Vector3<f64>; 2],
     /// Inertia of rotor and gearbox at the output, kg·m².
     pub armature_kg_m2: f64,
-    /// Stops of the hinge, if it has any.
+    /// Mechanical stops; `None` for a hinge without stops.
     pub stops: Option<Stops>,
-    /// Angle at the end of the last step, rad. Unlike the bodies' poses it counts whole turns.
+    /// Angle at the end of the previous step, rad. Unlike the poses of the bodies, it includes whole turns.
     pub angle_rad: f64,
     /// Control law.
     pub law: Law,
 }
 
-/// Mechanical stops of a hinge: springs beyond two angles.
+/// Mechanical stops of a hinge: springs outside a range of angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
-    /// The angles, rad.
+    /// Lower and upper angle, rad.
     pub range_rad: [f64; 2],
     /// Stiffness, N·m/rad.
     pub stiffness_nm_rad: f64,
@@ -145,12 +145,13 @@ impl Stops {
 }
 
 impl Motor {
-    /// Unit axis of the hinge in world axes.
+    /// Unit axis of the hinge, in world axes.
     pub fn axis_in_world(&self, carrier: &Motion) -> Vector3<f64> {
         carrier.rotation * self.axis
     }
 
-    /// Angle of the second body about the axis from the first, rad, within half a turn of that at the end of the last step.
+    /// Angle of the second body relative to the first about the axis, rad. The result is within half a turn of the angle at the
+    /// end of the previous step.
     pub fn angle(&self, now: &[Motion]) -> f64 {
         let (sine, cosine, _) = self.sine_cosine(now);
         let within_turn = sine.atan2(cosine);
@@ -162,12 +163,12 @@ impl Motor {
         self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
     }
 
-    /// Torque of the motor at the motions `now`, rotor and stops aside.
+    /// Torque of the control law at the motions `now`, without rotor inertia and stops.
     pub fn torque(&self, now: &[Motion]) -> Torque {
         self.law.torque(self.angle(now), self.speed(now))
     }
 
-    /// Derivatives of the torque at the end of a step by the law's numbers: 0 at a limit.
+    /// Derivatives of the torque at the end of a step with respect to the parameters of the law; 0 at a limit.
     pub(crate) fn law_by(&self, view: &View<'_>) -> LawBy {
         let (angle, speed) = (self.angle(view.now), self.speed(view.now));
         let free = self.law.torque(angle, speed).by_wanted;
@@ -180,18 +181,20 @@ impl Motor {
         }
     }
 
-    /// Acceleration of the second body about the axis relative to the first, as the step has it, rad/s².
+    /// Acceleration of the second body relative to the first about the axis, from backward differences, rad/s².
     pub(crate) fn acceleration(&self, view: &View<'_>) -> f64 {
         let speed = |motions| self.speed(motions);
         view.weights.rate(speed(view.now), speed(view.last), speed(view.before))
     }
 
-    /// Derivative of the angle by a turn of the second body; minus that of the first.
+    /// Derivative of the angle with respect to a turn of the second body. The derivative for the first body has the opposite
+    /// sign.
     pub(crate) fn angle_by_turn(&self, now: &[Motion]) -> Vector3<f64> {
         self.sine_cosine(now).2
     }
 
-    /// Sine and cosine of the angle, up to a common factor; and its gradient by the turn of the second body.
+    /// Sine and cosine of the angle, up to a common factor, and the gradient of the angle with respect to a turn of the second
+    /// body.
     fn sine_cosine(&self, now: &[Motion]) -> (f64, f64, Vector3<f64>) {
         let along = now[0].rotation * self.across[0];
         let normal = self.axis_in_world(&now[0]).cross(&along);
@@ -203,7 +206,7 @@ impl Motor {
         (sine, cosine, gradient)
     }
 
-    /// Torque of motor and stops.
+    /// Torque of control law and stops.
     fn bounded(&self, angle_rad: f64, speed_rad_s: f64) -> Torque {
         let mut torque = self.law.torque(angle_rad, speed_rad_s);
         if let Some(stops) = &self.stops {
@@ -214,7 +217,7 @@ impl Motor {
         torque
     }
 
-    /// Moment about the axis on the second body.
+    /// Total torque on the second body about the axis, including rotor inertia.
     fn moment(&self, view: &View<'_>) -> Torque {
         let mut torque = self.bounded(self.angle(view.now), self.speed(view.now));
         torque.value_nm -= self.armature_kg_m2 * self.acceleration(view);
@@ -285,7 +288,7 @@ impl Force for Motor {
         }
     }
 
-    /// The rotor's inertia feels the change of its speed.
+    /// Adds the derivatives of the rotor inertia, which depends on earlier speeds.
     fn history(&self, view: &View<'_>, last: &mut [Derivative], before: &mut [Derivative]) -> bool {
         let axis_now = self.axis_in_world(&view.now[0]);
         let times = [(view.last, last), (view.before, before)];

@@ -1,7 +1,8 @@
-//! Newton's method on the equations of a step, with a line search (thesis 4.3.1).
+//! Newton's method with line search for the equations of a step (thesis 4.3.1).
 //!
-//! Most of the cost of an iteration is evaluating the matrix and factorising it. So kinks of contacts and motors are solved
-//! separately (`kinks.rs`), the last correction uses the matrix before, and a step begins where bodies keep their acceleration.
+//! Evaluation and factorisation of the matrix dominate the cost of an iteration. Three measures save iterations: kinks of
+//! contacts and motors are solved separately (`kinks.rs`), the final correction reuses the previous matrix, and a step starts
+//! with unchanged acceleration.
 
 use crate::body::Body;
 use crate::force::Force;
@@ -13,30 +14,30 @@ use crate::sticking::Sticking;
 use nalgebra::Vector3;
 use std::ops::Range;
 
-/// Times that the line search halves a Newton step.
+/// Maximum number of halvings in a line search.
 const HALVINGS: u32 = 7;
-/// Largest rotation increment of a body in one Newton iteration, rad: beyond it the series and the linearisation are
-/// wrong.
+/// Maximum rotation increment of a body in one Newton iteration, rad. Larger increments invalidate the series and the
+/// linearisation.
 const MOST_TURN_RAD: f64 = 0.3;
-/// Share of a Newton step below which the line search has met a kink.
+/// Fraction of a Newton step below which the line search is assumed to have met a kink.
 const SHORT: f64 = 0.3;
-/// Iterations that go by the tame matrix in a step that goes to and fro between kinks: longer and longer runs, and between
-/// them exact ones, which end it. For soft feet, whose kinks are too many to be solved apart.
+/// Ranges of iterations that use the tame matrix if a step oscillates between kinks. The iterations between these ranges are
+/// exact. Soft feet need this, because they have too many kinks for a separate solve.
 const TAME_RUNS: [Range<u32>; 3] = [10..15, 17..26, 29..39];
-/// Share of the residual below which a whole step ends such a run.
+/// Ratio of successive residual norms below which a full step ends a tame range.
 const CONVERGES: f64 = 0.3;
-/// Growth of the residual at which a step over kinks is taken back.
+/// Growth of the residual norm above which a step across kinks is rejected.
 const GROWTH: f64 = 10.0;
-/// Share of the residual below which a second correction by the same matrix must come.
+/// Ratio of residual norms that a second correction with the same matrix must reach.
 const STRAIGHT: f64 = 0.5;
-/// Power of the residual along a correction, as a share of that at its beginning, at which a line search is content.
+/// Relative slope of the potential along a correction at which the line search stops.
 const FLAT: f64 = 0.5;
 
-/// Relative correction below which the coordinates no longer change in floating point. The residual that remains is the
-/// rounding error of stiff forces.
+/// Relative size of a correction below rounding in the coordinates. The remaining residual is the rounding error of stiff
+/// forces.
 const ROUNDING: f64 = 1e-15;
 
-/// The solver, with its memory.
+/// Solver with its working memory.
 #[derive(Debug)]
 pub(crate) struct Newton {
     equations: Equations,
@@ -58,7 +59,7 @@ impl Newton {
     /// Creates the solver for bodies and the forces on them.
     ///
     /// # Panics
-    /// A force names a body that is not there.
+    /// If a force refers to a missing body.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let equations = Equations::new(bodies, forces);
         let correction = vec![0.0; equations.residual.len()];
@@ -66,17 +67,18 @@ impl Newton {
         Self { equations, correction, kinks, sticking: Sticking::new(bodies, forces) }
     }
 
-    /// The equations at the last trial: after [`Newton::solve`], at its solution.
+    /// Equations at the most recent trial. After [`Newton::solve`], this is the solution.
     pub fn equations(&self) -> &Equations {
         &self.equations
     }
 
-    /// Contacts that hybrid friction held in the last step.
+    /// Contacts that hybrid friction held in the previous step.
     pub fn sticking(&self) -> &Sticking {
         &self.sticking
     }
 
-    /// Displacements of the bodies in a step: a trial whose residual norm is below a tolerance, or whose correction is rounding.
+    /// Solves a step and returns the displacements of the bodies. The residual norm is below `tolerance`, or the correction is
+    /// below rounding.
     pub fn solve(
         &mut self,
         step: &Step<'_>,
@@ -157,9 +159,10 @@ impl Newton {
         }
     }
 
-    /// Initial trial, its residual norm, and true if the matrix is that of the trial. Bodies keep their acceleration or their
-    /// velocity, whichever leaves the smaller residual. Keeping the acceleration is worse at impacts; without it joints of
-    /// spinning bodies come apart. If both turn a soft body inside out, all bodies stay in place.
+    /// Initial trial, its residual norm, and true if the matrix was evaluated at this trial. Bodies keep either their
+    /// acceleration or their velocity, whichever gives the smaller residual. Constant acceleration is worse at impacts;
+    /// constant velocity pulls joints of spinning bodies apart. If both turn a soft body inside out, all bodies start at rest
+    /// in their present poses.
     fn guess(&mut self, step: &Step<'_>, tolerance: f64) -> (Vec<Displacement>, f64, bool) {
         let step_s = step.weights.step_s;
         let going_on = |share: f64| -> Vec<Displacement> {
@@ -191,8 +194,8 @@ impl Newton {
         (steady, norm, true)
     }
 
-    /// Corrects once more with the same matrix, unless that increases the residual. Evaluating and factorising the matrix are
-    /// most of the cost of an iteration.
+    /// Applies a second correction with the same matrix, unless it increases the residual. This saves an evaluation and
+    /// factorisation of the matrix.
     fn again(
         &mut self,
         step: &Step<'_>,
@@ -210,11 +213,11 @@ impl Newton {
         (trial, norm)
     }
 
-    /// The trial moved by a share of the correction; and the share.
+    /// Line search along the correction. Returns the new trial, the fraction of the correction, and the residual norm.
     ///
-    /// The residual is nearly the gradient of a potential, in which contacts and friction are smooth; its norm is not, and
-    /// has lowest points at the kinks where contacts open and begin to slide. So the search is for the lowest point of the
-    /// potential along the correction, where the residual's power along it is 0.
+    /// The residual is nearly the gradient of a potential. The potential is smooth at contacts and friction, whereas the
+    /// residual norm has local minima at kinks. The search therefore minimises the potential along the correction, where the
+    /// product of residual and correction is 0.
     fn search(
         &mut self,
         step: &Step<'_>,
@@ -260,8 +263,9 @@ impl Newton {
         (moved, 1.0, found)
     }
 
-    /// A whole step that leaves a much smaller residual after another correction by the same matrix: along a straight one
-    /// joints come apart, at first order not at all, but so stiff they are that the line search would turn it down.
+    /// Tries the full step followed by a second correction with the same matrix. Returns the result if it lowers the residual
+    /// norm sufficiently. A full step along a straight line pulls joints apart to second order, and the line search would
+    /// reject it because joints are stiff.
     fn straighten(
         &mut self,
         step: &Step<'_>,
@@ -283,26 +287,26 @@ impl Newton {
         equations.evaluate(step, trial, sticking.holds(), sticking.held(), derive)
     }
 
-    /// Finds Newton's correction of the last residual; false without one.
+    /// Computes Newton's correction for the present residual. Returns false if the matrix is singular.
     fn correct(&mut self) -> bool {
         self.correction.copy_from_slice(&self.equations.residual);
         self.equations.matrix.solve(&mut self.correction)
             && self.correction.iter().all(|value| value.is_finite())
     }
 
-    /// True if the correction is below rounding.
+    /// Returns true if the correction is below rounding.
     fn is_rounding(&self) -> bool {
         let places = self.equations.motions.iter().map(|motion| motion.position.amax());
         let bound = ROUNDING * places.fold(1.0, f64::max);
         self.correction.iter().all(|part| part.abs() < bound)
     }
 
-    /// Power of the residual along the correction.
+    /// Dot product of residual and correction.
     fn power(&self) -> f64 {
         self.equations.residual.iter().zip(&self.correction).map(|(r, c)| r * c).sum()
     }
 
-    /// Shortens the correction's turn of each body that it turns too far.
+    /// Limits the rotation increment of each body in the correction.
     fn cap_turns(&mut self) {
         for first_and_end in self.equations.firsts.windows(2) {
             let turn = &mut self.correction[first_and_end[0]..first_and_end[1]][3..];
@@ -313,7 +317,7 @@ impl Newton {
         }
     }
 
-    /// A trial moved by a share of the correction.
+    /// Trial moved by a fraction of the correction.
     fn moved(&self, trial: &[Displacement], share: f64) -> Vec<Displacement> {
         let moved = |(displacement, ends): (&Displacement, &[usize])| {
             let by = &self.correction[ends[0]..ends[1]];

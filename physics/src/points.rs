@@ -1,32 +1,32 @@
-//! Forces between a point of one body and a point of another: what balls, springs and attachments share.
+//! Forces between a point of one body and a point of another, for ball joints, springs and attachments.
 
 use crate::force::{By, Derivative, Wrench};
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
-/// A point of each of two bodies.
+/// Pair of points on two bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
-    /// The two bodies.
+    /// Indices of the two bodies.
     pub bodies: [usize; 2],
-    /// The point in each, from its centre of mass in body axes, m; 0 for a particle.
+    /// Point on each body, from its centre of mass in body axes, m; 0 for a particle.
     pub points: [Vector3<f64>; 2],
 }
 
-/// A force and its derivatives by offset and velocity of the second point from the first.
+/// Force, and its derivatives with respect to offset and velocity of the second point relative to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pull {
     /// Force on the first point, N; the opposite force acts on the second.
     pub force: Vector3<f64>,
-    /// N/m.
+    /// Derivative with respect to the offset, N/m.
     pub by_offset: Matrix3<f64>,
-    /// N·s/m.
+    /// Derivative with respect to the velocity, N·s/m.
     pub by_velocity: Matrix3<f64>,
 }
 
 impl Points {
-    /// The points of two bodies that are at one place in world axes, m.
+    /// Creates the pair of points that coincide at a position in world axes, m.
     pub fn at(bodies: [usize; 2], motions: &[Motion], place: &Vector3<f64>) -> Self {
         let points = bodies.map(|body| {
             let motion = &motions[body];
@@ -35,7 +35,7 @@ impl Points {
         Self { bodies, points }
     }
 
-    /// Offset, m, and velocity, m/s, of the second point from the first.
+    /// Offset, m, and velocity, m/s, of the second point relative to the first.
     pub(crate) fn apart(&self, now: &[Motion]) -> (Vector3<f64>, Vector3<f64>) {
         let [first, second] = [0, 1].map(|k| now[k].point(&self.points[k]));
         (second.0 - first.0, second.1 - first.1)

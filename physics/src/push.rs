@@ -1,14 +1,14 @@
-//! Pushes: a force on a body for some time.
+//! Pushes: forces on a body for a limited time.
 
 use crate::force::{Derivative, Force, View, Wrench};
 use nalgebra::{Rotation3, Vector3};
 
-/// A force on the centre of mass of one body, in world axes; it does not depend on any motion.
+/// Constant force on the centre of mass of one body, in world axes.
 #[derive(Clone, Debug)]
 pub struct Push {
-    /// The body.
+    /// Index of the body.
     pub body: [usize; 1],
-    /// N.
+    /// Force, N.
     pub force_n: Vector3<f64>,
 }
 
@@ -26,26 +26,26 @@ impl Force for Push {
     }
 }
 
-/// Push on a robot: time and force.
+/// Push on a robot, with start time, duration and force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shove {
     /// Start time, s.
     pub from_s: f64,
     /// Duration, s.
     pub duration_s: f64,
-    /// Force ahead, to the left and up, as the robot faces, N.
+    /// Force forward, to the left and up in the robot's heading, N.
     pub force_n: Vector3<f64>,
 }
 
 impl Shove {
-    /// Creates a push from a start time, s, for a duration, s, with a force ahead, to the left and up, N.
+    /// Creates a push from its start time, s, its duration, s, and its force forward, to the left and up, N.
     pub fn new(from_s: f64, duration_s: f64, force_n: [f64; 3]) -> Self {
         Self { from_s, duration_s, force_n: force_n.into() }
     }
 }
 
-/// The mean force of all pushes over a step, in world axes, N, on a robot that faces along a heading, rad: whatever the
-/// steps, a push gives its whole impulse.
+/// Mean force of all pushes over a step, in world axes, N, on a robot with the given heading, rad. The mean preserves the
+/// impulse of a push for any step.
 pub fn mean_force(shoves: &[Shove], from_s: f64, step_s: f64, heading_rad: f64) -> Vector3<f64> {
     let share = |shove: &Shove| {
         let begin = shove.from_s.max(from_s);

@@ -1,9 +1,9 @@
-//! The equations of one step: their residual, and the matrix of its derivatives by what the bodies move.
+//! Equations of one step: residual, and matrix of derivatives with respect to the displacements of the bodies.
 //!
-//! The residual of a body is m (v̇ − g) − f, N, and L̇ − τ, N·m, with the angular momentum L about the centre of mass:
-//! angular momentum of a free body is conserved to rounding. Unknown is what each body moves in the step, as a shift and a
-//! rotation increment that begins anew at every step; the thesis's rotation vectors from a fixed origin need terms of
-//! their own and a change of coordinates at every turn.
+//! The residual of a body is m (v̇ − g) − f, N, and L̇ − τ, N·m, with the angular momentum L about the centre of mass. A free
+//! body therefore conserves angular momentum to rounding. The unknowns are the shift and the rotation increment of each body in
+//! the step. Increments start at 0 in every step. The thesis uses rotation vectors from a fixed origin, which require
+//! additional terms and a change of coordinates after each turn.
 
 use crate::body::Body;
 use crate::force::{Derivative, Force, Held, View, Wrench};
@@ -19,31 +19,31 @@ pub(crate) struct Step<'a> {
     pub forces: &'a [Box<dyn Force>],
     pub gravity_m_s2: Vector3<f64>,
     pub weights: &'a Weights,
-    /// Motions at its beginning.
+    /// Motions at the beginning of the step.
     pub now: &'a [Motion],
     /// Motions one step before `now`.
     pub last: &'a [Motion],
     /// Displacements of the bodies from `last` to `now`.
     pub moved: &'a [Displacement],
-    /// Share of the acceleration of the step before with which bodies are first taken to go on: 0 where that is unknown.
+    /// Fraction of the previous acceleration in the initial guess of the step; 0 if this acceleration is unknown.
     pub acceleration_share: f64,
 }
 
-/// Derivatives that are evaluated with a residual.
+/// Derivatives to evaluate with a residual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Derive {
     Nothing,
     Exact,
-    /// [`View::tame`].
+    /// Derivatives with [`View::tame`].
     Tame,
 }
 
-/// A particle that must not move across a normal: the hard sticking of hybrid friction.
+/// Particle that must not move in the tangent plane: strict sticking of hybrid friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hold {
     pub body: usize,
     pub normal: Vector3<f64>,
-    /// Weight of the particle's velocity, m/s, against the other equations, N·s/m.
+    /// Weight of the particle's velocity relative to the other equations, N·s/m.
     pub scale_n_s_m: f64,
 }
 
@@ -54,27 +54,27 @@ impl Hold {
     }
 }
 
-/// Residual and matrix, with the memory that they need from step to step.
+/// Residual and matrix of a step, with working memory.
 #[derive(Debug)]
 pub(crate) struct Equations {
     pub matrix: BlockMatrix,
     pub residual: Vec<f64>,
-    /// First unknown of each body, and the number of all.
+    /// Index of the first unknown of each body, followed by the total number of unknowns.
     pub firsts: Vec<usize>,
-    /// Motions at the end of the last trial.
+    /// Motions at the end of the most recent trial.
     pub motions: Vec<Motion>,
-    /// Residual of each held particle before it was held, N. Friction has to hold its part across the normal.
+    /// Residual of each held particle without the constraint, N. Friction has to balance its tangential component.
     pub reactions: Vec<Vector3<f64>>,
     diagonal: Vec<Slot>,
     slots: Vec<Vec<Slot>>,
     trials: Vec<Trial>,
-    /// Motions of one force's bodies, now, last and before, one after the other.
+    /// Motions of the bodies of one force: at the end of the step, at its beginning, and one step earlier.
     gathered: [Vec<Motion>; 3],
     wrenches: Vec<Wrench>,
     derivatives: Vec<Derivative>,
-    /// The part of the momentum's rate that comes from earlier steps, N and N·m.
+    /// Contribution of earlier steps to the rate of momentum, N and N·m.
     inertial: Vec<Wrench>,
-    /// Forces that are left out, because they do nothing.
+    /// True for each force that is skipped because it has no effect.
     asleep: Vec<bool>,
 }
 
@@ -82,7 +82,7 @@ impl Equations {
     /// Creates the equations of bodies and the forces on them.
     ///
     /// # Panics
-    /// A force names a body that is not there.
+    /// If a force refers to a missing body.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let pairs = |force: &dyn Force| {
             let on = force.bodies().to_vec();
@@ -118,7 +118,7 @@ impl Equations {
         }
     }
 
-    /// Takes from earlier steps what stays the same in all trials of this one.
+    /// Computes the terms that are equal for all trials of a step, and the forces to skip.
     pub fn begin(&mut self, step: &Step<'_>) {
         self.inertial.clear();
         for ((body, now), last) in step.bodies.iter().zip(step.now).zip(step.last) {
@@ -135,12 +135,12 @@ impl Equations {
         }
     }
 
-    /// True if a force is left out.
+    /// Returns true if a force is skipped.
     pub fn is_asleep(&self, force: usize) -> bool {
         self.asleep[force]
     }
 
-    /// Takes in forces that the last trial has brought near. Returns true if there are any.
+    /// Includes skipped forces again if they are near at the most recent trial. Returns true if there are any.
     pub fn wake(&mut self, step: &Step<'_>) -> bool {
         let mut any = false;
         for (asleep, force) in
@@ -152,8 +152,8 @@ impl Equations {
         any
     }
 
-    /// Residual at a trial, and its norm; with the matrix if derivatives are asked for. `holds` are of particles, `held` of
-    /// contacts of bodies that turn, by force.
+    /// Evaluates the residual at a trial and returns its norm. Evaluates the matrix as well if `derive` requests derivatives.
+    /// `holds` are the held particles; `held` has the held contacts of rigid bodies, indexed by force.
     pub fn evaluate(
         &mut self,
         step: &Step<'_>,
@@ -182,7 +182,7 @@ impl Equations {
         self.residual.iter().map(|r| r * r).sum::<f64>().sqrt()
     }
 
-    /// Sets a body's residual to its inertia terms and its weight, and adds them to the matrix.
+    /// Sets the residual of a body to inertia and weight, and adds their derivatives to the matrix.
     fn inertia(&mut self, step: &Step<'_>, k: usize, derive: Derive) {
         let (body, trial, gain) = (&step.bodies[k], &self.trials[k], step.weights.gain());
         let (mass_kg, motion) = (body.mass_kg(), &trial.motion);
@@ -240,7 +240,7 @@ impl Equations {
         }
     }
 
-    /// Puts the velocity across the normal in place of that part of a held particle's equations.
+    /// Replaces the tangential equations of held particles by zero tangential velocity.
     fn hold(&mut self, step: &Step<'_>, holds: &[Hold], derive: Derive) {
         self.reactions.clear();
         for hold in holds {
@@ -261,7 +261,7 @@ impl Equations {
     }
 }
 
-/// [`Force::is_far`] of motions of all bodies.
+/// Evaluates [`Force::is_far`] for the motions of all bodies.
 fn is_far(force: &dyn Force, motions: &[Motion], step_s: f64, now: &mut Vec<Motion>) -> bool {
     now.clear();
     now.extend(force.bodies().iter().map(|&body| motions[body]));

@@ -1,26 +1,26 @@
-//! Rotation increments: the exponential map of SO(3) and its left Jacobian, as series.
+//! Rotation increments: exponential map of SO(3) and its left Jacobian, as series.
 //!
-//! The stepper limits an increment to a fraction of a radian, where seven terms are exact to rounding. Series have no
-//! branch and no 0/0, so that their derivatives are exact as well.
+//! The stepper limits an increment to a fraction of a radian, where seven terms are exact to rounding. A series has no branch
+//! and no division 0/0, so that its derivatives are exact as well.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
-/// Terms of a series.
+/// Number of terms in a series.
 const TERMS: u32 = 9;
 
-/// The increment φ, rad, with what the exponential map needs of it.
+/// Increment φ, rad, with coefficients of the exponential map.
 #[derive(Clone, Copy, Debug)]
 pub struct Increment {
     phi: Vector3<f64>,
     cross: Matrix3<f64>,
-    /// sin t / t, (1 − cos t)/t² and (t − sin t)/t³ with t = |φ|.
+    /// Coefficients sin t / t, (1 − cos t)/t² and (t − sin t)/t³ with t = |φ|.
     coefficients: [f64; 3],
-    /// Derivatives of the last two by t².
+    /// Derivatives of the second and third coefficient with respect to t².
     slopes: [f64; 2],
 }
 
-/// Σ (−s)^k / (2k + first)!, and its derivative by s.
+/// Value Σ (−s)^k / (2k + first)! and its derivative with respect to s.
 fn series(s: f64, first: u32) -> (f64, f64) {
     // Horner's scheme from the last term.
     let (mut value, mut slope) = (0.0, 0.0);
@@ -35,7 +35,7 @@ fn series(s: f64, first: u32) -> (f64, f64) {
 }
 
 impl Increment {
-    /// The increment φ in world axes, rad.
+    /// Creates the increment φ in world axes, rad.
     pub fn new(phi: Vector3<f64>) -> Self {
         let s = phi.norm_squared();
         let (sine, _) = series(s, 1);
@@ -49,19 +49,19 @@ impl Increment {
         }
     }
 
-    /// Exp(φ): the rotation about φ by |φ|.
+    /// Rotation matrix Exp(φ), which rotates about φ by the angle |φ|.
     pub fn rotation(&self) -> Matrix3<f64> {
         let [a, b, _] = self.coefficients;
         Matrix3::identity() + self.cross * a + self.cross * self.cross * b
     }
 
-    /// The left Jacobian J_l: Exp(φ + δ) = Exp(J_l δ) Exp(φ) to first order.
+    /// Left Jacobian J_l: Exp(φ + δ) = Exp(J_l δ) Exp(φ) to first order.
     pub fn left_jacobian(&self) -> Matrix3<f64> {
         let [_, a, b] = self.coefficients;
         Matrix3::identity() + self.cross * a + self.cross * self.cross * b
     }
 
-    /// J_l(φ) v, and its derivative by φ.
+    /// Product J_l(φ) v and its derivative with respect to φ.
     pub fn left_jacobian_times(&self, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
         let ([_, a, b], [da, db]) = (self.coefficients, self.slopes);
         let once = self.cross * v;

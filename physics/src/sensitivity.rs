@@ -1,34 +1,36 @@
-//! Sensitivities of whole rollouts, from the same derivatives as the Newton step (thesis 4.3.2).
+//! Sensitivities of whole rollouts, from the derivatives of the Newton steps (thesis 4.3.2).
 //!
-//! A [`Recorder`] keeps of every step that it takes with a system the derivatives of its residual; the [`Rollout`] that it
-//! ends with gives derivatives of everything that the bodies did, by numbers that each are a [`Parameter`]. The direct
-//! method carries derivatives by all parameters forward ([`Rollout::direct`]), the adjoint method those of one number
-//! backward ([`Rollout::adjoint`]). [`objective`] has what rollouts are to do; [`gauss_newton`] and [`lbfgs`] find parameters
-//! with which they do, [`adam`] the weights of a controller that is trained on many.
+//! A [`Recorder`] stores the derivatives of the residual of each step that a system takes through it. Its [`Rollout`] gives
+//! derivatives of the motion of all bodies with respect to [`Parameter`]s. The direct method propagates derivatives with
+//! respect to all parameters forward ([`Rollout::direct`]). The adjoint method propagates the derivatives of one scalar
+//! backward ([`Rollout::adjoint`]).
+//!
+//! [`objective`] has objectives of rollouts. [`gauss_newton`] and [`lbfgs`] optimise parameters; [`adam`] trains the weights of
+//! a controller on many rollouts.
 //!
 //! # Equations
 //!
-//! Step i has a root x_i, the displacements d and rotation increments φ of its bodies, of the residual
-//! r(z_i, z_{i−1}, z_{i−2}; p), where z are motions: position, rotation, velocity and spin. Rotations vary by a turn δθ
-//! on the left, dR = \[δθ\]R, so that nothing depends on where angles are counted from. With g = w_0/h and s = w_2/h from the
-//! weights of the backward difference, the motions follow from x as
+//! In step i, the displacements d and rotation increments φ of the bodies form the unknowns x_i. They are a root of the
+//! residual r(z_i, z_{i−1}, z_{i−2}; p), where z are motions: position, rotation, velocity and spin. Rotations vary by a turn
+//! δθ on the left, dR = \[δθ\]R, so that nothing depends on the zero of the angles. With g = w_0/h and s = w_2/h from the
+//! weights of the backward difference, the variations of the motions follow from those of x:
 //!
 //! δc_i = δc_{i−1} + δd_i, δθ_i = J_l(φ_i) δφ_i + Exp(φ_i) δθ_{i−1},
-//! δv_i = g δd_i − s δd_{i−1}, δω_i = (∂ω/∂φ) δφ_i − s J_l(φ_i) δφ_{i−1},
+//! δv_i = g δd_i − s δd_{i−1}, δω_i = (∂ω/∂φ) δφ_i − s J_l(φ_i) δφ_{i−1}.
 //!
-//! which is exact: increments begin anew at every step and are carried on by these two formulas alone. With them the
-//! residual's variation is B δx_i + P δz_{i−1} + Q δz_{i−2} + N δx_{i−1} + (∂r/∂p) δp = 0, where B is Newton's matrix. A
-//! record has B, P, Q, N and the columns of ∂r/∂p; with backward Euler Q and N are 0.
+//! These are exact, because increments start at 0 in every step and only these formulas carry them on. The variation of the
+//! residual is B δx_i + P δz_{i−1} + Q δz_{i−2} + N δx_{i−1} + (∂r/∂p) δp = 0, where B is the Newton matrix. A record has B, P,
+//! Q, N and the columns of ∂r/∂p; with backward Euler, Q and N are 0.
 //!
-//! * direct: B δx_i = −(P δz_{i−1} + Q δz_{i−2} + N δx_{i−1} + ∂r/∂p), with all parameters as right sides;
-//! * adjoint: Bᵀ μ_i = (∂x of all that follows), dO/dp = −Σ (∂r/∂p)ᵀ μ_i + what the initial state gives.
+//! * direct: B δx_i = −(P δz_{i−1} + Q δz_{i−2} + N δx_{i−1} + ∂r/∂p), with all parameters as right-hand sides;
+//! * adjoint: Bᵀ μ_i = derivative of all later terms with respect to x_i, dO/dp = −Σ (∂r/∂p)ᵀ μ_i + contribution of the initial
+//!   state.
 //!
-//! A step that was halved is several such steps, and the first of BDF2 is one of backward Euler: both are in the record as they
-//! were taken.
+//! A halved step is recorded as several steps. The first step of BDF2 is recorded as backward Euler.
 //!
 //! # Example
 //!
-//! How far a mass comes in a second by how fast it is thrown, forward and backward:
+//! Distance of a thrown mass after one second, and its derivative with respect to the initial speed, forward and backward:
 //!
 //! ```
 //! use nalgebra::Vector3;
@@ -54,15 +56,17 @@
 //! # Ok::<(), rollwalk_physics::StepError>(())
 //! ```
 //!
-//! # Where the motion has kinks
+//! # Kinks
 //!
-//! Contacts open and close, friction begins to slide and motors come to their limits at single instants. Between them the
-//! derivatives are exact. A rollout in which such an instant coincides with the end of a step has different derivatives
-//! to its two sides; [`Rollout`] has that of the side on which the solution lies: every contact stays open or closed, sticking
-//! or sliding, as the solver found it. So the coefficient of friction of a contact that never slides has a derivative of exactly
-//! 0, which is right and which [`Health`] lists. What hybrid friction held is held in the derivatives, too: a particle's
-//! velocity across the normal stays exactly 0 whatever the parameters do. That of a rigid body's contacts does to about 1e-3:
-//! they hold it more often than it can move, and the solver finds their friction as far only as the motion depends on it.
+//! Contacts open and close, friction begins to slide, and motors reach their limits at isolated times. Between these times the
+//! derivatives are exact. If such a time coincides with the end of a step, the rollout has two one-sided derivatives.
+//! [`Rollout`] returns the one of the branch that the solver found: each contact stays open or closed, and sticking or sliding.
+//! The friction coefficient of a contact that never slides therefore has a derivative of exactly 0. This is correct, and
+//! [`Health`] lists it.
+//!
+//! Derivatives keep the contacts held that hybrid friction held. The tangential velocity of a held particle stays exactly 0 for
+//! all parameters. For contacts of a rigid body it stays 0 to about 1e-3: these contacts have more constraints than the body
+//! has degrees of freedom, and the solver determines their friction only as far as the motion depends on it.
 
 pub mod adam;
 mod adjoint;
@@ -85,27 +89,27 @@ pub use objective::Residual;
 pub use parameter::{Column, Constant, Parameter, Solved, Start};
 pub use record::{Recorder, Rollout};
 
-/// A variation of a body's motion; or what a number changes by each part of it.
+/// Variation of a body's motion, or the derivative of a scalar with respect to the motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Variation {
-    /// δc of the centre of mass, m.
+    /// Shift δc of the centre of mass, m.
     pub shift: Vector3<f64>,
-    /// δθ, rad: dR = \[δθ\]R.
+    /// Turn δθ, rad: dR = \[δθ\]R.
     pub turn: Vector3<f64>,
-    /// δv of the centre of mass, m/s.
+    /// Variation δv of the velocity of the centre of mass, m/s.
     pub velocity: Vector3<f64>,
-    /// δω, rad/s.
+    /// Variation δω of the spin, rad/s.
     pub spin: Vector3<f64>,
 }
 
 impl Variation {
-    /// Returns the variation times a factor.
+    /// Multiplies the variation by a factor.
     pub fn scaled(&self, by: f64) -> Self {
         let [shift, turn, velocity, spin] = self.parts().map(|part| part * by);
         Self { shift, turn, velocity, spin }
     }
 
-    /// Change of a number whose derivatives are `by`.
+    /// Change of a scalar with the derivatives `by`.
     pub fn dot(&self, by: &Self) -> f64 {
         self.parts().iter().zip(by.parts()).map(|(part, by)| part.dot(&by)).sum()
     }

@@ -1,9 +1,8 @@
 //! Soft bodies: meshes of tetrahedra between particles (thesis 4.5.1).
 //!
-//! A [`Mesh`] is a shape; put into an assembly with a [`Material`] it becomes a [`SoftBody`]: a particle for each node, a
-//! force for each element. Contacts are at the nodes of its surface, as stiff and as rough as the area is large that each
-//! node stands for, so that a finer mesh has no stiffer contact. Nodes are held to rigid bodies by
-//! [`Ball`]s.
+//! A [`Mesh`] and a [`Material`] in an assembly form a [`SoftBody`]: one particle for each node, one force for each element.
+//! Contacts act at the surface nodes. Their stiffness and friction are proportional to the area of each node, so that a finer
+//! mesh does not have a stiffer contact. [`Ball`]s attach nodes to rigid bodies.
 
 mod material;
 mod mesh;
@@ -24,33 +23,33 @@ pub use material::Material;
 pub use mesh::{Mesh, MeshError};
 pub use tetrahedron::Tetrahedron;
 
-/// A soft body in an assembly.
+/// Soft body in an assembly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SoftBody {
-    /// Particles of the body, in the order of the mesh's nodes.
+    /// Indices of the particles, in the order of the mesh's nodes.
     pub nodes: Range<usize>,
-    /// Area of the surface at rest that each node stands for, m²; 0 within the body.
+    /// Surface area of each node at rest, m²; 0 for interior nodes.
     areas_m2: Vec<f64>,
 }
 
-/// Contact of a soft surface, for each square metre of it.
+/// Contact parameters of a soft surface, per square metre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceContact {
-    /// Pressure over depth, N/m³.
+    /// Ratio of pressure to depth, N/m³.
     pub stiffness_n_m3: f64,
-    /// Pressure over speed, N·s/m³.
+    /// Ratio of pressure to speed, N·s/m³.
     pub damping_n_s_m3: f64,
-    /// Depth over which the damping comes in, m: [`Normal::ramp_m`].
+    /// Depth over which the damping rises to its full value, m ([`Normal::ramp_m`]).
     pub ramp_m: f64,
-    /// Friction, of which `stick_n_s_m` is for a square metre, too: N·s/m³.
+    /// Friction parameters. `stick_n_s_m` is per square metre too, in N·s/m³.
     pub friction: Friction,
 }
 
 impl SoftBody {
-    /// Puts a mesh into an assembly, at rest.
+    /// Adds a mesh to an assembly, at rest.
     ///
     /// # Errors
-    /// An element is flat or inside out.
+    /// If an element is flat or inverted.
     pub fn add(
         assembly: &mut Assembly,
         mesh: &Mesh,
@@ -73,14 +72,14 @@ impl SoftBody {
         Ok(Self { nodes: first..assembly.bodies.len(), areas_m2: mesh.areas_m2() })
     }
 
-    /// Sets its nodes in motion as a rigid body with this velocity, m/s, of the origin and this spin, rad/s.
+    /// Sets the velocities of the nodes to a rigid motion: `velocity` of the origin, m/s, and `spin`, rad/s.
     pub fn launch(&self, assembly: &mut Assembly, velocity: Vector3<f64>, spin: Vector3<f64>) {
         for motion in &mut assembly.motions[self.nodes.clone()] {
             motion.velocity = velocity + spin.cross(&motion.position);
         }
     }
 
-    /// Lets its surface touch a ground; the indices of the contacts.
+    /// Adds contacts between the surface and a ground, and returns the indices of these forces.
     pub fn touch(
         &self,
         assembly: &mut Assembly,
@@ -110,7 +109,7 @@ impl SoftBody {
         first..assembly.forces.len()
     }
 
-    /// Attaches the nodes that `chosen` picks by their place to a body, where they are.
+    /// Attaches nodes to a body at their present positions. `chosen` selects nodes by position.
     pub fn attach(
         &self,
         assembly: &mut Assembly,

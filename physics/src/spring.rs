@@ -1,22 +1,22 @@
-//! Springs and strings between points of bodies, of which cloth and cables are made (thesis 4.5.4).
+//! Springs and strings between points of bodies, for cloth and cables (thesis 4.5.4).
 
 use crate::force::{Derivative, Force, View, Wrench};
 use crate::motion::Motion;
 use crate::points::{Points, Pull};
 use nalgebra::{Matrix3, Vector3};
 
-/// A spring that keeps two points at a distance.
+/// Spring that keeps two points at a distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spring {
-    /// Ends of the spring.
+    /// Connected points.
     pub ends: Points,
     /// Length without force, m.
     pub rest_m: f64,
     /// Stiffness, N/m.
     pub stiffness_n_m: f64,
-    /// Damping of the length, N·s/m. A string has none: as it goes taut its force would jump.
+    /// Damping of the length's rate, N·s/m. Strings are undamped: otherwise their force would jump when they become taut.
     pub damping_n_s_m: f64,
-    /// True for a string, which does not push.
+    /// True for a string, which cannot push.
     pub string: bool,
 }
 

@@ -1,14 +1,14 @@
-//! Hybrid friction: contacts that stick are held, until that takes more than the friction cone gives (thesis 4.4.3).
+//! Hybrid friction: sticking contacts are held until the required force exceeds the friction cone (thesis 4.4.3).
 //!
-//! A step is first solved roughly with friction proportional to sliding. Sticking contacts are then held across the normal, and
-//! the solution gives the friction that this takes. Where it is too much, the contact is let go for the rest of the step. So a
-//! body at rest does not creep, and friction is always within its cone. If all particles that touch were held in the step before,
-//! the first of these solutions is skipped.
+//! A step is first solved roughly with friction proportional to sliding. Contacts that stick are then held in the tangent
+//! plane, and the solution gives the required friction. A contact that requires more than its cone is released for the rest of
+//! the step. A body at rest therefore does not creep, and friction stays within its cone. The rough solution is skipped if all
+//! touching particles were held in the previous step.
 //!
-//! A particle is held by an equation in place of its own, as in the thesis. Several contacts of a rigid body would hold it too
-//! often: there the friction that a solution has is taken as given, and only what slides in spite of it meets a
-//! stiffness, until friction changes no more (an augmented Lagrangian): then nothing slides, or friction is that of the cone.
-//! Contacts that could share a load in many ways share it as stiff friction does.
+//! For a particle, the constraint replaces its tangential equations, as in the thesis. Several contacts of a rigid body would
+//! be overdetermined. Their friction is therefore taken from the previous solution, plus a stiffness against the remaining
+//! sliding (augmented Lagrangian). Rounds repeat until the friction is constant; then the contacts do not slide, or their
+//! friction is on the cone. Contacts with an indeterminate distribution of load share it as with stiff friction.
 
 use crate::body::Body;
 use crate::force::{Force, Held};
@@ -16,32 +16,32 @@ use crate::friction::Model;
 use crate::residual::{Equations, Hold, Step};
 use nalgebra::Vector3;
 
-/// Stiffness of what holds a rigid body, as a multiple of what stops all bodies within a step: a round leaves a share of
-/// the sliding of about its inverse.
+/// Stiffness against sliding of a rigid body's contact, relative to the stiffness that stops all bodies within a step. A round
+/// leaves about 1/FIRM of the sliding.
 const FIRM: f64 = 30.0;
-/// Share of its limit up to which friction of a rigid body is found.
+/// Accuracy of the friction of rigid bodies, as a fraction of its limit.
 const ACCURACY: f64 = 1e-6;
-/// Most rounds of a step: a box that tumbles over its corners takes some forty.
+/// Maximum number of rounds in a step. A box that tumbles over its corners needs about 40.
 const ROUNDS: usize = 60;
 
-/// The contacts with hybrid friction, and which of them are held.
+/// Contacts with hybrid friction, and those that are held.
 #[derive(Debug)]
 pub(crate) struct Sticking {
-    /// Forces that may hold particles, and their particles.
+    /// Indices of contacts on particles, each with its particle.
     able: Vec<(usize, usize)>,
-    /// Forces that may hold rigid bodies, and their bodies.
+    /// Indices of contacts on rigid bodies, each with its body.
     rigid: Vec<(usize, usize)>,
-    /// Friction that holds the contacts of rigid bodies, by force; empty if none is held.
+    /// Friction estimates of held contacts on rigid bodies, indexed by force; empty if no contact is held.
     held: Vec<Option<Held>>,
     rounds: usize,
     holds: Vec<Hold>,
-    /// Force of each hold, and the friction that it takes, N.
+    /// Index of each held particle's contact, and its required friction, N.
     taken: Vec<(usize, Vector3<f64>)>,
     decided: bool,
 }
 
 impl Sticking {
-    /// Collects forces that act on one body each.
+    /// Collects the forces that act on a single body.
     pub fn new(bodies: &[Body], forces: &[Box<dyn Force>]) -> Self {
         let all = forces.iter().enumerate();
         let of_one = all.filter_map(|(number, force)| match force.bodies() {
@@ -61,8 +61,8 @@ impl Sticking {
         }
     }
 
-    /// Begins a step without holds, unless all particles that touch were held in the step before. Those most likely stay in
-    /// place, and finding them again takes a factorisation.
+    /// Begins a step without held contacts, unless all touching particles were held in the previous step. Such particles are
+    /// held again at once, because they probably still stick. This saves a factorisation.
     pub fn begin(&mut self, step: &Step<'_>) {
         self.holds.clear();
         let mut held = self.taken.iter().map(|(force, _)| *force);
@@ -82,23 +82,23 @@ impl Sticking {
         self.rounds = 0;
     }
 
-    /// Begins the next step without anything held.
+    /// Releases all particles, so that the next step begins without held contacts.
     pub fn forget(&mut self) {
         self.holds.clear();
         self.taken.clear();
     }
 
-    /// Friction that holds the contacts of rigid bodies, by force.
+    /// Friction estimates of held contacts on rigid bodies, indexed by force.
     pub fn held(&self) -> &[Option<Held>] {
         &self.held
     }
 
-    /// The held particles.
+    /// Held particles.
     pub fn holds(&self) -> &[Hold] {
         &self.holds
     }
 
-    /// Friction that holds a contact, N; none if it is not held.
+    /// Friction of a held contact, N; `None` if the contact is not held.
     pub fn friction(&self, force: usize) -> Option<Vector3<f64>> {
         if let Some(held) = self.held.get(force).copied().flatten() {
             return Some(held.force);
@@ -106,7 +106,8 @@ impl Sticking {
         self.taken.iter().find(|(held, _)| *held == force).map(|(_, friction)| *friction)
     }
 
-    /// Holds what sticks at a rough solution, later lets go what takes too much; whether anything changed.
+    /// Holds the sticking contacts of a rough solution, and releases contacts outside their friction cone. Returns true if
+    /// anything changed.
     pub fn decide(&mut self, step: &Step<'_>, equations: &Equations) -> bool {
         let first = !self.decided;
         let particles = self.decide_particles(step, equations);
@@ -114,7 +115,7 @@ impl Sticking {
         particles || rigid
     }
 
-    /// Holds what sticks at a rough solution, and takes as given what friction later solutions have.
+    /// Holds the sticking contacts of a rough solution, and updates the friction estimates from later solutions.
     fn decide_rigid(&mut self, step: &Step<'_>, equations: &Equations, first: bool) -> bool {
         let mass_kg: f64 = step.bodies.iter().map(Body::mass_kg).sum();
         let stick_n_s_m = FIRM * mass_kg * step.weights.gain();
@@ -144,7 +145,7 @@ impl Sticking {
         changed
     }
 
-    /// Lets go what takes too much; the first time in a step holds what sticks, too.
+    /// Releases particles outside their friction cone. On the first call in a step, also holds the sticking particles.
     fn decide_particles(&mut self, step: &Step<'_>, equations: &Equations) -> bool {
         let touch = |force: usize, body: usize| {
             step.forces[force].touch(&[equations.motions[body]]).filter(|touch| touch.gap_m < 0.0)

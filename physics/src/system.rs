@@ -1,4 +1,4 @@
-//! Bodies and forces, and one implicit step of all of them (thesis 4.3).
+//! System of bodies and forces, and its implicit time step (thesis 4.3).
 
 use crate::assembly::Assembly;
 use crate::body::Body;
@@ -16,13 +16,13 @@ pub use crate::report::StepReport;
 /// Parameters of the stepper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Integrator.
+    /// Integration scheme.
     pub scheme: Scheme,
     /// Gravity, m/s².
     pub gravity_m_s2: Vector3<f64>,
-    /// Norm of the residual at which a step is solved, N and N·m.
+    /// Norm of the residual of a solved step, N and N·m.
     pub tolerance: f64,
-    /// Newton iterations after which a step is halved.
+    /// Maximum number of Newton iterations before a step is halved.
     pub iterations: u32,
 }
 
@@ -37,23 +37,23 @@ impl Default for Settings {
     }
 }
 
-/// Times that a step that does not converge is halved.
+/// Maximum number of successive halvings of a step.
 const SUBDIVISIONS: u32 = 6;
 
-/// A step has no solution that Newton's method finds, even in parts.
+/// Error of a step that does not converge, even after all halvings.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the step at {time_s:.6} s does not converge: residual {residual:.3e} after {iterations} \
-     iterations, in parts of {part_s:.3e} s; the largest is that of body {body}"
+    "the step at {time_s:.6} s does not converge: the residual is {residual:.3e} after \
+     {iterations} iterations with substeps of {part_s:.3e} s, and is largest for body {body}"
 )]
 pub struct StepError {
-    /// Time at the beginning of the part that failed, s.
+    /// Time at the beginning of the failed substep, s.
     pub time_s: f64,
-    /// Length of the part that failed, s.
+    /// Length of the failed substep, s.
     pub part_s: f64,
     /// Norm of the residual, N and N·m.
     pub residual: f64,
-    /// Newton iterations.
+    /// Number of Newton iterations.
     pub iterations: u32,
     /// Body with the largest residual.
     pub body: usize,
@@ -71,25 +71,25 @@ pub struct Energy {
 }
 
 impl Energy {
-    /// The sum.
+    /// Total energy.
     pub fn total_j(&self) -> f64 {
         self.kinetic_j + self.weight_j + self.stored_j
     }
 }
 
-/// Follows the steps of a system as they are solved.
+/// Observer of the steps of a system.
 pub(crate) trait Observer {
-    /// A step begins that is to end at this time, s.
+    /// Called at the beginning of a step, with the time of its end, s.
     fn begin_step(&mut self, end_s: f64);
 
-    /// A step, or a part of one, is at its solution.
+    /// Called at the solution of a step or substep.
     fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton);
 
-    /// A step has come to its end, or to none.
+    /// Called at the end of a step. `report` is `None` if the step failed.
     fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>);
 }
 
-/// Bodies with forces between them, and with the world.
+/// Bodies with forces between them and with the world.
 #[derive(Debug)]
 pub struct System {
     settings: Settings,
@@ -105,19 +105,19 @@ pub struct System {
 struct State {
     time_s: f64,
     now: Vec<Motion>,
-    /// Motions at the end of the step before.
+    /// Motions at the beginning of the previous step.
     last: Vec<Motion>,
-    /// Displacements of the last step, for BDF2.
+    /// Displacements in the previous step, for BDF2.
     moved: Vec<Displacement>,
-    /// Length of the last step, s; BDF2 needs two of one length.
+    /// Length of the previous step, s. BDF2 requires two steps of equal length.
     last_step_s: Option<f64>,
 }
 
 impl System {
-    /// Bodies with their motions at time 0, and what acts on them.
+    /// Creates a system at time 0.
     ///
     /// # Panics
-    /// A force names a body that is not there, or there is not one motion for each body.
+    /// If a force refers to a missing body, or the numbers of bodies and motions differ.
     pub fn new(settings: Settings, assembly: Assembly) -> Self {
         let Assembly { bodies, motions, forces } = assembly;
         assert_eq!(bodies.len(), motions.len(), "a motion for each body");
@@ -143,7 +143,7 @@ impl System {
         &self.settings
     }
 
-    /// The same, to change them.
+    /// Parameters of the stepper, mutable.
     pub fn settings_mut(&mut self) -> &mut Settings {
         &mut self.settings
     }
@@ -153,20 +153,20 @@ impl System {
         &self.state.now
     }
 
-    /// The bodies.
+    /// Bodies of the system.
     pub fn bodies(&self) -> &[Body] {
         &self.bodies
     }
 
-    /// A body, to change its mass. It stays a rigid body or a particle.
+    /// Body, mutable for changes of its mass. A rigid body must stay a rigid body, and a particle must stay a particle.
     pub fn body_mut(&mut self, body: usize) -> &mut Body {
         &mut self.bodies[body]
     }
 
-    /// Goes on from other motions, as at the beginning: without a step before.
+    /// Replaces the motions. The next step has no previous one, as at time 0.
     ///
     /// # Panics
-    /// There is not one motion for each body.
+    /// If the numbers of bodies and motions differ.
     pub fn restart(&mut self, motions: Vec<Motion>) {
         assert_eq!(self.bodies.len(), motions.len(), "a motion for each body");
         self.state = State {
@@ -184,19 +184,19 @@ impl System {
         &self.forces
     }
 
-    /// A force, if it is of this kind.
+    /// Force of type `F` at an index; `None` if the force is of another type.
     pub fn force<F: Force>(&self, index: usize) -> Option<&F> {
         let force: &dyn Any = self.forces.get(index)?.as_ref();
         force.downcast_ref()
     }
 
-    /// A force, to change what it does in the next step. It must keep its bodies.
+    /// Force of type `F` at an index, mutable for changes in the next step. The caller must not change its bodies.
     pub fn force_mut<F: Force>(&mut self, index: usize) -> Option<&mut F> {
         let force: &mut dyn Any = self.forces.get_mut(index)?.as_mut();
         force.downcast_mut()
     }
 
-    /// State of a contact, by the index of its force; none for other forces.
+    /// State of the contact at a force index; `None` for other forces.
     pub fn touch(&self, force: usize) -> Option<Touch> {
         let touch = self.of_force(force, |force, now| force.touch(now))?;
         // What a hard hold takes is no force of the contact's own.
@@ -204,7 +204,7 @@ impl System {
         Some(Touch { force: touch.force + held, ..touch })
     }
 
-    /// Energy.
+    /// Energy of all bodies and forces.
     pub fn energy(&self) -> Energy {
         let mut energy = Energy::default();
         for (body, motion) in self.bodies.iter().zip(&self.state.now) {
@@ -223,7 +223,7 @@ impl System {
         what(force, &now)
     }
 
-    /// Momentum, kg·m/s.
+    /// Momentum of all bodies, kg·m/s.
     pub fn momentum(&self) -> Vector3<f64> {
         let of_body = |(body, motion): (&Body, &Motion)| motion.velocity * body.mass_kg();
         self.bodies.iter().zip(&self.state.now).map(of_body).sum()
@@ -237,15 +237,15 @@ impl System {
         self.bodies.iter().zip(&self.state.now).map(of_body).sum()
     }
 
-    /// Advances by `step_s`. Without convergence it takes the step in halves.
+    /// Advances by `step_s`. A step that does not converge is halved.
     ///
     /// # Errors
-    /// A part of 1/64 of the step does not converge either. The system is then where it was before the step.
+    /// If a substep of 1/64 of the step does not converge. The system is then in its state before the step.
     pub fn step(&mut self, step_s: f64) -> Result<StepReport, StepError> {
         self.take(step_s, None)
     }
 
-    /// [`step`](Self::step), which an observer follows.
+    /// [`step`](Self::step) with an observer.
     pub(crate) fn take(
         &mut self,
         step_s: f64,
@@ -295,7 +295,7 @@ impl System {
         }
     }
 
-    /// Solves one step in one piece. BDF2 takes a step of BDF1 first, and again after a change of the step's length.
+    /// Solves one step without halving. With BDF2, the first step and any step after a change of length use BDF1.
     fn solve(
         &mut self,
         step_s: f64,
@@ -335,7 +335,7 @@ impl System {
         Ok(())
     }
 
-    /// The next step, for tests of its residual.
+    /// Next step, for tests of its residual.
     #[cfg(test)]
     pub(crate) fn next_step<'a>(&'a self, weights: &'a Weights) -> Step<'a> {
         Step {
@@ -350,7 +350,7 @@ impl System {
         }
     }
 
-    /// Comes from a uniform motion at its velocities, in steps of this length, instead of from nowhere.
+    /// Replaces the history by a uniform motion at the present velocities, with steps of `step_s`.
     #[cfg(test)]
     pub(crate) fn glide(&mut self, step_s: f64) {
         let moved = |motion: &Motion| Displacement {

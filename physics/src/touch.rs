@@ -3,18 +3,18 @@
 use crate::friction::Friction;
 use nalgebra::Vector3;
 
-/// State of a contact.
+/// Gap, forces and velocities of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// Distance from the ground, m; negative while it touches.
+    /// Distance from the ground, m; negative in contact.
     pub gap_m: f64,
-    /// The contact point in world axes, m.
+    /// Contact point in world axes, m.
     pub point: Vector3<f64>,
     /// Unit normal of the ground.
     pub normal: Vector3<f64>,
     /// Force of the ground on the body, N.
     pub force: Vector3<f64>,
-    /// Part of the force along the normal, N.
+    /// Normal component of the force, N.
     pub normal_n: f64,
     /// Speed of the contact point towards the ground, m/s.
     pub approach_m_s: f64,

@@ -1,7 +1,7 @@
-//! A robot on the ground: bodies, joints, motors and contacts from its description.
+//! Robot on the ground: bodies, joints, motors and contacts from its description.
 //!
-//! A wheel that spins is a body of its own, whose mass and inertia are taken out of its link, so that both together are the
-//! link of the robot file.
+//! A spinning wheel is a separate body. Its mass and inertia are subtracted from its link, so that both bodies together match
+//! the link of the robot file.
 
 mod build;
 mod foot;
@@ -33,31 +33,31 @@ pub use odometer::{
 pub use parameters::Parameters;
 pub use state::RobotState;
 
-/// A robot in its world.
+/// Robot in its world.
 #[derive(Debug)]
 pub struct World {
     system: System,
-    /// Centre of mass of the root link's body, in the link, m.
+    /// Centre of mass of the root link's body, in link axes, m.
     root_center: Vector3<f64>,
-    /// Body of each wheel that spins, by end effector.
+    /// Body of each spinning wheel, indexed by end effector.
     wheels: Vec<Option<usize>>,
-    /// Forces that are motors, by channel.
+    /// Force index of each motor, by channel.
     motors: Vec<usize>,
-    /// Forces that are contacts, by end effector: several of a soft foot, and on ground that has parts.
+    /// Force indices of the contacts of each end effector. Soft feet and ground with several parts have several contacts.
     contacts: Vec<Range<usize>>,
-    /// Forces that are contacts of the links' shapes.
+    /// Force indices of the contacts of link shapes.
     shapes: Range<usize>,
-    /// Force that can hold the root link.
+    /// Force index of the hold on the root link.
     hold: usize,
-    /// Force that pushes it.
+    /// Force index of the push on the root link.
     push: usize,
 }
 
 impl World {
-    /// A robot at a state, with torque off.
+    /// Creates a robot at a state, with torque off.
     ///
     /// # Panics
-    /// The state has not an entry for each joint and end effector of the robot.
+    /// If the state lacks an entry for a joint or end effector of the robot.
     pub fn new(
         robot: &Robot,
         ground: &Arc<dyn Ground>,
@@ -76,7 +76,7 @@ impl World {
         Self { system, root_center: centers[0], wheels, motors, contacts, shapes, hold, push }
     }
 
-    /// A robot in its nominal pose that its servos hold, just touching the ground below the origin.
+    /// Creates a robot in its nominal pose with its servos on. The feet just touch the ground below the origin.
     pub fn standing(robot: &Robot, ground: &Arc<dyn Ground>, parameters: &Parameters) -> Self {
         let mut state = RobotState::nominal(robot, Vector3::zeros());
         let mut world = Self::new(robot, ground, parameters, &state);
@@ -98,12 +98,12 @@ impl World {
     /// Advances by `step_s`.
     ///
     /// # Errors
-    /// The step does not converge; the world is where it was.
+    /// If the step does not converge. The world is then in its state before the step.
     pub fn step(&mut self, step_s: f64) -> Result<StepReport, StepError> {
         self.system.step(step_s)
     }
 
-    /// Holds the root link with its origin at a place, m, and turned as given, or lets go of it.
+    /// Holds the root link with its origin at a position, m, and a rotation. `None` releases the root link.
     pub fn hold(&mut self, place: Option<(Vector3<f64>, Matrix3<f64>)>) {
         let place = place.map(|(origin, rotation)| Place {
             position: origin + rotation * self.root_center,
@@ -113,45 +113,45 @@ impl World {
         hold.expect("the root link's hold").place = place;
     }
 
-    /// Pushes the root link at its centre of mass from now on, with a force in world axes, N.
+    /// Sets the push on the centre of mass of the root link, in world axes, N.
     pub fn push(&mut self, force_n: Vector3<f64>) {
         let push = self.system.force_mut::<Push>(self.push);
         push.expect("the root link's push").force_n = force_n;
     }
 
-    /// Bodies and forces.
+    /// Bodies and forces of the robot.
     pub fn system(&self) -> &System {
         &self.system
     }
 
-    /// Bodies and forces, to change them and to record steps.
+    /// Bodies and forces of the robot, mutable for changes and for recorded steps.
     pub fn system_mut(&mut self) -> &mut System {
         &mut self.system
     }
 
-    /// Forces of the system that are motors, by channel.
+    /// Force indices of the motors, by channel.
     pub fn motors(&self) -> &[usize] {
         &self.motors
     }
 
-    /// Forces of the system that are contacts of an end effector.
+    /// Force indices of the contacts of an end effector.
     pub fn contacts(&self, end_effector: usize) -> Range<usize> {
         self.contacts[end_effector].clone()
     }
 
-    /// Sets the control law of the motor of a channel.
+    /// Sets the control law of a channel's motor.
     ///
     /// # Panics
-    /// The robot has no such channel.
+    /// If the robot lacks this channel.
     pub fn set_law(&mut self, channel: usize, law: Law) {
         let motor = self.system.force_mut::<Motor>(self.motors[channel]);
         motor.expect("a channel's force is its motor").law = law;
     }
 
-    /// Control law of the motor of a channel.
+    /// Control law of a channel's motor.
     ///
     /// # Panics
-    /// The robot has no such channel.
+    /// If the robot lacks this channel.
     pub fn law(&self, channel: usize) -> Law {
         self.system
             .force::<Motor>(self.motors[channel])
@@ -159,7 +159,7 @@ impl World {
             .law
     }
 
-    /// Angle, rad, whole turns included, speed, rad/s, and torque, N·m, of the motor of a channel.
+    /// Angle, rad, speed, rad/s, and torque, N·m, of a channel's motor. The angle includes whole turns.
     pub fn shaft(&self, channel: usize) -> [f64; 3] {
         let motor = self.system.force::<Motor>(self.motors[channel]);
         let motor = motor.expect("a channel's force is its motor");
@@ -167,7 +167,7 @@ impl World {
         [motor.angle(&now), motor.speed(&now), motor.torque(&now).value_nm]
     }
 
-    /// Contact of an end effector, where it is deepest, with the force on all of it.
+    /// State of an end effector's deepest contact, with the total force on the end effector.
     pub fn touch(&self, end_effector: usize) -> Touch {
         let touches = self.contacts[end_effector].clone();
         let touches = touches.map(|force| self.system.touch(force).expect("it is a contact"));
@@ -179,7 +179,7 @@ impl World {
         touches.reduce(join).expect("every end effector has a contact")
     }
 
-    /// Contacts of all end effectors, in their order.
+    /// Contact states of all end effectors, in their order.
     pub fn touches(&self) -> impl Iterator<Item = Touch> {
         (0..self.contacts.len()).map(|end_effector| self.touch(end_effector))
     }
@@ -189,18 +189,18 @@ impl World {
         lowest_m(self.foot_touches().chain(self.shape_touches()))
     }
 
-    /// Force of the ground on the links themselves, N: on a robot that lies.
+    /// Force of the ground on link shapes, N. Nonzero only if the robot lies on the ground.
     pub fn force_on_links(&self) -> Vector3<f64> {
         self.shape_touches().map(|touch| touch.force).sum()
     }
 
-    /// Greatest depth of the robot in the ground, m; 0 if it is above.
+    /// Largest depth of the robot in the ground, m; 0 if it is above the ground.
     pub fn depth_m(&self) -> f64 {
         let touches = self.foot_touches().chain(self.shape_touches());
         touches.map(|touch| -touch.gap_m).fold(0.0, f64::max)
     }
 
-    /// Touches of the feet on all parts of the ground.
+    /// Contact states of the feet on all parts of the ground.
     fn foot_touches(&self) -> impl Iterator<Item = Touch> {
         self.contacts.iter().flat_map(Clone::clone).filter_map(|force| self.system.touch(force))
     }
@@ -209,12 +209,12 @@ impl World {
         self.shapes.clone().filter_map(|force| self.system.touch(force))
     }
 
-    /// [`shaft`](Self::shaft) of all channels, in their order.
+    /// [`shaft`](Self::shaft) of each channel, in their order.
     pub fn shafts(&self) -> impl Iterator<Item = [f64; 3]> {
         (0..self.motors.len()).map(|channel| self.shaft(channel))
     }
 
-    /// Origin of the root link, m, and world from body.
+    /// Position of the root link's origin, m, and its rotation to world axes.
     pub fn base(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let body = &self.system.motions()[0];
         (body.position - body.rotation * self.root_center, body.rotation)
@@ -226,7 +226,7 @@ impl World {
         (base.point(&-self.root_center).1, base.spin)
     }
 
-    /// Pose and velocity in the generalised velocities of a tree of the same robot.
+    /// State of the robot in the generalised velocities of a tree of the same robot.
     pub fn state(&self, tree: &Tree) -> State {
         let (base_position_m, world_from_body) = self.base();
         let (base_velocity, spin) = self.base_velocity();
@@ -254,7 +254,7 @@ impl World {
         (moment / mass, self.system.momentum() / mass)
     }
 
-    /// Angle of a wheel that spins against its link, −π to π, with or without a motor.
+    /// Angle of a spinning wheel relative to its link, −π to π, with or without a motor. `None` if the wheel does not spin.
     pub fn wheel_rad(&self, end_effector: usize, wheel: &EndEffector) -> Option<f64> {
         let axis = wheel.contact.axis_in_link()?;
         let [link, body] = [wheel.link, self.wheels[end_effector]?];
@@ -265,17 +265,17 @@ impl World {
         Some(axis.dot(&across.cross(&turned)).atan2(across.dot(&turned)))
     }
 
-    /// Body of a wheel that spins, of an end effector.
+    /// Body of an end effector's spinning wheel; `None` if the wheel does not spin.
     pub fn wheel(&self, end_effector: usize) -> Option<usize> {
         self.wheels[end_effector]
     }
 }
 
-/// Steepest ground that counts for the height above it: the vertical part of its normal.
+/// Smallest vertical component of a ground normal that counts for the height above ground.
 const STEEPEST: f64 = 0.1;
 
-/// Height above the ground along the vertical where it is least, m. Walls beside a robot say nothing of it; out of one it has to
-/// rise.
+/// Smallest vertical distance of the contact points from the ground, m. Walls are ignored, unless the robot has penetrated
+/// them. Returns 0 if no contact point counts.
 fn lowest_m(touches: impl Iterator<Item = Touch>) -> f64 {
     let height = |touch: Touch| match touch.normal.z > STEEPEST || touch.gap_m < 0.0 {
         true => touch.gap_m / touch.normal.z.max(STEEPEST),

@@ -1,8 +1,8 @@
-//! CPU time of whole solves from standing: the shipped motions, and walking with 12 to 240 samples, for
-//! which the time per sample tells whether cost is linear in samples; and of the torques of a plan.
+//! CPU time of complete solves from standing, and of the torques of a plan. The solves are those of shipped motions, and of
+//! rolling with 12 to 240 samples. The time per sample shows if the cost is linear in the number of samples.
 //!
-//! CPU time instead of wall time, so that a busy machine changes little. `cargo bench -p
-//! rollwalk-planner` compares with the run before.
+//! CPU time instead of wall time reduces the effect of other load on the machine. `cargo bench -p rollwalk-planner` compares
+//! with the previous run.
 
 use cpu_time::ProcessTime;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
@@ -16,7 +16,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-/// CPU time of the process, in the words of criterion's wall time.
+/// Measurement of the CPU time of the process, formatted as criterion's wall time.
 struct CpuTime(WallTime);
 
 impl Measurement for CpuTime {
@@ -89,7 +89,7 @@ fn samples(c: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
-/// Torques at every frame of a motion library; per frame.
+/// Measures the torques at every frame of a motion library, per frame.
 fn torques(c: &mut Criterion<CpuTime>) {
     let robot = agilebot();
     let mut group = c.benchmark_group("torques at 60 Hz");

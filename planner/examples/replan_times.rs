@@ -1,5 +1,6 @@
-//! CPU time and iterations of horizons: of robots that follow theirs and plan anew every 0.1 s, undisturbed and with a push.
-//! `cargo run --release -p rollwalk-planner --example replan_times -- FOLDER`, the folder with `robots` and `motions`.
+//! CPU time and iterations of horizons. Simulated robots follow their horizons exactly and plan again every 0.1 to 0.3 s,
+//! undisturbed and with a push. `cargo run --release -p rollwalk-planner --example replan_times -- FOLDER` runs it, where
+//! FOLDER contains `robots` and `motions`.
 
 use cpu_time::ProcessTime;
 use rollwalk_multibody::State;
@@ -12,7 +13,8 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Robot, motion (none: all end effectors stand, samples 0.1 s apart), length of horizons, s, samples between plans.
+/// Cases: robot, motion, duration of horizons in s, and number of samples between plans. Without a motion, all end effectors
+/// stand, with samples 0.1 s apart.
 const CASES: [(&str, Option<&str>, f64, u64); 5] = [
     ("agilebot", None, 1.0, 1),
     ("agilebot", Some("walk"), 1.6, 2),
@@ -20,7 +22,7 @@ const CASES: [(&str, Option<&str>, f64, u64); 5] = [
     ("anymal_wheels", None, 1.0, 1),
     ("anymal_wheels", Some("anymal_turn"), 1.2, 2),
 ];
-/// Changes of the velocity of the body before a plan, m/s.
+/// Pushes before a plan: changes of the velocity of the body, m/s.
 const PUSHES_M_S: [f64; 3] = [0.0, 0.2, 0.5];
 const PLANS: u64 = 100;
 
@@ -54,7 +56,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Plans again and again, each from the way of the one before. With a push, each plan is made twice, and the pushed one counts.
+/// Plans repeatedly, each time from a state on the previous plan. With a push, each plan is computed twice: the pushed plan is
+/// measured, and the robot follows the other.
 fn measured(
     robot: &Robot,
     mut horizon: Horizon,

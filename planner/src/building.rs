@@ -1,6 +1,5 @@
-//! Library building: a library file with what it names, plans of everything that it asks for, its motions, then the transitions
-//! between them, and the library that comes of them. Where the files are, who watches the solves, and on how many threads, is up
-//! to the caller.
+//! Library building: reads a library file with the files that it names, plans its motions and then the transitions between
+//! them, and packs the library. The caller supplies the files and the solver, and decides on progress output and threads.
 
 use crate::library::{self, BuiltLibrary, LibraryContent, LibraryError};
 use crate::library::{LibraryMotion, LibraryTransition};
@@ -14,104 +13,106 @@ use rollwalk_robot::document::DocumentError;
 use std::fmt;
 use thiserror::Error;
 
-/// A library file with everything that it names.
+/// Library file with its robot, motions and plans.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'w> {
-    /// The robot.
+    /// Robot of the library.
     pub robot: &'w Robot,
-    /// The file.
+    /// Library file.
     pub file: &'w LibraryFile,
-    /// Motions of the file, in its order and with its names for them.
+    /// Motions of the file, in its order and with its names.
     pub motions: &'w [Motion],
-    /// The plans of those that it names a plan of.
+    /// Plan of each motion for which the file names one, else `None`.
     pub plans: &'w [Option<Plan>],
 }
 
-/// The files that a library file names, by paths relative to it. Where they are is up to the caller.
+/// Source of the files that a library file names, by paths relative to it. The caller implements it.
 pub trait Shelf {
-    /// Error of the caller for a missing or faulty file.
+    /// Error of the caller for a missing or invalid file.
     type Error;
 
-    /// Reads a robot file; also how messages name it.
+    /// Reads a robot file. Returns the robot, and the name of the file for messages.
     ///
     /// # Errors
-    /// It is missing, or everything that is wrong in it.
+    /// Returns an error if the file is missing or invalid. The error lists all faults.
     fn robot(&mut self, named: &str) -> Result<(Robot, String), Self::Error>;
 
-    /// Reads a motion file and the robot file that it names; also how messages name it.
+    /// Reads a motion file and the robot file that it names. Returns robot and motion, and the name of the motion file for
+    /// messages.
     ///
     /// # Errors
-    /// One of them is missing, or everything that is wrong in it.
+    /// Returns an error if a file is missing or invalid. The error lists all faults.
     fn motion(&mut self, named: &str) -> Result<(Robot, Motion, String), Self::Error>;
 
-    /// Reads a plan; also how messages name it.
+    /// Reads a plan. Returns the plan, and the name of the file for messages.
     ///
     /// # Errors
-    /// It is missing, or is no plan.
+    /// Returns an error if the file is missing or not a plan.
     fn plan(&mut self, named: &str) -> Result<(Plan, String), Self::Error>;
 
-    /// Converts the faults of the library file itself.
+    /// Converts the faults of the library file.
     fn faults(&mut self, error: DocumentError) -> Self::Error;
 
     /// Converts a mismatch between files.
     fn misfit(&mut self, error: Misfit) -> Self::Error;
 }
 
-/// Files of a library that are fine each, but do not fit together.
+/// Mismatch between files of a library that are valid individually.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 pub enum Misfit {
-    /// A plan of a transition stands where that of a motion belongs.
-    #[error("{library}: motion `{motion}` is a transition in {at}")]
+    /// The file names the plan of a transition for a motion.
+    #[error("{library}: motion `{motion}` refers to {at}, which is the plan of a transition")]
     #[diagnostic(help(
-        "name the plan of a motion; transitions are planned when the library is built"
+        "let `plan` name the plan of a motion; `rollwalk library build` plans the transitions"
     ))]
     Transition {
-        /// The library file.
+        /// Name of the library file.
         library: String,
-        /// The motion.
+        /// Name of the motion.
         motion: String,
-        /// The plan.
+        /// Name of the plan file.
         at: String,
     },
-    /// A motion is for another robot.
+    /// A motion is made for another robot.
     #[error(
-        "{library}: motion `{motion}` is for robot `{other}` in {at}, but the library is for {robot}"
+        "{library}: motion `{motion}` is for robot `{other}` (see {at}), but the library is for \
+         {robot}"
     )]
-    #[diagnostic(help("a library is for one robot: {advice}"))]
+    #[diagnostic(help("use one robot for all motions of a library: {advice}"))]
     OtherRobot {
-        /// The library file.
+        /// Name of the library file.
         library: String,
-        /// The motion.
+        /// Name of the motion.
         motion: String,
-        /// Robot of the motion.
+        /// Name of the motion's robot.
         other: String,
-        /// The motion file or plan.
+        /// Name of the motion file or plan file.
         at: String,
-        /// The robot of the library.
+        /// Robot of the library, for messages.
         robot: String,
-        /// Advice: the change that would help.
+        /// Advice on the change that would help.
         advice: &'static str,
     },
 }
 
-/// A library file with everything that it names, read and validated.
+/// Library file with the files that it names, read and validated.
 #[derive(Clone, Debug)]
 pub struct Contents {
-    /// The robot.
+    /// Robot of the library.
     pub robot: Robot,
-    /// The file.
+    /// Library file.
     pub file: LibraryFile,
-    /// Motions of the file, in its order and with its names for them.
+    /// Motions of the file, in its order and with its names.
     pub motions: Vec<Motion>,
-    /// The plans of those that it names a plan of.
+    /// Plan of each motion for which the file names one, else `None`.
     pub plans: Vec<Option<Plan>>,
 }
 
 impl Contents {
-    /// Reads and validates a library file and what it names. `name` is how messages name the file.
+    /// Reads and validates a library file and the files that it names. Messages name the library file by `name`.
     ///
     /// # Errors
-    /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
+    /// Returns an error if a file is missing or invalid, or if motions do not fit together.
     pub fn read<S: Shelf>(name: &str, text: &str, shelf: &mut S) -> Result<Self, S::Error> {
         let robot = LibraryFile::robot_path_in_toml(name, text).map_err(|why| shelf.faults(why))?;
         let (robot, robot_at) = shelf.robot(&robot)?;
@@ -125,7 +126,7 @@ impl Contents {
                     let (other, motion, at) = shelf.motion(file)?;
                     motions.push(named(motion));
                     plans.push(None);
-                    (other, at, "let `robot` name the same file in both")
+                    (other, at, "let `robot` name the same file in the motion and in the library")
                 }
                 MotionSource::Plan(file) => {
                     let (plan, at) = shelf.plan(file)?;
@@ -137,7 +138,8 @@ impl Contents {
                     motions.push(plan.motion.clone());
                     let other = plan.robot.clone();
                     plans.push(Some(plan));
-                    let advice = "plan again after a change of the robot file, or let `robot` name that of the plan";
+                    let advice = "plan the motion again with the robot file of the library, or let \
+                        `robot` of the library name the robot file of the plan";
                     (other, at, advice)
                 }
             };
@@ -149,7 +151,7 @@ impl Contents {
                     other: other.name,
                     at,
                     robot: match same_name {
-                        true => format!("another one of that name, {robot_at}"),
+                        true => format!("a different robot of that name, {robot_at}"),
                         false => format!("`{}`", robot.name),
                     },
                     advice,
@@ -168,7 +170,8 @@ impl Contents {
     }
 }
 
-/// Solves of a library, one after the other. Each returns `None` when it was stopped.
+/// Solver for the motions and transitions of a library, which are planned one after the other. Methods return `None` if the
+/// user stopped the solve.
 pub trait Solver {
     /// Plans a motion from its candidate starts.
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan>;
@@ -176,7 +179,7 @@ pub trait Solver {
     /// Plans a transition ([`optimise_transition`](crate::optimise_transition)).
     ///
     /// # Errors
-    /// The motions cannot be joined.
+    /// Returns an error if the motions cannot be joined.
     fn transition(
         &mut self,
         motion: &Motion,
@@ -185,40 +188,40 @@ pub trait Solver {
         options: &Options,
     ) -> Result<Option<Plan>, TransitionError>;
 
-    /// A motion is taken as it is in its plan.
+    /// Called for a motion whose plan the file names, which is used unchanged.
     fn taken(&mut self, motion: &Motion);
 
-    /// A transition is left out.
+    /// Called for a transition that is left out.
     fn left_out(&mut self, transition: &Motion, why: Missing<'_>);
 }
 
-/// A motion that does not hold, so that nothing can lead into it or out of it: it has no physical start or end.
+/// Reason why a transition is left out: the plan of one of its motions failed, so that the motion has no physical start or end.
 #[derive(Clone, Copy, Debug)]
 pub struct Missing<'p>(&'p Plan);
 
 impl fmt::Display for Missing<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.0.solve.status {
-            Status::FailsAsPlayed => "does not hold as it is played",
+            Status::FailsAsPlayed => "fails as played",
             _ => "did not converge",
         };
         write!(f, "{} {why}", self.0.motion.name)
     }
 }
 
-/// The plan of a transition between two motions of a library.
+/// Plan of a transition between two motions of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct Joined<P> {
-    /// Index of the motion that it leaves.
+    /// Index of the motion that the transition leaves.
     pub from: usize,
-    /// Index of the motion that it enters.
+    /// Index of the motion that the transition enters.
     pub to: usize,
     /// Plan of the transition.
     pub plan: P,
 }
 
 impl Wanted<'_> {
-    /// Plans every motion; takes those as they are of which the file names the plan. `None` when it was stopped.
+    /// Plans every motion. Motions for which the file names a plan use that plan. Returns `None` if the user stopped a solve.
     pub fn motions(&self, solver: &mut dyn Solver) -> Option<Vec<Plan>> {
         let options = Options::default();
         let plan = |(motion, given): (&Motion, &Option<Plan>)| match given {
@@ -231,10 +234,10 @@ impl Wanted<'_> {
         self.motions.iter().zip(self.plans).map(plan).collect()
     }
 
-    /// Plans every transition between motions that hold. `None` when it was stopped.
+    /// Plans every transition between converged motions. Returns `None` if the user stopped a solve.
     ///
     /// # Errors
-    /// Motions that nothing can lead into or out of.
+    /// Returns an error if two motions cannot be joined.
     pub fn transitions(
         &self,
         motions: &[Plan],
@@ -260,7 +263,7 @@ impl Wanted<'_> {
     /// Packs plans into a motion library.
     ///
     /// # Errors
-    /// The error names the motion, channel, time and value that no library can hold.
+    /// Returns an error if a value exceeds the limits of a library. The error names motion, channel, time and value.
     pub fn pack<'p>(
         &self,
         motions: impl IntoIterator<Item = &'p Plan>,

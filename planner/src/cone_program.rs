@@ -1,4 +1,4 @@
-//! Convex quadratic programs within cones, solved by Clarabel.
+//! Convex quadratic programs with cone constraints, solved by Clarabel.
 //!
 //! ```text
 //! minimise   ½ xᵀP x + qᵀx      with b − A x in K
@@ -12,31 +12,31 @@ use clarabel::solver::{
 };
 use nalgebra::DMatrix;
 
-/// Cone that a number of rows is in.
+/// Cone of a number of consecutive rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cone {
-    /// Zero.
+    /// Zero: each row is 0.
     Zero(usize),
     /// Non-negative orthant: each row is at least 0.
     NonNegative(usize),
-    /// The first row is at least the norm of the others.
+    /// Second-order cone: the first row is at least the norm of the others.
     SecondOrder(usize),
 }
 
 /// Program: ½ xᵀP x + qᵀx with b − A x in the cones.
 #[derive(Clone, Debug)]
 pub struct ConeProgram {
-    /// P, symmetric and positive semidefinite. Only its upper triangle is read.
+    /// Matrix P, symmetric and positive semidefinite. Only its upper triangle is read.
     pub hessian: DMatrix<f64>,
-    /// q.
+    /// Vector q.
     pub gradient: Vec<f64>,
-    /// A.
+    /// Matrix A.
     pub rows: DMatrix<f64>,
-    /// b.
+    /// Vector b.
     pub bounds: Vec<f64>,
-    /// K.
+    /// Cones of K.
     pub cones: Vec<Cone>,
-    /// Tolerances other than the solver's own.
+    /// Tolerances in place of the solver's defaults.
     pub accuracy: Option<Accuracy>,
 }
 
@@ -49,14 +49,14 @@ pub struct Accuracy {
     pub regularisation: f64,
 }
 
-/// Last iterate of the solver.
+/// Final iterate of the solver.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// x.
+    /// Vector x.
     pub x: Vec<f64>,
     /// Multipliers of the rows.
     pub multipliers: Vec<f64>,
-    /// True if the solver met its tolerances, or came near them before it made no more progress.
+    /// True if the solver met its tolerances, or came near them before progress stopped.
     pub is_solved: bool,
 }
 
@@ -64,7 +64,7 @@ impl ConeProgram {
     /// Solves the program.
     ///
     /// # Panics
-    /// The sizes do not fit.
+    /// Panics if the sizes of matrices, vectors and cones do not match.
     pub fn solve(&self) -> Solution {
         let mut settings = DefaultSettingsBuilder::default();
         settings.verbose(false);
@@ -102,7 +102,7 @@ impl Cone {
     }
 }
 
-/// The entries of a matrix that are not zero, column by column.
+/// Converts a matrix to compressed columns with its non-zero entries.
 fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
     let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
     for column in matrix.column_iter() {

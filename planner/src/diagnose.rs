@@ -1,7 +1,7 @@
-//! Diagnosis: whether a request can be met, and if not, why.
+//! Diagnosis: decides whether a request can be met, and finds the constraints that conflict.
 //!
-//! [`FeasibilityProbe`] searches for the point where the constraints are violated least and decides whether a solve
-//! should continue; [`diagnose`] derives from the residuals at that point which constraints contradict each other.
+//! [`FeasibilityProbe`] searches for the point where the constraints are violated least, and decides whether a solve should
+//! continue. [`diagnose`] derives the conflicting constraints from the residuals at that point.
 
 mod attribute;
 mod mobility;

@@ -1,8 +1,7 @@
-//! A motion as a table at any rate, for spreadsheets, notebooks and other programs.
+//! Motion as a table at any rate, for spreadsheets, notebooks and other programs.
 //!
-//! One table, two forms: CSV with a header line, or JSON with the same columns. All values are
-//! instantaneous, from the splines of [`crate::sample`]; columns carry their unit in their name and
-//! are listed in `docs/formats/plan-format.md`.
+//! The table is written as CSV with a header line, or as JSON with the same columns. All values are instantaneous, from the
+//! splines of [`crate::sample`]. Columns have their unit in their name; `docs/formats/plan-format.md` lists them.
 
 use crate::motion::Ends;
 use crate::plan::Plan;
@@ -13,38 +12,38 @@ use serde::Serialize;
 use std::collections::HashSet;
 use thiserror::Error;
 
-/// Fastest rate of a table, Hz: a longer one is a mistyped number.
+/// Maximum rate of a table, Hz. A higher rate is probably a typing error.
 const RATE_MAX_HZ: f64 = 10_000.0;
 
-/// A rate at which no table can be made.
+/// Error of a rate outside the valid range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("rate {rate_hz} Hz; expected a rate above 0 and up to {RATE_MAX_HZ} Hz")]
 pub struct RateError {
-    /// The rate asked for, Hz.
+    /// Requested rate, Hz.
     pub rate_hz: f64,
 }
 
-/// A rate at which motions are exported, Hz.
+/// Rate of an exported motion, Hz.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate(f64);
 
 impl Rate {
-    /// A rate in Hz.
+    /// Creates a rate in Hz.
     ///
     /// # Errors
-    /// A rate that is not positive, or beyond 10 kHz.
+    /// Returns an error if the rate is not positive or exceeds 10 kHz.
     pub fn new(rate_hz: f64) -> Result<Self, RateError> {
         let is_rate = rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ;
         if is_rate { Ok(Self(rate_hz)) } else { Err(RateError { rate_hz }) }
     }
 
-    /// Times from the beginning of a motion to its end, both included, spaced evenly at [`even_hz`](Self::even_hz), s.
+    /// Times from the start of a motion to its end, both included, s. They are spaced evenly at [`even_hz`](Self::even_hz).
     pub fn times_s(self, duration_s: f64) -> impl Iterator<Item = f64> {
         let count = self.intervals(duration_s) as usize;
         (0..=count).map(move |number| duration_s * number as f64 / count as f64)
     }
 
-    /// The nearest rate that divides a motion into equal intervals, Hz.
+    /// Nearest rate that divides a motion into equal intervals, Hz.
     pub fn even_hz(self, duration_s: f64) -> f64 {
         self.intervals(duration_s) / duration_s
     }
@@ -54,22 +53,22 @@ impl Rate {
     }
 }
 
-/// A motion sampled at a rate.
+/// Motion sampled at a fixed rate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
     /// Always `rollwalk-export`.
     pub format: &'static str,
-    /// Version of this format; 1 today.
+    /// Version of the format.
     pub version: u32,
     /// Name of the robot.
     pub robot: String,
     /// Name of the motion.
     pub motion: String,
-    /// Rows per second.
+    /// Number of rows per second.
     pub rate_hz: f64,
-    /// Duration, s; of a periodic motion, its period.
+    /// Duration, s. For a periodic motion, its period.
     pub duration_s: f64,
-    /// True if the first row follows the last one.
+    /// True if the first row follows the final one.
     pub periodic: bool,
     /// Names of the columns, with units.
     pub columns: Vec<String>,
@@ -78,8 +77,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Samples a validated plan: a periodic motion without the moment at which it repeats, any other
-    /// from its first to its last moment.
+    /// Samples a validated plan from its first to its final time. A periodic motion omits the time at which it repeats.
     pub fn new(plan: &Plan, Rate(rate_hz): Rate) -> Self {
         // Whole periods that rounding left a hair short still count.
         let last = (plan.motion.duration_s * rate_hz + 1e-6).floor();
@@ -101,7 +99,7 @@ impl Table {
         }
     }
 
-    /// The table as comma-separated values with a header line.
+    /// Returns the table as comma-separated values with a header line.
     pub fn to_csv(&self) -> String {
         let mut text = self.columns.join(",");
         text.push('\n');
@@ -113,7 +111,7 @@ impl Table {
         text
     }
 
-    /// The table as JSON, one row a line.
+    /// Returns the table as JSON, one row per line.
     pub fn to_json(&self) -> String {
         // Only maps with non-string keys can fail to become JSON; a table has no map.
         let pretty = serde_json::to_string_pretty(self).unwrap_or_default();
@@ -121,8 +119,8 @@ impl Table {
     }
 }
 
-/// Names of the columns; names of joints and end effectors come from the robot file. Of two columns that would have one name
-/// the later one here gets another: the body's come first, then those of end effectors, then those of joints.
+/// Names of the columns, with the names of joints and end effectors from the robot file. If a name occurs twice, the later
+/// column gets another. Columns of the body have priority over end effectors, and end effectors over joints.
 fn columns(robot: &Robot) -> Vec<String> {
     let base = "time_s base_x_m base_y_m base_z_m base_yaw_rad base_pitch_rad base_roll_rad base_qw base_qx \
                 base_qy base_qz com_x_m com_y_m com_z_m base_vx_m_s base_vy_m_s base_vz_m_s base_wx_rad_s \

@@ -1,8 +1,8 @@
-//! The catalogue of residual families: name, equation, unit, tolerances, kind and advice of each.
+//! Catalogue of residual families: name, equation, unit, tolerances, kind and advice of each.
 //!
-//! A family is one constraint, one cost or one check of a plan. Terms write rows of a family, the solver
-//! reports its worst family, starts choose families, a diagnosis names them, the report has a row for each,
-//! and every plan carries the catalogue ([`Formulation`]) for readers in other languages. All numbers are SI.
+//! A family is one constraint, one cost or one check of a plan. Terms write rows of a family, the solver reports its worst
+//! family, starts select families, and a diagnosis names them. The report has a row for each. Every plan contains the catalogue
+//! ([`Formulation`]) for readers in other languages. All values are in SI units.
 
 mod in_plans;
 
@@ -14,10 +14,11 @@ use std::fmt;
 
 /// Clearance β between end effectors of different links, m (Eq. 2.10).
 pub const CLEARANCE_M: f64 = 0.02;
-/// Rolling velocity v₀ at which rolling resistance has nearly its full value, m/s: its sign is tanh(v/v₀).
+/// Rolling velocity v₀ at which rolling resistance has nearly its full value, m/s. The sign of the velocity is smoothed to
+/// tanh(v/v₀).
 pub const ROLLING_SIGN_WIDTH_M_S: f64 = 0.05;
-/// Numbers that repeat each other in a plan agree to this: far below any level that matters, and loose
-/// enough for files written with nine digits by other programs.
+/// Tolerance for redundant values in a plan. It is far below any level that matters, and loose enough for files that other
+/// programs write with nine digits.
 pub const AGREEMENT: f64 = 1e-6;
 
 /// Unit of a family's residuals.
@@ -37,11 +38,11 @@ pub enum Unit {
     Nm,
     /// Seconds.
     S,
-    /// Part of a torque-speed line.
+    /// Fraction of a torque-speed line.
     OfLine,
     /// Dimensionless.
     None,
-    /// Several, each in its SI unit.
+    /// Several units, each the SI unit of its quantity.
     Mixed,
 }
 
@@ -62,8 +63,7 @@ impl Unit {
         }
     }
 
-    /// Symbol of the unit that tables show, and how many of it are one SI unit: residuals of lengths are
-    /// millimetres.
+    /// Symbol of the unit in tables, and the factor from the SI unit to it. Lengths are shown in millimetres.
     pub const fn shown(self) -> (&'static str, f64) {
         match self {
             Self::M => ("mm", 1000.0),
@@ -74,19 +74,19 @@ impl Unit {
     }
 }
 
-/// Tolerance at the samples: the residual up to which plans hold in an independent rigid-body simulator.
+/// Tolerance at the samples: the largest residual with which plans succeed in an independent rigid-body simulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Level {
-    /// A residual, in the family's unit.
+    /// Residual in the family's unit.
     Residual(f64),
-    /// A fraction of the limit that the residual exceeds.
+    /// Fraction of the limit that the residual exceeds.
     OfLimit(f64),
-    /// Costs have no level.
+    /// Absence of a tolerance, as for costs.
     None,
 }
 
 impl Level {
-    /// The level as a residual; `limit` is the limit that the residual exceeds, if it does.
+    /// Returns the tolerance as a residual. `limit` is the limit that the residual exceeds, if any.
     pub fn at(self, limit: f64) -> f64 {
         match self {
             Self::Residual(level) => level,
@@ -96,21 +96,21 @@ impl Level {
     }
 }
 
-/// Tolerance between the samples, as the motion is played: the residual up to which motions hold in an independent
-/// rigid-body simulator. Parts of what the robot is, so that it is as strict for 1 kg as for 100 kg.
+/// Tolerance between the samples, as the motion is played: the largest residual with which motions succeed in an independent
+/// rigid-body simulator. Tolerances scale with the robot, so that they are as strict for 1 kg as for 100 kg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AsPlayed {
     /// Multiple of the tolerance at the samples.
     TimesLevel(f64),
-    /// A fraction of the robot's weight.
+    /// Fraction of the robot's weight.
     OfWeight(f64),
-    /// A fraction of the weight at a lever as long as the centre of mass is high.
+    /// Fraction of the weight times the height of the centre of mass.
     OfMoment(f64),
-    /// A fraction of the height of the centre of mass.
+    /// Fraction of the height of the centre of mass.
     OfHeight(f64),
-    /// A fraction of √(g · height), the speed with which a leg of that height falls over.
+    /// Fraction of √(g · height), the speed at which a leg of that height falls over.
     OfSpeed(f64),
-    /// The residual is shown only.
+    /// Absence of a tolerance: the residual is only printed.
     None,
 }
 
@@ -119,12 +119,12 @@ pub enum AsPlayed {
 pub struct Scales {
     /// Weight of the robot, N.
     pub weight_n: f64,
-    /// Height of its centre of mass in the mean over the motion, m.
+    /// Mean height of the centre of mass over the motion, m.
     pub height_m: f64,
 }
 
 impl AsPlayed {
-    /// The tolerance in the family's unit, if it follows from the robot.
+    /// Returns the tolerance in the family's unit, if it follows from the robot.
     pub fn at(self, scales: &Scales) -> Option<f64> {
         let Scales { weight_n, height_m } = *scales;
         match self {
@@ -141,20 +141,20 @@ impl AsPlayed {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// Something that the motion asks for.
+    /// Request of the motion.
     Request,
-    /// A limit of motors, joints or the ground.
+    /// Limit of motors, joints or the ground.
     Limit,
     /// Construction or kinematics of the robot.
     Build,
-    /// A weighted objective: nothing can violate it.
+    /// Weighted objective, which cannot be violated.
     Cost,
-    /// Checked in plans only; the optimiser has no term for it.
+    /// Check of plans only. The optimiser has no term for it.
     Check,
 }
 
-/// Advice where legs do not reach.
-const REACH: &str = "a motion within the legs' reach: shorter strides, lower swings";
+/// Advice for motions beyond the reach of the legs.
+const REACH: &str = "a motion within the legs' reach, with shorter strides and lower swings";
 const LONGER: &str = "a longer duration or a nearer goal";
 const NO_ADVICE: &str = "";
 
@@ -171,14 +171,14 @@ struct Info {
 /// Declares [`Family`] and the table of its entries from one list.
 macro_rules! catalogue {
     ($($family:ident: $name:literal, $equation:literal, $unit:ident, $level:expr, $kind:ident, $advice:expr;)*) => {
-        /// A family of residuals.
+        /// Family of residuals.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Family {
             $(#[doc = $name] $family,)*
         }
 
         impl Family {
-            /// Families in the order of the formulation.
+            /// Set of all families, in the order of the formulation.
             pub const ALL: &[Self] = &[$(Self::$family,)*];
 
             const INFO: &[Info] = &[$(Info {
@@ -199,15 +199,16 @@ catalogue! {
     LinearDynamics: "linear dynamics", "Eq. 2.3, mean", N, Residual(0.3), Request,
         "footfalls with more feet on the ground, or shorter flights";
     AngularDynamics: "angular dynamics", "Eq. 2.4, mean", Nm, Residual(0.03), Request,
-        "footfalls that stand around the centre of mass";
+        "footfalls whose stance feet surround the centre of mass";
     Friction: "friction", "Eq. 2.5", N, Residual(0.2), Limit,
-        "gentler motion or a higher friction_coefficient";
+        "a gentler motion or a higher friction_coefficient";
     FreeWheelTraction: "free-wheel traction", "Eq. 2.6", N, Residual(0.2), Limit,
         "a slower motion, or an actuated wheel to push with";
     SwingForce: "swing force", "Eq. 2.7", N, Residual(0.2), Request,
         "footfalls with more feet on the ground";
     Slip: "slip", "Eq. 2.8, midpoint", MPerS, Residual(0.005), Build,
-        "a goal along the rolling directions, or footfalls in which what stands elsewhere in the end takes a step";
+        "a goal along the rolling directions of the wheels, or footfalls in which each displaced \
+         foot takes a step";
     ContactHeight: "contact height", "Eq. 2.9", M, Residual(0.001), Request,
         "a lower swing_height_m or a longer swing";
     EndEffectorClearance: "end-effector clearance", "Eq. 2.10", M, Residual(0.001), Limit,
@@ -217,12 +218,12 @@ catalogue! {
     GroundClearance: "ground clearance", "shapes", M, Residual(0.001), Limit,
         "a higher body, or a posture with knees further from the ground";
     WheelAxis: "wheel axis", "Eq. 2.13", Rad, Residual(0.5 * std::f64::consts::PI / 180.0), Build,
-        "a motion that the joints can steer the wheel along";
+        "a motion in directions to which the joints can steer the wheel";
     ContactPoint: "contact point", "Eq. 2.14", M, Residual(0.001), Build, REACH;
     BladeContact: "contact on the blade", "sec. 3.5.2", M, Residual(0.001), Build,
-        "smaller pitch of the skates";
+        "a smaller pitch of the skates";
     HeldWheel: "held wheel", "Eq. 2.15, about the axis", MPerS, Residual(0.005), Build,
-        "a nearer goal, steps, or wheels that turn";
+        "a nearer goal, footfalls with steps, or wheels that turn";
     JointLimit: "joint limit", "sec. 2.4.1", Rad, Residual(0.05), Limit,
         "shorter strides, or wider limits in the robot file";
     JointSpeed: "joint speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit,
@@ -231,22 +232,22 @@ catalogue! {
     JointTorque: "joint torque", "quasi-static", Nm, OfLimit(0.1), Limit,
         "straighter legs in [posture], or stronger motors";
     WheelTorque: "wheel torque", "quasi-static", Nm, OfLimit(0.1), Limit,
-        "gentler motion or stronger wheel motors";
+        "a gentler motion or stronger wheel motors";
     TorqueSpeedLine: "torque-speed line", "quasi-static", OfLine, Residual(0.1), Limit,
         "a longer duration or stronger motors";
     Anchor: "anchor", "sec. 2.4.1", M, Residual(0.001), Build,
-        "nothing: it only says where the motion starts";
+        "nothing (this constraint only fixes the start of the motion)";
     DisplacementGoal: "displacement goal", "sec. 2.4.1", M, Residual(0.001), Request, LONGER;
     TurningGoal: "turning goal", "sec. 2.4.1", Rad, Residual(0.001), Request,
         "a smaller turn or a longer duration";
     TargetPosition: "target position", "sec. 2.4.1", M, Residual(0.001), Request,
-        "a target nearer to the rest of the motion, or at another time";
+        "a target nearer to the rest of the motion, or a target at another time";
     TargetVelocity: "target velocity", "sec. 2.4.1", MPerS, Residual(0.005), Request,
-        "a slower target, or one at another time";
+        "a slower target, or a target at another time";
     TargetHeading: "target heading", "sec. 2.4.1", Rad, Residual(0.001), Request,
-        "a heading nearer to the rest of the motion, or at another time";
+        "a heading nearer to the rest of the motion, or a target at another time";
     HeightLimit: "height limit", "sec. 3.5.2", M, Residual(0.001), Request,
-        "a height that the legs reach, or other limits at that time";
+        "a height within the legs' reach, or other height limits at that time";
     Smoothness: "smoothness", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
     EvenForce: "even force", "sec. 2.4.1", N, Level::None, Cost, NO_ADVICE;
     Posture: "posture", "sec. 2.4.1", Mixed, Level::None, Cost, NO_ADVICE;
@@ -277,12 +278,12 @@ impl Family {
         &Self::INFO[self as usize]
     }
 
-    /// The family with this name.
+    /// Returns the family with the given name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|family| family.name() == name)
     }
 
-    /// Name, as shown in progress, outcomes, diagnoses and reports.
+    /// Name in progress messages, outcomes, diagnoses and reports.
     pub const fn name(self) -> &'static str {
         self.info().name
     }
@@ -331,12 +332,12 @@ impl Family {
         self.info().kind
     }
 
-    /// True if the family requires a displacement or a turn over the whole motion.
+    /// Returns true if the family requires a displacement or a turn over the whole motion.
     pub fn is_goal(self) -> bool {
         matches!(self, Self::DisplacementGoal | Self::TurningGoal)
     }
 
-    /// Advice: the change that would help.
+    /// Advice on the change that would help.
     pub fn advice(self) -> &'static str {
         self.info().advice
     }
@@ -364,7 +365,7 @@ impl<'de> Deserialize<'de> for Family {
     }
 }
 
-/// A set of families.
+/// Set of families.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FamilySet(u64);
 
@@ -373,10 +374,10 @@ const _: () = assert!(Family::ALL.len() <= 64, "a set holds 64 families");
 impl FamilySet {
     /// Set of all families.
     pub const ALL: Self = Self(u64::MAX);
-    /// Limits of shapes that are in the way; no stronger motor removes them.
+    /// Limits due to shapes that obstruct a motion. A stronger motor does not remove them.
     pub const OBSTACLES: Self = Self::of(&[Family::LinkClearance, Family::GroundClearance]);
 
-    /// The set of these families.
+    /// Returns the set of the given families.
     pub const fn of(families: &[Family]) -> Self {
         Self(0).with(families)
     }
@@ -392,7 +393,7 @@ impl FamilySet {
         Self(bits)
     }
 
-    /// True if the set contains the family.
+    /// Returns true if the set contains the family.
     pub const fn contains(self, family: Family) -> bool {
         self.0 >> family as u64 & 1 == 1
     }
@@ -427,7 +428,7 @@ mod tests {
         }
     }
 
-    /// The table of `docs/formats/plan-format.md` has the families that a report may have, with their levels.
+    /// Checks that the table in `docs/formats/plan-format.md` has all reported families with their levels.
     #[test]
     fn the_plan_format_lists_every_family_with_its_level() {
         let text = include_str!("../../docs/formats/plan-format.md");
@@ -449,7 +450,7 @@ mod tests {
         }
     }
 
-    /// The table of tolerances as played has those of the catalogue.
+    /// Checks that the table of tolerances as played agrees with the catalogue.
     #[test]
     fn the_plan_format_lists_every_tolerance_as_played() {
         let text = include_str!("../../docs/formats/plan-format.md");

@@ -6,11 +6,11 @@
 //! E(m) = Σ_equalities ρ (r + s)²  +  Σ_inequalities ρ ψ_ε(r + s)  +  Σ_costs w r²
 //! ```
 //!
-//! [`TERMS`] lists the constraints, then the costs. Each term is a file in `formulation/terms/` with its equation and
-//! writes the rows of one family; [`crate::families`] is the table of their names, equations, units and levels.
+//! [`TERMS`] lists the constraints, then the costs. Each term is a file in `formulation/terms/` with its equation, and writes
+//! the rows of one family. [`crate::families`] is the table of their names, equations, units and levels.
 //!
-//! Equations 2.11 and 2.12 (centre of mass, body orientation) hold by elimination; periodic, at-rest
-//! and prescribed ends by construction of the timeline ([`crate::problem::variables`]).
+//! Equations 2.11 and 2.12 (centre of mass, body orientation) are satisfied by elimination. Periodic, at-rest and prescribed
+//! ends follow from the construction of the timeline ([`crate::problem::variables`]).
 
 pub mod rows;
 mod term;
@@ -70,7 +70,7 @@ pub static TERMS: &[&dyn Term] = &[
     &LiftOffSlip,
 ];
 
-/// True if a term with this span has rows for the window around timeline sample `t`.
+/// Returns true if a term with this span has rows for the window around timeline sample `t`.
 fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     match span {
         Span::Samples => t <= problem.samples,
@@ -79,12 +79,12 @@ fn covers(problem: &Problem, span: Span, t: usize) -> bool {
     }
 }
 
-/// Selection of rows, and forces required of feet in swing.
+/// Selection of rows, and required forces of feet in swing.
 #[derive(Clone, Debug)]
 pub struct Selection {
     /// Families of the selected rows.
     pub families: FamilySet,
-    /// Forces required of feet in swing, `[timeline sample][end effector]`, N; empty for none.
+    /// Required forces of feet in swing, `[timeline sample][end effector]`, N. Empty if all are zero.
     pub swing_force_n: Vec<Vec<Vector3<f64>>>,
 }
 
@@ -94,21 +94,21 @@ impl Default for Selection {
     }
 }
 
-/// The rows of a problem as functions of its unknowns: all that a solver sees of it.
+/// Rows of a problem as functions of its unknowns, the interface to solvers.
 pub struct System<'a> {
     problem: &'a Problem,
     selection: Selection,
     columns: Columns,
-    /// The pattern of the rows, after their first evaluation.
+    /// Pattern of the rows, set by their first evaluation.
     pattern: OnceCell<Pattern>,
     fits: Cell<bool>,
 }
 
-/// Structure that systems share if their problems differ in numbers only.
+/// Structure shared by systems whose problems differ in values only.
 #[derive(Clone, Debug)]
 pub struct Structure {
     pattern: Pattern,
-    /// Slots of the timeline, through which derivatives go to columns.
+    /// Slots of the timeline, which map derivatives to columns.
     timeline: Vec<TimelineSample>,
     columns: Columns,
 }
@@ -126,9 +126,11 @@ impl<'a> System<'a> {
         Self { problem, selection, columns, pattern: OnceCell::new(), fits: Cell::new(true) }
     }
 
-    /// The system of all rows of a problem that has the rows of another one, with their values at a point; `None` if it has
-    /// other rows. `reuse` are those of the other one. Whether they depend on the same unknowns shows when they are
-    /// differentiated: [`fits`](Self::fits).
+    /// Creates the system of all rows of a problem with the structure of another problem. Returns the system and the values of
+    /// its rows at a point, or `None` if its rows differ.
+    ///
+    /// `reuse` contains the rows of the other problem. A difference in the unknowns of a row is only detected when the rows are
+    /// differentiated ([`fits`](Self::fits)).
     pub fn again(
         problem: &'a Problem,
         unknowns: &Unknowns,
@@ -144,50 +146,50 @@ impl<'a> System<'a> {
         system.fits().then_some((system, rows))
     }
 
-    /// True if all rows and derivatives so far match the initial pattern. Otherwise they are wrong.
+    /// Returns true if all rows and derivatives so far match the initial pattern. Otherwise they are invalid.
     pub fn fits(&self) -> bool {
         self.fits.get()
     }
 
-    /// Returns the structure for another problem. The rows of this system must have been evaluated.
+    /// Returns the structure for reuse by another problem. The rows of this system must have been evaluated.
     pub fn into_structure(self) -> Structure {
         let pattern = self.pattern.into_inner().unwrap_or_default();
         Structure { pattern, timeline: self.problem.timeline.clone(), columns: self.columns }
     }
 
-    /// Columns of the unknowns.
+    /// Returns the columns of the unknowns.
     pub fn columns(&self) -> &Columns {
         &self.columns
     }
 
-    /// Length of q, with which the variables of a sample begin.
+    /// Returns the length of q, the first variables of a sample.
     pub fn dofs(&self) -> usize {
         self.problem.layout.dofs
     }
 
-    /// Penalty of every constraint.
+    /// Returns the penalty of every constraint.
     pub fn penalty(&self) -> f64 {
         self.problem.weights.penalty
     }
 
-    /// The unknowns after a step in scaled variables.
+    /// Returns the unknowns after a step in scaled variables.
     pub fn moved(&self, from: &Unknowns, step: &[f64]) -> Unknowns {
         let mut unknowns = from.clone();
         self.columns.add_step(self.problem, &mut unknowns, step);
         unknowns
     }
 
-    /// Residuals and Jacobian of every term. `reuse` is an earlier result whose memory is reused.
+    /// Computes residuals and Jacobian of every term. The memory of `reuse`, an earlier result, is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
         self.evaluate(unknowns, Wanted::All, reuse)
     }
 
-    /// Residuals of every term, for the most part without derivatives.
+    /// Computes the residuals of every term. Derivatives may be missing.
     pub fn values(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
         self.evaluate(unknowns, Wanted::Values, reuse)
     }
 
-    /// Differentiates the rows at a point that count with these multipliers.
+    /// Differentiates the rows at a point that contribute to the energy with the multipliers `shifts`.
     pub fn differentiate(&self, unknowns: &Unknowns, rows: &mut Rows, shifts: &[f64]) {
         if rows.differentiated != Differentiated::All {
             let values = std::mem::take(rows);

@@ -1,15 +1,15 @@
-//! Growth of small errors from cycle to cycle of a periodic motion that is played open loop, by servos with the gains of
-//! the robot file and the plan's torques.
+//! Growth of small errors from cycle to cycle of a periodic motion that is played open loop. The servos have the gains of the
+//! robot file and the plan's torques.
 //!
-//! A Floquet multiplier of the motion ([`cycle`]): the robot is one body on legs that yield like springs and dampers.
-//! With all joints q, gains k_p and ground forces f, legs yield by
+//! The growth is the largest Floquet multiplier of the motion ([`cycle`]). The model is a rigid body on legs that yield like
+//! springs and dampers. With all joints q, gains k_p and ground forces f, legs yield by
 //!
 //! ```text
 //! (k_p − G) δq = Jᵀ δf        G = ∂(Jᵀ f)/∂q        compliance C = J (k_p − G)⁻¹ Jᵀ
 //! ```
 //!
-//! It tells motions that die out from those that fall, to first order: feet in swing that touch the ground early, legs
-//! with a mass of their own, slip and torque limits are not in it.
+//! The model separates, to first order, motions whose errors decay from motions that fall. It omits early landing of swing
+//! feet, the mass of the legs, slip and torque limits.
 
 mod cycle;
 
@@ -23,28 +23,28 @@ use rollwalk_robot::{GRAVITY_M_S2, Joint};
 use serde::Serialize;
 use std::fmt;
 
-/// Instants of a cycle: forces and stances are interpolated between 24 samples and more.
+/// Number of time steps in a cycle. Forces and stances are interpolated between 24 or more samples.
 const INSTANTS: usize = 240;
-/// Compliance of the ground: deflection under the whole weight, relative to the height of the centre of mass. Without it, legs
-/// that are rigid in a direction, such as those with two joints, would divide by zero.
+/// Compliance of the ground: deflection under the whole weight, relative to the height of the centre of mass. Legs that are
+/// rigid in one direction, such as those with two joints, would otherwise have a singular compliance.
 const GROUND_YIELDS: f64 = 1e-4;
 
-/// Growth a cycle above which errors grow: those that only stay, such as those of wheels that never leave the ground,
-/// are computed as up to this.
+/// Growth per cycle above which errors count as growing. Errors that merely persist, such as those of wheels that never leave
+/// the ground, are computed as up to this value.
 const GROWS: f64 = 1.2;
-/// Growth a cycle above which its size says nothing more: errors are not small any more after a cycle.
+/// Growth per cycle above which the value has no meaning: errors do not remain small for a cycle.
 const BEYOND_FIRST_ORDER: f64 = 10.0;
-/// Growth a cycle up to which errors are gone after a few cycles.
+/// Growth per cycle up to which errors vanish after a few cycles.
 const DIES_OUT: f64 = 0.6;
 
-/// Factor by which the errors of a periodic motion grow in a cycle: the largest Floquet multiplier, without those of
-/// shifts along the ground and turns about the vertical, which nothing in the robot notices. Below 1 errors die out.
+/// Factor by which the errors of a periodic motion grow in a cycle: the largest Floquet multiplier. Multipliers of shifts along
+/// the ground and turns about the vertical are left out, because the robot does not respond to them. Below 1, errors decay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Growth(pub f64);
 
 impl Growth {
-    /// True if errors grow so much that the motion may need feedback.
+    /// Returns true if errors grow enough that the motion may require feedback.
     pub fn is_much(self) -> bool {
         self.0 > GROWS
     }
@@ -60,20 +60,22 @@ impl fmt::Display for Growth {
             };
             write!(
                 f,
-                "without feedback small errors grow {fold} a cycle, unless feet in swing that land early catch the \
-                 robot; a larger `duty`, shorter cycles and stiffer servos make it less"
+                "without feedback, small errors grow {fold} per cycle, unless swing feet that land \
+                 early catch the robot; increase `duty`, shorten the cycle or use stiffer servos \
+                 to reduce the growth"
             )
         } else {
-            let how = if growth > DIES_OUT { "hardly die out" } else { "die out" };
+            let how = if growth > DIES_OUT { "hardly decay" } else { "decay" };
             write!(
                 f,
-                "without feedback small errors {how}: {left:.0} % are left after a cycle, to first order"
+                "without feedback, small errors {how}: {left:.0} % of an error remains after a \
+                 cycle, to first order"
             )
         }
     }
 }
 
-/// Growth in a plan; `None` where its motion does not repeat, or a leg buckles under its load.
+/// Computes the growth in a plan. `None` if the motion is not periodic, or if a leg buckles under its load.
 pub fn per_cycle(plan: &Plan) -> Option<Growth> {
     if plan.motion.ends != Ends::Periodic {
         return None;
@@ -93,7 +95,7 @@ pub fn per_cycle(plan: &Plan) -> Option<Growth> {
     growth(&instants?, step_s, plan.end_placement.yaw_rad).map(Growth)
 }
 
-/// Robot and ground at one time.
+/// State of robot and ground at one time.
 fn instant(
     plan: &Plan,
     tree: &Tree,
@@ -160,14 +162,14 @@ fn instant(
     })
 }
 
-/// Damping by stiffness of the legs, s: the mean of their joints.
+/// Mean ratio of damping to stiffness of the joints, s.
 fn damping_s(plan: &Plan) -> f64 {
     let joints = &plan.robot.joints;
     let ratio = |joint: &Joint| joint.actuator.kd_nm_s_rad / joint.actuator.kp_nm_rad;
     joints.iter().map(ratio).sum::<f64>() / joints.len().max(1) as f64
 }
 
-/// Rolling of a wheel or blade along the ground; `None` for a contact that does not roll.
+/// Rolling of a wheel or blade along the ground. `None` for a contact that does not roll.
 fn roll(
     plan: &Plan,
     kinematics: &Kinematics,
@@ -192,5 +194,5 @@ fn roll(
     Some(Roll { along, velocity: along * speed_m_s, mobility_m_ns })
 }
 
-/// Drag of a free wheel that robot files give none, N·s/m.
+/// Smallest drag of a free wheel, N·s/m, for robot files without drag.
 const LEAST_DRAG_N_S_M: f64 = 1e-3;

@@ -1,7 +1,7 @@
-//! JSON files that carry their format and its version, such as plans: one reader, and what it says about a bad file.
+//! JSON files with format and version, such as plans: one reader with its error messages.
 //!
-//! serde names what it expects by types of Rust; people who edit a plan by hand or with a script know numbers, lists and
-//! fields. The reader translates, and shows what others wrote in a form that is safe to print.
+//! serde describes expected values by Rust types. The reader translates its messages to numbers, lists and fields, for users
+//! who edit a plan by hand or with a script. Text from files is printed in a safe form.
 
 use miette::Diagnostic;
 use rollwalk_protocol::text::Shown;
@@ -13,16 +13,17 @@ use serde_json::error::Category;
 use std::fmt;
 use thiserror::Error;
 
-/// Most characters of a message and of a value in it: they quote what the file says.
+/// Maximum length of a message, characters. Messages quote the file.
 const WORDS_MAX: usize = 1000;
+/// Maximum length of a quoted value, characters.
 const VALUE_MAX: usize = 60;
 
-/// A format of JSON files: objects with `format` and `version`.
+/// Format of JSON files: objects with `format` and `version`.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
     /// Required value of `format`.
     pub name: &'static str,
-    /// The version that is read, in `version`.
+    /// Required value of `version`.
     pub version: u32,
     /// Noun for the file in messages, such as "plan" in "the plan is from a newer rollwalk".
     pub what: &'static str,
@@ -32,31 +33,31 @@ pub struct Format {
     pub help: &'static str,
 }
 
-/// Reason for which a file is refused.
+/// Reason why a file is refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum JsonError {
     /// The text is not JSON, or a field is missing, unknown or of the wrong type.
     #[error("{file}:{line}:{column}: {message}")]
     Syntax {
-        /// The file as the caller named it.
+        /// Name of the file, as passed by the caller.
         file: String,
-        /// Line of the trouble, from 1.
+        /// Line of the fault, from 1.
         line: usize,
-        /// Column of the trouble, from 1.
+        /// Column of the fault, from 1.
         column: usize,
         /// Fault, with the path of the field, such as `samples[3].com_m`.
         message: String,
         /// Hint at the documentation.
         help: &'static str,
     },
-    /// A field has a value that no such file can have.
+    /// A field has an impossible value.
     #[error("{file}: {path} is {value}; expected {expected}")]
     Value {
-        /// The file as the caller named it.
+        /// Name of the file, as passed by the caller.
         file: String,
         /// JSON path of the field.
         path: String,
-        /// The value found.
+        /// Value in the file.
         value: String,
         /// Expected value.
         expected: String,
@@ -72,7 +73,7 @@ impl Diagnostic for JsonError {
     }
 }
 
-/// The two fields that every version of a format has.
+/// Fields that every version of a format has.
 #[derive(Deserialize)]
 struct Header {
     #[serde(default)]
@@ -82,17 +83,19 @@ struct Header {
 }
 
 impl Format {
-    /// Reads a file of this format and version. `file` is how errors name the text.
+    /// Reads a file of this format and version. Errors name the text by `file`.
     ///
     /// # Errors
-    /// [`JsonError`] names file, field, value and what would be right.
+    /// Returns an error if the text does not match the format. [`JsonError`] names file, field, value and the expected value.
     pub fn read<T: DeserializeOwned>(&self, file: &str, text: &str) -> Result<T, JsonError> {
         let syntax = |path: &str, error: &serde_json::Error| {
             let message = without_position(error);
             let message = match error.classify() {
                 Category::Data => in_words(path, &message),
-                Category::Eof if text.trim().is_empty() => "the file is empty, no JSON".to_owned(),
-                Category::Eof => "this is not whole JSON: the file ends too early".to_owned(),
+                Category::Eof if text.trim().is_empty() => {
+                    "the file is empty; expected JSON".to_owned()
+                }
+                Category::Eof => "the JSON is incomplete: the file ends too early".to_owned(),
                 // serde_json says so of numbers, keys and words that are no others, too.
                 _ if serde_json::from_str::<IgnoredAny>(text).is_ok() => in_words(path, &message),
                 _ => format!("{}: {message}", not_json(text, error)),
@@ -125,15 +128,18 @@ impl Format {
         let expected = match header.version.as_u64() {
             Some(found) if found == u64::from(version) => return Ok(()),
             Some(found) if found > u64::from(version) => {
-                format!("{version}: the {what} is from a newer rollwalk, update this one")
+                format!("{version}: update rollwalk, because a newer version wrote the {what}")
             }
-            Some(_) => format!("{version}: the {what} is from an older rollwalk, {make_again}"),
+            Some(_) => format!(
+                "{version}: {make_again}, because an older version of rollwalk \
+                wrote the {what}"
+            ),
             None => version.to_string(),
         };
         fault("version", &header.version, expected)
     }
 
-    /// The error of a value that no such file can have.
+    /// Creates the error for an impossible value.
     pub fn fault(
         &self,
         file: &str,
@@ -151,7 +157,7 @@ impl Format {
     }
 }
 
-/// Describes a syntax error. NaN and Infinity, the likeliest cause, have a message of their own.
+/// Describes a syntax error. NaN and Infinity, the most likely cause, have their own message.
 fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
     let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
     // The reader may stop within the word.
@@ -159,18 +165,18 @@ fn not_json(text: &str, error: &serde_json::Error) -> &'static str {
     let near = line.as_bytes().get(before..).unwrap_or_default();
     let near = String::from_utf8_lossy(&near[..near.len().min(2 * "-Infinity".len())]);
     match ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
-        true => "NaN and Infinity are no numbers in JSON",
+        true => "NaN and Infinity are not numbers in JSON",
         false => "this is not JSON",
     }
 }
 
-/// The message without serde_json's trailing position, which the error carries as fields.
+/// Returns the message without serde_json's trailing position. The error contains the position as fields.
 fn without_position(error: &serde_json::Error) -> String {
     let message = error.to_string();
     message.rsplit_once(" at line ").map_or(message.clone(), |(head, _)| head.to_owned())
 }
 
-/// Rewrites serde's message about the value at a path in terms of the file. Messages of our own readers stay.
+/// Rewrites serde's message about the value at a path in terms of the file. Messages of Rollwalk's own readers are unchanged.
 fn in_words(path: &str, message: &str) -> String {
     let (start, subject) = match path {
         "." => (String::new(), "the file"),
@@ -193,7 +199,7 @@ fn in_words(path: &str, message: &str) -> String {
     } else if let Some((length, wanted)) =
         after("invalid length ").and_then(|rest| rest.split_once(", expected "))
     {
-        format!("{subject} is a list of {length}; expected {}", wanted_as(wanted))
+        format!("{subject} is a list of length {length}; expected {}", wanted_as(wanted))
     } else if let Some(rest) = after("missing field `") {
         format!("{start}`{}` is missing", named(rest).0)
     } else if let Some(rest) = after("duplicate field `") {
@@ -208,15 +214,15 @@ fn in_words(path: &str, message: &str) -> String {
         let word = named(rest);
         format!("{subject} is \"{}\"; {}", cut(&word.0, VALUE_MAX), likely(&word))
     } else if message == "expected value" {
-        format!("{subject} is of another kind; expected {}", wanted_as("string or map"))
+        format!("{subject} has the wrong type; expected {}", wanted_as("string or map"))
     } else if message == "number out of range" {
-        format!("{subject} is out of the range of numbers")
+        format!("{subject} is out of range; expected a number within ±1.8e308")
     } else {
         format!("{start}{message}")
     }
 }
 
-/// A value that serde describes, as it stands in a file.
+/// Converts serde's description of a value to the notation of the file.
 fn found_as(found: &str) -> String {
     let value = |kind: &str| found.strip_prefix(kind)?.strip_suffix('`').map(str::to_owned);
     match found {
@@ -232,12 +238,12 @@ fn found_as(found: &str) -> String {
 /// Rewrites the type that serde expects in terms of the file.
 fn wanted_as(wanted: &str) -> String {
     if let Some(count) = wanted.strip_prefix("an array of length ") {
-        return format!("a list of {count}");
+        return format!("a list of length {count}");
     }
     let word = match wanted.split_once(' ').map_or(wanted, |(word, _)| word) {
         "f64" | "f32" => "a number",
         "u8" => "a whole number from 0 to 255",
-        "u16" | "u32" | "u64" | "usize" => "a whole number, not negative",
+        "u16" | "u32" | "u64" | "usize" => "a whole number of 0 or more",
         "struct" | "internally" => "an object",
         "enum" | "variant" | "unit" => "a word in quotes",
         _ => match wanted {
@@ -253,7 +259,7 @@ fn wanted_as(wanted: &str) -> String {
     word.to_owned()
 }
 
-/// The beginning of a text that is too long to be shown.
+/// Shortens a text to `most` characters.
 fn cut(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         Some((at, _)) => format!("{}…", &text[..at]),
@@ -320,16 +326,20 @@ mod tests {
                 "[1, \"2\", 3]",
                 "x.json:1:53: sizes_m[0][1] is \"2\"; expected a number",
             ),
-            ("[1, 2, 3]", "[1, 2]", "sizes_m[0] is a list of 2; expected a list of 3"),
+            (
+                "[1, 2, 3]",
+                "[1, 2]",
+                "sizes_m[0] is a list of length 2; expected a list of length 3",
+            ),
             ("[1, 2, 3]", "[1, true, 2]", "sizes_m[0][1] is true; expected a number"),
             ("[[1, 2, 3], [4, 5, 6]]", "{}", "sizes_m is an object; expected a list"),
             (
                 "\"red\"",
                 "\"gren\"",
-                "colour is \"gren\"; did you mean `green`? known are: `red`, `green`",
+                "colour is \"gren\"; did you mean `green`? valid names: `red`, `green`",
             ),
-            ("\"red\"", "7", "colour is of another kind; expected a word in quotes or an object"),
-            ("\"ball\"", "\"cube\"", "shape.kind is \"cube\"; known are: `ball`"),
+            ("\"red\"", "7", "colour has the wrong type; expected a word in quotes or an object"),
+            ("\"ball\"", "\"cube\"", "shape.kind is \"cube\"; valid names: `ball`"),
             (
                 "\"radius_m\": 1",
                 "\"radius_mm\": 1",
@@ -338,7 +348,7 @@ mod tests {
             ("\"kind\": \"ball\", ", "", "shape: `kind` is missing"),
             (", \"radius_m\": 1", "", "shape: `radius_m` is missing"),
             ("true", "0.5", "named.7 is 0.5; expected true or false"),
-            ("\"count\": 5", "\"count\": -5", "count is -5; expected a whole number, not negative"),
+            ("\"count\": 5", "\"count\": -5", "count is -5; expected a whole number of 0 or more"),
             (
                 "\"count\": 5",
                 "\"cuont\": 5",
@@ -347,12 +357,12 @@ mod tests {
             ("\"count\": 5", "\"count\": 5, \"count\": 6", "`count` is given twice"),
             ("\"count\": 5, ", "", "`count` is missing"),
             ("null", "[]", "note is a list; expected text in quotes"),
-            ("1, 2, 3", "1, 1e999, 3", "sizes_m[0][1] is out of the range of numbers"),
-            ("null", "NaN", "NaN and Infinity are no numbers in JSON"),
+            ("1, 2, 3", "1, 1e999, 3", "sizes_m[0][1] is out of range; expected a number"),
+            ("null", "NaN", "NaN and Infinity are not numbers in JSON"),
             (
                 "\"version\": 2",
                 "\"version\": 1",
-                "version is 1; expected 2: the thing is from an older rollwalk, make",
+                "version is 1; expected 2: make it again, because an older version",
             ),
             ("\"version\": 2", "\"version\": {}", "version is {}; expected 2"),
             ("\"format\": \"thing\", ", "", "format is missing; expected \"thing\""),

@@ -1,11 +1,11 @@
 //! Trajectory optimisation for robots with legs and wheels (thesis ch. 2).
 //!
-//! Data flow: robot + [`motion::Motion`] → [`optimise`] → [`plan::Plan`] → sampled at 60 Hz → motion library.
-//! A pure library: no clock, no file access, no threads, so that it also builds for the browser.
+//! Data flow: robot + [`motion::Motion`] → [`optimise`] → [`plan::Plan`] → sampled at 60 Hz → motion library. The crate uses no
+//! clock, no files and no threads, so that it also builds for the browser.
 //!
-//! The optimiser is built in layers, each of which knows those before it only (`tests/planner/layers.rs`): [`families`],
-//! `problem`, `formulation`, `solve`, then `start` and `diagnose`, on top of them `planning`, and [`sensitivity`], which says
-//! how plans change with the robot.
+//! The optimiser consists of layers that use only layers before them (`tests/planner/layers.rs`): [`families`], `problem`,
+//! `formulation`, `solve`, then `start` and `diagnose`, then `planning`. [`sensitivity`] computes derivatives of plans with
+//! respect to the robot.
 //!
 //! ```
 //! use rollwalk_planner::{Options, motion::Motion, optimise, report::Report};

@@ -1,8 +1,8 @@
-//! Motion libraries from plans: plans are resampled at 60 Hz, checked against the limits of every channel, encoded as
-//! `.rwl` bytes, decoded again and compared with the plans.
+//! Motion libraries from plans. Plans are resampled at 60 Hz and checked against the limits of every channel. They are encoded
+//! as `.rwl` bytes, decoded again and compared with the plans.
 //!
-//! The result is ready to be flashed. [`rollwalk_protocol::library`] defines the byte format and validates the graph
-//! as a controller does.
+//! The result can be flashed. [`rollwalk_protocol::library`] defines the byte format and validates the graph as a controller
+//! does.
 
 mod attitude;
 mod error;
@@ -25,48 +25,48 @@ use serde::Serialize;
 /// Content of a library.
 #[derive(Clone, Debug)]
 pub struct LibraryContent<'a> {
-    /// The robot.
+    /// Robot of the library.
     pub robot: &'a Robot,
-    /// The motions, nodes of the graph.
+    /// Motions: the nodes of the graph.
     pub motions: Vec<LibraryMotion<'a>>,
-    /// The transitions, edges of the graph.
+    /// Transitions: the edges of the graph.
     pub transitions: Vec<LibraryTransition<'a>>,
-    /// Index of the motion that is SAFE: it stands still and every motion leads back to it.
+    /// Index of SAFE, a motion that stands still. Every motion has a path back to it.
     pub safe: usize,
     /// True if the library contains the torques of the motors ([`crate::torque`]).
     pub torques: bool,
 }
 
-/// A motion of a library.
+/// Motion of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibraryMotion<'a> {
     /// Name of the motion.
     pub name: &'a str,
-    /// Command code that selects it.
+    /// Command code that selects the motion.
     pub code: u8,
     /// Plan of the motion, periodic or at rest.
     pub plan: &'a Plan,
 }
 
-/// A transition of a library.
+/// Transition of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibraryTransition<'a> {
-    /// Index of the motion that it leaves.
+    /// Index of the motion that the transition leaves.
     pub from: usize,
-    /// Time since the start of that motion at which it leaves, s; that of a 60 Hz frame.
+    /// Time of the exit since the start of the motion that the transition leaves, s; a multiple of 1/60 s.
     pub exit_time_s: f64,
-    /// Index of the motion that it enters.
+    /// Index of the motion that the transition enters.
     pub to: usize,
-    /// Time since the start of that motion at which it enters, s; that of a 60 Hz frame.
+    /// Time of the entry since the start of the motion that the transition enters, s; a multiple of 1/60 s.
     pub entry_time_s: f64,
-    /// Plan of the transition. Its prescribed ends are the states at these times.
+    /// Plan of the transition. Its prescribed ends are the states at exit and entry.
     pub plan: &'a Plan,
 }
 
 /// Motion library with statistics of every plan in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuiltLibrary {
-    /// The `.rwl` file.
+    /// Bytes of the `.rwl` file.
     pub bytes: Vec<u8>,
     /// Statistics of motions, then of transitions.
     pub clips: Vec<ClipStats>,
@@ -77,12 +77,12 @@ pub struct BuiltLibrary {
 pub struct ClipStats {
     /// Name of the motion, or of the transition's plan.
     pub name: String,
-    /// Frames at 60 Hz.
+    /// Number of frames at 60 Hz.
     pub frames: usize,
     /// Size of the frames, bytes.
     pub bytes: usize,
-    /// Largest difference of a decoded joint angle from the plan, rad: rounding, and at the ends of transitions the
-    /// step to the motion that they join.
+    /// Largest difference of a decoded joint angle from the plan, rad. The difference contains rounding and, at the ends of
+    /// transitions, the step to the joined motion.
     pub worst_joint_error_rad: f64,
     /// Largest difference of a decoded wheel speed from the plan, rad/s.
     pub worst_wheel_error_rad_s: f64,
@@ -90,11 +90,11 @@ pub struct ClipStats {
     pub clamped: f64,
 }
 
-/// Setpoints of a plan at every 60 Hz frame: of a periodic motion one period without its end, of any other with both
+/// Set-points of a plan at every 60 Hz frame. A periodic motion gives one period without its end; other motions include both
 /// ends.
 ///
 /// # Errors
-/// The duration is no multiple of 1/60 s.
+/// Returns an error if the duration is not a multiple of 1/60 s.
 pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
     let last = frame_at(&plan.motion.name, "duration_s", plan.motion.duration_s)?;
     let count = if plan.motion.ends == Ends::Periodic { last } else { last + 1 };
@@ -104,13 +104,12 @@ pub fn frames(plan: &Plan) -> Result<Vec<Setpoints>, LibraryError> {
 
 /// Builds a library.
 ///
-/// Clamps joint positions, joint speeds and wheel speeds to their limits where the excess is within the tolerance of a
-/// played motion (`Family::as_played`); a larger excess is an error.
-/// Torques are clamped to theirs however far they are beyond it: motors can do no more, and position control does the
-/// rest.
+/// Joint positions, joint speeds and wheel speeds are clamped to their limits if the excess is within the tolerance of a played
+/// motion (`Family::as_played`). A larger excess is an error. Torques are clamped regardless of their excess, because motors
+/// cannot produce more and position control corrects the rest.
 ///
 /// # Errors
-/// The error names motion, channel, time and value that do not fit into a library.
+/// Returns an error if a plan does not fit into a library. The error names motion, channel, time and value.
 pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     let config = content.robot.controller_config()?;
     let channels = Channels { robot: content.robot, config: &config };
@@ -177,7 +176,7 @@ pub fn build(content: &LibraryContent) -> Result<BuiltLibrary, LibraryError> {
     Ok(BuiltLibrary { bytes, clips: stats })
 }
 
-/// Frame of a motion at a time; a periodic motion repeats.
+/// Frame of a motion at a time, modulo the period if the motion is periodic.
 fn frame_of(
     content: &LibraryContent,
     motion: usize,
@@ -280,7 +279,7 @@ mod tests {
     use crate::torque::InverseDynamics;
     use rollwalk_protocol::library::NodeId;
 
-    /// Plan at rest in the pose in which `start_stop` starts and ends.
+    /// Plan at rest in the pose in which `start_stop` begins and ends.
     fn stand() -> Plan {
         test_plans::Drive {
             ends: Ends::AtRest,
@@ -299,7 +298,7 @@ mod tests {
         ]
     }
 
-    /// Transitions in both directions. The motions rest in the same pose, so that a stand leads from one to the other.
+    /// Transitions in both directions. Both motions rest in the same pose, so that a stand joins them.
     fn transitions<'a>(stand: &'a Plan, drive_end_s: f64) -> Vec<LibraryTransition<'a>> {
         vec![
             LibraryTransition { from: 0, exit_time_s: 0.5, to: 1, entry_time_s: 0.0, plan: stand },
@@ -401,7 +400,7 @@ mod tests {
         // The legs reach 0.6 rad after one second; the tolerance of joints is 0.05 rad.
         let message = with_limit(0.54).expect_err("beyond its limit").to_string();
         assert!(message.starts_with("drive: fr-hip is at 0.59"), "{message}");
-        assert!(message.ends_with("limits are -1.000 to 0.540"), "{message}");
+        assert!(message.ends_with("expected -1.000 to 0.540 rad"), "{message}");
         let library = with_limit(0.57).expect("moved onto the limit");
         assert!((library.clips[1].clamped - 0.6).abs() < 1e-6, "{:?}", library.clips[1]);
     }
@@ -425,7 +424,7 @@ mod tests {
         let quick = drive(1.0, |t| 0.2 * leg(t).sin(), leg);
         let message = built(&quick).expect_err("too fast").to_string();
         assert!(message.starts_with("drive: fl-hip changes by"), "{message}");
-        assert!(message.contains("its limit is 6.00"), "{message}");
+        assert!(message.contains("the limit is 6.00 rad per second"), "{message}");
 
         // What a plan that holds may be too fast by is spread over more frames.
         let less_quick = drive(1.0, |t| 0.2 * slower_leg(t).sin(), slower_leg);
@@ -450,7 +449,7 @@ mod tests {
         let mut other = test_plans::start_stop();
         other.robot.links[0].mass_kg = 3.0;
         let message = built(&other).expect_err("another robot").to_string();
-        assert!(message.starts_with("drive is planned for another robot, `box`"), "{message}");
+        assert!(message.starts_with("drive is planned for robot `box`"), "{message}");
     }
 
     #[test]
@@ -470,6 +469,6 @@ mod tests {
         let mut content = content;
         content.transitions[0].to = 5;
         let message = build(&content).expect_err("no such motion").to_string();
-        assert_eq!(message, "stand joins motion number 5, which does not exist");
+        assert_eq!(message, "stand joins motion number 5, but this motion does not exist");
     }
 }

@@ -1,9 +1,8 @@
-//! Library files: which motions make up a motion library, and how they are joined
-//! (docs/motion-files.md).
+//! Library files: list of the motions of a motion library and of the transitions that join them (docs/motion-files.md).
 //!
-//! A library file names its robot, its motion files with their command codes, the motion that is
-//! SAFE, and the transitions. A transition becomes a [`Motion`] with prescribed ends: it leaves a motion
-//! at its end (a periodic motion where its cycle closes) and enters the other at its beginning.
+//! A library file names its robot, its motion files with their command codes, the SAFE motion, and the transitions. A
+//! transition becomes a [`Motion`] with prescribed ends. The transition leaves a motion at its end, or at the end of a cycle if
+//! the motion is periodic, and enters the next motion at its beginning.
 
 mod stepping;
 
@@ -17,24 +16,24 @@ use rollwalk_protocol::names::look_alike;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
-/// A validated library file.
+/// Validated library file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryFile {
     /// Name of the library.
     pub name: String,
     /// Path of the robot file, relative to the library file.
     pub robot: String,
-    /// The motions; [`LibraryFile::safe`] and transitions index them.
+    /// Motions. [`LibraryFile::safe`] and transitions refer to their indices.
     pub motions: Vec<LibraryMotion>,
-    /// Index of the motion that the robot returns to when in doubt.
+    /// Index of the SAFE motion, to which the robot returns after a fault or timeout.
     pub safe: usize,
-    /// The transitions, at most one for each pair of motions.
+    /// Transitions, at most one from a motion to another.
     pub transitions: Vec<LibraryTransition>,
     /// True if the library contains the torques of the motors.
     pub torques: bool,
 }
 
-/// A motion of a library.
+/// Motion of a library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LibraryMotion {
     /// Name in the library, unique.
@@ -45,56 +44,56 @@ pub struct LibraryMotion {
     pub code: u8,
 }
 
-/// Source of a motion: a path, relative to the library file.
+/// Source of a motion: a path relative to the library file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MotionSource {
-    /// A motion file, which is planned.
+    /// Motion file, which is planned.
     Motion(String),
-    /// A plan, which is taken as it is.
+    /// Plan, which is used unchanged.
     Plan(String),
 }
 
-/// A transition of a library.
+/// Transition of a library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryTransition {
-    /// Index of the motion that it leaves.
+    /// Index of the motion that the transition leaves.
     pub from: usize,
-    /// Index of the motion that it enters.
+    /// Index of the motion that the transition enters.
     pub to: usize,
     /// Motion to plan, with prescribed ends and without a goal.
     pub motion: Motion,
-    /// True if the file leaves the footfalls open: [`LibraryFile::stepping`] then derives them from the motions.
+    /// True if the file omits the footfalls. [`LibraryFile::stepping`] then derives them from the motions.
     pub footfalls_open: bool,
 }
 
 impl LibraryFile {
-    /// Path of the robot file that a library file names, relative to the library file.
+    /// Returns the path of the robot file that a library file names, relative to the library file.
     ///
-    /// Read this first, then that robot, then [`LibraryFile::from_toml`].
+    /// Call this first, read that robot, then call [`LibraryFile::from_toml`].
     ///
     /// # Errors
-    /// The text is not TOML, or names no robot.
+    /// Returns an error if the text is not TOML or names no robot.
     pub fn robot_path_in_toml(file_name: &str, text: &str) -> Result<String, DocumentError> {
         Motion::robot_path_in_toml(file_name, text)
     }
 
-    /// Reads and validates a library file. `file_name` is for messages only.
+    /// Reads and validates a library file. `file_name` is used in messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with the file: besides its fields, motions that cannot be reached
-    /// from SAFE or cannot return to it.
+    /// Returns an error if a field is invalid, or if a motion cannot be reached from SAFE or cannot return to it. The error
+    /// lists all faults.
     pub fn from_toml(file_name: &str, text: &str, robot: &Robot) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let library = library(&document, robot);
         document.finish(library)
     }
 
-    /// Checks the motions themselves, read from the files that [`LibraryFile::motions`] names and in
-    /// that order, against the library file.
+    /// Checks motions against the library file. They must have been read from the files that [`LibraryFile::motions`] names, in
+    /// that order.
     ///
     /// # Errors
-    /// SAFE goes somewhere or does not come to rest on all its feet, or a transition starts or ends with other feet on
-    /// the ground than the motion that it joins.
+    /// Returns an error if SAFE has a goal or does not end at rest with all feet in stance. Returns an error also if a
+    /// transition starts or ends with other stance feet than the motion that it joins.
     pub fn check_motions(
         &self,
         file_name: &str,
@@ -109,8 +108,9 @@ impl LibraryFile {
             let travels =
                 [forward_m, left_m, turn_rad].into_iter().flatten().any(|goal| goal != 0.0);
             if safe.ends != Ends::AtRest || !stands || travels {
-                let problem = format!("is \"{}\", which does not stand still", safe.name);
-                let help = "SAFE is a motion with ends = \"at_rest\", all feet in stance and no goal but 0";
+                let problem = format!("is \"{}\", a motion that does not stand still", safe.name);
+                let help = "name a motion with ends = \"at_rest\", all feet in stance and no goal \
+                    other than 0";
                 root.fault("safe", problem, "not a safe pose", help);
             }
         }
@@ -125,7 +125,8 @@ impl LibraryFile {
                 if joined != flags {
                     let name = &self.motions[index].name;
                     let message = format!(
-                        "transition `{}`: other feet are down than where it {does} `{name}`",
+                        "transition `{}`: where it {does} `{name}`, its feet in stance differ from \
+                         those of that motion",
                         transition.motion.name
                     );
                     let marks = |stance: Option<&Vec<bool>>| -> String {
@@ -133,8 +134,9 @@ impl LibraryFile {
                         stance.map(|&stands| if stands { '#' } else { '.' }).collect()
                     };
                     let help = format!(
-                        "the first and last mark of its footfalls must agree with the motions it joins: in the order of the robot's \
-                         end effectors `{name}` has {} there, and the transition {}",
+                        "make the first and last mark of each row in its footfalls agree with the \
+                         joined motions; in the order of the robot's end effectors, `{name}` has \
+                         {} there and the transition {}",
                         marks(joined),
                         marks(flags)
                     );
@@ -179,8 +181,13 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
         let transition = transition(document, table, &names, sound, robot);
         let Some(transition) = transition else { continue };
         if transitions.iter().any(|known| joins(known, transition.from, transition.to)) {
-            let help = "join two motions once in each direction";
-            table.fault("from", "and `to` are joined a second time", "again", help);
+            let help = "keep one [[transition]] for each direction between two motions";
+            table.fault(
+                "from",
+                "and `to` name two motions that an earlier [[transition]] joins",
+                "again",
+                help,
+            );
         }
         transitions.push(transition);
     }
@@ -196,7 +203,7 @@ fn library(document: &Document<'_>, robot: &Robot) -> Option<LibraryFile> {
     root.done();
     let safe = safe?;
     if transitions.len() > MAX_TRANSITIONS {
-        let help = format!("a library holds at most {MAX_TRANSITIONS} transitions");
+        let help = format!("remove transitions until at most {MAX_TRANSITIONS} remain");
         let message = format!("this library has {} transitions", transitions.len());
         document.fault(first_motion, message, "too many", help);
     }
@@ -222,8 +229,8 @@ fn motion(mut table: Table<'_>) -> Option<MotionItem> {
     }
     let source = match (table.has("file"), table.has("plan")) {
         (true, true) => {
-            let help = "name a motion file with `file`, or a plan of it with `plan`";
-            table.fault("plan", "stands beside `file`", "one of them", help);
+            let help = "keep `file`, which names a motion file, or `plan`, which names a plan file";
+            table.fault("plan", "is given together with `file`", "keep one of them", help);
             None
         }
         (false, true) => table.string("plan").map(MotionSource::Plan),
@@ -243,8 +250,8 @@ fn check_motion_table(
     count: usize,
 ) {
     if !(1..=MAX_MOTIONS).contains(&count) {
-        let help = format!("a library has 1 to {MAX_MOTIONS} [[motion]] tables");
-        root.fault("motion", format_args!("tables number {count}"), "here", help);
+        let help = format!("write 1 to {MAX_MOTIONS} [[motion]] tables");
+        root.fault("motion", format_args!("has {count} tables"), "here", help);
     }
     for (index, item) in motions.iter().enumerate() {
         let LibraryMotion { name, code, .. } = &item.motion;
@@ -256,10 +263,11 @@ fn check_motion_table(
             }
             if look_alike(&earlier.motion.name, name) {
                 let message = format!(
-                    "motion `{name}` looks like `{}`, which is another name",
+                    "motion `{name}` can be mistaken for motion `{}`, because their names look the \
+                     same",
                     earlier.motion.name
                 );
-                let help = "give every motion of a library a name that can be told from the others";
+                let help = "rename one of the two motions, so that their names look different";
                 document.fault(item.name_span.clone(), message, "looks the same", help);
             }
             if earlier.motion.code == *code {
@@ -278,7 +286,12 @@ fn index(table: &Table<'_>, key: &'static str, name: &str, names: &[String]) -> 
     let found = names.iter().position(|known| known == name);
     if found.is_none() {
         let help = alternatives(name, names.iter().map(String::as_str));
-        table.fault(key, format_args!("names no motion \"{name}\""), "unknown motion", help);
+        table.fault(
+            key,
+            format_args!("names \"{name}\", which is not a motion of this library"),
+            "unknown motion",
+            help,
+        );
     }
     found
 }
@@ -287,7 +300,7 @@ fn joins(transition: &LibraryTransition, from: usize, to: usize) -> bool {
     (transition.from, transition.to) == (from, to)
 }
 
-/// Reads one `[[transition]]`; ends are looked up only if all motions could be read (`sound`).
+/// Reads one `[[transition]]`. Ends are resolved only if `sound`: all motions could be read.
 fn transition(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -307,8 +320,9 @@ fn transition(
     let to = index(table, "to", &to?, names);
     let (from, to) = (from?, to?);
     if from == to {
-        let help = "a transition joins two different motions; loops are motions with periodic ends";
-        table.fault("to", "is where it comes from", "the same motion", help);
+        let help = "name another motion; a motion with ends = \"periodic\" repeats without a \
+            transition";
+        table.fault("to", "names the same motion as `from`", "the same motion", help);
         return None;
     }
     let (motion, name) = (motion?, name_between(names, from, to));
@@ -319,7 +333,7 @@ fn name_between(names: &[String], from: usize, to: usize) -> String {
     format!("{} to {}", names[from], names[to])
 }
 
-/// The motion of a transition; without `[footfalls]`, all feet are down until the motions that it joins are known.
+/// Motion of a transition. Without `[footfalls]`, all feet stay in stance until the joined motions are known.
 fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Motion> {
     let footfalls = if table.has("footfalls") {
         table.table("footfalls").map(Footfalls::Table)
@@ -350,7 +364,7 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
     })
 }
 
-/// Joins SAFE with every other motion, both ways, where no transition is written.
+/// Joins SAFE with every other motion in both directions, unless the file has that transition.
 fn add_via_safe(
     transitions: &mut Vec<LibraryTransition>,
     (template, footfalls_open): (&Motion, bool),
@@ -367,7 +381,7 @@ fn add_via_safe(
     }
 }
 
-/// Rejects motions that are cut off from SAFE.
+/// Refuses motions that have no path from SAFE or back to it.
 fn check_graph(
     document: &Document<'_>,
     motions: &[MotionItem],
@@ -384,7 +398,7 @@ fn check_graph(
         let (problem, from, to) = match (from_safe[index], to_safe[index]) {
             (true, true) => continue,
             (false, _) => ("cannot be reached from", safe_name, name),
-            (true, false) => ("has no way back to", name, safe_name),
+            (true, false) => ("has no path back to", name, safe_name),
         };
         let message = format!("motion `{name}` {problem} the safe motion `{safe_name}`");
         let help = format!(
@@ -394,7 +408,7 @@ fn check_graph(
     }
 }
 
-/// Flags of the nodes, of `count`, that can be reached from `start`.
+/// Reachability from `start` of each of `count` nodes.
 fn reached(count: usize, start: usize, edges: &[(usize, usize)]) -> Vec<bool> {
     let mut seen = vec![false; count];
     let mut open = vec![start];

@@ -1,4 +1,4 @@
-//! A motion plan: the optimiser's result, self-contained, as it is stored in JSON (Eq. 2.1).
+//! Motion plan: the self-contained result of the optimiser, as stored in JSON (Eq. 2.1).
 
 mod diagnosis;
 mod json;
@@ -25,7 +25,7 @@ pub const FORMAT: &str = "rollwalk-plan";
 /// Version of the plan format that this crate writes and reads.
 pub const VERSION: u32 = 3;
 
-/// A planned motion with the robot and the goal it was planned for.
+/// Planned motion with its robot and goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -33,36 +33,36 @@ pub struct Plan {
     pub format: String,
     /// Version of this format: [`VERSION`].
     pub version: u32,
-    /// The robot, resolved.
+    /// Robot with all defaults filled in.
     pub robot: Robot,
-    /// The goal, resolved.
+    /// Motion request with all defaults filled in.
     pub motion: Motion,
     /// Sample spacing h, s.
     pub sample_interval_s: f64,
-    /// The samples, T of them.
+    /// Samples, T of them.
     pub samples: Vec<Sample>,
-    /// State one interval before the first sample. At rest: pose, contacts and forces of the first sample. Periodic:
-    /// the last sample, moved back by one period. Prescribed: the first sample, moved back by one interval at its
-    /// prescribed velocity.
+    /// State one interval before the first sample. At rest, it has the pose, contacts and forces of the first sample. In a
+    /// periodic motion, it is the final sample moved back by one period. With prescribed ends, it is the first sample moved
+    /// back by one interval at its prescribed velocity.
     pub before: Sample,
-    /// State one interval after the last sample. At rest: pose, contacts and forces of the last sample. Periodic: the
-    /// first sample, moved on by one period, without motor speeds. Prescribed: the last sample, moved on by one
-    /// interval at its prescribed velocity.
+    /// State one interval after the final sample. At rest, it has the pose, contacts and forces of the final sample. In a
+    /// periodic motion, it is the first sample moved forward by one period, without motor speeds. With prescribed ends, it is
+    /// the final sample moved forward by one interval at its prescribed velocity.
     pub after: Sample,
     /// Placement of the end relative to the start.
     pub end_placement: Placement,
     /// Outcome of the optimiser.
     pub solve: SolveSummary,
-    /// Constants and residual families that the plan is made and checked with.
+    /// Constants and residual families with which the plan was made and is checked.
     pub formulation: Formulation,
 }
 
 impl Plan {
-    /// First sample, and the state at the end of the motion: for a periodic motion the first sample
-    /// of the next period, otherwise the last sample.
+    /// Returns the first sample and the state at the end of the motion. The end of a periodic motion is the first sample of the
+    /// next period; the end of other motions is the final sample.
     ///
     /// # Panics
-    /// The plan has no samples, which no validated plan lacks.
+    /// Panics if the plan has no samples. A validated plan has some.
     pub fn ends(&self) -> [&Sample; 2] {
         let last = match self.motion.ends {
             Ends::Periodic => &self.after,
@@ -71,11 +71,11 @@ impl Plan {
         [&self.samples[0], last]
     }
 
-    /// Displacement and turn of the plan, as a goal defines them: displacement of the centre of mass along and across the
-    /// starting heading, m, and turn of the body, rad.
+    /// Returns displacement and turn of the plan, as in a goal: displacement of the centre of mass along and across the initial
+    /// heading, m, and turn of the body, rad.
     ///
     /// # Panics
-    /// As [`ends`](Self::ends).
+    /// Panics if the plan has no samples.
     pub fn reached(&self) -> [f64; 3] {
         let [first, last] = self.ends();
         let yaw = first.base_yaw_pitch_roll_rad[0];
@@ -85,21 +85,21 @@ impl Plan {
     }
 }
 
-/// Planar placement: turn by `yaw_rad` about the world's vertical, then move by `offset_m`.
+/// Planar placement: a turn by `yaw_rad` about the world's vertical, then a translation by `offset_m`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// D: offset in world x and y, m.
+    /// Offset D in world x and y, m.
     pub offset_m: [f64; 2],
-    /// ψ: turn about the vertical, rad.
+    /// Turn ψ about the vertical, rad.
     pub yaw_rad: f64,
 }
 
-/// The robot at one instant (Eq. 2.1). World frame throughout.
+/// State of the robot at one time (Eq. 2.1). All vectors are in the world frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
-    /// Seconds since the start of the motion.
+    /// Time since the start of the motion, s.
     pub time_s: f64,
     /// Origin of the body frame, m.
     pub base_position_m: [f64; 3],
@@ -109,12 +109,13 @@ pub struct Sample {
     pub base_orientation_wxyz: [f64; 4],
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
-    /// Setpoints of the joints less these angles, rad, so that soft servos reach the angles. Set in plans that were retargeted;
-    /// empty in others, and before and after the motion.
+    /// Differences of the joints' set-points from these angles, rad, with which soft servos reach the angles. Empty in plans
+    /// that were not retargeted, and in the states before and after the motion.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_correction_rad: Vec<f64>,
-    /// Torques of the joints' motors in joint order, N·m, as the motion is played ([`crate::torque`]). Before and after
-    /// the motion those of the sample that periodic motions repeat there, of others those of the sample beside it.
+    /// Torques of the joints' motors in joint order, N·m, as the motion is played ([`crate::torque`]). The states before and
+    /// after a periodic motion have the torques of the samples that they repeat. In other motions, they have those of the
+    /// neighbouring sample.
     pub joint_torque_nm: Vec<f64>,
     /// Centre of mass x, m.
     pub com_m: [f64; 3],
@@ -122,7 +123,7 @@ pub struct Sample {
     pub end_effectors: Vec<EndEffectorSample>,
 }
 
-/// State of an end effector at one instant.
+/// State of an end effector at one time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffectorSample {
@@ -130,14 +131,13 @@ pub struct EndEffectorSample {
     pub contact: bool,
     /// Contact point e, m.
     pub position_m: [f64; 3],
-    /// Ground force on the robot f, N.
+    /// Force f of the ground on the robot, N.
     pub force_n: [f64; 3],
-    /// Wheel spin ω on the interval from this sample to the next, rad/s; 0 for a foot.
+    /// Wheel spin ω in the interval from this sample to the next, rad/s; 0 for a foot.
     pub wheel_speed_rad_s: f64,
-    /// Motor speed on the interval from this sample to the next, rad/s, about the axis of the robot
-    /// file; 0 without a wheel.
+    /// Motor speed in the interval from this sample to the next, about the axis in the robot file, rad/s; 0 without a wheel.
     pub motor_speed_rad_s: f64,
-    /// Torque of the wheel's motor on the wheel, N·m, about the axis of the robot file; `None` without a motor.
+    /// Torque of the motor on the wheel, about the axis in the robot file, N·m; `None` without a motor.
     pub motor_torque_nm: Option<f64>,
     /// Wheel axis tilt, rad; 0 for a foot.
     pub tilt_rad: f64,
@@ -151,7 +151,7 @@ pub struct EndEffectorSample {
 pub struct SolveSummary {
     /// Outcome.
     pub status: Status,
-    /// Gauss-Newton iterations: one linearisation and at most one step each.
+    /// Number of Gauss-Newton iterations: one linearisation and at most one step each.
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
@@ -161,32 +161,31 @@ pub struct SolveSummary {
     pub worst_constraint: Family,
     /// Starting point of the solve.
     pub start: Started,
-    /// Diagnosis of constraints that could not be met.
+    /// Diagnosis, if constraints could not be met.
     pub diagnosis: Option<Diagnosis>,
-    /// Coarser grids on which the plan did not hold as it is played, in order; empty if the samples are as many as the
-    /// motion file asks for.
+    /// Coarser grids on which the plan failed as played, in order. Empty if the plan has the samples of the motion file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refinements: Vec<Refinement>,
 }
 
-/// A grid that was refined, and the residual as played that was the reason.
+/// Grid that was refined, and the residual as played that was the reason.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Refinement {
-    /// Count of samples of the grid.
+    /// Number of samples of the grid.
     pub samples: usize,
-    /// The residual that was furthest beyond its tolerance.
+    /// Residual with the largest ratio to its tolerance.
     pub residual: Family,
     /// Worst value of the residual, in `unit`.
     pub worst: f64,
     /// Tolerance of the residual, in `unit`.
     pub tolerance: f64,
-    /// Unit of both: that of reports.
+    /// Unit of `worst` and `tolerance`, as in reports.
     pub unit: String,
 }
 
 impl SolveSummary {
-    /// Consequence of the outcome for other starts.
+    /// Returns the consequence of the outcome for other starts.
     pub fn ending(&self) -> Ending {
         let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
@@ -201,44 +200,44 @@ impl SolveSummary {
 /// Consequence of one start's outcome for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// Converged, failed between the samples or interrupted: no other start is tried.
+    /// The solve converged, failed between the samples or was interrupted. No other start is tried.
     Decided,
-    /// The request looks impossible from this start. If it looks so from each of the first two
-    /// starts, no others are tried.
+    /// The request looks impossible from this start. If the first two starts both find this, no others are tried.
     Hopeless,
     /// The solve failed; another start may succeed.
     Failed,
 }
 
-/// Outcome of a solve: a value, not an error.
+/// Outcome of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Constraints hold within 0.2 of their tolerances.
+    /// Success: all constraints are met within 0.2 of their tolerances.
     Converged,
-    /// Constraints hold at the samples, but not in between, as the motion is played. More samples did not help, or were too many.
+    /// Success at the samples only. As played, constraints are violated between samples, and more samples did not help or
+    /// exceeded the limit.
     FailsAsPlayed,
-    /// The iterations stopped improving while a constraint was violated, or proved that the
-    /// constraints contradict each other: see [`SolveSummary::diagnosis`].
+    /// A constraint is violated and iterations no longer improve, or the constraints were found to contradict each other
+    /// ([`SolveSummary::diagnosis`]).
     Infeasible,
-    /// A constraint is violated and no step lowers the energy any more, or the constraints can be
-    /// met close by: the obstacle is numerical, not the motion.
+    /// A constraint is violated and no step lowers the energy, or the constraints can be met nearby. The obstacle is numerical,
+    /// not the motion.
     Stalled,
     /// The iteration limit was reached.
     IterationLimit,
-    /// Stopped by the caller.
+    /// The caller stopped the solve.
     Interrupted,
 }
 
 impl Status {
-    /// True if all constraints hold at the samples.
+    /// Returns true if all constraints are met at the samples.
     pub fn is_solved(self) -> bool {
         matches!(self, Self::Converged | Self::FailsAsPlayed)
     }
 }
 
 impl fmt::Display for Status {
-    /// Writes the status in words.
+    /// Prints the status as text.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
@@ -258,7 +257,8 @@ impl fmt::Display for Refinement {
         let played = if residual.to_string().ends_with("as played") { "" } else { " as played" };
         write!(
             f,
-            "{samples} samples were too few: {residual}{played} was {worst:.3} {unit}, tolerance {tolerance:.3}"
+            "{samples} samples were too few: {residual}{played} was {worst:.3} {unit}, above its \
+             tolerance of {tolerance:.3} {unit}"
         )
     }
 }

@@ -1,21 +1,21 @@
-//! Planning: from a motion goal, or from two motions to be joined, to a plan.
+//! Planning: computes a plan from a motion goal, or from two motions to be joined.
 //!
-//! The only module that knows starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion
-//! in order until one decides; a [`Search`] does the same on as many threads as its caller has. [`Editing`] plans edits one
-//! after the other. Each file uses those before it only (`tests/planner/layers.rs`):
+//! The module combines starts, solver and diagnosis. [`optimise`] tries the candidate starts of a motion in order until one
+//! decides the outcome. A [`Search`] does so on all threads that its caller provides. [`Editing`] plans edits one after the
+//! other. Each file uses only files above it (`tests/planner/layers.rs`):
 //!
 //! | file | content |
 //! |---|---|
 //! | `request`, `solution` | argument and result of every stage |
 //! | `effort` | iterations spent on a request, passed down through all of its solves |
 //! | `write` | unknowns to plan |
-//! | `probed_solve` | one solve, which is restarted or diagnosed where constraints cannot be met |
+//! | `probed_solve` | one solve, which is restarted or diagnosed if the constraints cannot be met |
 //! | `neighbour` | one solve from a neighbouring plan |
 //! | `attempt` | solves from one start, or from the plan with half the samples |
-//! | `trials`, `second_look` | solves with the numbers that a diagnosis suggests |
-//! | `refine` | solves with more samples where a plan fails as it is played |
+//! | `trials`, `second_look` | solves with the values that a diagnosis suggests |
+//! | `refine` | solves with more samples if a plan fails the checks as played |
 //! | `search` | attempts from all starts of a motion |
-//! | `replan`, `editing`, `transition` | what callers ask for besides |
+//! | `replan`, `editing`, `transition` | other entry points for callers |
 
 mod attempt;
 mod editing;
@@ -51,11 +51,13 @@ use std::ops::ControlFlow;
 
 /// Optimises a motion with periodic or at-rest ends.
 ///
-/// With [`Start::Auto`](crate::start::Start::Auto) it tries the [`candidates`] in order; the plan is that of the first that
-/// converges, or of the first candidate if none does. A plan that does not hold as it is played is refined
-/// ([`Options::refine`]). The outcome is in the plan's [`solve`](Plan::solve) summary; a plan that did not converge is
-/// returned too, for inspection. `progress` sees every iteration of one start after the other, each counted from 1, and
-/// may stop the solve. [`Search`] tries several starts in parallel.
+/// [`Start::Auto`](crate::start::Start::Auto) tries the [`candidates`] in order. The returned plan is that of the first
+/// candidate that converges, or of the first candidate if none converges. A plan that fails the checks as played is refined
+/// ([`Options::refine`]). The plan's [`solve`](Plan::solve) summary contains the outcome; a plan that did not converge is
+/// returned too, for inspection.
+///
+/// `progress` is called after every iteration and may stop the solve. Iterations count from 1 for each start. [`Search`] tries
+/// several starts in parallel.
 pub fn optimise(
     robot: &Robot,
     motion: &Motion,
@@ -65,7 +67,7 @@ pub fn optimise(
     optimise_solution(robot, motion, options, progress).plan
 }
 
-/// Does the same as [`optimise`] and returns the multipliers too.
+/// Optimises as [`optimise`] does, and returns the multipliers as well.
 pub fn optimise_solution(
     robot: &Robot,
     motion: &Motion,

@@ -1,8 +1,8 @@
-//! SVG pictures of a plan: one figure of all quantities over time, strips of the robot, and the robot in motion; of a robot
-//! without a plan; and charts of any numbers.
+//! SVG pictures. They show a plan as a figure of all quantities over time, as a strip of the robot or as an animation. They
+//! also show a robot without a plan, and charts of other values.
 //!
 //! The figure has five columns over one time axis: motion of the body with swing heights and support; joint angles of every
-//! limb, or of every joint, with their limits; their speeds; torques of their motors; ground force of every foot with its
+//! limb, or of every joint, with their limits; joint speeds; motor torques; and the ground force of every foot with its
 //! friction cone. Lines are the motion as played, dots the planned samples.
 
 mod animation;
@@ -31,16 +31,16 @@ use crate::plan::Plan;
 use page::page;
 
 const COLUMN_WIDTH: f64 = 470.0;
-/// Least height of a panel with its title and axis.
+/// Minimum height of a panel with its title and axis, px.
 const PANEL_HEIGHT: f64 = 150.0;
 
-/// SVG text of the figure of a validated plan.
+/// Draws the figure of a validated plan as SVG text.
 pub fn figure(plan: &Plan, panels: JointPanels) -> String {
     let columns = panels::columns(plan, panels).into_iter();
     page(columns.map(|panels| (COLUMN_WIDTH, panels)).collect(), PANEL_HEIGHT, title(plan))
 }
 
-/// SVG text of a figure of two plans of one motion and the same limbs: full lines are `after`, dashed ones `before`.
+/// Draws two plans of one motion and the same limbs in one figure, as SVG text. Full lines are `after`, dashed ones `before`.
 pub fn comparison(before: &Plan, after: &Plan) -> String {
     let mut columns = panels::columns(after, JointPanels::Limb);
     for (column, before) in columns.iter_mut().zip(panels::columns(before, JointPanels::Limb)) {
@@ -56,7 +56,7 @@ pub fn comparison(before: &Plan, after: &Plan) -> String {
     page(columns, PANEL_HEIGHT, [format!("{} – {}", names[1], after.motion.name), facts])
 }
 
-/// Heading of the figure of a plan, and facts about it.
+/// Heading of the figure of a plan, and a line of facts.
 fn title(plan: &Plan) -> [String; 2] {
     let kind = match plan.motion.ends {
         Ends::Periodic => "periodic",

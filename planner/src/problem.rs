@@ -1,9 +1,7 @@
-//! Optimisation problem: robot, timeline, contact schedule, goals and weights, with its variables and the states that
-//! follow from them.
+//! Optimisation problem: robot, timeline, contact schedule, goals and weights, with its variables and states.
 //!
-//! It is built from a motion goal ([`Problem::new`]), from two states of other motions ([`Problem::transition`]) or from the
-//! state in which a robot is ([`Problem::horizon`]).
-//! Costs and constraints are in [`crate::formulation`].
+//! A problem is built from a motion goal ([`Problem::new`]), from two states of other motions ([`Problem::transition`]) or from
+//! the present state of a robot ([`Problem::horizon`]). Costs and constraints are in [`crate::formulation`].
 
 mod horizon;
 mod means;
@@ -24,18 +22,18 @@ use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;
 
-/// An optimisation problem.
+/// Optimisation problem.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// The robot.
+    /// Model of the robot.
     pub model: Model,
     /// Layout of a sample.
     pub layout: Layout,
     /// Sample spacing h, s.
     pub interval_s: f64,
-    /// Count T of samples of the motion. The timeline has T + 2: its index 0 is before the motion.
+    /// Number T of samples of the motion. The timeline has T + 2 samples; its index 0 is before the motion.
     pub samples: usize,
-    /// Sample and placement of every timeline sample.
+    /// Slot and placement of every timeline sample.
     pub timeline: Vec<TimelineSample>,
     /// Contact flags along the timeline: `[timeline sample][end effector]`.
     pub stance: Vec<Vec<bool>>,
@@ -43,17 +41,18 @@ pub struct Problem {
     pub ground: ElevationMap,
     /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
-    /// True if the motion is periodic: its intervals then include the one from the last sample to the next period.
+    /// True if the motion is periodic. The intervals of a periodic motion include the one from the last sample to the next
+    /// period.
     pub periodic: bool,
     /// True if the robot stands still before and after the motion.
     pub at_rest: bool,
-    /// Entries of the slots that are not optimised: `[slot][variable]`.
+    /// Flags of the slot entries that are not optimised: `[slot][variable]`.
     pub frozen: Vec<Vec<bool>>,
     /// True if the placement (D, ψ) is optimised.
     pub placement_free: bool,
-    /// End effectors whose wheel does not turn relative to its link: welded to it, or held still.
+    /// Flags of the end effectors whose wheel is welded to its link or held still.
     pub held: Vec<bool>,
-    /// Shares of the motors that the plan may use.
+    /// Fractions of the motors' limits that the plan may use.
     pub reserve: Reserve,
     /// Functional objectives.
     pub goal: Goal,
@@ -61,28 +60,28 @@ pub struct Problem {
     pub targets: Vec<PlacedTarget>,
     /// Height limits: `[timeline sample][limit]`.
     pub heights: Vec<Vec<HeightLimit>>,
-    /// Standing configurations on the plane z = 0 to which the posture term pulls the samples.
+    /// Standing configurations on the plane z = 0, the targets of the posture cost.
     pub posture_q: Vec<DVector<f64>>,
-    /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
-    /// heading, rad/s. Empty if the motion is not steered.
+    /// Requested velocity of the body in the interval after each sample: along its heading and to the left, m/s, and yaw rate,
+    /// rad/s. Empty if the motion is not steered.
     pub steering: Vec<[f64; 3]>,
     /// Weights.
     pub weights: Weights,
 }
 
-/// The unknowns: slots and placement.
+/// Unknowns of the optimisation: slots and placement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknowns {
-    /// The stored samples, SI units.
+    /// Stored samples, SI units.
     pub slots: Vec<DVector<f64>>,
     /// Placement of the end, D and ψ.
     pub placement: Placement,
 }
 
-/// A target on the timeline.
+/// Target on the timeline.
 #[derive(Clone, Debug)]
 pub struct PlacedTarget {
-    /// The target.
+    /// Target of the motion.
     pub target: Target,
     /// Timeline index of the sample in the middle of its window.
     pub middle: usize,
@@ -90,7 +89,7 @@ pub struct PlacedTarget {
     pub moment: Moment,
 }
 
-/// The targets of a motion on its timeline.
+/// Places the targets of a motion on its timeline.
 fn placed_targets(motion: &Motion) -> Vec<PlacedTarget> {
     let place = |target: &Target| {
         let moment = Moment::of(motion, target.at_s);
@@ -99,7 +98,7 @@ fn placed_targets(motion: &Motion) -> Vec<PlacedTarget> {
     motion.targets.iter().map(place).collect()
 }
 
-/// Height limits of each sample of the timeline. Its first and last sample are copies of others.
+/// Height limits of each timeline sample. The first and last timeline sample have none, because they are copies of others.
 fn placed_heights(motion: &Motion) -> Vec<Vec<HeightLimit>> {
     let at = |sample: usize| {
         motion.heights.iter().filter(|limit| limit.holds_at(motion, sample)).cloned().collect()
@@ -108,16 +107,16 @@ fn placed_heights(motion: &Motion) -> Vec<Vec<HeightLimit>> {
     std::iter::once(Vec::new()).chain(inner).chain([Vec::new()]).collect()
 }
 
-/// A state at which a transition starts or ends, with its neighbour outside the transition.
+/// State at which a transition starts or ends, with its neighbour outside the transition.
 #[derive(Clone, Debug)]
 pub struct PrescribedEnd {
-    /// Variables of the sample at the end itself.
+    /// Variables of the sample at the end.
     pub at: DVector<f64>,
     /// Variables one interval further out.
     pub beyond: DVector<f64>,
     /// Contact flags at the end.
     pub stance: Vec<bool>,
-    /// Posture of the motion there, rad, in joint order.
+    /// Posture of the motion at the end, rad, in joint order.
     pub posture_rad: Vec<f64>,
 }
 
@@ -179,8 +178,8 @@ impl Problem {
         }
     }
 
-    /// Builds the problem of a transition from `start` to `end`. `motion.stance` includes the samples at both ends;
-    /// the placement of the end is free, as are the ground forces at the ends.
+    /// Builds the problem of a transition from `start` to `end`. `motion.stance` includes the samples at both ends. The
+    /// placement of the end and the ground forces at both ends are free.
     pub fn transition(
         model: Model,
         motion: &Motion,
@@ -239,30 +238,30 @@ impl Problem {
         (problem, fixed)
     }
 
-    /// Ground force on each foot when all are in stance, Mg/n, N.
+    /// Ground force Mg/n on each of n feet if all are in stance, N.
     pub fn force_scale_n(&self) -> f64 {
         force_scale_n(&self.model)
     }
 
-    /// Factor that makes the cost of differences of order k (0: values, 1: speeds, 2: accelerations) independent of
-    /// the sample spacing h: Σ w (Δᵏq)² then approximates ∫ w' (dᵏq/dtᵏ)² dt, with Δᵏq = hᵏ dᵏq/dtᵏ. It is 1 at the
-    /// spacing at which the weights were tuned.
+    /// Factor that makes the cost of differences of order k independent of the sample spacing h. Orders are 0 for values, 1 for
+    /// speeds and 2 for accelerations. With Δᵏq = hᵏ dᵏq/dtᵏ, Σ w (Δᵏq)² then approximates ∫ w' (dᵏq/dtᵏ)² dt. The factor is 1
+    /// at the spacing at which the weights were tuned.
     pub fn per_time(&self, order: i32) -> f64 {
         (self.interval_s / WEIGHT_INTERVAL_S).powi(1 - 2 * order)
     }
 
-    /// Timeline index of the sample in which the motion's displacement is measured.
+    /// Timeline index of the sample at which the motion's displacement is measured.
     pub fn last(&self) -> usize {
         if self.periodic { self.samples + 1 } else { self.samples }
     }
 
-    /// Weights with which the samples around timeline index `t` enter the dynamics there.
+    /// Weights of the samples around timeline index `t` in the dynamics at that sample.
     pub fn means(&self, t: usize) -> Means {
         let [before, after] = [t > 1, t < self.samples].map(|inside| inside || self.periodic);
         Means::new(before, after)
     }
 
-    /// Sets the sums of forces and moments of every slot to those of its forces.
+    /// Sets the force and moment sums of every slot to those of its ground forces.
     pub fn add_up(&self, unknowns: &mut Unknowns) {
         for slot in &mut unknowns.slots {
             let state = State::new(&self.model, &self.layout, &self.ground, slot.clone());
@@ -288,7 +287,7 @@ impl Problem {
         }
         states
     }
-    /// Computes the derivatives of the kinematics of a timeline, if they are not known yet.
+    /// Computes the derivatives of the kinematics of a timeline that are not computed yet.
     pub fn differentiate(&self, states: &mut [State]) {
         for state in states.iter_mut() {
             state.pose.differentiate(&self.model);

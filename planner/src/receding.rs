@@ -1,21 +1,21 @@
-//! Receding horizon: the motion of the next seconds from a measured state, planned anew again and again and steered as by a
-//! joystick. Model-predictive control with the full planner, as real-time iteration (Diehl et al., 2005).
+//! Receding horizon: repeated planning of the next seconds from a measured state, steered as by a joystick. This is
+//! model-predictive control with the full planner, as real-time iteration (Diehl et al., 2005).
 //!
-//! A [`Horizon`] is made once for a robot, a [`Gait`] and a length. Each [`Horizon::plan`] takes the measured state and what is
-//! wanted, and returns a [`Plan`] like any other, that begins in this state with its velocity and does not end at rest.
-//! It solves the problem of `Problem::horizon`:
+//! A [`Horizon`] is created once for a robot, a [`Gait`] and a length. Each [`Horizon::plan`] takes the measured state and the
+//! requested velocity, and returns a normal [`Plan`]. The plan begins in this state with its velocity, and does not end at
+//! rest. The problem is that of `Problem::horizon`:
 //!
 //! * **Start.** The nearest state whose feet touch the ground without slip (`measured`) is given, with its velocity.
-//! * **Contacts** are those of the gait by the number of the sample (`schedule`). End effectors in the air go on with the swing
-//!   they are in, from the height and the rate at which they are; one that has landed early stands.
-//! * **End.** Nothing is required of it. Velocity and rate of heading are drawn to the wanted ones in all intervals and more so
-//!   in the last (`Family::Steering`), and the posture to that of the gait, so that the robot can go on from there, and stop.
-//! * **Time** is up to the caller: the callback stops the solve, and the best samples so far are returned.
+//! * **Contacts** are those of the gait at the index of the sample (`schedule`). End effectors in the air continue their swing
+//!   from their height and rate. A foot that has landed early stands.
+//! * **End.** The end has no constraints. Costs draw velocity and yaw rate to the requested ones in all intervals
+//!   (`Family::Steering`), and the posture to that of the gait. The robot can thus continue or stop from there.
+//! * **Time** is limited by the caller. The callback stops the solve, which returns the best samples so far.
 //!
-//! A [`Course`] plays horizons one after the other without feedback, as setpoints.
+//! A [`Course`] plays horizons one after the other without feedback, as set-points.
 //!
-//! A solve starts from the gait, with the measured error in it fading (`start`). Nothing but the footfalls is carried from one
-//! plan to the next: a plan that failed leaves no trace. What does not depend on numbers is kept for each footfall pattern, as
+//! A solve starts from the gait plus the measured error, which fades (`start`). Only footfalls are carried from one plan to the
+//! next, so that a failed plan leaves no trace. Structure that does not depend on values is kept for each footfall pattern, as
 //! in [`Editing`](crate::Editing).
 
 mod course;
@@ -55,18 +55,18 @@ use std::ops::ControlFlow;
 /// Requested velocity of the body, in the frame of its heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Steering {
-    /// Velocity along its heading, m/s.
+    /// Velocity along the heading, m/s.
     pub forward_m_s: f64,
-    /// Velocity to the left of it, m/s.
+    /// Velocity to the left of the heading, m/s.
     pub left_m_s: f64,
-    /// Rate of its heading, rad/s, positive to the left.
+    /// Yaw rate, rad/s, positive to the left.
     pub turn_rad_s: f64,
 }
 
-/// A state that was measured, in the world; the ground is its plane z = 0.
+/// Measured state in the world, whose plane z = 0 is the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<'a> {
-    /// Pose and velocity, those of [`Horizon::tree`].
+    /// Pose and velocity, in the coordinates of [`Horizon::tree`].
     pub state: &'a State,
     /// Contact flag of each end effector: true on the ground.
     pub touches: &'a [bool],
@@ -75,12 +75,12 @@ pub struct Measured<'a> {
 /// Options of a horizon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HorizonOptions {
-    /// Length, s. A period of the gait or more: the weight is shifted to feet that stand later.
+    /// Length, s. At least a period of the gait, because the weight must shift to feet that stand later.
     pub duration_s: f64,
     /// Weights of the formulation.
     pub weights: Weights,
-    /// Settings of the solver. A horizon is left before it ends, so that its constraints need to be met no better than a plan
-    /// is accepted.
+    /// Settings of the solver. A horizon is replaced before it ends, so that constraints need to be met only to the level at
+    /// which plans are accepted.
     pub settings: Settings,
 }
 
@@ -96,26 +96,27 @@ impl Default for HorizonOptions {
     }
 }
 
-/// The plan of a horizon.
+/// Plan of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonPlan {
-    /// The plan, which begins at the origin of its world with heading 0. Its solve summary says how it ended, and which
-    /// constraint holds worst.
+    /// Plan that begins at the origin of its world with heading 0. The plan's solve summary contains the status and the worst
+    /// constraint.
     pub plan: Plan,
     /// Pose of the plan's world in the world.
     pub world_from_plan: Isometry3<f64>,
 }
 
 impl HorizonPlan {
-    /// True if all constraints hold within the tolerances of plans. Otherwise [`SolveSummary::worst_constraint`] names the worst.
+    /// Returns true if all constraints are met within the tolerances of plans. Otherwise, [`SolveSummary::worst_constraint`]
+    /// names the worst one.
     pub fn is_accepted(&self) -> bool {
         self.plan.solve.worst_level <= ACCEPTED_LEVEL
     }
 }
 
-/// Fewest samples of a horizon.
+/// Minimum number of samples of a horizon.
 const LEAST_SAMPLES: usize = 5;
-/// Footfall patterns of which the structure is kept: more than a walk has.
+/// Maximum number of footfall patterns with kept structure. A walk has fewer.
 const MOST_KEPT: usize = 64;
 
 /// Planner of horizons of one robot.
@@ -135,7 +136,7 @@ impl fmt::Debug for Horizon {
     }
 }
 
-/// Results of one solve that another with the same footfalls reuses.
+/// Results of one solve that the next one with the same footfalls reuses.
 struct Kept {
     structure: Structure,
     normal: NormalEquations,
@@ -143,10 +144,10 @@ struct Kept {
 }
 
 impl Horizon {
-    /// A planner for a robot that begins in a gait at sample 0, all its end effectors on the ground before.
+    /// Creates a planner for a robot whose gait begins at sample 0. Before that, all end effectors are on the ground.
     ///
     /// # Errors
-    /// The horizon is too short, or the gait is of another robot.
+    /// Returns an error if the horizon has too few samples, or if the gait belongs to another robot.
     pub fn new(robot: &Robot, gait: Gait, options: HorizonOptions) -> Result<Self, HorizonError> {
         let interval_s = gait.interval_s();
         let intervals = (options.duration_s / interval_s).round();
@@ -172,32 +173,32 @@ impl Horizon {
         })
     }
 
-    /// The robot with turning wheels and rotors, whose generalised velocities are those of states.
+    /// Returns the robot with its wheels and rotors as bodies. States have the generalised velocities of this tree.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
 
-    /// Sample spacing, s: new plans begin a whole number of samples after one another.
+    /// Sample spacing, s. Successive plans begin a whole number of samples apart.
     pub fn interval_s(&self) -> f64 {
         self.interval_s
     }
 
-    /// Changes to another gait at a sample. End effectors that are in the air there finish their swing first.
+    /// Changes to another gait at a sample. End effectors in the air finish their swing first.
     ///
     /// # Errors
-    /// The gait is of another robot or has another spacing.
+    /// Returns an error if the gait belongs to another robot or has another sample spacing.
     pub fn change_gait(&mut self, gait: Gait, at: u64) -> Result<(), HorizonError> {
         check_gait(&gait, self.model.robot(), self.interval_s)?;
         self.schedule.change(gait, at as i64);
         Ok(())
     }
 
-    /// Plans on from a state at a sample, counted from 0 where the horizon was made.
+    /// Plans from a measured state at sample `at`. Samples count from 0 at the creation of the horizon.
     ///
-    /// `progress` sees every iteration and may stop the solve: then the plan is that of the best samples so far.
+    /// `progress` is called after every iteration and may stop the solve. The plan then has the best samples so far.
     ///
     /// # Errors
-    /// The state is of another robot, or a number is not finite.
+    /// Returns an error if the state belongs to another robot, or if a value is not finite.
     pub fn plan(
         &mut self,
         measured: Measured<'_>,
@@ -241,18 +242,18 @@ impl Horizon {
         Ok(HorizonPlan { plan, world_from_plan })
     }
 
-    /// Sway of the gait on the interval after a sample ([`Gait`]).
+    /// Sway of the gait in the interval after a sample ([`Gait`]).
     fn sway(&self, at: i64) -> [f64; 3] {
         self.schedule.gait.sway[self.schedule.phase(at)]
     }
 
-    /// Mean sway over some intervals.
+    /// Mean sway over `intervals` intervals from a sample.
     fn mean_sway(&self, at: u64, intervals: u64) -> [f64; 3] {
         let all: Vec<_> = (at..at + intervals).map(|at| self.sway(at as i64)).collect();
         [0, 1, 2].map(|c| all.iter().map(|sway| sway[c]).sum::<f64>() / intervals as f64)
     }
 
-    /// Solves the problem.
+    /// Solves the problem and returns its best point with a summary.
     fn solve(
         &mut self,
         problem: &Problem,
@@ -299,12 +300,12 @@ impl Horizon {
         (unknowns, summary)
     }
 
-    /// Ground of the gait. Horizons begin elsewhere than their gait, so that it is level.
+    /// Ground of the gait. The ground is level, because horizons begin elsewhere than their gait.
     fn ground(&self) -> &ElevationMap {
         &self.schedule.gait.motion.ground
     }
 
-    /// Heights of the contact points above the ground, and their rates.
+    /// Heights of the contact points above the ground, with their rates.
     fn places(&self, Measured { state, touches }: Measured<'_>) -> Vec<Place> {
         let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
         kinematics.update(&self.tree, &state.configuration(), &state.velocity);
@@ -355,7 +356,7 @@ impl Horizon {
     }
 }
 
-/// A gait has the feet of the robot and the spacing of the horizon.
+/// Checks that a gait has the feet and joints of the robot and the spacing of the horizon.
 fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), HorizonError> {
     let count = |number: usize| number as f64;
     for (what, found, expected) in [
@@ -365,7 +366,7 @@ fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), Horizon
             count(robot.end_effectors.len()),
         ),
         ("count of joints", count(gait.motion.posture_rad.len()), count(robot.joints.len())),
-        ("sample spacing, s,", gait.interval_s(), interval_s),
+        ("sample spacing in s", gait.interval_s(), interval_s),
     ] {
         if (found - expected).abs() > 1e-9 * expected {
             let gait = gait.motion.name.clone();
@@ -375,7 +376,7 @@ fn check_gait(gait: &Gait, robot: &Robot, interval_s: f64) -> Result<(), Horizon
     Ok(())
 }
 
-/// Unknowns with their worst constraint: its residual over its tolerance, and its family.
+/// Unknowns with the family and the residual-to-tolerance ratio of their worst constraint.
 struct Best {
     unknowns: Unknowns,
     worst_level: f64,
@@ -392,8 +393,9 @@ impl Best {
     }
 }
 
-/// Iterates until the constraints hold and costs are flat, the time is up, or no step helps. Returns the best point: the last one
-/// in which the constraints held, or the one in which they held best.
+/// Iterates until the constraints are met and the costs are flat, until `progress` stops the solve, or until no step helps.
+///
+/// The returned point is the latest one with all constraints met, or otherwise the one with the smallest violation.
 fn iterate(
     mut solver: Solver<'_>,
     settings: &Settings,

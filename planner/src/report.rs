@@ -1,15 +1,15 @@
 //! Deviation of a plan from its physical model, recomputed from the plan alone.
 //!
-//! The optimiser minimises rows with exact derivatives; this module implements the same equations a second time, from
-//! the numbers of a [`Plan`] and the robot inside it, and evaluates them
+//! The optimiser minimises rows with exact derivatives. This module implements the same equations a second time, from the
+//! values in a [`Plan`] and its robot, and evaluates them on two grids:
 //!
-//! - **at the samples**: what was optimised must hold there, where the dynamics hold in the mean over the intervals around
-//!   a sample;
-//! - **between the samples**, on the motion as it is played: what servos follow is the resampled motion, so its slip, its
-//!   heights, its dynamics and its limits are the ones that matter in the end.
+//! - **At the samples.** The constraints of the optimisation apply there. The dynamics apply to means over the intervals around
+//!   a sample.
+//! - **Between the samples**, on the motion as played. Servos follow the resampled motion, so that its slip, heights, dynamics
+//!   and limits decide.
 //!
-//! Tolerances of both are those up to which motions hold in an independent simulator. One [`Judgement`] sums them up, for
-//! the planner, which refines the grid of a plan that fails between samples, and for everyone who reads the plan.
+//! Tolerances are the largest residuals with which motions succeed in an independent simulator. A [`Judgement`] summarises the
+//! residuals. The planner uses it to refine the grid of a plan that fails between samples.
 
 mod as_played;
 mod choreography;
@@ -47,8 +47,8 @@ use serde::Serialize;
 const LIBRARY_RATE_HZ: f64 = 60.0;
 /// Fastest control rate, Hz.
 const CONTROL_RATE_HZ: f64 = 500.0;
-/// Part of its tolerance up to which a residual at 60 Hz leaves no doubt about 500 Hz, where slip was up to three times as
-/// much: the means over frames hide the peaks.
+/// Fraction of the tolerance up to which a residual at 60 Hz passes at 500 Hz too. Means over frames hide peaks: slip at 500 Hz
+/// was up to three times as large.
 const CLEAR_PART: f64 = 0.2;
 
 /// Residuals of a plan, each with its worst case.
@@ -58,30 +58,29 @@ pub struct Report {
     pub motion: String,
     /// Name of the robot.
     pub robot: String,
-    /// Reason why the motion does not hold without feedback, from its file.
+    /// Reason from the motion file why the motion fails without feedback.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
     /// Verdict on the plan.
     pub judgement: Judgement,
-    /// The residuals: at the samples first, then in between.
+    /// Residuals: those at the samples first, then those as played.
     pub rows: Vec<Row>,
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
     pub torques: Vec<LargestTorque>,
-    /// Smallest distances as played at 60 Hz.
+    /// Smallest distances of the motion as played at 60 Hz.
     pub room: Room,
-    /// The swing that loses most of its height where servos yield without torque feed-forward; `None` where nothing
-    /// swings.
+    /// Swing that loses the largest fraction of its height on servos without torque feed-forward; `None` if nothing swings.
     pub sag: Option<Sag>,
-    /// The goal of a motion at rest that posture changes most; `None` for others.
+    /// Goal component that the net displacement of a motion at rest misses most. `None` for other motions and without goals.
     pub taken_back: Option<TakenBack>,
-    /// Factor by which small errors grow in a cycle without feedback; `None` for motions that do not repeat, and where
-    /// legs buckle.
+    /// Factor by which small errors grow per cycle without feedback. `None` for motions that are not periodic, and if legs
+    /// buckle.
     pub growth_per_cycle: Option<Growth>,
 }
 
 impl Report {
-    /// Recomputes every residual of a validated plan. Residuals that do not occur in the plan, such as a swing force
-    /// where no foot swings, have no row.
+    /// Recomputes every residual of a validated plan. Residuals that do not occur in the plan have no row, such as the swing
+    /// force if no foot swings.
     pub fn new(plan: &Plan) -> Self {
         let samples = grid::Timeline::new(plan);
         let mut rows = rows::at_samples(&samples);
@@ -97,8 +96,8 @@ impl Report {
         }
     }
 
-    /// The rows that decide whether a plan that holds at its samples holds as it is played: at 500 Hz only if 60 Hz leave
-    /// it open, which spares most plans most of the effort, and without growth.
+    /// Computes only the rows that decide whether a plan passes as played. The rows at 500 Hz are left out if those at 60 Hz
+    /// are conclusive, which saves most of the time for most plans. Growth is left out too.
     pub(crate) fn as_played(plan: &Plan) -> Self {
         let mut rows = Vec::new();
         let frames = resample(plan, LIBRARY_RATE_HZ);
@@ -125,19 +124,20 @@ impl Report {
         }
     }
 
-    /// The residual closest to its tolerance, or furthest beyond it.
+    /// Returns the residual with the largest ratio to its tolerance.
     pub fn worst(&self) -> Option<&Row> {
         self.rows.iter().max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
 
-    /// The same of the residuals as played, or of those at the samples.
+    /// Returns the residual with the largest ratio to its tolerance: of those as played if `played` is true, else of those at
+    /// the samples.
     pub fn worst_of(&self, played: bool) -> Option<&Row> {
         let rows = self.rows.iter().filter(|row| row.is_as_played() == played);
         rows.max_by(|a, b| a.part_of_level().total_cmp(&b.part_of_level()))
     }
 
-    /// Conclusion in the words of every program: verdict, diagnosis, grids that were too coarse, and a warning if soft servos
-    /// need feed-forward. `solve` is the summary of the plan.
+    /// Returns the conclusion as text, for all programs: verdict, diagnosis, grids that were too coarse, and warnings. One
+    /// warning is that soft servos need feed-forward. `solve` is the summary of the plan.
     pub fn words(&self, solve: &SolveSummary) -> String {
         let mut text = self.conclusion(solve).to_string();
         if let Some(why) = &solve.diagnosis {
@@ -164,13 +164,13 @@ impl Report {
         text
     }
 
-    /// The row of this family on this grid.
+    /// Returns the row of a family on a grid.
     pub fn row(&self, family: Family, grid: Grid) -> Option<&Row> {
         self.rows.iter().find(|row| row.family == family && row.grid == grid)
     }
 }
 
-/// Adds the rows of the motion at 60 Hz; returns its torques.
+/// Adds the rows of the motion at 60 Hz, and returns its torques.
 fn in_frames(plan: &Plan, frames: &grid::Timeline, rows: &mut Vec<Row>) -> Vec<LargestTorque> {
     rows.extend(rows::between(frames, Grid::Library60Hz));
     let (torques, of_torques) = as_played::as_played(plan, frames);

@@ -1,15 +1,15 @@
 //! Evaluation of a plan at any time and any rate.
 //!
-//! The optimiser gives a pose every few hundredths of a second; servos need one every 16 ms, the controller every few
-//! milliseconds. Splines with two continuous derivatives join the free coordinates (base, joints, wheel angles);
-//! centre of mass, contact points and wheel axes are computed from the pose; forces and torques are linear between samples
-//! ([`crate::torque`] has the torques that the motion takes there).
+//! The optimiser computes a pose every few hundredths of a second. Servos need one every 16 ms, the controller every few
+//! milliseconds. Splines with two continuous derivatives join the free coordinates: base, joints and wheel angles. Centre of
+//! mass, contact points and wheel axes are computed from the pose. Forces and torques are linear between samples;
+//! [`crate::torque`] computes the torques of the played motion there.
 //!
-//! Ends: a periodic motion joins its next period with two continuous derivatives, a motion at rest starts and stops
-//! with zero speed, a prescribed end has the velocity that leads to or from the state outside.
+//! A periodic motion joins its next period with two continuous derivatives. A motion at rest starts and stops with zero speed.
+//! A prescribed end has the velocity from or to the state outside.
 //!
-//! Planned wheel speeds are means over intervals, so the spline goes through the wheel's accumulated **angle** and
-//! the speed is its derivative: the travel over every interval is exactly the planned one.
+//! Planned wheel speeds are means over intervals. The spline therefore passes through the wheel's accumulated **angle**, and
+//! the speed is its derivative. The travel over every interval is exactly the planned one.
 
 pub(crate) mod correction;
 mod curves;
@@ -33,7 +33,7 @@ use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, Robot};
 use spline::Spline;
 
-/// A plan as a function of time.
+/// Plan as a function of time.
 #[derive(Clone, Debug)]
 pub struct PlanSpline {
     model: Model,
@@ -45,32 +45,32 @@ pub struct PlanSpline {
     base_xy: Spline,
     /// Splines of base height, yaw, pitch and roll, then of the joint angles.
     pose: Vec<Spline>,
-    /// Splines of the corrections of the joints' setpoints; none of a plan that was not retargeted.
+    /// Splines of the corrections of the joints' set-points. Empty for a plan that was not retargeted.
     correction: Vec<Spline>,
     /// Angle of each end effector's wheel motor since the start, rad.
     motor_angle: Vec<Spline>,
     /// Spin angle of each end effector's wheel about its axis since the start, rad.
     wheel_angle: Vec<Spline>,
-    /// Wheels that do not turn relative to their link: their spin follows from the pose.
+    /// Flags of the wheels that do not turn relative to their link. Their spin follows from the pose.
     still: Vec<bool>,
-    /// `stance[sample][end_effector]`, the end of the last interval included.
+    /// Contact flags `[sample][end_effector]`, including the end of the last interval.
     stance: Vec<Vec<bool>>,
-    /// Wheel axis yaw `[sample][end_effector]`, rad: a yaw in between is unwrapped to be near it.
+    /// Yaw of the wheel axes `[sample][end_effector]`, rad. A yaw between samples is unwrapped to be near it.
     yaw_rad: Vec<Vec<f64>>,
-    /// `force_n[sample][end_effector]`, the end of the last interval included.
+    /// Ground forces `[sample][end_effector]`, including the end of the last interval.
     force_n: Vec<Vec<Vector3<f64>>>,
-    /// Torques of joints and of wheels' motors at every sample, the end of the last interval included.
+    /// Torques of joints and of wheel motors at every sample, including the end of the last interval.
     torque_nm: Vec<(Vec<f64>, Vec<Option<f64>>)>,
 }
 
-/// Instantaneous setpoints for the controller at one time.
+/// Set-points for the controller at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setpoints {
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
     /// Joint speeds in joint order, rad/s.
     pub joint_speed_rad_s: Vec<f64>,
-    /// Motor speeds of the driven wheels in end-effector order, rad/s about the axis of the robot file.
+    /// Motor speeds of the driven wheels in end-effector order, about the axis in the robot file, rad/s.
     pub motor_speed_rad_s: Vec<f64>,
 }
 
@@ -135,22 +135,22 @@ impl PlanSpline {
         }
     }
 
-    /// Duration of the motion, s; for a periodic one its period.
+    /// Duration of the motion, s. For a periodic motion, its period.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Model of the robot that the plan is for.
+    /// Returns the model of the plan's robot.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Ground of the plan.
+    /// Returns the ground of the plan.
     pub(crate) fn ground(&self) -> &ElevationMap {
         &self.ground
     }
 
-    /// Setpoints at a time. A periodic motion repeats, any other holds its ends.
+    /// Set-points at a time. A periodic motion repeats; other motions stay at their ends.
     pub fn setpoints(&self, plan_time_s: f64) -> Setpoints {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
@@ -168,7 +168,7 @@ impl PlanSpline {
         }
     }
 
-    /// Corrections of the joints' setpoints, rad, and their rates, rad/s, at a time: 0 of a plan that was not retargeted.
+    /// Corrections of the joints' set-points at a time, rad, and their rates, rad/s. Zero for a plan that was not retargeted.
     fn corrections(&self, plan_time_s: f64) -> Vec<[f64; 2]> {
         let (time_s, _) = self.within(plan_time_s);
         let of_joint = |spline: &Spline| {
@@ -181,19 +181,19 @@ impl PlanSpline {
         }
     }
 
-    /// State of the robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous; a contact
-    /// flag between two samples is set when both of them are in stance.
+    /// State of the robot at a time, in the plan's world frame. Wheel and motor speeds are instantaneous. Between two samples,
+    /// a contact flag is set if both are in stance.
     pub fn sample(&self, plan_time_s: f64) -> Sample {
         let (time_s, _) = self.within(plan_time_s);
         Sample { time_s: plan_time_s, ..self.state(time_s, &self.placement(plan_time_s)) }
     }
 
-    /// Placement of the period of a time relative to the first one. Motions that do not repeat have one period.
+    /// Placement of the period at a time, relative to the first period. Motions that do not repeat have one period.
     pub(crate) fn placement(&self, plan_time_s: f64) -> Placement {
         self.placement.repeated(self.within(plan_time_s).1)
     }
 
-    /// State of the robot at a time of the splines, moved by `placement`.
+    /// State of the robot at a time inside the motion, moved by `placement`.
     fn state(&self, time_s: f64, placement: &Placement) -> Sample {
         let xy = self.base_xy.at(time_s).value;
         let free: Vec<f64> = self.pose.iter().map(|spline| spline.at(time_s).value.re).collect();
@@ -273,22 +273,22 @@ impl PlanSpline {
         self.motor_angle.iter().map(angle).collect()
     }
 
-    /// Interval of a time inside the motion, and the fraction of it that has passed.
+    /// Index of the interval at a time inside the motion, and the elapsed fraction of it.
     fn interval(&self, time_s: f64) -> (usize, f64) {
         let position = time_s / self.spacing_s;
         let i = (position.floor().max(0.0) as usize).min(self.force_n.len() - 2);
         (i, (position - i as f64).clamp(0.0, 1.0))
     }
 
-    /// True if end effector `j` is in stance at fraction `u` of interval `i`.
+    /// Returns true if end effector `j` is in stance at fraction `u` of interval `i`.
     fn stands(&self, i: usize, u: f64, j: usize) -> bool {
-        /// Tolerance within which a time counts as that of a sample, as a fraction of the interval.
+        /// Tolerance for a time to coincide with a sample, as a fraction of the interval.
         const ON_SAMPLE: f64 = 1e-9;
         (u > 1.0 - ON_SAMPLE || self.stance[i][j]) && (u < ON_SAMPLE || self.stance[i + 1][j])
     }
 
-    /// Spin ω of a wheel that is fixed to its link, rad/s: the link's rotation about the axis less the yaw rate of
-    /// the axis itself, Ω·a − α̇_yaw (v·a). `rates` are those of the splines of the pose.
+    /// Spin ω of a wheel that is fixed to its link, rad/s: Ω·a − α̇_yaw (v·a), the link's rotation about the axis minus the yaw
+    /// rate of the axis. `rates` are the rates of the pose splines.
     fn spin_with_link(&self, j: usize, mount: &EndEffectorPose, rates: &[f64]) -> f64 {
         // Translation does not turn a link; the splines of the pose contain height and attitude of the base.
         let dofs = self.model.chain(j).dofs.iter().zip(&mount.d_rotation).skip(3);
@@ -316,7 +316,7 @@ impl PlanSpline {
         (mean(&self.wheel_angle[j]), mean(&self.motor_angle[j]))
     }
 
-    /// Time inside the motion that corresponds to `plan_time_s`, s, and the count of periods between them.
+    /// Converts `plan_time_s` to a time inside the motion, s, and a number of periods.
     fn within(&self, plan_time_s: f64) -> (f64, i64) {
         match self.ends {
             Ends::Periodic => {
@@ -328,7 +328,7 @@ impl PlanSpline {
     }
 }
 
-/// Indices of end effectors whose wheel has a motor, in channel order.
+/// Indices of the end effectors whose wheel has a motor, in channel order.
 pub fn driven_wheels(robot: &Robot) -> impl Iterator<Item = usize> + '_ {
     let driven = |(_, e): &(usize, &EndEffector)| e.contact.actuator().is_some();
     robot.end_effectors.iter().enumerate().filter(driven).map(|(j, _)| j)
@@ -336,7 +336,7 @@ pub fn driven_wheels(robot: &Robot) -> impl Iterator<Item = usize> + '_ {
 
 /// World-from-body rotation of intrinsic yaw, pitch and roll, `[w, x, y, z]`.
 ///
-/// Half angles of unwrapped yaw, pitch and roll: the sign is continuous along a motion by construction.
+/// Yaw, pitch and roll are unwrapped. Their half angles make the sign continuous along a motion.
 fn quaternion_wxyz([yaw, pitch, roll]: [f64; 3]) -> [f64; 4] {
     let about = |axis, angle| *UnitQuaternion::from_axis_angle(axis, angle).quaternion();
     let q = about(&Vector3::z_axis(), yaw)

@@ -1,10 +1,12 @@
-//! Sensitivity of a plan to its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from them.
+//! Sensitivity of a plan to its robot and its goal (thesis 2.5.1): derivatives of the optimum, and plans of neighbours from
+//! them.
 //!
-//! A plan from the solver is good enough to be played but not to be differentiated: it meets its constraints, but its costs still
-//! fall along them. [`Optimal`] first takes it to the optimum. If no optimum is within reach, or if the Hessian is not positive
-//! definite, changes are estimated with the curvature of Gauss and Newton, and [`Optimal::curvature`] reports it. Parameters are
-//! pairs of neighbouring robots and motions, so that any number of a robot file or a motion file can be a parameter. The whole
-//! problem is built at either side, standing pose, masses and limits included.
+//! A plan from the solver is accurate enough to be played but not to be differentiated: it meets its constraints, but its costs
+//! still decrease along them. [`Optimal`] first takes the plan to the optimum. If no optimum is within reach, or if the Hessian
+//! is not positive definite, changes are estimated with the Gauss-Newton Hessian; [`Optimal::curvature`] reports this.
+//!
+//! A parameter is a pair of neighbouring robots and motions, so that any value of a robot file or motion file can be one. The
+//! whole problem is built at either side, with its standing pose, masses and limits.
 
 mod feature;
 mod objective;
@@ -34,21 +36,26 @@ use thiserror::Error;
 
 pub use crate::solve::optimum::{Change, Curvature};
 
-/// Newton steps to the optimum from a plan that is near it, and from any; and the length of the last, scaled variables.
+/// Maximum number of Newton steps to the optimum from a plan near it.
 const POLISH_NEAR: usize = 8;
+/// Maximum number of Newton steps to the optimum from any plan.
 const POLISH_STEPS: usize = 25;
+/// Length of a Newton step at which the optimum is reached, scaled variables.
 const POLISHED: f64 = 1e-7;
-/// Goal of the iterations that are added where a plan is too far from its optimum for Newton's method.
+/// Target level of the continued solve of a plan that is too far from its optimum for Newton's method.
 const TAIL_LEVEL: f64 = 1e-3;
+/// Relative energy decrease at which the continued solve ends.
 const TAIL_FLAT: f64 = 1e-7;
+/// Iteration limit of the continued solve.
 const TAIL_ITERATIONS: usize = 100;
 
-/// Reason for which a plan has no derivatives.
+/// Reason why a plan has no derivatives.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum NotOptimal {
-    /// The plan did not converge: there is no optimum to differentiate.
+    /// The plan did not converge, so that there is no optimum to differentiate.
     #[error(
-        "the plan of `{motion}` is {status}, so that it has no derivatives; plan it again, or change the design by hand"
+        "the plan of `{motion}` did not converge ({status}) and has no derivatives; plan the \
+         motion again, or change the design by hand"
     )]
     NotConverged {
         /// Name of the motion.
@@ -57,25 +64,26 @@ pub enum NotOptimal {
         status: Status,
     },
     /// Newton's method does not find the optimum.
-    #[error("the plan of `{motion}` cannot be taken to its optimum: {reason}")]
+    #[error("no optimum was found near the plan of `{motion}`: {reason}")]
     NoOptimum {
         /// Name of the motion.
         motion: String,
-        /// Reason.
+        /// Reason of the failure.
         reason: &'static str,
     },
-    /// The caller did not want to wait.
-    #[error("`{motion}` was interrupted before it was at its optimum")]
+    /// The caller stopped the computation.
+    #[error("the search for the optimum of `{motion}` was interrupted")]
     Interrupted {
         /// Name of the motion.
         motion: String,
     },
-    /// The neighbour's problem is another one.
+    /// The neighbour's problem has another structure.
     #[error("{0}")]
     OtherProblem(#[from] ReplanError),
-    /// The neighbour has rows that the plan has not, or the other way round.
+    /// The parameter adds or removes rows.
     #[error(
-        "the parameter changes which constraints `{motion}` has, so that nothing can be differentiated by it"
+        "the parameter adds or removes constraints of `{motion}`, so there is no derivative with \
+         respect to this parameter"
     )]
     OtherRows {
         /// Name of the motion.
@@ -83,7 +91,7 @@ pub enum NotOptimal {
     },
 }
 
-/// A robot and a motion.
+/// Robot and motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Design<'a> {
     /// The robot.
@@ -92,25 +100,25 @@ pub struct Design<'a> {
     pub motion: &'a Motion,
 }
 
-/// A parameter at a plan's design: neighbours on either side of it.
+/// Parameter at a plan's design, given by neighbours on either side.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter<'a> {
     /// Design with the larger parameter.
     pub ahead: Design<'a>,
     /// Design with the smaller parameter.
     pub behind: Design<'a>,
-    /// Difference of the parameter between the two, in its unit.
+    /// Difference of the parameter between the two neighbours, in its unit.
     pub apart: f64,
 }
 
-/// A plan at its optimum; where Newton's method does not come there, a plan near one.
+/// Plan at its optimum, or near it if Newton's method does not converge.
 #[derive(Clone, Debug)]
 pub struct Optimal {
     problem: Problem,
     motion: Motion,
     unknowns: Unknowns,
     shifts: Vec<f64>,
-    /// Direction along which nothing determines where the plan is.
+    /// Direction along which the plan is not determined.
     pin: Option<Vec<f64>>,
     curvature: Curvature,
 }
@@ -141,11 +149,12 @@ impl Residuals for Around<'_> {
 }
 
 impl Optimal {
-    /// Takes a solution to its optimum. Where Newton's method does not come there, the solution is solved on until its costs
-    /// are flatter.
+    /// Takes a solution to its optimum. If Newton's method does not converge, the solver first continues until the costs are
+    /// flatter.
     ///
     /// # Errors
-    /// The solution did not converge, its rows determine no step, or `progress` stopped it.
+    /// Returns an error if the solution did not converge or is a transition, if its rows determine no step, or if `progress`
+    /// stopped the solve.
     pub fn of(
         solution: &Solution,
         options: &Options,
@@ -177,8 +186,8 @@ impl Optimal {
         })
     }
 
-    /// Takes unknowns to the optimum by at most `polish` Newton steps. `None` leaves them where they are, with the curvature of
-    /// Gauss and Newton.
+    /// Takes unknowns to the optimum by at most `polish` Newton steps. With `None`, the unknowns stay, and the curvature is
+    /// that of Gauss-Newton.
     fn near(
         problem: Problem,
         motion: &Motion,
@@ -208,20 +217,21 @@ impl Optimal {
         Ok(Self { problem, motion: motion.clone(), unknowns, shifts, pin, curvature })
     }
 
-    /// The motion.
+    /// Returns the motion.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    /// Second derivatives with which the last changes or gradients were found; before any, those with which the next ones begin.
+    /// Returns the curvature used for the latest changes or gradients. Before the first call, this is the curvature that the
+    /// first call tries.
     pub fn curvature(&self) -> Curvature {
         self.curvature
     }
 
-    /// Derivatives of the optimum with respect to parameters, per unit of each.
+    /// Returns the derivatives of the optimum with respect to parameters, per unit of each.
     ///
     /// # Errors
-    /// A parameter changes what the problem is made of, or the rows determine no change.
+    /// Returns an error if a parameter changes the structure or the rows of the problem, or if the rows determine no change.
     pub fn changes(&mut self, parameters: &[Parameter<'_>]) -> Result<Vec<Change>, NotOptimal> {
         self.differentiated(|this, optimum, curvature| {
             let change = |parameter| {
@@ -232,12 +242,13 @@ impl Optimal {
         })
     }
 
-    /// Values of objectives, and how they change with parameters, per unit of each: one adjoint solve for each objective
-    /// (thesis Eq. 2.24, with the part that does not go through the motion, which it leaves out). Each parameter's neighbours are
-    /// built once.
+    /// Returns the value of each objective and its gradient with respect to the parameters, per unit of each.
+    ///
+    /// Each objective takes one adjoint solve (thesis Eq. 2.24). The gradient includes the direct dependence on the parameters,
+    /// which that equation omits. The neighbours of each parameter are built once.
     ///
     /// # Errors
-    /// As [`changes`](Self::changes).
+    /// Returns an error in the same cases as [`changes`](Self::changes).
     pub fn gradients(
         &mut self,
         objectives: &[Objective],
@@ -267,12 +278,13 @@ impl Optimal {
         })
     }
 
-    /// Plans a neighbouring design from where this optimum goes: `by` is the change of parameters and the change of the
-    /// optimum per unit of each ([`changes`](Self::changes)). As with [`Solution::replan`] the plan is refined if that is among
-    /// the options.
+    /// Plans a neighbouring design from its predicted optimum.
+    ///
+    /// `by` contains the change of each parameter and the derivative of the optimum with respect to it
+    /// ([`changes`](Self::changes)). The plan is refined if [`Options::refine`] is set.
     ///
     /// # Errors
-    /// The design has another structure.
+    /// Returns an error if the design has another structure.
     pub fn replan(
         &self,
         design: Design<'_>,
@@ -303,7 +315,7 @@ impl Optimal {
         Ok(refine::motion(near, design.robot, &options, effort))
     }
 
-    /// ∂G/∂p and ∂Φ/∂p at fixed unknowns and multipliers, by central differences of the whole problem.
+    /// Derivatives ∂G/∂p and ∂Φ/∂p at fixed unknowns and multipliers, from central differences of the whole problem.
     fn conditions_by(
         &self,
         optimum: &Optimum<'_>,
@@ -322,7 +334,7 @@ impl Optimal {
         Ok(ahead?.minus(&behind?, 1.0 / apart))
     }
 
-    /// Derivatives of objectives by a parameter at fixed unknowns.
+    /// Derivatives of objectives with respect to a parameter at fixed unknowns.
     fn objectives_by(
         &self,
         objectives: &[Objective],
@@ -342,7 +354,8 @@ impl Optimal {
         neighbour(&self.problem, design)
     }
 
-    /// Lends the optimum with its factor and a curvature: again with that of Gauss and Newton if the full one is not positive.
+    /// Runs `work` with the factorised optimum and a curvature. If the full Hessian is not positive definite, runs it again
+    /// with the curvature of Gauss-Newton.
     fn differentiated<T>(
         &mut self,
         work: impl Fn(&Self, &Optimum<'_>, Curvature) -> Result<T, NotOptimal>,
@@ -368,7 +381,7 @@ impl Optimal {
     }
 }
 
-/// The problem of a neighbouring design, its unknowns scaled as those of `problem`.
+/// Builds the problem of a neighbouring design, with the scaling of `problem`.
 fn neighbour(problem: &Problem, design: &Design<'_>) -> Result<Problem, NotOptimal> {
     let Design { robot, motion } = *design;
     if !same_structure(problem.model.robot(), robot) {
@@ -386,7 +399,7 @@ fn neighbour(problem: &Problem, design: &Design<'_>) -> Result<Problem, NotOptim
 fn failed(motion: &Motion, reason: NoOptimum) -> NotOptimal {
     let reason = match reason {
         NoOptimum::Diverges => "Newton's method does not converge",
-        NoOptimum::Saddle => "its costs fall in a direction that no constraint forbids",
+        NoOptimum::Saddle => "the costs decrease in a direction that no constraint restricts",
     };
     NotOptimal::NoOptimum { motion: motion.name.clone(), reason }
 }

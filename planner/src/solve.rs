@@ -1,11 +1,10 @@
-//! Solvers: they lower the energy of a [`System`] of rows, without knowledge of the problem behind it.
+//! Solvers, which lower the energy of a [`System`] of rows without knowledge of the underlying problem.
 //!
-//! [`Solver`] is Gauss-Newton with multipliers, one iteration at a time, so that its caller can watch it, probe
-//! whether constraints can be met at all, and restart it. Every row is squared and Gauss-Newton steps with
-//! Levenberg-Marquardt damping, bent along curved constraints, lower the energy of [`crate::formulation`];
-//! whenever it is nearly as low as it gets for the present multipliers, they are shifted: s ← s + r for
-//! equalities, s ← ψ′(r + s)/2 for inequalities. That makes constraints exact with a modest penalty, where the
-//! thesis's penalty of 10 000 alone ([`penalty`]) makes a narrow curved valley.
+//! [`Solver`] is Gauss-Newton with multipliers. It runs one iteration at a time, so that its caller can watch it, probe the
+//! feasibility of the constraints, and restart it. Every row is squared. Gauss-Newton steps with Levenberg-Marquardt damping,
+//! bent along curved constraints, lower the energy of [`crate::formulation`]. When the energy is nearly minimal for the present
+//! multipliers, these are shifted: s ← s + r for equalities, s ← ψ′(r + s)/2 for inequalities. Constraints thus become exact
+//! with a modest penalty. The thesis's penalty of 10 000 alone ([`penalty`]) creates a narrow curved valley instead.
 
 mod curvature;
 mod fronts;
@@ -35,24 +34,25 @@ use trial::Trials;
 /// Largest constraint residual in a converged plan, as a fraction of its tolerance.
 pub const ACCEPTED_LEVEL: f64 = 0.2;
 
-/// Flat steps without improvement of the worst constraint after which a solve is exhausted.
+/// Number of nearly flat iterations without improvement of the worst constraint after which a solve is exhausted.
 const MOST_NO_BETTER: usize = 25;
-/// Iterations without any step after which a solve ends.
+/// Number of iterations without any step after which a solve ends.
 const MOST_WITHOUT_STEP: usize = 3;
-/// Damping beyond which steps are too short to matter, and below which it hardly changes a step.
+/// Damping beyond which steps are too short to have an effect.
 const DAMPING_LIMIT: f64 = 1e12;
+/// Damping below which a step hardly changes.
 const DAMPING_FELT: f64 = 1e-4;
-/// Damping of the first step, in scaled variables: near an optimum the weakest costs should not feel it.
+/// Damping of the first step of a cold start, scaled variables.
 const DAMPING_COLD: f64 = 1e-3;
+/// Damping of the first step near an optimum, scaled variables: below the weakest costs.
 const DAMPING_NEAR: f64 = 1e-7;
 
-/// Knowledge at the start of a solve besides the values of the unknowns.
+/// Additional knowledge at the start of a solve.
 #[derive(Clone, Copy, Debug)]
 pub enum Begin<'a> {
-    /// Cold start: multipliers begin at zero, steps are damped.
+    /// Cold start: multipliers begin at zero, and steps are damped.
     Cold,
-    /// The start is near an optimum, perhaps one with known multipliers. Without them, or if they do not fit the
-    /// problem's rows, multipliers are estimated.
+    /// Start near an optimum, with its multipliers if known. Multipliers that are missing or do not fit the rows are estimated.
     Near(Option<&'a Multipliers>),
 }
 
@@ -60,26 +60,25 @@ pub enum Begin<'a> {
 pub struct Iteration {
     /// Progress after the iteration.
     pub progress: Progress,
-    /// Status of the solve if it has ended.
+    /// Status of the solve; `None` if it has not ended.
     pub ended: Option<Status>,
-    /// Difference of the energy from its quadratic model at the end of the step. After a step without damping it is the departure
-    /// of the rows from their linearisation, and about the possible gain of the next step. Infinite without a step, and after a
-    /// damped one, which is short: there the model is right far from any optimum.
+    /// Difference of the energy from its quadratic model at the end of the step. After an undamped step, it is the deviation of
+    /// the rows from their linearisation, and about the possible gain of the next step. Infinite without a step and after a
+    /// damped step, because the model of a short step is accurate far from any optimum too.
     pub mismatch: f64,
-    /// True if the energy is nearly minimal for the present multipliers with a constraint violated, so that the multipliers
-    /// should be shifted.
+    /// True if the multipliers should be shifted: the energy is nearly minimal for them, and a constraint is violated.
     pub nearly_flat: bool,
-    /// Nearly flat iterations since the worst constraint last improved.
+    /// Number of nearly flat iterations since the worst constraint last improved.
     pub no_better: usize,
-    /// True if these iterations are so many that the solve leads nowhere.
+    /// True if `no_better` has reached its limit, so that the solve makes no progress.
     pub exhausted: bool,
 }
 
 /// Effect of a step on the energy.
 struct Stepped {
-    /// Relative decrease; 0 without a step.
+    /// Relative decrease of the energy; 0 without a step.
     decrease: f64,
-    /// Mismatch as in [`Iteration`].
+    /// Mismatch as in [`Iteration::mismatch`].
     mismatch: f64,
 }
 
@@ -88,7 +87,7 @@ struct Stepped {
 pub struct Outcome {
     /// Status.
     pub status: Status,
-    /// Count of iterations.
+    /// Number of iterations.
     pub iterations: usize,
     /// Final energy E(m).
     pub energy: f64,
@@ -115,8 +114,9 @@ pub struct Solver<'a> {
     damping: f64,
     iteration: usize,
     step_length: f64,
-    /// Worst constraint in the best of the nearly flat iterations; and the count of such iterations since.
+    /// Level of the worst constraint in the best of the nearly flat iterations.
     best_level: f64,
+    /// Number of nearly flat iterations since `best_level` last improved.
     no_better: usize,
     without_step: usize,
 }
@@ -134,7 +134,7 @@ impl<'a> Solver<'a> {
         Self::at(system, Point { unknowns, rows }, normal, begin, settings)
     }
 
-    /// Creates a solver at a point where the values of the rows are known, with normal equations of rows of the same pattern.
+    /// Creates a solver at a point whose row values are known. `normal` must come from rows with the same pattern.
     pub fn at(
         system: &'a System<'a>,
         mut point: Point,
@@ -173,17 +173,17 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Iterations so far.
+    /// Number of iterations so far.
     pub fn iteration(&self) -> usize {
         self.iteration
     }
 
-    /// Adds iterations that were spent elsewhere on the same solve.
+    /// Adds iterations that a probe spent on this solve.
     pub fn count(&mut self, iterations: usize) {
         self.iteration += iterations;
     }
 
-    /// Lends the normal equations, whose pattern belongs to the system, and the present unknowns.
+    /// Lends the normal equations and the present unknowns. The pattern of the normal equations belongs to the system.
     pub fn lend(&mut self) -> (&mut NormalEquations, &Unknowns) {
         (&mut self.normal, &self.point.unknowns)
     }
@@ -193,7 +193,7 @@ impl<'a> Solver<'a> {
         self.progress()
     }
 
-    /// True if the rows match the initial pattern of the system.
+    /// Returns true if the rows match the initial pattern of the system.
     pub fn fits(&self) -> bool {
         self.system.fits()
     }
@@ -228,7 +228,7 @@ impl<'a> Solver<'a> {
         Iteration { progress, ended, mismatch, nearly_flat, no_better, exhausted }
     }
 
-    /// Increases the damping until the step lowers the energy about as predicted, and takes it.
+    /// Increases the damping until the step lowers the energy about as predicted, and takes that step.
     fn step(&mut self) -> Stepped {
         let Point { unknowns, rows } = &mut self.point;
         self.system.differentiate(unknowns, rows, &self.shifts);
@@ -268,8 +268,8 @@ impl<'a> Solver<'a> {
         Stepped { decrease: 0.0, mismatch: f64::INFINITY }
     }
 
-    /// Resets damping that has reached its limit, because with new multipliers a less damped step may succeed. After
-    /// several iterations without a step it ends the solve.
+    /// Resets damping that has reached its limit, because a less damped step may succeed with new multipliers. Ends the solve
+    /// after several iterations without a step.
     fn end_without_step(&mut self, level: f64) -> Option<Status> {
         if self.damping < DAMPING_LIMIT {
             self.without_step = 0;
@@ -327,7 +327,8 @@ impl<'a> Solver<'a> {
         self.finish_with_parts(status).0
     }
 
-    /// Does the same, and returns what [`at`](Self::at) takes for another problem.
+    /// Ends the solve with a status. Also returns the normal equations and rows, which [`at`](Self::at) accepts for another
+    /// problem.
     pub fn finish_with_parts(self, status: Status) -> (Outcome, NormalEquations, Rows) {
         let Point { unknowns, rows } = self.point;
         let (row, worst_level) = worst(&rows);

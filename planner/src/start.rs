@@ -1,11 +1,11 @@
 //! Starting points of a solve, selected by the caller.
 //!
-//! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one. Standing
-//! straight is a saddle point for robots on free wheels: thrust grows with steering angle times stroke, so every
-//! method stops there without moving. A small smooth random swing of every joint leaves the saddle point, but harms
-//! motions from rest to rest. [`crate::candidates`] lists the starts of a motion in the order of trial.
+//! The optimiser finds a minimum near its start, and for some motions the obvious start is a bad one. Standing straight is a
+//! saddle point for robots on free wheels: thrust grows with steering angle times stroke, so that every method stops there
+//! without moving. A small smooth random swing of every joint leaves the saddle point, but harms motions from rest to rest.
+//! [`crate::candidates`] lists the starts of a motion in the order of trial.
 //!
-//! All random numbers come from a seed: the same seed gives the same plan.
+//! Random numbers depend only on a seed: the same seed gives the same plan.
 
 pub(crate) mod guess;
 mod halved;
@@ -34,34 +34,38 @@ pub enum Start {
     /// Candidates of [`crate::candidates`] in order, until one converges.
     #[default]
     Auto,
-    /// Standing, moved evenly towards the goal. With a seed other than 0 the joints swing a little, so that different
-    /// seeds give different starts.
+    /// Standing, moved evenly towards the goal. With a seed other than 0, the joints swing slightly, so that different seeds
+    /// give different starts.
     Standing,
     /// Standing start with a smooth random swing of every joint.
     Sinusoid,
-    /// The plan of the same motion with half the samples, recursively until samples are few; the coarsest motion
-    /// starts from a swing or from standing, depending on the robot.
+    /// Plan of the same motion with half the samples, recursively until samples are few. The coarsest motion starts from a
+    /// swing or from standing, depending on the robot.
     Coarse,
-    /// The thesis's warm start (sec. 3.3): standing, swaying, then stepping in place, without random numbers.
+    /// Warm start of the thesis (sec. 3.3), without random numbers: standing, swaying, then stepping in place.
     Warm(WarmStart),
 }
 
-/// Amplitude of the swing from which a robot on free wheels starts, rad.
+/// Amplitude of the swing at the start of a robot on free wheels, rad.
 const SWING_RAD: f64 = 0.1;
-/// Amplitude of the swing by which the seeds of a standing start differ, rad.
+/// Amplitude of the swing in standing starts with a seed other than 0, rad.
 const NUDGE_RAD: f64 = 0.02;
 /// Approximate duration of a swing in motions that are not periodic, s.
 const SWING_S: f64 = 1.2;
-/// Difference between the seeds of a motion's candidates, so large that searches with different small seeds have no
-/// candidate in common.
+/// Difference between the seeds of a motion's candidates. The difference is large enough that searches with different small
+/// seeds have no candidate in common.
 const SEED_STRIDE: u64 = 1000;
 
-/// Starts to try for a motion, in order; the first one nearly always converges.
+/// Returns the starts to try for a motion, in order. The first one nearly always converges. A start other than automatic is the
+/// only candidate.
 ///
-/// For [`Start::Auto`] these are, on free wheels that can be steered, two random swings, then standing; otherwise
-/// standing, with small random swings if that fails, then a random swing, and for motions with steps the warm start,
-/// which costs most. With many samples [`Start::Coarse`] comes first on free wheels and skates, whose
-/// strokes are hardly found otherwise, and second for all others. A chosen start is the only candidate.
+/// [`Start::Auto`] depends on the robot:
+///
+/// - On free wheels that can be steered, it tries two random swings, then standing.
+/// - Otherwise, it tries standing, then small random swings and a large one. For motions with steps, the warm start is last,
+///   because it takes longest.
+/// - With many samples, [`Start::Coarse`] is added: first on free wheels and skates, whose strokes are hardly found otherwise,
+///   and second on others.
 pub(crate) fn in_order(
     robot: &Robot,
     motion: &Motion,
@@ -91,14 +95,15 @@ pub(crate) fn in_order(
     starts
 }
 
-/// Start of a motion whose samples are not halved.
+/// Start of a motion that is not halved further.
 pub(crate) fn without_halving(robot: &Robot, motion: &Motion) -> Start {
     if stands_on_free_wheels(robot, motion) { Start::Sinusoid } else { Start::Standing }
 }
 
-/// True if an end effector that touches the ground rolls freely and can be steered there. Blades cannot be steered: two wheels of
-/// one link in stance prevent a turn. A swing of their joints starts far from any feasible motion, while strokes develop from
-/// standing.
+/// Returns true if an end effector that touches the ground rolls freely and can be steered.
+///
+/// Blades cannot be steered: two wheels of one link in stance prevent a turn. A swing of their joints starts far from any
+/// feasible motion, while strokes develop from standing.
 fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     let shares_link = |j: usize| {
         let link = robot.end_effectors[j].link;
@@ -107,14 +112,14 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
 }
 
-/// True if an end effector is in stance at times and rolls freely then.
+/// Returns true if an end effector is in stance at some time and rolls freely.
 fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
     let held = motion.held_wheels.get(j).copied().unwrap_or(false);
     let free = robot.end_effectors[j].contact.drag().is_some() && !held;
     free && motion.stance.iter().any(|stance| stance[j])
 }
 
-/// Start that needs no solve: any but [`Start::Warm`] and [`Start::Coarse`].
+/// Returns a start that needs no solve: any except [`Start::Warm`] and [`Start::Coarse`].
 pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
     let (kind, amplitude_rad) = match start {
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
@@ -128,7 +133,7 @@ pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, 
     (unknowns, Started { kind, seed })
 }
 
-/// Adds a sinusoid of random phase to every joint; contact points and wheels follow.
+/// Adds a sinusoid of random phase to every joint, and updates contact points and wheels.
 fn swing_joints(problem: &Problem, unknowns: &mut Unknowns, amplitude_rad: f64, seed: u64) {
     let mut random = Rng::with_seed(seed);
     let joints = problem.model.robot().joints.len();

@@ -1,8 +1,8 @@
-//! Plans written down in closed form, for tests of everything that comes after the optimiser.
+//! Plans in closed form, for tests of the modules after the optimiser.
 //!
-//! A box on four legs that swing in the pitch plane, a driven wheel at the end of each. All legs share
-//! one angle φ(t); the body moves along x and its height follows from wheels that stay on the ground.
-//! Forces and wheel speeds are those that make every residual of the discrete equations vanish.
+//! The robot is a box on four legs that swing in the pitch plane, with a driven wheel at the end of each. All legs share one
+//! angle φ(t). The body moves along x, and its height follows from wheels that stay on the ground. Forces and wheel speeds make
+//! every residual of the discrete equations vanish.
 
 use crate::families::{Family, Formulation};
 use crate::motion::{Ends, Goal, Motion};
@@ -26,7 +26,7 @@ pub struct Drive {
     pub ends: Ends,
     /// Duration, s.
     pub duration_s: f64,
-    /// Samples.
+    /// Number of samples.
     pub samples: usize,
     /// Body x, m.
     pub x_m: fn(f64) -> f64,
@@ -40,7 +40,7 @@ fn smooth_step(u: f64) -> f64 {
     u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 }
 
-/// Drives 0.5 m forward in 2 s and bows, from rest to rest.
+/// Plan that drives 0.5 m forward in 2 s and bows, from rest to rest.
 pub fn start_stop() -> Plan {
     Drive {
         ends: Ends::AtRest,
@@ -52,13 +52,13 @@ pub fn start_stop() -> Plan {
     .plan("start-stop")
 }
 
-/// Rolls on at 0.4 m/s with a sway, period 1.2 s.
+/// Periodic plan that rolls at 0.4 m/s with a sway, period 1.2 s.
 pub fn cruise() -> Plan {
     Drive { ends: Ends::Periodic, duration_s: 1.2, samples: 24, x_m: cruise_x, leg_rad: cruise_leg }
         .plan("cruise")
 }
 
-/// The second and third quarter of [`cruise`], with prescribed ends.
+/// Second and third quarter of [`cruise`], with prescribed ends.
 pub fn cruise_middle() -> Plan {
     Drive {
         ends: Ends::Prescribed,
@@ -70,8 +70,7 @@ pub fn cruise_middle() -> Plan {
     .plan("cruise-middle")
 }
 
-/// `curve` from 0 to `end`, continued along its slope outside: what a plan with prescribed ends says of
-/// the states there.
+/// Evaluates `curve` from 0 to `end`, continued along its slope outside, as are the states beyond prescribed ends.
 fn straight_beyond(curve: impl Fn(f64) -> f64, end: f64, t: f64) -> f64 {
     let inside = t.clamp(0.0, end);
     let slope = (curve(inside + 1e-6) - curve(inside - 1e-6)) / 2e-6;
@@ -86,7 +85,7 @@ fn cruise_leg(t: f64) -> f64 {
     0.4 + 0.2 * (TAU * t / 1.2 + 0.7).sin()
 }
 
-/// The box: hips at the corners of a 0.4 m × 0.3 m rectangle, wheels 0.2 m below.
+/// Box robot: hips at the corners of a 0.4 m × 0.3 m rectangle, wheels 0.2 m below.
 pub fn robot() -> Robot {
     let actuator = |id: u8, kp: f64| Actuator {
         model: "test".to_owned(),
@@ -145,9 +144,9 @@ pub fn robot() -> Robot {
 }
 
 impl Drive {
-    /// Forces, and their moments about the centre of mass, at the samples. They are linear in between, and their mean
-    /// around every sample with the weight 1 − |t|/h is the change of momentum: second differences of the centre of mass
-    /// and differences of angular momentum on the intervals. `poses` begins two samples early.
+    /// Forces, and their moments about the centre of mass, at the samples. They are linear in between. Their mean around every
+    /// sample, with the weight 1 − |t|/h, is the change of momentum: second differences of the centre of mass, and differences
+    /// of angular momentum over the intervals. `poses` begins two samples early.
     fn wrenches(&self, model: &Model, poses: &[Pose], h: f64) -> OMatrix<f64, Dyn, U6> {
         let mass_kg = model.total_mass_kg();
         let count = self.samples;
@@ -177,7 +176,7 @@ impl Drive {
         weights.lu().solve(&means).expect("diagonally dominant")
     }
 
-    /// The plan of this drive on [`robot`].
+    /// Plan of this drive on [`robot`].
     pub fn plan(&self, name: &str) -> Plan {
         let robot = robot();
         let model = Model::new(&robot);

@@ -9,8 +9,8 @@ use rollwalk_multibody::euler::Model;
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
 
-/// The shipped robots (driven wheels, free wheels, feet) and what they could be turned into: AgileBot on
-/// welded wheels, AgileBot with torque-speed lines, SwizzleBot on two inline wheels a leg with drag, SwizzleBot on skates.
+/// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
+/// torque-speed lines, SwizzleBot on two inline wheels per leg with drag, and SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../shipped/robots/agilebot.toml")),
@@ -24,7 +24,7 @@ pub fn all() -> Vec<Robot> {
     [agilebot, swizzlebot, creature3].into_iter().chain(made).collect()
 }
 
-/// The shipped robots that [`all`] leaves out.
+/// Shipped robots that [`all`] leaves out.
 pub fn others() -> Vec<Robot> {
     [
         ("agilebot_sprint.toml", include_str!("../../shipped/robots/agilebot_sprint.toml")),
@@ -44,14 +44,14 @@ pub fn others() -> Vec<Robot> {
     .into()
 }
 
-/// A robot whose wheels are welded to their links.
+/// Returns the robot with its wheels welded to their links.
 pub fn welded(robot: &Robot) -> Robot {
     changed(robot, "welded", |ee, axis_in_link, _| {
         vec![EndEffector { contact: Contact::WeldedWheel { axis_in_link }, ..ee }]
     })
 }
 
-/// A robot whose motors have torque-speed lines from their limits on.
+/// Returns the robot with torque-speed lines for all motors. The lines exceed the limits of the motors.
 fn with_lines(robot: &Robot) -> Robot {
     let with_line = |motor: &mut Actuator| {
         motor.torque_speed = Some(TorqueSpeedLine {
@@ -69,7 +69,7 @@ fn with_lines(robot: &Robot) -> Robot {
     robot
 }
 
-/// A robot whose free wheels are roller blades: a toe and a heel wheel in line, with drag.
+/// Returns the robot with its free wheels replaced by roller blades: a toe and a heel wheel in line, with drag.
 pub fn inline(robot: &Robot) -> Robot {
     changed(robot, "inline", |ee, axis_in_link, drag| {
         let drag = RollingDrag { rolling_drag_s_m: 0.05, ..drag };
@@ -83,7 +83,7 @@ pub fn inline(robot: &Robot) -> Robot {
     })
 }
 
-/// A robot whose free wheels are blades with a curvature radius of 0.5 m.
+/// Returns the robot with its free wheels replaced by blades with a curvature radius of 0.5 m.
 fn on_skates(robot: &Robot) -> Robot {
     changed(robot, "skates", |ee, axis_in_link, drag| {
         let radius_m = 0.5;
@@ -93,7 +93,7 @@ fn on_skates(robot: &Robot) -> Robot {
     })
 }
 
-/// A robot with other end effectors: `change` gets each one, its axis and its drag.
+/// Returns the robot with other end effectors. `change` receives each end effector with its axis and drag.
 fn changed(
     robot: &Robot,
     how: &str,
@@ -107,7 +107,7 @@ fn changed(
     Robot { name: format!("{}_{how}", robot.name), end_effectors: ends.collect(), ..robot.clone() }
 }
 
-/// Uniform numbers in −1..1 from a linear congruential generator (Knuth's MMIX constants).
+/// Uniform random numbers in −1..1 from a linear congruential generator (Knuth's MMIX constants).
 pub fn uniform(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     move || {
@@ -117,7 +117,7 @@ pub fn uniform(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// Random slots and placement: consecutive slots differ by turns well below half a revolution.
+/// Random slots and a fixed placement. Rotations between consecutive slots are well below half a revolution.
 pub fn random_unknowns(model: &Model, slots: usize, seed: u64) -> Unknowns {
     let layout = Layout::new(model);
     let mut random = uniform(seed);
@@ -134,7 +134,7 @@ pub fn random_unknowns(model: &Model, slots: usize, seed: u64) -> Unknowns {
     Unknowns { slots, placement }
 }
 
-/// A short motion with swings, at least one in every gap.
+/// Short motion in which every end effector swings.
 pub fn motion(robot: &Robot, ends: Ends) -> Motion {
     let count = robot.end_effectors.len();
     let stance = (0..5).map(|i| (0..count).map(|j| (i + j) % 4 != 1).collect()).collect();
@@ -155,7 +155,7 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
     }
 }
 
-/// Targets of every kind for a motion of [`motion`]: at a sample, between samples, in the half intervals at both ends.
+/// Targets of every kind for [`motion`]: at a sample, between samples, and in the half intervals at both ends.
 pub fn targets() -> Vec<Target> {
     let target = |of, at_s, heading_rad| Target {
         of,
@@ -175,7 +175,7 @@ pub fn targets() -> Vec<Target> {
     ]
 }
 
-/// Height limits of every kind for it, some of them beyond what the robots do.
+/// Height limits of every kind for [`motion`]. The robots violate some of them.
 pub fn heights() -> Vec<HeightLimit> {
     let limit = |of, above_m, below_m| HeightLimit { of, from_s: 0.1, to_s: 0.3, above_m, below_m };
     vec![

@@ -1,9 +1,9 @@
-//! Motor torques that a plan needs when it is played: inverse dynamics of the whole robot, τ = M ν̇ + h − Σ Jᵀ f.
+//! Motor torques of a plan as played: inverse dynamics of the whole robot, τ = M ν̇ + h − Σ Jᵀ f.
 //!
-//! The optimiser satisfies the dynamics in the mean around its samples, and without rotors and turning wheels. Inverse
-//! dynamics here follow the played motion ([`crate::sample`]) at every time, with rotors and wheels. The planned ground
-//! forces therefore do not quite balance the base, which no motor drives. `ground_forces` finds the forces nearest to the
-//! planned ones that balance it; what no ground contact can supply is returned as unmet force and moment.
+//! The optimiser satisfies the dynamics in the mean around its samples, without rotors and turning wheels. The inverse dynamics
+//! here use the played motion ([`crate::sample`]) at every time, with rotors and wheels. The planned ground forces therefore do
+//! not exactly balance the base, which no motor drives. `ground_forces` finds the nearest forces that do. The rest, which no
+//! ground contact can supply, is the unmet force and moment.
 
 mod ground_forces;
 #[cfg(test)]
@@ -17,10 +17,10 @@ use nalgebra::{Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, WHEEL_MASS_SHARE, about_com};
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
 
-/// Share of a contact that is none, up to rounding of the time.
+/// Share of a contact up to which there is no contact, for rounding of the time.
 const NO_SHARE: f64 = 1e-9;
 
-/// Smallest unit of levers, m, for a robot whose centre of mass is near the ground, or below it.
+/// Smallest unit of levers, m, for a robot whose centre of mass is near the ground or below it.
 const LEVER_MIN_M: f64 = 0.01;
 
 /// Inverse dynamics along a plan.
@@ -33,16 +33,17 @@ pub struct InverseDynamics {
 /// Motor torques and ground forces at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuation {
-    /// Torque of every joint's motor in joint order, N·m: about the joint's axis, on the child.
+    /// Torque of every joint's motor about the joint's axis on the child, in joint order, N·m.
     pub joint_nm: Vec<f64>,
-    /// Torque of every wheel's motor in end-effector order, N·m: about the axis of the robot file, on the wheel;
-    /// `None` without a motor.
+    /// Torque of every wheel's motor on the wheel about the axis in the robot file, in end-effector order, N·m. `None` without
+    /// a motor.
     pub motor_nm: Vec<Option<f64>>,
-    /// Force of the ground on every end effector, N; world, of a periodic motion that of its first period.
+    /// Force of the ground on every end effector, N, in the world frame. Forces of a periodic motion are in the frame of its
+    /// first period.
     pub force_n: Vec<Vector3<f64>>,
-    /// Force that the motion takes and nothing gives, N; frame as of `force_n`.
+    /// Force that the motion needs beyond the contacts, N, in the frame of `force_n`.
     pub unmet_force_n: Vector3<f64>,
-    /// Moment about the centre of mass that the motion takes and nothing gives, N·m.
+    /// Moment about the centre of mass that the motion needs beyond the contacts, N·m.
     pub unmet_moment_nm: Vector3<f64>,
 }
 
@@ -62,22 +63,22 @@ impl InverseDynamics {
         Self { tree, spline, kinematics }
     }
 
-    /// The robot with turning wheels and rotors.
+    /// Returns the robot with its wheels and rotors as bodies.
     pub(crate) fn tree(&self) -> &Tree {
         &self.tree
     }
 
-    /// The plan as a function of time.
+    /// Returns the plan as a function of time.
     pub(crate) fn spline(&self) -> &PlanSpline {
         &self.spline
     }
 
-    /// Torques and forces at a time of the plan. A periodic motion repeats, any other holds its ends.
+    /// Torques and forces at a time of the plan. A periodic motion repeats; other motions stay at their ends.
     pub fn at(&mut self, plan_time_s: f64) -> Actuation {
         self.moving(plan_time_s).2
     }
 
-    /// The same with the motion and the planned contacts.
+    /// Motion, planned contacts, and torques and forces at a time of the plan.
     pub(crate) fn moving(&mut self, plan_time_s: f64) -> (Rates, Vec<PlannedContact>, Actuation) {
         let (tree, kinematics) = (&self.tree, &mut self.kinematics);
         let rates = self.spline.rates(plan_time_s, tree);
@@ -157,7 +158,7 @@ pub(crate) fn write(plan: &mut Plan) {
     copy(after, &mut plan.after);
 }
 
-/// Copies torques.
+/// Copies the torques of a sample.
 fn copy(from: &Sample, to: &mut Sample) {
     to.joint_torque_nm.clone_from(&from.joint_torque_nm);
     for (from, to) in from.end_effectors.iter().zip(&mut to.end_effectors) {
@@ -165,8 +166,8 @@ fn copy(from: &Sample, to: &mut Sample) {
     }
 }
 
-/// The robot with turning wheels and rotors. A wheel is a thin disc with a part of its link's mass, shared by the
-/// wheels on it, and no more of the link's inertia than half.
+/// Builds the robot with its wheels and rotors as bodies. A wheel is a thin disc with a fraction of its link's mass, divided
+/// among the wheels of the link. The inertia of the wheels is at most half of the link's.
 pub(crate) fn tree(robot: &Robot) -> Tree {
     let disc = |foot: &EndEffector| {
         let link = &robot.links[foot.link];

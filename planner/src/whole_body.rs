@@ -1,5 +1,5 @@
-//! A plan as a controller of the whole body follows it, at any time: generalised motion, ground forces that balance it, and
-//! which end effectors stand.
+//! Plan for a whole-body controller: at any time, the generalised motion, the ground forces that balance it, and the stance end
+//! effectors.
 
 use crate::plan::Plan;
 use crate::sample::{PlannedContact, Setpoints};
@@ -7,26 +7,26 @@ use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree, turn_base};
 
-/// Part of a contact from which on it is one. Where one foot lifts off and another lands in the same interval of the plan, one of
-/// them stands at any time.
+/// Share of a contact from which an end effector is in stance. If one foot lifts off and another lands in the same interval of
+/// the plan, one of them is in stance at any time.
 const STANDS: f64 = 0.5;
 
-/// A plan, prepared.
+/// Plan prepared for evaluation at any time.
 pub struct WholeBody {
     inverse: InverseDynamics,
 }
 
-/// The robot at a time of its plan, in the world.
+/// State of the robot at a time of its plan, in the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instant {
     /// Pose and velocity.
     pub state: State,
-    /// ν̇ of [`WholeBody::tree`].
+    /// Generalised acceleration ν̇ of [`WholeBody::tree`].
     pub acceleration: Vec<f64>,
     /// Stance flag of each end effector.
     pub stands: Vec<bool>,
     /// Force of the ground on each end effector, N. With these forces, motor torques alone produce the acceleration, except for
-    /// the part that no ground can supply.
+    /// the part that the ground cannot supply.
     pub force_n: Vec<Vector3<f64>>,
 }
 
@@ -36,12 +36,12 @@ impl WholeBody {
         Self { inverse: InverseDynamics::new(plan) }
     }
 
-    /// The robot with turning wheels and rotors, whose generalised velocities those of [`Instant`] are.
+    /// Returns the robot with its wheels and rotors as bodies. [`Instant`] has the generalised velocities of this tree.
     pub fn tree(&self) -> &Tree {
         self.inverse.tree()
     }
 
-    /// Setpoints of joints and driven wheels at a time, and torques in channel order, N·m.
+    /// Set-points of joints and driven wheels at a time, and torques in channel order, N·m.
     pub fn setpoints(&mut self, plan_time_s: f64) -> (Setpoints, Vec<f64>) {
         let torques_nm = self.inverse.at(plan_time_s).channels_nm().collect();
         (self.inverse.spline().setpoints(plan_time_s), torques_nm)
@@ -52,8 +52,8 @@ impl WholeBody {
         stand(&self.inverse.spline().planned_contacts(plan_time_s))
     }
 
-    /// The robot at a time, where `world_from_plan` says that the plan lies. A periodic motion goes on in later periods, any
-    /// other holds its ends.
+    /// State of the robot at a time. `world_from_plan` is the pose of the plan in the world. A periodic motion continues in
+    /// later periods; other motions stay at their ends.
     pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
         let (rates, contacts, actuation) = self.inverse.moving(plan_time_s);
         let placement = self.inverse.spline().placement(plan_time_s);

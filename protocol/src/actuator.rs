@@ -9,38 +9,39 @@
 //! | `0x280 + n` | [`JointSetpoint`] with a torque | to actuator `n` |
 //! | `0x300 + n` | [`WheelSetpoint`] with a torque | to actuator `n` |
 //!
-//! `n` is 0 to 127. Disabling goes before any setpoint on a busy bus. Integers are little-endian
-//! and two's complement, every value rounds to the nearest step, and 0 is 0 exactly. −32768 is
-//! never sent and is refused. Values that do not fit their scale are not sent at all: `encode`
-//! answers `None`, a configuration that passed [`crate::config::RobotConfig::check`] never gets
-//! there with values within its limits.
+//! `n` is 0 to 127. [`Control`] frames have priority over set-points on a busy bus. Integers are little-endian and two's
+//! complement. Values are rounded to the nearest step, and 0 is encoded exactly. The code −32768 is never sent, and is refused
+//! on receipt.
 //!
-//! A setpoint whose torque rounds to 0 is sent in the frame without torque, which drives without torque follow, too.
+//! A value beyond its scale is not sent: `encode` returns `None`. This cannot happen within the limits of a configuration that
+//! passed [`crate::config::RobotConfig::check`].
+//!
+//! A set-point whose torque rounds to 0 is sent in the frame without torque. Drives that do not support torque follow it, too.
 
 use crate::can::Frame;
 
 /// Largest address of an actuator.
 pub const MAX_ID: u8 = 0x7F;
-/// Positions are steps of 0.2 mrad: ±6.5534 rad, a little more than a turn.
+/// Position step in rad: 0.2 mrad. Codes span ±6.5534 rad, a little more than a turn.
 pub const POSITION_STEP_RAD: f32 = 1.0 / POSITION_STEPS;
 /// Largest position, rad.
 pub const MAX_POSITION_RAD: f32 = 6.5;
-/// Speeds in 16 bits are steps of 2 mrad/s: ±65.534 rad/s.
+/// Speed step of 16-bit codes in rad/s: 2 mrad/s. Codes span ±65.534 rad/s.
 pub const SPEED_STEP_RAD_S: f32 = 1.0 / SPEED_STEPS;
 /// Largest speed, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 65.0;
-/// Speed setpoints of wheels are 32-bit steps of 0.1 mrad/s. Up to 2²² steps, ±419 rad/s, decoded values encode to the same
-/// bytes. Above that, an `f32` may be a step off.
+/// Speed step of wheel set-points in rad/s: 0.1 mrad/s, in 32-bit codes. Decoded values encode to the same bytes up to 2²²
+/// steps, ±419 rad/s. Above that, an `f32` may be off by a step.
 pub const WHEEL_SPEED_STEP_RAD_S: f32 = 1.0 / WHEEL_SPEED_STEPS;
-/// Torques are steps of 5 mN·m: ±163.8 N·m, or 0 to 327 N·m as a limit.
+/// Torque step in N·m: 5 mN·m. Codes span ±163.8 N·m, or 0 to 327 N·m for a limit.
 pub const TORQUE_STEP_NM: f32 = 1.0 / TORQUE_STEPS;
 /// Largest torque, N·m.
 pub const MAX_TORQUE_NM: f32 = 160.0;
-/// Proportional gains are steps of 0.01 N·m/rad.
+/// Step of the proportional gain, N·m/rad: 0.01.
 pub const KP_STEP_NM_RAD: f32 = 1.0 / KP_STEPS;
 /// Largest proportional gain, N·m/rad.
 pub const MAX_KP_NM_RAD: f32 = 655.0;
-/// Damping gains are steps of 0.001 N·m·s/rad.
+/// Step of the damping gain, N·m·s/rad: 0.001.
 pub const KD_STEP_NM_S_RAD: f32 = 1.0 / KD_STEPS;
 /// Largest damping gain, N·m·s/rad.
 pub const MAX_KD_NM_S_RAD: f32 = 65.0;
@@ -60,7 +61,7 @@ pub(crate) const TORQUE_STEPS: f32 = 200.0;
 const KP_STEPS: f32 = 100.0;
 const KD_STEPS: f32 = 1000.0;
 
-/// Nearest number of steps; `None` for NaN, and beyond ±`most`.
+/// Nearest number of steps; `None` if `value` is NaN, or beyond ±`most` steps.
 fn steps(value: f32, per_unit: f32, most: i32) -> Option<i32> {
     let exact = value * per_unit;
     // Saturating casts. A NaN becomes 0 and fails the comparison.
@@ -76,14 +77,14 @@ fn u16_steps(value: f32, per_unit: f32) -> Option<u16> {
     steps(value, per_unit, i32::from(u16::MAX)).and_then(|s| u16::try_from(s).ok())
 }
 
-/// Saturates instead of refusing, since a measurement is always reported. NaN becomes 0.
+/// Encodes a measurement. Values beyond the scale saturate, since a measurement is always reported. NaN becomes 0.
 pub(crate) fn measured(value: f32, per_unit: f32) -> i16 {
     let most = f32::from(i16::MAX);
     let exact = (value * per_unit).clamp(-most, most);
     if exact < 0.0 { (exact - 0.5) as i16 } else { (exact + 0.5) as i16 }.max(-i16::MAX)
 }
 
-/// −32768 is not a value.
+/// Decodes a signed value; `None` for the invalid code −32768.
 pub(crate) fn signed(low: u8, high: u8, per_unit: f32) -> Option<f32> {
     let raw = i16::from_le_bytes([low, high]);
     (raw != i16::MIN).then(|| f32::from(raw) / per_unit)
@@ -110,12 +111,14 @@ const COARSE_SPEED_STEPS: f32 = 125.0;
 const SHORT_KP_STEPS: f32 = 1000.0;
 const SHORT_KD_STEPS: f32 = 10_000.0;
 const SHORT_TORQUE_STEPS: f32 = 1000.0;
-/// Bias from the upper 16 bits of an `f32` to a code. It maps the 16 bits of 128.0 to exponent 1: the code 128.
+/// Offset between the upper 16 bits of an `f32` and a short code. The upper bits of 128.0 map to the code 128, whose exponent
+/// is 1.
 const SHORT_BIAS: u32 = (134 << 7) - 128;
 const SHORT_MOST: u32 = (1 << 11) - 1;
 
-/// Number from 0 on in 11 bits: exponent e in the upper 4, m in the lower 7. The code is m steps for e = 0, otherwise (128 + m) ·
-/// 2^(e−1). The error is at most 1/256 from 128 steps on, and half a step below.
+/// Encodes a non-negative value in an 11-bit short code: exponent e in the upper 4 bits, mantissa m in the lower 7. The code
+/// stands for m steps if e = 0, otherwise for `(128 + m) · 2^(e−1)` steps. The rounding error is at most half a step below 128
+/// steps, and 1/256 of the value above.
 // Once in the image instead of where it is called; so are the others.
 #[inline(never)]
 fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
@@ -130,7 +133,7 @@ fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
 }
 
 const NEAREST: u32 = 1 << 15;
-/// Rounding term that rounds a limit down, but for the rounding error of the product.
+/// Rounding term that rounds a limit down, except for the rounding error of the product.
 const DOWN: u32 = 1 << 6;
 
 fn from_short(code: u64, per_unit: f32) -> f32 {
@@ -139,13 +142,14 @@ fn from_short(code: u64, per_unit: f32) -> f32 {
     steps / per_unit
 }
 
-/// A torque of either sign in 12 bits, the sign in the highest. `Some(0)` for one that rounds to 0.
+/// Encodes a torque in 12 bits: the sign in the highest bit, a short code in the others. `Some(0)` if the torque rounds to 0.
 fn short_torque(torque_nm: f32) -> Option<u64> {
     let code = short(torque_nm.abs(), SHORT_TORQUE_STEPS, NEAREST)?;
     Some(if torque_nm < 0.0 && code > 0 { 1 << 11 | code } else { code })
 }
 
-/// The last 34 bits of a setpoint with torque. `None` for a torque of 0, which has no such frame.
+/// Decodes the last 34 bits of a set-point with torque. Returns the short code of kp or of the torque limit, the short code of
+/// kd, and the torque in N·m. `None` if the torque is 0, which such a frame never contains.
 fn torque_setpoint(word: u64) -> Option<(u64, u64, f32)> {
     let (first, kd, torque) = (word >> 30, word >> 41, word >> 52);
     let torque_nm = from_short(torque, SHORT_TORQUE_STEPS);
@@ -156,7 +160,7 @@ fn torque_setpoint(word: u64) -> Option<(u64, u64, f32)> {
     ))
 }
 
-/// Setpoint of a joint's servo: torque = kp (q* − q) + kd (q̇* − q̇) + τ, within its torque limit.
+/// Set-point of a joint's servo: torque = kp (q* − q) + kd (q̇* − q̇) + τ, limited by the servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointSetpoint {
     /// q*, rad.
@@ -172,10 +176,14 @@ pub struct JointSetpoint {
 }
 
 impl JointSetpoint {
-    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`; with a torque
-    /// `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]` from the lowest bit of the first byte on, in
-    /// short numbers of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m. `None` for NaN, a value beyond its scale, or an `id` above
-    /// [`MAX_ID`].
+    /// Encodes the set-point in a frame for actuator `id`.
+    ///
+    /// Layout without torque: `[position i16 0.2 mrad][velocity i16 2 mrad/s][kp u16 0.01 N·m/rad][kd u16 0.001 N·m·s/rad]`.
+    ///
+    /// Layout with torque: `[position i16 0.2 mrad][velocity i14 8 mrad/s][kp 11][kd 11][torque 12]`, from the lowest bit of
+    /// the first byte up. Gains and torque are short codes with steps of 1 mN·m/rad, 0.1 mN·m·s/rad and 1 mN·m.
+    ///
+    /// `None` if a value is NaN or beyond its scale, or if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let position = i16_steps(self.position_rad, POSITION_STEPS)?;
         let torque = short_torque(self.torque_nm)?;
@@ -196,7 +204,7 @@ impl JointSetpoint {
         Some(Frame::known(id, [p0, p1, v0, v1, kp0, kp1, kd0, kd1]))
     }
 
-    /// Address and setpoint; `None` for any other frame.
+    /// Decodes address and set-point; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         if let Some((id, [p0, p1, rest @ ..])) = split::<8>(frame, JOINT_TORQUE_SETPOINT) {
             let [r0, r1, r2, r3, r4, r5] = rest;
@@ -225,7 +233,7 @@ impl JointSetpoint {
     }
 }
 
-/// Setpoint of a wheel's drive: torque = kd (ω* − ω) + τ, within the given limit.
+/// Set-point of a wheel's drive: torque = kd (ω* − ω) + τ, within ±`torque_limit_nm`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelSetpoint {
     /// ω*, rad/s.
@@ -239,9 +247,14 @@ pub struct WheelSetpoint {
 }
 
 impl WheelSetpoint {
-    /// `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`; with a torque
-    /// `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]` like that of a joint, with the limit rounded down. `None` for
-    /// NaN, a value beyond its scale, or an `id` above [`MAX_ID`].
+    /// Encodes the set-point in a frame for actuator `id`.
+    ///
+    /// Layout without torque: `[speed i32 0.1 mrad/s][kd u16 0.001 N·m·s/rad][torque limit u16 5 mN·m]`.
+    ///
+    /// Layout with torque: `[speed i30 0.1 mrad/s][torque limit 11][kd 11][torque 12]`, with short codes like those of a joint.
+    /// The torque limit is rounded down.
+    ///
+    /// `None` if a value is NaN or beyond its scale, or if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let torque = short_torque(self.torque_nm)?;
         if torque != 0 {
@@ -259,7 +272,7 @@ impl WheelSetpoint {
         Some(Frame::known(id, [s0, s1, s2, s3, kd0, kd1, t0, t1]))
     }
 
-    /// Address and setpoint; `None` for any other frame.
+    /// Decodes address and set-point; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         if let Some((id, bytes)) = split(frame, WHEEL_TORQUE_SETPOINT) {
             let word = u64::from_le_bytes(bytes);
@@ -288,20 +301,20 @@ impl WheelSetpoint {
     }
 }
 
-/// Torque on or off.
+/// Command that switches torque, or requests feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Torque off: the state after power-on. Answered with a [`Feedback`].
+    /// Switches torque off, the state after power-on. Answered with a [`Feedback`].
     Disable,
-    /// Follow setpoints. Earlier setpoints are discarded: the actuator gives no torque until the first setpoint after this
-    /// command. Answered with a [`Feedback`].
+    /// Makes the actuator follow set-points. Earlier set-points are discarded: there is no torque until the first one after
+    /// this command. Answered with a [`Feedback`].
     Enable,
-    /// Sends a [`Feedback`] and changes nothing. The controller measures the pose with it before torque is on.
+    /// Requests a [`Feedback`] and changes nothing. The controller measures the pose with it before torque is on.
     Query,
 }
 
 impl Control {
-    /// Encodes one byte: 0 disable, 1 enable, 2 query. `None` when `id` is above [`MAX_ID`].
+    /// Encodes one byte: 0 disable, 1 enable, 2 query. `None` if `id` is above [`MAX_ID`].
     pub fn encode(self, id: u8) -> Option<Frame> {
         let byte = match self {
             Control::Disable => 0,
@@ -311,7 +324,7 @@ impl Control {
         Some(Frame::known(address(CONTROL, id)?, [byte]))
     }
 
-    /// Address and command; `None` for any other frame.
+    /// Decodes address and command; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [byte]) = split(frame, CONTROL)?;
         let control = match byte {
@@ -333,9 +346,9 @@ impl ActuatorStatus {
     pub const ENABLED: u8 = 1 << 0;
     /// The torque is at its limit.
     pub const TORQUE_LIMITED: u8 = 1 << 1;
-    /// A position limit of the actuator's own was reached.
+    /// The actuator reached a position limit of its own.
     pub const POSITION_LIMITED: u8 = 1 << 2;
-    /// Setpoint timeout: torque is off until the actuator is disabled and enabled again.
+    /// Set-point timeout: torque is off until the actuator is disabled and enabled again.
     pub const TIMED_OUT: u8 = 1 << 3;
     /// Too hot: torque is off.
     pub const OVERHEATED: u8 = 1 << 4;
@@ -343,9 +356,9 @@ impl ActuatorStatus {
     pub const BAD_VOLTAGE: u8 = 1 << 5;
     /// Position sensor or other hardware failed: torque is off.
     pub const HARDWARE: u8 = 1 << 6;
-    /// Servo on a serial line that left a query unanswered since the last telemetry. Set in telemetry alone.
+    /// A serial servo left a query unanswered since the previous telemetry. Set in telemetry only.
     pub const UNANSWERED: u8 = 1 << 7;
-    /// Bits of the states in which the actuator cannot follow commands.
+    /// Mask of the states in which the actuator cannot follow commands.
     pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;
 
     /// True if torque is on.
@@ -364,24 +377,24 @@ impl ActuatorStatus {
     }
 }
 
-/// Measurements of an actuator: the answer to every setpoint and every [`Control`].
+/// Measurements of an actuator, sent in answer to every set-point and every [`Control`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Feedback {
-    /// Angle, rad; of a wheel within −π to π.
+    /// Angle, rad; −π to π for a wheel.
     pub position_rad: f32,
     /// Speed, rad/s.
     pub velocity_rad_s: f32,
     /// Torque, N·m.
     pub torque_nm: f32,
-    /// State.
+    /// State of the actuator.
     pub status: ActuatorStatus,
-    /// Goes up by one with each feedback, and wraps: a repeated value is a repeated frame.
+    /// Frame counter, which wraps. A repeated value marks a repeated frame.
     pub counter: u8,
 }
 
 impl Feedback {
-    /// `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`.
-    /// Measurements beyond their scale saturate. `None` when `id` is above [`MAX_ID`].
+    /// Encodes `[position i16 0.2 mrad][velocity i16 2 mrad/s][torque i16 5 mN·m][status u8][counter u8]`. Measurements beyond
+    /// their scale saturate. `None` if `id` is above [`MAX_ID`].
     pub fn encode(&self, id: u8) -> Option<Frame> {
         let [p0, p1] = measured(self.position_rad, POSITION_STEPS).to_le_bytes();
         let [v0, v1] = measured(self.velocity_rad_s, SPEED_STEPS).to_le_bytes();
@@ -390,7 +403,7 @@ impl Feedback {
         Some(Frame::known(address(FEEDBACK, id)?, data))
     }
 
-    /// Address and feedback; `None` for any other frame.
+    /// Decodes address and feedback; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let (id, [p0, p1, v0, v1, t0, t1, status, counter]) = split(frame, FEEDBACK)?;
         let feedback = Self {

@@ -1,26 +1,26 @@
-//! CAN frame as a value, for every bus, simulated or real, and its length in bits.
+//! CAN frame as a value, for every simulated or real bus, and its length in bits.
 
 use core::fmt;
 
 pub use embedded_can::{ExtendedId, Id, StandardId};
 
-/// A classic CAN 2.0 data frame with an identifier of 11 or 29 bits.
+/// Classic CAN 2.0 data frame with an identifier of 11 or 29 bits.
 ///
-/// Identifiers of different lengths are never equal, whatever their numbers: decoders ask for
-/// [`Self::standard_id`] or [`Self::extended_id`], and get nothing from a frame of the other kind.
+/// Identifiers of different lengths are never equal, even if their values are. Decoders call [`Self::standard_id`] or
+/// [`Self::extended_id`], which return `None` for the other length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
-    /// The identifier, with [`EXTENDED`] for one of 29 bits: half of the size of an `Id`.
+    /// Identifier, with the bit [`EXTENDED`] if it has 29 bits. An `Id` would be twice as large.
     raw: u32,
     len: u8,
     data: [u8; 8],
 }
 
-/// Set in the identifiers of 29 bits.
+/// Bit that marks an identifier of 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
 impl Frame {
-    /// A frame, or `None` when `data` is longer than 8 bytes.
+    /// Creates a frame; `None` if `data` is longer than 8 bytes.
     pub fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
         // Byte by byte: copying slices can panic, as far as an optimiser for size can see.
         let mut bytes = [0; 8];
@@ -33,22 +33,23 @@ impl Frame {
         (data.len() <= bytes.len()).then_some(Self { raw, len, data: bytes })
     }
 
-    /// A frame, or `None` when `id` needs more than 11 bits or `data` is longer than 8 bytes.
+    /// Creates a frame; `None` if `id` needs more than 11 bits, or if `data` is longer than 8 bytes.
     pub fn standard(id: u16, data: &[u8]) -> Option<Self> {
         Self::new(StandardId::new(id)?, data)
     }
 
-    /// A frame, or `None` when `id` needs more than 29 bits or `data` is longer than 8 bytes.
+    /// Creates a frame; `None` if `id` needs more than 29 bits, or if `data` is longer than 8 bytes.
     pub fn extended(id: u32, data: &[u8]) -> Option<Self> {
         Self::new(ExtendedId::new(id)?, data)
     }
 
-    /// A frame of this crate's own making: excess bits of the 11-bit identifier are dropped.
+    /// Creates a frame of this crate, whose identifier and length are known to fit. Excess bits of the 11-bit identifier are
+    /// dropped.
     pub(crate) fn known<const N: usize>(id: u16, data: [u8; N]) -> Self {
         Self::of_known((id & 0x7FF).into(), data)
     }
 
-    /// Frame like that of [`Self::known`], with a 29-bit identifier.
+    /// Creates a frame as [`Self::known`] does, with a 29-bit identifier.
     pub(crate) fn known_extended<const N: usize>(id: u32, data: [u8; N]) -> Self {
         Self::of_known(id & 0x1FFF_FFFF | EXTENDED, data)
     }
@@ -60,7 +61,7 @@ impl Frame {
         Self { raw, len: N as u8, data: bytes }
     }
 
-    /// The identifier; lower is more urgent, as `Id` orders them.
+    /// Identifier; lower ones have priority on the bus, in the order of `Id`.
     pub fn id(&self) -> Id {
         match self.extended_id() {
             None => StandardId::new(self.raw as u16).unwrap_or(StandardId::MAX).into(),
@@ -68,23 +69,22 @@ impl Frame {
         }
     }
 
-    /// The 11-bit identifier; `None` for a frame with a 29-bit one.
+    /// 11-bit identifier; `None` for a frame with 29 bits.
     pub fn standard_id(&self) -> Option<u16> {
         (self.raw & EXTENDED == 0).then_some(self.raw as u16)
     }
 
-    /// The 29-bit identifier; `None` for a frame with an 11-bit one.
+    /// 29-bit identifier; `None` for a frame with 11 bits.
     pub fn extended_id(&self) -> Option<u32> {
         (self.raw & EXTENDED != 0).then_some(self.raw & !EXTENDED)
     }
 
-    /// The payload, 0 to 8 bytes.
+    /// Payload, 0 to 8 bytes.
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
     }
 
-    /// Bits on the wire from the start of frame to the end of the three bits of space after it,
-    /// stuff bits included.
+    /// Number of bits on the wire, with stuff bits, from the start of frame to the end of the three bits of interframe space.
     pub fn exact_bits(&self) -> u32 {
         let mut bits = Stuffed::default();
         match self.id() {
@@ -106,7 +106,7 @@ impl Frame {
     }
 }
 
-/// Format of `candump`: `123#DEADBEEF`, with eight digits for a 29-bit identifier.
+/// Writes the format of `candump`: `123#DEADBEEF`, with eight digits for a 29-bit identifier.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
@@ -117,22 +117,21 @@ impl fmt::Display for Frame {
     }
 }
 
-/// CRC delimiter, ACK slot and delimiter, end of frame (7), space between frames (3).
+/// Number of bits that are never stuffed: CRC delimiter, ACK slot and delimiter, end of frame (7), interframe space (3).
 const UNSTUFFED_BITS: u32 = 13;
 
-/// Most bits that a frame with `len` data bytes takes, stuff bits and the space after it included
-/// (Davis et al. 2007, "Controller Area Network schedulability analysis"). `len` above 8 counts
-/// as 8.
+/// Maximum number of bits of a frame with `len` data bytes, including stuff bits and interframe space (Davis et al. 2007,
+/// "Controller Area Network schedulability analysis"). `len` above 8 counts as 8.
 pub const fn worst_case_bits(len: u8) -> u32 {
     worst_case(34, len)
 }
 
-/// Counterpart of [`worst_case_bits`] for a frame with a 29-bit identifier.
+/// Maximum number of bits of a frame with a 29-bit identifier; see [`worst_case_bits`].
 pub const fn worst_case_bits_extended(len: u8) -> u32 {
     worst_case(54, len)
 }
 
-/// Most bits of a frame with `around` stuffed bits besides the data.
+/// Maximum number of bits of a frame with `around` stuffed bits besides the data.
 const fn worst_case(around: u32, len: u8) -> u32 {
     let stuffed = around + 8 * if len > 8 { 8 } else { len as u32 };
     stuffed + (stuffed - 1) / 4 + UNSTUFFED_BITS
@@ -142,14 +141,15 @@ const fn worst_case(around: u32, len: u8) -> u32 {
 #[derive(Default)]
 struct Stuffed {
     count: u32,
-    /// Value of the bits of the current run, and their number, stuff bits included.
+    /// Value of the bits of the current run.
     last: u32,
+    /// Number of equal bits in the current run, stuff bits included.
     run: u32,
     crc: u16,
 }
 
 impl Stuffed {
-    /// The low `width` bits of `value`, most significant first.
+    /// Appends the low `width` bits of `value`, most significant first.
     fn push(&mut self, value: u32, width: u32) {
         for shift in (0..width).rev() {
             let bit = (value >> shift) & 1;
@@ -211,8 +211,8 @@ mod tests {
         assert_eq!(std::format!("{short} {long}"), "007#01 00000007#01");
     }
 
-    /// Second algorithm: builds the bit string, divides polynomials on it, then stuffs it.
-    /// `header` is everything from the start of frame up to the length.
+    /// Second algorithm, for comparison: builds the bit string, divides polynomials on it, then stuffs it. `header` contains
+    /// the bits from the start of frame up to the length.
     fn reference_bits(header: std::string::String, data: &[u8]) -> u32 {
         let mut text = header + &std::format!("{:04b}", data.len());
         for byte in data {

@@ -1,6 +1,6 @@
-//! Enumerations with fixed numbers on the wire.
+//! Enumerations with fixed codes on the wire.
 
-/// An enumeration whose variants have fixed numbers on the wire.
+/// Defines an enumeration whose variants have fixed codes on the wire.
 macro_rules! coded {
     ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $code:literal,)* }) => {
         $(#[$meta])*
@@ -9,15 +9,15 @@ macro_rules! coded {
         pub enum $name { $($(#[$doc])* $variant = $code,)* }
 
         impl $name {
-            /// Values in the order of their codes.
+            /// List of the variants, in the order of their codes.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
-            /// Number on the wire.
+            /// Code on the wire.
             pub const fn code(self) -> u8 {
                 self as u8
             }
 
-            /// Value of a number on the wire; `None` for a number that this version does not define.
+            /// Variant with a code; `None` if this version does not define the code.
             pub fn from_code(code: u8) -> Option<Self> {
                 match code {
                     $($code => Some(Self::$variant),)*

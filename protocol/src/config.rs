@@ -1,7 +1,7 @@
-//! The robot as the controller sees it: channels with limits, gains and bus addresses.
+//! Robot configuration of a controller: channels with limits, gains and bus addresses.
 //!
-//! Derived from the robot file (`rollwalk_robot::Robot::controller_config`). Its [`RobotConfig::hash`]
-//! ties a motion library to the robot that it was built for.
+//! The configuration is derived from the robot file (`rollwalk_robot::Robot::controller_config`). [`RobotConfig::hash`] ties a
+//! motion library to the robot that it was built for.
 
 use crate::actuator;
 use crate::crc::{crc32c, crc32c_append};
@@ -10,18 +10,18 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Most joints and actuated wheels that one controller handles.
+/// Maximum number of joints and actuated wheels of a controller.
 pub const MAX_CHANNELS: usize = 24;
 
 /// Configuration of a robot: its joints in file order, then its actuated wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotConfig {
-    /// Identity of the robot: [`robot_id`], continued over the buses that differ from the Rollwalk profile at 1 Mbit/s. Robots
-    /// with the same actuators still need different motions. A controller with other bus protocols belongs to another robot. See
-    /// `docs/formats/wire-format.md`.
+    /// Identity of the robot: [`robot_id`], extended by number and settings of every bus that is not set to the default, the
+    /// Rollwalk protocol at 1 Mbit/s. The identity depends on the name because robots with equal actuators still need different
+    /// motions. See `docs/formats/wire-format.md`.
     #[serde(with = "postcard::fixint::le")]
     pub robot: u32,
-    /// The channels, in channel order.
+    /// Channels of the robot.
     pub channels: Vec<Channel, MAX_CHANNELS>,
 }
 
@@ -43,7 +43,7 @@ pub struct Channel {
     pub min: f32,
     /// Largest value: rad for a joint, rad/s for a wheel.
     pub max: f32,
-    /// Fastest change: rad/s for a joint, rad/s² for a wheel.
+    /// Largest rate of change: rad/s for a joint, rad/s² for a wheel.
     pub max_rate: f32,
     /// Torque limit, N·m.
     pub max_torque_nm: f32,
@@ -51,34 +51,34 @@ pub struct Channel {
     pub kp_nm_rad: f32,
     /// Default damping gain, N·m·s/rad.
     pub kd_nm_s_rad: f32,
-    /// Actuator bus of the controller.
+    /// Number of the actuator bus.
     pub bus: u8,
-    /// Address on that bus.
+    /// Address on the bus.
     pub id: u8,
 }
 
-/// A configuration that no controller can run.
+/// Reason why no controller can run a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("channel {channel}: {field} is {}, must be {must}", Number::from(*value))]
 pub struct ConfigError {
-    /// Number of the channel; the number of channels when there are none.
+    /// Index of the channel; 0 if there are no channels.
     pub channel: u8,
     /// Field of [`Channel`].
     pub field: &'static str,
     /// Value of the field.
     pub value: f32,
-    /// Requirement for the value.
+    /// Requirement that the value violates.
     pub must: &'static str,
 }
 
-/// Identity of the robot with this name in a configuration: the CRC-32C of the name.
+/// Identity of a robot with this name: the CRC-32C of the name.
 pub fn robot_id(name: &str) -> u32 {
     crc32c(name.as_bytes())
 }
 
 impl RobotConfig {
-    /// Identity of the configuration: CRC-32C of its postcard encoding (docs/formats/wire-format.md).
-    /// Any change of the robot's name, of a channel, a limit, a gain or an address changes it.
+    /// Identity of the configuration: CRC-32C of its postcard encoding (docs/formats/wire-format.md). It changes with the
+    /// robot's name and with every channel, limit, gain and address.
     pub fn hash(&self) -> u32 {
         // Written out, as postcard would encode it, so that it cannot fail.
         let mut crc = crc32c(&self.robot.to_le_bytes());
@@ -98,8 +98,8 @@ impl RobotConfig {
         crc
     }
 
-    /// Checks that every value can be commanded: finite, in order, within the scales of the
-    /// actuator messages, wheels able to stand still, no two channels at one address.
+    /// Checks that every value can be commanded. Values must be finite, in order, and within the scales of the actuator
+    /// messages. Wheels must be able to stand still, and no two channels may have the same address.
     pub fn check(&self) -> Result<(), ConfigError> {
         if self.channels.is_empty() {
             let must = "at least 1 channel";
@@ -110,7 +110,7 @@ impl RobotConfig {
                 return Err(ConfigError { channel: i as u8, field, value, must });
             }
             if self.channels.iter().take(i).any(|other| (other.bus, other.id) == (c.bus, c.id)) {
-                let must = "used by one channel of a bus only";
+                let must = "used by only one channel of a bus";
                 return Err(ConfigError {
                     channel: i as u8,
                     field: "id",
@@ -124,7 +124,7 @@ impl RobotConfig {
 }
 
 impl Channel {
-    /// Field, value and requirement of the first value that is not usable.
+    /// Field, value and requirement of the first unusable value; `None` if all are usable.
     fn fault(&self) -> Option<(&'static str, f32, &'static str)> {
         let (reach, reach_text) = match self.kind {
             ChannelKind::JointPosition => {

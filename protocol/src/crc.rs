@@ -1,14 +1,13 @@
-//! The checksums of this crate: CRC-32C over stored or long data, CRC-8 over single CAN frames, and the digest of a whole
-//! file.
+//! Checksums of this crate: CRC-32C over stored or long data, CRC-8 over single CAN frames, and the digest of a whole file.
 //!
-//! CAN has its own CRC, but bridges (serial adapters, drivers with queues) lose, repeat and reorder
-//! whole frames and may damage them outside the reach of that CRC.
+//! CAN frames have a CRC of their own. Bridges (serial adapters, drivers with queues) still lose, repeat and reorder whole
+//! frames, and may damage them outside the reach of that CRC.
 
 use crc::{CRC_8_AUTOSAR, CRC_32_ISCSI, CRC_32_ISO_HDLC, Crc, NoTable};
 
 static CRC_32C: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 static CRC_8: Crc<u8> = Crc::<u8>::new(&CRC_8_AUTOSAR);
-/// Digest of whole files, without a table: files are digested rarely, and the table takes a kilobyte of flash.
+/// Digest of whole files, without a lookup table: digests are rare, and the table would take 1 kB of flash.
 static DIGEST: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32C (Castagnoli; polynomial 0x1EDC6F41, reflected, initial value and final XOR all ones).
@@ -16,7 +15,7 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
     CRC_32C.checksum(bytes)
 }
 
-/// CRC-32C of bytes whose CRC is `before`, with `bytes` after them. Nothing has the CRC 0.
+/// Continues a CRC-32C with `bytes`. `before` is the CRC of the bytes before them, 0 if there are none.
 pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
     // The register is the CRC before its final XOR, and a reflected one takes its start reversed.
     let mut digest = CRC_32C.digest_with_initial((!before).reverse_bits());
@@ -24,16 +23,16 @@ pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-/// Digest that identifies whole files: CRC-32/ISO-HDLC, as in zlib and Ethernet (polynomial 0x04C11DB7, reflected, initial value
-/// and final XOR all ones).
+/// Digest that identifies whole files: CRC-32/ISO-HDLC, as in zlib and Ethernet (polynomial 0x04C11DB7, reflected, initial
+/// value and final XOR all ones).
 ///
-/// CRC-32C cannot serve: libraries contain blocks that end with their own CRC-32C. To the same polynomial, such blocks of equal
-/// length all look alike.
+/// CRC-32C is unsuitable: libraries contain blocks that end with their own CRC-32C. A second CRC with the same polynomial
+/// cannot distinguish such blocks of equal length.
 pub fn file_digest(bytes: &[u8]) -> u32 {
     DIGEST.checksum(bytes)
 }
 
-/// Digest of bytes whose digest is `before`, with `bytes` after them. Nothing has the digest 0.
+/// Continues a digest with `bytes`. `before` is the digest of the bytes before them, 0 if there are none.
 pub fn file_digest_append(before: u32, bytes: &[u8]) -> u32 {
     // As for CRC-32C.
     let mut digest = DIGEST.digest_with_initial((!before).reverse_bits());
@@ -41,9 +40,8 @@ pub fn file_digest_append(before: u32, bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-/// CRC-8/AUTOSAR (polynomial 0x2F, initial value and final XOR 0xFF) over the two bytes of the
-/// frame's id, low byte first, followed by `data`. The id takes part, so that a frame whose id was
-/// damaged or mistaken is refused.
+/// CRC-8/AUTOSAR (polynomial 0x2F, initial value and final XOR 0xFF) over the two bytes of the frame's id, low byte first,
+/// followed by `data`. Including the id rejects frames whose id was damaged or mistaken.
 pub fn crc8_with_id(id: u16, data: &[u8]) -> u8 {
     let mut digest = CRC_8.digest();
     digest.update(&id.to_le_bytes());
@@ -55,7 +53,7 @@ pub fn crc8_with_id(id: u16, data: &[u8]) -> u8 {
 mod tests {
     use super::*;
 
-    /// Check values of the CRC catalogue, over the digits 1 to 9.
+    /// Check values of the CRC catalogue, computed over the digits 1 to 9.
     #[test]
     fn published_check_values() {
         assert_eq!(crc32c(b"123456789"), 0xE306_9283);

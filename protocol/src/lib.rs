@@ -1,24 +1,24 @@
-//! The data that crosses a boundary: robot configuration, motion library, wire messages, framing.
+//! Data formats at the boundaries of the system: robot configuration, motion library, wire messages, framing.
 //!
-//! | module | is | normative page |
+//! | module | contents | normative page |
 //! |---|---|---|
-//! | [`config`] | the robot as the controller sees it, and its hash | |
-//! | [`library`] | the motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/formats/motion-library.md` |
-//! | [`faults`] | the catalogue of faults and of the events that raise them | `docs/faults.md` |
+//! | [`config`] | robot configuration of a controller, and its hash | |
+//! | [`library`] | motion library (`.rwl`): encoder, validator, read view, frame decoder | `docs/formats/motion-library.md` |
+//! | [`faults`] | catalogue of faults and of the events that raise them | `docs/faults.md` |
 //! | [`wire`] | messages between host and controller, and the transport of long ones | `docs/formats/wire-format.md` |
 //! | [`actuator`] | messages between controller and servos or wheel drives | `docs/formats/wire-format.md` |
-//! | [`actuators`] | the protocols of servos and wheel drives, this and those of other makers | `docs/actuators.md` |
+//! | [`actuators`] | protocols of servos and wheel drives, of this project and of other makers | `docs/actuators.md` |
 //! | [`packet`] | packets on a serial line | `docs/formats/wire-format.md` |
 //! | [`tunnel`] | frames of every bus and the time over one serial line | `firmware/boards/mps2-an386/README.md` |
-//! | [`serial`] | the link over a serial line | `docs/formats/wire-format.md` |
-//! | [`slcan`] | CAN frames as lines of text, for adapters that speak Lawicel's protocol | |
-//! | [`can`] | a CAN frame as a value, and how many bits it takes | |
-//! | [`crc`] | the checksums that all of it uses | |
+//! | [`serial`] | link over a serial line | `docs/formats/wire-format.md` |
+//! | [`slcan`] | CAN frames as lines of text, for adapters with Lawicel's protocol | |
+//! | [`can`] | CAN frame as a value, and its length in bits | |
+//! | [`crc`] | checksums of all formats | |
 //! | [`time`] | division of times | |
-//! | [`text`] | names and other text of strangers: what of it is safe to print | |
+//! | [`text`] | safe printing of names and other untrusted text | |
 //!
-//! No std, no alloc, no `unsafe`, no panics whatever the input. Everything that decodes takes
-//! arbitrary bytes and answers with a value or a refusal, in bounded time.
+//! The crate uses no std, no alloc and no `unsafe`, and does not panic on any input. Every decoder accepts arbitrary bytes and
+//! returns a value or a refusal, in bounded time.
 //!
 //! ```
 //! use rollwalk_protocol::wire::{Action, Command, Node};

@@ -1,9 +1,10 @@
-//! Names that pass for others on a screen, by the tables of Unicode (UAX 15, UTS 39). For hosts.
+//! Detection of names that look like others on a screen, by the tables of Unicode (UAX 15, UTS 39). For hosts.
 
 use unicode_normalization::is_nfc;
 use unicode_security::{MixedScript, skeleton};
 
-/// Problem of a name that can pass for another one; the sentence goes on after the name. `None` if it has none.
+/// Problem of a name that can be mistaken for another one, as a clause that continues a sentence after the name. `None` if
+/// there is no problem.
 pub fn problem(name: &str) -> Option<&'static str> {
     if !is_nfc(name) {
         Some("has a letter and its accent as two characters (it is not in NFC)")
@@ -15,9 +16,9 @@ pub fn problem(name: &str) -> Option<&'static str> {
 }
 
 /// Advice for a name that has a [`problem`].
-pub const HELP: &str = "type the name anew, with letters of one script and composed accents";
+pub const HELP: &str = "type the name again with letters of one script and composed accents";
 
-/// True if two different names look the same. Names of ASCII alone do not: fonts for programs distinguish `l` from `1`.
+/// True if two different names look the same. Two ASCII names never do, since monospaced fonts distinguish `l` from `1`.
 pub fn look_alike(one: &str, other: &str) -> bool {
     one != other && !(one.is_ascii() && other.is_ascii()) && skeleton(one).eq(skeleton(other))
 }

@@ -1,28 +1,27 @@
-//! Packets on a serial line, for [`crate::tunnel`] and [`crate::serial`]: each arrives whole or is dropped.
+//! Packets on a serial line, for [`crate::tunnel`] and [`crate::serial`]. A packet arrives whole or is dropped.
 //!
-//! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and ended by a
-//! zero byte.
+//! A packet is `body · CRC-32C (little-endian)`, stuffed by COBS (Cheshire and Baker 1997) and terminated by a zero byte.
 
 use crate::can::Frame;
 use crate::crc::crc32c;
 use cobs::{DecodeResult, DecoderState};
 use heapless::Vec;
 
-/// Bytes of the checksum.
+/// Length of the checksum, bytes.
 pub(crate) const CRC_LEN: usize = 4;
 
-/// Bytes on the line, the ending zero included, of a packet of at most `packet` bytes before stuffing.
+/// Maximum number of bytes on the line, including the final zero, of a packet with up to `packet` bytes before stuffing.
 pub(crate) const fn line_len(packet: usize) -> usize {
     cobs::max_encoding_length(packet) + 1
 }
 
-/// Appends bytes; `None` when there is no room, and then as many as there was room for. In place of `extend_from_slice`,
-/// which counts without a proof for the compiler that the count does not overflow.
+/// Appends bytes. If they do not fit, appends as many as fit and returns `None`. Replaces `extend_from_slice`, because the
+/// compiler cannot prove that its length calculation does not overflow.
 pub(crate) fn append<const N: usize>(to: &mut Vec<u8, N>, bytes: &[u8]) -> Option<()> {
     bytes.iter().try_for_each(|&byte| to.push(byte).ok())
 }
 
-/// A packet that is being written, of at most `N` bytes with its checksum.
+/// Packet under construction, with at most `N` bytes including its checksum.
 #[derive(Default)]
 pub(crate) struct Writer<const N: usize>(Vec<u8, N>);
 
@@ -31,14 +30,14 @@ impl<const N: usize> Writer<N> {
         append(&mut self.0, bytes)
     }
 
-    /// Appends a frame; `None` for a frame with a 29-bit identifier, which no packet carries.
+    /// Appends a frame; `None` if it has a 29-bit identifier, for which packets have no room.
     pub(crate) fn frame(&mut self, frame: &Frame) -> Option<()> {
         let [low, high] = frame.standard_id()?.to_le_bytes();
         self.put(&[low, high, frame.data().len() as u8])?;
         self.put(frame.data())
     }
 
-    /// The bytes for the line; `L` is [`line_len`] of `N`.
+    /// Bytes for the line; `L` is [`line_len`] of `N`.
     pub(crate) fn finish<const L: usize>(mut self) -> Option<Vec<u8, L>> {
         let crc = crc32c(&self.0);
         self.put(&crc.to_le_bytes())?;
@@ -51,7 +50,7 @@ impl<const N: usize> Writer<N> {
     }
 }
 
-/// The rest of a packet's body.
+/// Unread rest of a packet's body.
 pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
 impl Reader<'_> {
@@ -73,15 +72,14 @@ impl Reader<'_> {
     }
 }
 
-/// Finds packets of at most `N` bytes in the bytes of the line. Synchronises at the next zero, whatever bytes came
-/// before it.
+/// Extracts packets of at most `N` bytes from the bytes of a line. Any zero byte synchronises it, whatever bytes came before.
 #[derive(Debug)]
 pub struct Deframer<const N: usize> {
     packet: Vec<u8, N>,
     cobs: DecoderState,
-    /// The bytes since the last zero are not a packet.
+    /// True if the bytes since the last zero are not a packet.
     bad: bool,
-    /// The last byte ended a packet, which is still in the buffer.
+    /// True if the previous byte completed a packet, which is still in the buffer.
     complete: bool,
 }
 
@@ -92,7 +90,7 @@ impl<const N: usize> Default for Deframer<N> {
 }
 
 impl<const N: usize> Deframer<N> {
-    /// Takes a byte; returns the body of the packet that it completes. Drops damaged packets.
+    /// Adds a received byte. Returns the body of the packet that the byte completes. Drops damaged packets.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
         if core::mem::take(&mut self.complete) {
             self.packet.clear();

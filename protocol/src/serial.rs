@@ -1,9 +1,8 @@
-//! The link over a serial line: for a host without CAN, to a board with buses and a clock of its own.
+//! Link over a serial line, from a host without CAN to a board with its own buses and clock.
 //!
-//! Each frame of the link is sent in a [`packet`] as soon as there is one, in both directions. Messages of the
-//! transport, which CAN needs segmented, cross the line whole: a [`Gateway`] at each end does the segmenting. The
-//! host can also request a [`Report`] of the board, with reset cause and error counters, which the controller's own
-//! messages do not have.
+//! Frames of the link are sent in [`packet`]s without delay, in both directions. Transport messages, which CAN requires in
+//! segments, cross the line whole: a [`Gateway`] at each end does the segmentation. The host can also request a [`Report`] of
+//! the board. It contains reset cause and error counters, which the controller's own messages lack.
 
 use crate::can::Frame;
 use crate::packet::{self, CRC_LEN, Reader, line_len};
@@ -14,12 +13,12 @@ mod gateway;
 
 pub use gateway::Gateway;
 
-/// Longest packet before stuffing: kind, identifier and a message.
+/// Maximum size of a packet before stuffing, bytes: kind, identifier, message and checksum.
 const MAX_PACKET: usize = 3 + MAX_MESSAGE + CRC_LEN;
 
-/// Bytes for the line, the ending zero included.
+/// Bytes for the line, including the final zero.
 pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
-/// Finds these packets on the line.
+/// Deframer of these packets.
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 
@@ -29,19 +28,19 @@ const KIND_ASK: u8 = 17;
 const KIND_REPORT: u8 = 18;
 const KIND_MESSAGE: u8 = 19;
 
-/// Buses of a [`Report`]: the link, two for actuators.
+/// Number of buses in a [`Report`]: the link and two actuator buses.
 pub const BUSES: usize = 3;
 
-/// A packet on the line.
+/// Packet on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packet<'a> {
-    /// A frame of the link, in either direction; not one of the transport.
+    /// Frame of the link, in either direction, except those of the transport.
     Link(Frame),
-    /// A whole message of the transport.
+    /// Whole message of the transport.
     Message {
-        /// Identifier of the frames that would carry it on CAN.
+        /// Identifier of the CAN frames that would contain the message.
         id: u16,
-        /// 1 to [`MAX_MESSAGE`] bytes.
+        /// Content, 1 to [`MAX_MESSAGE`] bytes.
         bytes: &'a [u8],
     },
     /// Request of the host for a report.
@@ -53,69 +52,69 @@ pub enum Packet<'a> {
 /// Status report of a board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
+    /// Hash of the robot that the image was built for ([`crate::config::RobotConfig::hash`]).
     pub config_hash: u32,
-    /// Cause of the last reset.
+    /// Cause of the latest reset.
     pub reset: Reset,
-    /// Brown-out reset level, as the chip numbers them.
+    /// Brown-out reset level, as numbered by the chip.
     pub brown_out_level: u8,
     /// Time since the reset, ms.
     pub uptime_ms: u32,
-    /// Control periods without a tick.
+    /// Number of control periods without a tick.
     pub missed_periods: u32,
-    /// The longest tick, µs.
+    /// Duration of the longest tick, µs.
     pub longest_tick_us: u32,
-    /// Flash reads with uncorrectable ECC errors.
+    /// Number of flash reads with uncorrectable ECC errors.
     pub broken_words: u32,
-    /// The link, then the actuator buses.
+    /// Status of the link, then of the actuator buses.
     pub buses: [BusReport; BUSES],
 }
 
 /// Cause of a board's reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reset {
-    /// Something else.
+    /// Another cause.
     #[default]
     Other,
     /// Power-on or brown-out.
     PowerOn,
-    /// The reset button.
+    /// Reset button.
     Pin,
-    /// The independent watchdog: the control loop had stopped.
+    /// Independent watchdog: the control loop had stopped.
     Watchdog,
-    /// Reset by software: a debugger.
+    /// Software, such as a debugger.
     Software,
 }
 
 /// Status of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusReport {
-    /// State.
+    /// Error state of the bus.
     pub state: BusState,
     /// Transmit error counter.
     pub transmit_errors: u8,
     /// Receive error counter.
     pub receive_errors: u8,
-    /// Receive overruns: frames that arrived before earlier ones were read.
+    /// Number of frames lost because earlier ones had not been read.
     pub lost: u16,
 }
 
-/// Error state of a CAN controller, as a board or a driver reports it.
+/// Error state of a CAN controller, as reported by a board or a driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BusState {
     /// Error active: no fault.
     #[default]
     Active,
-    /// Missing acknowledgements: the controller is alone on the bus, or the other nodes have no power.
+    /// Missing acknowledgements: no other node with power is on the bus.
     NotAcknowledged,
     /// Error passive: 128 errors or more.
     Passive,
-    /// Bus-off: takes no part in the bus until it is restarted.
+    /// Bus-off: disconnected from the bus until a restart.
     Off,
 }
 
 impl<'a> Packet<'a> {
-    /// Encodes the packet as bytes for the line.
+    /// Encodes the packet for the line; `None` if it does not fit.
     pub fn encode(&self) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -147,7 +146,7 @@ impl<'a> Packet<'a> {
         packet.finish()
     }
 
-    /// Decodes a packet of a [`Deframer`].
+    /// Decodes a packet of a [`Deframer`]; `None` for any other packet.
     pub fn decode(packet: &'a [u8]) -> Option<Self> {
         let mut rest = Reader(packet);
         let [kind] = rest.take()?;
@@ -217,7 +216,7 @@ mod tests {
         )
     }
 
-    /// Bytes of messages: runs, steps and zeros.
+    /// Bytes for messages: runs, steps and zeros.
     static BYTES: [u8; 256 + MAX_MESSAGE] = {
         let mut bytes = [0; 256 + MAX_MESSAGE];
         let mut k = 0;
@@ -258,8 +257,8 @@ mod tests {
         bytes.iter().filter_map(|&byte| deframer.push(byte).map(<[u8]>::to_vec)).collect()
     }
 
-    /// Counted by hand from the description. The one zero of the body is the identifier's upper byte:
-    /// COBS begins with the distance to it, and puts the distance to the end in its place.
+    /// Checks bytes that were counted by hand from the description. The only zero of the body is the upper byte of the
+    /// identifier. COBS begins with the distance to it, and replaces it by the distance to the end.
     #[test]
     fn packets_on_the_line() {
         // The checksum by another program; firmware/boards/README.md shows these bytes.

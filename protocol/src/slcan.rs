@@ -1,42 +1,41 @@
 //! SLCAN, Lawicel's protocol: CAN frames as lines of text, for cheap adapters and Linux's `slcand`.
 //!
-//! Source: Lawicel AB, "CANUSB manual" (command set of the CAN232). A line ends with a carriage return;
-//! `t1232AABB` is a frame with an identifier of 11 bits, two bytes of data, `T` one of 29 bits. An
-//! adapter answers a bare carriage return for OK, a bell for an error.
+//! Source: Lawicel AB, "CANUSB manual" (command set of the CAN232). A line ends with a carriage return. `t1232AABB` is a frame
+//! with the 11-bit identifier 123 and two bytes of data. `T` begins a frame with a 29-bit identifier. An adapter answers with a
+//! single carriage return for OK, or with a bell for an error.
 
 use crate::can::{Frame, Id};
 use heapless::Vec;
 
-/// Ends a line; alone it is OK.
+/// Last byte of a line; alone it means OK.
 const END: u8 = b'\r';
 const BELL: u8 = 7;
-/// Longest line with its end: `T`, eight digits, length, sixteen digits.
+/// Maximum length of a line with its end, bytes: `T`, eight digits, length, sixteen digits.
 const MAX_LINE: usize = 27;
 
-/// A line for an adapter or a host, its end included.
+/// Line for an adapter or a host, with its end.
 pub type Line = Vec<u8, MAX_LINE>;
 
-/// A message of a host or an adapter.
+/// Message of a host or an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message {
-    /// A frame: from a host to be sent, from an adapter received.
+    /// Frame that a host sends or an adapter has received.
     Frame(Frame),
-    /// Host: the bus has this bitrate, by Lawicel's digit 0 to 8 (10, 20, 50, 100, 125, 250, 500, 800,
-    /// 1000 kbit/s).
+    /// Host: set the bitrate of the bus, by Lawicel's digit 0 to 8 (10, 20, 50, 100, 125, 250, 500, 800, 1000 kbit/s).
     Bitrate(u8),
-    /// Host: take part in the bus.
+    /// Host: connect to the bus.
     Open,
-    /// Host: take part no longer.
+    /// Host: disconnect from the bus.
     Close,
-    /// Adapter: the command was carried out, or the frame sent.
+    /// Adapter: the command was executed, or the frame was sent.
     Ok,
     /// Adapter: the command was refused.
     Error,
-    /// A command that is none of these, by its letter.
+    /// Other command, by its letter.
     Other(u8),
 }
 
-/// Lawicel's digit for a bitrate, bit/s; `None` for one that it has not.
+/// Lawicel's digit for a bitrate, bit/s; `None` if there is no digit for it.
 pub fn bitrate_digit(bitrate: u32) -> Option<u8> {
     let known = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
     (0..).zip(known).find(|&(_, kbit)| kbit * 1000 == bitrate).map(|(digit, _)| digit)
@@ -86,19 +85,18 @@ fn digits(line: &mut Line, value: u32, count: u32) -> Option<()> {
     })
 }
 
-/// Finds messages in bytes as they come. A line that is too long or makes no sense is skipped up
-/// to its end.
+/// Reader that extracts messages from received bytes. A line that is too long or invalid is skipped up to its end.
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
     line: Line,
     too_long: bool,
 }
 
-/// Bytes that a line may have after a frame: a time stamp of four digits, when a host asked for them.
+/// Length of the time stamp after a frame, digits. Adapters append one if a host requested it.
 const STAMP: usize = 4;
 
 impl Reader {
-    /// Takes a byte; returns the message that it completes.
+    /// Adds a received byte. Returns the message that it completes.
     pub fn push(&mut self, byte: u8) -> Option<Message> {
         match byte {
             BELL => {
@@ -146,7 +144,7 @@ fn parse(line: &[u8]) -> Option<Message> {
     }
 }
 
-/// Identifier, bytes and their number of a frame whose identifier has `id_digits` digits.
+/// Identifier, data and data length of a frame; the identifier has `id_digits` digits.
 fn frame(text: &[u8], id_digits: usize) -> Option<(u32, [u8; 8], usize)> {
     let (id, rest) = text.split_at_checked(id_digits)?;
     let (len, rest) = rest.split_at_checked(1)?;
@@ -180,7 +178,7 @@ mod tests {
         Message::Frame(Frame::standard(id, data).unwrap())
     }
 
-    /// Examples of the manual, and the first bytes of `slcand -o -s8`.
+    /// Checks examples of the manual, and the first bytes of `slcand -o -s8`.
     #[test]
     fn lines_of_the_manual() {
         assert_eq!(read(b"t10021133\r"), [standard(0x100, &[0x11, 0x33])]);

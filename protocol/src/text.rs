@@ -1,14 +1,13 @@
-//! Text of other people: names in libraries, files and messages. Defines the characters that are safe to print, and the printed
-//! form of the others.
+//! Safe printing of untrusted text: names in libraries, files and messages.
 //!
-//! A terminal obeys control characters, and formatting characters reorder or hide what stands beside them; a name with
-//! either can pass for another. For hosts: a controller prints nothing.
+//! Terminals interpret control characters. Formatting characters reorder or hide the text next to them. A name with either can
+//! be mistaken for another. This module is for hosts; a controller prints nothing.
 
 use core::fmt::{self, Write};
 use core::str::FromStr;
 
-/// True for characters that change how a terminal shows others: control characters, line and paragraph separators, direction
-/// marks, and characters without width.
+/// True for characters that change how a terminal shows other ones: control characters, line and paragraph separators,
+/// direction marks, and characters without width.
 pub fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c,
@@ -16,35 +15,36 @@ pub fn is_hidden(c: char) -> bool {
             | '\u{2060}'..='\u{206F}' | '\u{FEFF}' | '\u{FFF9}'..='\u{FFFB}' | '\u{E0000}'..='\u{E0FFF}')
 }
 
-/// True if a printed name can be distinguished from others: not empty, no hidden characters, no space at its ends.
+/// True if a printed name can be distinguished from others: it is not empty, and has no hidden characters and no space at its
+/// ends.
 pub fn is_plain_name(name: &str) -> bool {
     !name.is_empty() && name.trim() == name && !name.contains(is_hidden)
 }
 
-/// A name as it is safe to print: hidden characters as `\u001b`, which is their form in JSON, too.
+/// Name in a form that is safe to print. Hidden characters appear as `\u001b`, as in JSON.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a>(pub &'a str);
 
-/// Text of several lines as it is safe to print: as [`Shown`], but line breaks and tabs stay.
+/// Text of several lines in a form that is safe to print, like [`Shown`] except that line breaks and tabs stay.
 #[derive(Clone, Copy, Debug)]
 pub struct ShownLines<'a>(pub &'a str);
 
-/// Most characters of an [`Excerpt`], besides the dots for omitted text.
+/// Maximum number of characters of an [`Excerpt`], besides the ellipses for omitted text.
 const EXCERPT_MAX: usize = 100;
-/// Characters of an [`Excerpt`] before the place that it is about.
+/// Number of characters of an [`Excerpt`] before its position.
 const EXCERPT_BEFORE: usize = 40;
 
-/// Part of a text around a byte, as it is safe to print in a message: [`Shown`], cut to some 100 characters.
+/// Excerpt of a text around a position, in a form that is safe to print in a message: [`Shown`], cut to about 100 characters.
 #[derive(Clone, Copy, Debug)]
 pub struct Excerpt<'a> {
-    /// The whole text.
+    /// Whole text.
     pub text: &'a str,
-    /// Byte that the message is about.
+    /// Position that the message refers to, byte index.
     pub at: usize,
 }
 
 impl<'a> Excerpt<'a> {
-    /// The beginning of a text.
+    /// Excerpt from the beginning of a text.
     pub fn start_of(text: &'a str) -> Self {
         Self { text, at: 0 }
     }
@@ -79,17 +79,17 @@ impl fmt::Display for ShownLines<'_> {
     }
 }
 
-/// A number as messages show it: at most five digits that count, and no zeros at its end. Values in single precision have
-/// more digits than anyone gave.
+/// Number as shown in messages: with at most five significant digits, and without trailing zeros. Single-precision values would
+/// otherwise print spurious digits.
 #[derive(Clone, Copy, Debug)]
 pub struct Number(pub f64);
 
-/// A limit as messages show it: with the digits of a [`Number`], but never rounded to a value that the limit refuses.
+/// Limit as shown in messages: with the digits of a [`Number`], but never rounded to a value that the limit excludes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit<T> {
-    /// The smallest value that is allowed.
+    /// Smallest allowed value.
     AtLeast(T),
-    /// The largest one.
+    /// Largest allowed value.
     AtMost(T),
 }
 
@@ -130,8 +130,8 @@ impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
     }
 }
 
-/// `value` changed by `steps` steps of its fifth digit, without zeros at the end. `None` below 1e-9, and from 100,000 on, where
-/// more digits stand before the point.
+/// Decimal digits of `value`, changed by `steps` units of its fifth digit, without trailing zeros. `None` below 1e-9, and from
+/// 100,000 up, where more than five digits precede the point.
 fn digits(value: f64, steps: f64) -> Option<heapless::String<32>> {
     let size = value.abs();
     if !(1e-9..1e5).contains(&size) {

@@ -1,9 +1,9 @@
 //! Division of times in microseconds.
 //!
-//! The compiler's own division of 64-bit numbers takes 900 bytes of an image for a processor that divides 32 bits, and
-//! times are all that the controller divides so.
+//! The compiler's division of 64-bit integers takes 900 bytes of flash on a processor with 32-bit division. Times are the only
+//! 64-bit values that the controller divides.
 
-/// A time divided by a small number of at least 1, rounded down: microseconds to milliseconds by 1000.
+/// Divides a time by a small divisor of at least 1, and rounds down: microseconds to milliseconds by 1000.
 // Once in the image instead of where it is called.
 #[inline(never)]
 pub fn divided(time: u64, by: u16) -> u64 {
@@ -17,7 +17,7 @@ pub fn divided(time: u64, by: u16) -> u64 {
     })
 }
 
-/// Microseconds to milliseconds, rounded down; wraps after 49 days.
+/// Converts microseconds to milliseconds, rounded down; wraps after 49 days.
 pub fn wrapping_ms(time_us: u64) -> u32 {
     divided(time_us, 1000) as u32
 }

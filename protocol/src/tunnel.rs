@@ -1,10 +1,9 @@
-//! Frames of every bus, and the time, over one serial line: how a host drives a board without CAN.
+//! Tunnel for time and the frames of every bus over one serial line, with which a host operates a board without CAN.
 //!
-//! An emulated board has no CAN controller, and no clock that a test could trust. So the host keeps
-//! the time and both ends of every bus: it sends the board each event with its time
-//! ([`Request::Step`]) and receives the frames that the controller puts on the buses. Every request
-//! has one answer and the board sends nothing unsolicited: the same requests give the same answers,
-//! byte by byte.
+//! An emulated board has no CAN controller, and its clock is not exact enough for tests. The host therefore simulates the time
+//! and both ends of every bus. It sends each event with its time to the board ([`Request::Step`]), and receives the frames that
+//! the controller sends on the buses. Every request has one answer, and the board sends nothing unsolicited. Equal requests
+//! have equal answers, byte by byte.
 //!
 //! The body of a [`packet`] begins with kind and sequence number; the answer repeats both.
 
@@ -14,38 +13,38 @@ use heapless::Vec;
 
 /// Maximum number of actuator buses.
 pub const MAX_ACTUATOR_BUSES: u8 = 8;
-/// Longest packet before stuffing: an answer with a frame for every bus has 122 bytes.
+/// Maximum size of a packet before stuffing, bytes. An answer with a frame for every bus has 122 bytes.
 const MAX_PACKET: usize = 128;
 
 const KIND_HELLO: u8 = 1;
 const KIND_STEP: u8 = 2;
 const KIND_FIGURES: u8 = 3;
 
-/// Bytes for the line, the ending zero included.
+/// Bytes for the line, including the final zero.
 pub type Line = Vec<u8, { line_len(MAX_PACKET) }>;
-/// Finds these packets on the line.
+/// Deframer of these packets.
 pub type Deframer = packet::Deframer<MAX_PACKET>;
 type Writer = packet::Writer<MAX_PACKET>;
 
 /// Request of the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Asks the board for its identity.
+    /// Requests the identity of the board.
     Hello,
-    /// Passes an event, or lets the controller send on free buses.
+    /// Passes an event, or allows the controller to send on free buses.
     Step(Step),
-    /// Asks for the run time and stack used so far.
+    /// Requests the run time and stack used so far.
     Figures,
 }
 
-/// An instant: an event, and the buses that can take a frame after it.
+/// Point in time, with an event and the buses that can accept a frame after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// The controller's time, µs; never goes back.
+    /// Time of the controller, µs; never decreases.
     pub now_us: u64,
-    /// Event at this instant.
+    /// Event at this time; `None` if there is no event.
     pub input: Option<Input>,
-    /// Buses that can take a frame.
+    /// Buses that can accept a frame.
     pub free: Buses,
 }
 
@@ -54,23 +53,23 @@ pub struct Step {
 pub enum Input {
     /// A control period has passed.
     Tick,
-    /// A frame from the host.
+    /// Frame from the host.
     Link(Frame),
-    /// A frame of an actuator bus, below [`MAX_ACTUATOR_BUSES`].
+    /// Frame of an actuator bus, whose number is below [`MAX_ACTUATOR_BUSES`].
     Actuator(u8, Frame),
 }
 
-/// A set of buses.
+/// Set of buses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Buses(u16);
 
 impl Buses {
-    /// Adds the link.
+    /// Adds the link to the set.
     pub fn with_link(self) -> Self {
         Self(self.0 | 1)
     }
 
-    /// Adds an actuator bus; numbers from [`MAX_ACTUATOR_BUSES`] on are ignored.
+    /// Adds an actuator bus to the set; numbers from [`MAX_ACTUATOR_BUSES`] on are ignored.
     pub fn with_actuator(self, bus: u8) -> Self {
         if bus < MAX_ACTUATOR_BUSES { Self(self.0 | 2 << bus) } else { self }
     }
@@ -110,44 +109,44 @@ pub enum Answer {
 /// Identity of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hello {
-    /// [`crate::config::RobotConfig::hash`] of the robot that the image was built for.
+    /// Hash of the robot that the image was built for ([`crate::config::RobotConfig::hash`]).
     pub config_hash: u32,
-    /// Steps since power-on: a repeatable run begins at 0.
+    /// Number of steps since power-on; 0 at the start of a repeatable run.
     pub steps: u32,
 }
 
 /// Result of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stepped {
-    /// A frame for the link.
+    /// Frame for the link.
     pub link: Option<Frame>,
-    /// A frame for each actuator bus.
+    /// Frame for each actuator bus.
     pub actuators: [Option<Frame>; MAX_ACTUATOR_BUSES as usize],
-    /// Clip, frame and phase being played.
+    /// Clip, frame and phase of the current playback.
     pub playing: Option<(u8, u16, f32)>,
 }
 
 /// Run time of control periods, in counts of the board's timer, and stack usage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Figures {
-    /// Control periods counted.
+    /// Number of control periods.
     pub periods: u32,
-    /// The longest tick alone.
+    /// Duration of the longest tick alone.
     pub worst_tick: u32,
-    /// Sum of all ticks.
+    /// Total duration of all ticks.
     pub all_ticks: u64,
-    /// The longest period: the tick, every actuator's feedback and every frame for a bus.
+    /// Duration of the longest period: the tick, every actuator's feedback and every frame for a bus.
     pub worst_period: u32,
-    /// Sum of all periods.
+    /// Total duration of all periods.
     pub all_periods: u64,
-    /// Deepest stack while the board started, bytes.
+    /// Largest stack depth while the board started, bytes.
     pub start_stack_bytes: u32,
-    /// Deepest stack since then, bytes.
+    /// Largest stack depth after the start, bytes.
     pub stack_bytes: u32,
 }
 
 impl Request {
-    /// Encodes the request as bytes for the line.
+    /// Encodes the request for the line; `None` if it contains an invalid bus.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -200,7 +199,7 @@ impl Request {
 }
 
 impl Answer {
-    /// Encodes the answer as bytes for the line.
+    /// Encodes the answer for the line; `None` if it does not fit.
     pub fn encode(&self, sequence: u8) -> Option<Line> {
         let mut packet = Writer::default();
         match self {
@@ -337,7 +336,7 @@ mod tests {
         prop_oneof![stepped.prop_map(Answer::Stepped), hello, figures.prop_map(Answer::Figures)]
     }
 
-    /// Counted by hand from the description above; the CRC of `01 07` by another program.
+    /// Checks bytes that were counted by hand from the description above. The CRC of `01 07` is computed separately.
     #[test]
     fn a_question_on_the_line() {
         let line = Request::Hello.encode(7).unwrap();

@@ -1,8 +1,8 @@
-//! Motors of joints and wheels, with their gearboxes.
+//! Motors of joints and wheels, including their gearboxes.
 
 use serde::{Deserialize, Serialize};
 
-/// The motor of a joint or of an actuated wheel, after its gearbox.
+/// Motor of a joint or of an actuated wheel. Values refer to the output of the gearbox.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Actuator {
@@ -12,27 +12,27 @@ pub struct Actuator {
     pub speed_max_rad_s: f64,
     /// Torque limit at the output, N·m.
     pub torque_max_nm: f64,
-    /// Torque-speed line; `None` if the data sheet has none.
+    /// Torque-speed line; `None` if the data sheet does not contain one.
     pub torque_speed: Option<TorqueSpeedLine>,
-    /// Default proportional gain, N·m/rad (joints; 0 for wheels).
+    /// Default proportional gain, N·m/rad; 0 for wheels.
     pub kp_nm_rad: f64,
     /// Default damping gain, N·m·s/rad.
     pub kd_nm_s_rad: f64,
     /// Inertia of rotor and gearbox seen at the output, kg·m².
     pub armature_kg_m2: f64,
-    /// Number of the motor's bus at the controller.
+    /// Number of the actuator bus on the controller.
     pub bus: u8,
-    /// Address of the motor on that bus.
+    /// Address of the motor on its bus.
     pub id: u8,
 }
 
-/// The straight line of a DC motor at its supply voltage: while it drives its load,
+/// Torque-speed line of a DC motor at its supply voltage. While the motor drives its load,
 /// |torque| / stall torque + |speed| / no-load speed ≤ 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSpeedLine {
     /// Torque at standstill, N·m.
     pub stall_torque_nm: f64,
-    /// Speed without a load, rad/s.
+    /// Speed without load, rad/s.
     pub no_load_speed_rad_s: f64,
 }

@@ -1,21 +1,21 @@
-//! Geometry of the blades of skates.
+//! Geometry of skate blades.
 
 use crate::model::EndEffector;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
-/// Geometry of the blade of a skate.
+/// Geometry of a skate's blade.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blade {
-    /// Unit vector from the centre of curvature to the blade's middle, in the link frame: opposite to
-    /// the link's z axis, square to the axis across the blade.
+    /// Unit vector from the centre of curvature to the middle of the blade, in the link frame. It is perpendicular to the axis
+    /// across the blade, and as close as possible to the link's −z.
     pub middle_in_link: Vector3<f64>,
-    /// Largest distance of the contact from the middle along the blade, R sin(L / 2R), m.
+    /// Largest distance of the contact from the middle along the blade, m: R sin(L / 2R).
     pub reach_m: f64,
 }
 
 impl EndEffector {
-    /// Geometry of the blade of a skate; none for others.
+    /// Geometry of a skate's blade; `None` for other end effectors.
     pub fn blade(&self) -> Option<Blade> {
         let axis_in_link = self.contact.axis_in_link()?;
         let blade_length_m = self.contact.blade_length_m()?;

@@ -1,16 +1,16 @@
-//! Channels: the motors of a robot in the order of its controller.
+//! Channels: the motors of a robot, in the order of the controller.
 
 use crate::GRAVITY_M_S2;
 use crate::actuator::Actuator;
 use crate::model::{EndEffector, Joint, Robot};
 use rollwalk_protocol::config::{self, ChannelKind};
 
-/// A motor-driven degree of freedom, in channel order (`docs/conventions.md`).
+/// Motor-driven degree of freedom, in channel order (`docs/conventions.md`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Channel<'r> {
-    /// A joint, commanded by angle.
+    /// Joint, commanded by angle.
     Joint(&'r Joint),
-    /// An actuated wheel, commanded by motor speed.
+    /// Actuated wheel, commanded by motor speed.
     Wheel(&'r EndEffector, &'r Actuator),
 }
 
@@ -23,7 +23,7 @@ impl Channel<'_> {
         }
     }
 
-    /// The motor.
+    /// Motor of the channel.
     pub fn actuator(&self) -> &Actuator {
         match self {
             Channel::Joint(joint) => &joint.actuator,
@@ -31,7 +31,7 @@ impl Channel<'_> {
         }
     }
 
-    /// Limits, gains and address, for the controller.
+    /// Limits, gains and address of the channel for the controller.
     pub fn config(&self) -> config::Channel {
         let actuator = self.actuator();
         let (kind, min, max, max_rate) = match self {
@@ -63,7 +63,7 @@ impl Channel<'_> {
 }
 
 impl Robot {
-    /// Joints in file order, then actuated wheels in end-effector order.
+    /// Channels of the robot: joints in file order, then actuated wheels in end-effector order.
     pub fn channels(&self) -> impl Iterator<Item = Channel<'_>> {
         let wheels = self.end_effectors.iter().filter_map(|end_effector| {
             Some(Channel::Wheel(end_effector, end_effector.contact.actuator()?))

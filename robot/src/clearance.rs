@@ -1,20 +1,20 @@
-//! Clearance: pairs of shapes that must keep apart, and radii that end effectors keep free.
+//! Clearance: pairs of shapes that must stay apart, and clearance radii of end effectors.
 
 use crate::model::{EndEffector, Joint, Robot};
 use crate::shape::Shape;
 
-/// Two shapes that must keep clear of each other.
+/// Pair of shapes that must keep clear of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClearancePair<'r> {
-    /// Indices of their links, the lower one first.
+    /// Indices of the links, in ascending order.
     pub links: [usize; 2],
-    /// The shapes, in the frames of these links. The second is a capsule.
+    /// Shapes, each in the frame of its link. The second is a capsule.
     pub shapes: [&'r Shape; 2],
 }
 
 impl Robot {
-    /// Pairs of shapes that must stay [`Robot::clearance_margin_m`] apart: those of different links, except for links
-    /// that a joint connects, which touch there.
+    /// Pairs of shapes that must stay [`Robot::clearance_margin_m`] apart. Shapes of one link, and of two links that a joint
+    /// connects, are excluded.
     pub fn clearance_pairs(&self) -> impl Iterator<Item = ClearancePair<'_>> {
         let links = self.links.iter().enumerate();
         links.flat_map(move |(first, link)| {
@@ -32,7 +32,7 @@ impl Robot {
         })
     }
 
-    /// Two links as reports name them.
+    /// Name of a pair of links in reports.
     pub fn pair_name(&self, [first, second]: [usize; 2]) -> String {
         format!("{} – {}", self.links[first].name, self.links[second].name)
     }
@@ -44,7 +44,7 @@ impl Robot {
 }
 
 impl EndEffector {
-    /// Radius around the contact point that other end effectors keep clear of, m (Eq. 2.10: r).
+    /// Radius around the contact point from which other end effectors must keep clear, m (r in Eq. 2.10).
     pub fn clearance_radius_m(&self) -> f64 {
         self.contact.blade_length_m().map_or(self.radius_m, |length_m| 0.5 * length_m)
     }

@@ -1,7 +1,7 @@
-//! End effectors that touch the ground: the kinds of contact and what each can do.
+//! End effectors that touch the ground: kinds of contact and their capabilities.
 //!
-//! Only this crate distinguishes the kinds: here, in the reader of robot files (`file/`) and in the URDF import
-//! (`urdf/`). All other crates ask for a capability (an axis, a motor, a drag).
+//! Only this crate distinguishes the kinds: in this module, in the reader of robot files (`file/`) and in the URDF import
+//! (`urdf/`). All other crates use capabilities, such as an axis, a motor or a drag.
 
 use crate::actuator::Actuator;
 use nalgebra::Vector3;
@@ -11,51 +11,51 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Contact {
-    /// A small sphere that does not slip.
+    /// Small sphere that does not slip.
     PointFoot,
-    /// A wheel that is fixed to its link: a foot that rolls only as the link turns (LegBot).
+    /// Wheel that is fixed to its link. It rolls only when the link turns (LegBot).
     WeldedWheel {
         /// Unit wheel axis in the link frame (â).
         axis_in_link: Vector3<f64>,
     },
-    /// A wheel turned by a motor.
+    /// Wheel with a motor.
     ActuatedWheel {
         /// Unit wheel axis in the link frame (â).
         axis_in_link: Vector3<f64>,
-        /// The wheel's motor.
+        /// Motor of the wheel.
         actuator: Actuator,
     },
-    /// A wheel that turns freely.
+    /// Wheel that turns freely.
     PassiveWheel {
         /// Unit wheel axis in the link frame (â).
         axis_in_link: Vector3<f64>,
         /// Rolling resistance and drag.
         drag: RollingDrag,
     },
-    /// The blade of an ice skate: glides freely along itself, not across. To the physics it is a free
-    /// wheel whose radius is that of the blade's curvature.
+    /// Blade of an ice skate, which glides along itself and not across. The physics treats the blade as a free wheel with the
+    /// blade's radius of curvature.
     Skate {
-        /// Unit vector across the blade in the link frame (â).
+        /// Unit vector across the blade, in the link frame (â).
         axis_in_link: Vector3<f64>,
-        /// Length of the blade, m; other end effectors keep clear of it.
+        /// Length of the blade, m. Other end effectors keep clear of the blade.
         blade_length_m: f64,
         /// Rolling resistance and drag.
         drag: RollingDrag,
     },
 }
 
-/// Kinds of contact as robot files spell them.
+/// Kinds of contact, as written in robot files.
 pub(crate) const KINDS: [&str; 5] =
     ["point_foot", "welded_wheel", "actuated_wheel", "passive_wheel", "skate"];
 
-/// Drag of a passive wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v) for a
-/// rolling velocity v and its sign s.
+/// Drag of a passive wheel or blade along its rolling direction: f·t = −f_n (c_rr s(v) + c_v v), with the rolling velocity v
+/// and its sign s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RollingDrag {
-    /// The part that does not depend on speed, c_rr.
+    /// Speed-independent coefficient c_rr.
     pub rolling_resistance: f64,
-    /// The part that grows with speed, c_v, s/m.
+    /// Coefficient c_v of the speed-proportional drag, s/m.
     pub rolling_drag_s_m: f64,
 }
 
@@ -104,43 +104,43 @@ impl Contact {
         }
     }
 
-    /// The kind as robot files spell it, such as `actuated_wheel`.
+    /// Kind, as written in robot files, such as `actuated_wheel`.
     pub fn kind(&self) -> &'static str {
         self.capabilities().kind
     }
 
-    /// Unit axis of a wheel, or across a blade, in the link frame (â); none for a foot.
+    /// Unit axis of a wheel, or unit vector across a blade, in the link frame (â); `None` for a foot.
     pub fn axis_in_link(&self) -> Option<&Vector3<f64>> {
         self.capabilities().axis_in_link
     }
 
-    /// True if the contact point can move along the ground without slip: every wheel and blade, welded wheels included. Such a
-    /// contact has tilt, yaw and spin.
+    /// Returns true if the contact point can move along the ground without slip: wheels and blades, including welded wheels.
+    /// Such a contact has tilt, yaw and spin.
     pub fn rolls(&self) -> bool {
         self.axis_in_link().is_some()
     }
 
-    /// True if the wheel is fixed to its link, so that it rolls only as the link turns.
+    /// Returns true for a wheel that is fixed to its link.
     pub fn rolls_with_link(&self) -> bool {
         self.rolls() && self.actuator().is_none() && self.drag().is_none()
     }
 
-    /// True if the contact is a wheel that turns freely on its axle; false for blades.
+    /// Returns true for a wheel that turns freely on its axle; false for blades.
     pub fn freewheels(&self) -> bool {
         self.drag().is_some() && self.blade_length_m().is_none()
     }
 
-    /// True if a wheel turns against its link, by a motor or freely.
+    /// Returns true if a wheel turns relative to its link, by a motor or freely.
     pub fn spins(&self) -> bool {
         self.actuator().is_some() || self.freewheels()
     }
 
-    /// Motor of an actuated wheel.
+    /// Motor of an actuated wheel; `None` for other kinds.
     pub fn actuator(&self) -> Option<&Actuator> {
         self.capabilities().actuator
     }
 
-    /// Motor of an actuated wheel, to be changed.
+    /// Mutable motor of an actuated wheel; `None` for other kinds.
     pub fn actuator_mut(&mut self) -> Option<&mut Actuator> {
         match self {
             Contact::ActuatedWheel { actuator, .. } => Some(actuator),
@@ -148,12 +148,12 @@ impl Contact {
         }
     }
 
-    /// Drag of a contact that rolls or glides freely (Eq. 2.6); none for feet, actuated and welded wheels.
+    /// Drag of a contact that rolls or glides freely (Eq. 2.6); `None` for feet, actuated wheels and welded wheels.
     pub fn drag(&self) -> Option<RollingDrag> {
         self.capabilities().drag
     }
 
-    /// Drag of a contact that rolls or glides freely, to be changed.
+    /// Mutable drag of a contact that rolls or glides freely; `None` for other kinds.
     pub fn drag_mut(&mut self) -> Option<&mut RollingDrag> {
         match self {
             Contact::PassiveWheel { drag, .. } | Contact::Skate { drag, .. } => Some(drag),
@@ -161,7 +161,7 @@ impl Contact {
         }
     }
 
-    /// Length of the blade of a skate, m.
+    /// Length of a skate's blade, m; `None` for other kinds.
     pub fn blade_length_m(&self) -> Option<f64> {
         self.capabilities().blade_length_m
     }

@@ -7,10 +7,10 @@ use rollwalk_protocol::config::{RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c_append;
 
 impl Robot {
-    /// Checks every rule of robot files; for robots that come from elsewhere, such as plan files.
+    /// Checks all rules of robot files. For robots from other sources, such as plan files.
     ///
     /// # Errors
-    /// All broken rules.
+    /// Returns all broken rules.
     pub fn validate(&self) -> Result<(), InvalidRobot> {
         let violations = rules::violations(self);
         if violations.is_empty() {
@@ -19,27 +19,27 @@ impl Robot {
         Err(InvalidRobot { name: self.name.clone(), violations })
     }
 
-    /// Mass of all links, kg.
+    /// Total mass of the links, kg.
     pub fn total_mass_kg(&self) -> f64 {
         self.links.iter().map(|link| link.mass_kg).sum()
     }
 
-    /// Index of the end effector with this name.
+    /// Index of the end effector with this name; `None` if there is no such end effector.
     pub fn end_effector_index(&self, name: &str) -> Option<usize> {
         self.end_effectors.iter().position(|end_effector| end_effector.name == name)
     }
 
-    /// Configuration of the controller: limits, gains and addresses of every channel, in order.
+    /// Configuration of the controller: limits, gains and addresses of the channels, in order.
     ///
-    /// Data sheets are reduced to the limits that the controller enforces. A joint moves no faster than its actuator's
-    /// speed limit. A wheel changes speed no faster than its tyre can push the robot or its motor
-    /// can spin up its own rotor: min(μ g / r, torque / armature).
+    /// Data sheets are reduced to the limits that the controller enforces. The rate of a joint is limited to the speed limit of
+    /// its actuator. The acceleration of a wheel is limited to min(μ g / r, torque / armature): the grip of its tyre, and the
+    /// acceleration of its own rotor.
     ///
-    /// The robot's identity ([`RobotConfig::robot`]) covers its buses, so that a controller that speaks
-    /// other protocols accepts neither the robot's library nor its saved gains.
+    /// The robot's identity ([`RobotConfig::robot`]) includes its buses. A controller with other protocols therefore rejects
+    /// the robot's library and saved gains.
     ///
     /// # Errors
-    /// The rules that the robot breaks; a robot with more channels than a controller has is invalid.
+    /// Returns all rules that the robot breaks. A robot with more channels than a controller also breaks a rule.
     pub fn controller_config(&self) -> Result<RobotConfig, InvalidRobot> {
         self.validate()?;
         // `validate` has bounded the number of channels, so that none is dropped here.
@@ -49,7 +49,7 @@ impl Robot {
         Ok(RobotConfig { robot, channels })
     }
 
-    /// Actuator buses of a valid robot, for the controller.
+    /// Actuator buses of a valid robot for the controller.
     pub fn controller_buses(&self) -> Buses {
         let count = self.buses.keys().max().map_or(0, |last| usize::from(*last) + 1);
         // `validate` has bounded the numbers, so that none is dropped here.
@@ -59,7 +59,7 @@ impl Robot {
     }
 }
 
-/// Unique encoding of a bus with its number.
+/// Unique encoding of a bus and its number.
 fn encoded(bus: (&u8, &Bus)) -> Vec<u8> {
     let mut buffer = [0; 64];
     postcard::to_slice(&bus, &mut buffer).expect("a bus has at most 40 bytes").to_vec()

@@ -1,8 +1,8 @@
-//! The robot description: kinematic tree, masses, limits, actuators and end effectors.
+//! Robot description: kinematic tree, masses, limits, actuators and end effectors.
 //!
-//! First station of the data flow: `robots/*.toml` becomes a validated [`Robot`], which the planner,
-//! the simulated robot and (as [`rollwalk_protocol::config::RobotConfig`]) the firmware share.
-//! Frames, units and orders: `docs/conventions.md`.
+//! This crate is the first stage of the data flow. It reads `robots/*.toml` into a validated [`Robot`], which planner and
+//! simulator share. The firmware receives it as [`rollwalk_protocol::config::RobotConfig`]. Frames, units and orders:
+//! `docs/conventions.md`.
 //!
 //! ```
 //! let text = std::fs::read_to_string("../shipped/robots/pup.toml")?;

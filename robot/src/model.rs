@@ -1,4 +1,4 @@
-//! The validated robot: plain data, indices instead of names, SI units.
+//! Validated robot: plain data, indices instead of names, SI units.
 
 use crate::actuator::Actuator;
 use crate::contact::Contact;
@@ -8,7 +8,7 @@ use rollwalk_protocol::actuators::bus::Bus;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A robot with legs and wheels. Built from a robot file; see `docs/conventions.md` for frames.
+/// Robot with legs and wheels, read from a robot file. `docs/conventions.md` defines the frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
@@ -20,33 +20,33 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Feet and wheels, in file order.
     pub end_effectors: Vec<EndEffector>,
-    /// Protocols and settings of actuator buses by number; other buses speak the Rollwalk profile.
+    /// Protocols and settings of actuator buses, by bus number. Buses without an entry use the Rollwalk profile.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub buses: BTreeMap<u8, Bus>,
-    /// Smallest distance between the shapes of two links, and between a shape and the ground unless its link has a foot or
-    /// wheel, m.
+    /// Required distance between the shapes of two links, m. Also the required height of a shape above the ground, unless its
+    /// link has a foot or wheel.
     #[serde(default = "shape::default_margin", skip_serializing_if = "shape::is_default_margin")]
     pub clearance_margin_m: f64,
 }
 
-/// A rigid link.
+/// Rigid link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
     /// Name of the link.
     pub name: String,
-    /// Mass in kg, wheels mounted on the link included.
+    /// Mass, including wheels mounted on the link, kg.
     pub mass_kg: f64,
     /// Centre of mass in the link frame, m.
     pub com_in_link_m: Vector3<f64>,
     /// Inertia about the link's centre of mass, in link axes, kg·m².
     pub inertia_in_link_kg_m2: Matrix3<f64>,
-    /// Room that the link takes, end effectors excluded; empty if the robot file gives none.
+    /// Shapes of the link without its end effectors; empty if the robot file has none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shapes: Vec<Shape>,
 }
 
-/// A revolute, motor-driven joint.
+/// Revolute joint with a motor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -61,40 +61,39 @@ pub struct Joint {
     pub parent_from_joint: Isometry3<f64>,
     /// Unit axis in the joint frame.
     pub axis_in_joint: Vector3<f64>,
-    /// Smallest angle, rad.
+    /// Lower limit of the angle, rad.
     pub position_min_rad: f64,
-    /// Largest angle, rad.
+    /// Upper limit of the angle, rad.
     pub position_max_rad: f64,
     /// Angle in the nominal standing pose, rad.
     pub nominal_rad: f64,
-    /// The servo that drives the joint.
+    /// Servo of the joint.
     pub actuator: Actuator,
 }
 
-/// A foot or wheel that may touch the ground.
+/// Foot or wheel that may touch the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffector {
     /// Name of the end effector.
     pub name: String,
-    /// Index of the link that it is mounted on (Eq. 2.14: b).
+    /// Index of the link that carries the end effector (b in Eq. 2.14).
     pub link: usize,
-    /// Wheel centre, centre of the foot sphere, or centre of curvature of a blade, in the link frame,
-    /// m (Eq. 2.14: l̂).
+    /// Wheel centre, centre of the foot sphere, or centre of curvature of a blade, in the link frame, m (l̂ in Eq. 2.14).
     pub center_in_link_m: Vector3<f64>,
-    /// Radius of the wheel, of the foot sphere, or of a blade's curvature, m.
+    /// Radius of the wheel or foot sphere, or radius of curvature of the blade, m.
     pub radius_m: f64,
-    /// Coulomb friction coefficient against the ground (Eq. 2.5: μ).
+    /// Coulomb friction coefficient on the ground (μ in Eq. 2.5).
     pub friction_coefficient: f64,
     /// Kind of contact.
     pub contact: Contact,
-    /// Material of a soft foot: a ball of `radius_m` about its centre. Its mass is part of the mass of its link. The simulated
-    /// world uses it; plans do not.
+    /// Material of a soft foot, which is a ball of `radius_m`; `None` for a rigid foot. Its mass is included in the mass of its
+    /// link. The simulator uses the material; plans do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub soft: Option<SoftMaterial>,
 }
 
-/// Foam, rubber or silicone: elastic, with a viscosity.
+/// Elastic and viscous material, such as foam, rubber or silicone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoftMaterial {
@@ -108,17 +107,18 @@ pub struct SoftMaterial {
     pub viscosity_pa_s: f64,
 }
 
-/// Mass, moment and product of inertia of the simulated foot with a radius and a density of 1: of the masses of its 27 nodes.
+/// Mass, moment of inertia and product of inertia of the simulated foot for unit radius and density, from the masses of its 27
+/// nodes.
 const UNIT_FOOT: [f64; 3] = [3.210_343_431_045_077, 1.768_443_930_146_581, -0.150_047_447_433_807];
 
 impl SoftMaterial {
-    /// Mass of a ball of it, kg.
+    /// Mass of a ball of this material, kg.
     pub fn ball_kg(&self, radius_m: f64) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3) * self.density_kg_m3
     }
 
-    /// Mass, kg, and inertia about its centre, kg·m², of the ball of few elements that the simulated world has for it: a part
-    /// of its link, in the link's axes.
+    /// Mass, kg, and inertia about the centre, kg·m², of the simulated ball of few elements. The ball belongs to its link, and
+    /// the inertia is in link axes.
     pub fn simulated(&self, radius_m: f64) -> (f64, Matrix3<f64>) {
         let [mass, on_axis, across] = UNIT_FOOT;
         let mass_kg = mass * self.density_kg_m3 * radius_m.powi(3);

@@ -1,11 +1,11 @@
-//! Poses in files: a position and a quaternion with w first, as everywhere in this project (nalgebra's
-//! own form has w last).
+//! Poses in files: a position and a quaternion with w first, as everywhere in this project. The serialisation of nalgebra has w
+//! last.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Largest deviation of a quaternion from unit length.
+/// Maximum deviation of a quaternion's norm from 1.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 #[derive(Serialize, Deserialize)]
@@ -28,7 +28,7 @@ pub fn serialize<S: Serializer>(pose: &Isometry3<f64>, serializer: S) -> Result<
 /// Deserialises a pose, for `#[serde(with)]`.
 ///
 /// # Errors
-/// Missing fields, and an `orientation_wxyz` that is no unit quaternion.
+/// If a field is missing, or `orientation_wxyz` is not a unit quaternion.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Isometry3<f64>, D::Error> {
     let PoseFields { position_m: [x, y, z], orientation_wxyz: [w, i, j, k] } =
         PoseFields::deserialize(deserializer)?;

@@ -1,4 +1,4 @@
-//! Actuator buses in robot files, and each mistake in them.
+//! Tests of actuator buses in robot files and of their faults.
 
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::cybergear::CyberGear;
@@ -9,7 +9,7 @@ use rollwalk_protocol::actuators::mit::{AnswerId, MODELS, Mit};
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_robot::Robot;
 
-/// A body with an arm on bus 0 that carries a wheel on bus 1.
+/// Robot with a body and an arm on bus 0, which carries a wheel on bus 1.
 const ROBOT: &str = r#"name = "arm"
 
 [actuator.servo]
@@ -72,7 +72,7 @@ fn bus(number: u8, lines: &str) -> Bus {
     read(number, lines).unwrap().buses[&number]
 }
 
-/// Asserts a single fault, at the line that begins with `at`, with these words.
+/// Asserts a single fault, at the line that starts with `at`, with the given message and help.
 #[track_caller]
 fn assert_fault(number: u8, lines: &str, at: &str, message: &str, help: &str) {
     let text = format!("{ROBOT}\n[[bus]]\nnumber = {number}\n{lines}");
@@ -150,7 +150,7 @@ fn buses_without_a_table_speak_the_rollwalk_profile() {
     assert!(Robot::from_toml("arm.toml", ROBOT).unwrap().controller_buses().is_empty());
 }
 
-/// Other protocols make another robot; defaults that are written out do not.
+/// Tests that another protocol changes the configuration hash, and that explicit defaults do not.
 #[test]
 fn what_a_bus_speaks_is_part_of_the_configuration() {
     let hash =
@@ -212,14 +212,14 @@ fn a_table_that_cannot_be_read_is_named() {
         "protocol = \"mit\"\nmodel = \"AK80-8\"\n",
         "model",
         "\"AK80-8\"",
-        "known are: `AK10-9`, ",
+        "valid names: `AK10-9`, ",
     );
     assert_fault(
         0,
         &format!("{MIT}estimates_hz = 1\n"),
         "estimates_hz",
         "unknown key",
-        "known are",
+        "valid names",
     );
     assert_fault(
         0,
@@ -229,7 +229,7 @@ fn a_table_that_cannot_be_read_is_named() {
         "from 0 to 2047",
     );
     let odd = DYNAMIXEL.replace("= 100", "= 90");
-    assert_fault(1, &odd, "watchdog_ms", "no whole number of units", "multiple");
+    assert_fault(1, &odd, "watchdog_ms", "not a multiple of 20 ms", "multiple");
     assert_fault(
         1,
         &DYNAMIXEL.replace("bit_rate = 1_000_000\n", ""),
@@ -242,7 +242,7 @@ fn a_table_that_cannot_be_read_is_named() {
         &FEETECH.replace("STS3215-C018", "STS3215"),
         "model",
         "\"STS3215\"",
-        "known are: `STS3215-C001`, ",
+        "valid names: `STS3215-C001`, ",
     );
     assert_fault(
         1,
@@ -258,12 +258,12 @@ fn a_table_that_cannot_be_read_is_named() {
         &format!("{FEETECH}watchdog_ms = 100\n"),
         "watchdog_ms",
         "unknown key",
-        "known are",
+        "valid names",
     );
     let bulk = format!("{DYNAMIXEL}read = \"bulk\"\n");
     assert_fault(1, &bulk, "read", "\"bulk\"", "`sync`");
     let again = format!("{CYBERGEAR}[[bus]]\nnumber = 1\n{MIT}");
-    assert_fault(1, &again, "number = 1", "a second time", "one table");
+    assert_fault(1, &again, "number = 1", "as in an earlier [[bus]] table", "keep one");
     assert_fault(1, &format!("{MIT}control = 1\n"), "control", "control", "string");
     assert_fault(0, &format!("{MAESTRO}crc = 1\n"), "crc", "`crc`", "true or false");
 }
@@ -289,11 +289,11 @@ fn a_bus_that_cannot_be_is_refused() {
         assert_fault(1, &odd, "bit_rate", &expected, "57600, 115200, 1000000");
     }
     let flat = ODRIVE.replace("-9", "0");
-    assert_fault(1, &flat, "reduction", "is 0", "turns of the motor");
+    assert_fault(1, &flat, "reduction", "is 0", "motor turns per joint turn");
     let motor = ODRIVE.replace("0.05", "-0.05");
     assert_fault(1, &motor, "torque_constant", "is -0.05 N·m/A", "8.27");
     let range = CYBERGEAR.replace("12.5", "12.0");
-    assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 and 12.566");
+    assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 or 12.566");
     let alone = "protocol = \"rollwalk\"\ncontrol = \"on_controller\"\n";
     assert_fault(0, alone, "control", "Rollwalk has no torque command", "leave it out");
     // A bus that no controller has is a fault of the motor on it alone.
@@ -307,7 +307,7 @@ fn a_bus_that_cannot_be_is_refused() {
     assert_fault(0, &assumed, "pose", "AK80-9 reports its position", "leave it out");
 }
 
-/// Robots in plan files are read without the reader of robot files: the same numbers are refused.
+/// Tests that robots from JSON are checked like robot files. Plan files contain robots as JSON.
 #[test]
 fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
     let json = |lines: &str| serde_json::to_string(&read(1, lines).unwrap()).unwrap();
@@ -342,7 +342,7 @@ fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
     }
 }
 
-/// Faults that a controller would only notice by a silent drive, and that its self-test does not check.
+/// Tests faults that the self-test of a controller does not detect, and that would leave a drive silent.
 #[test]
 fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
     // The limits of the data sheet, above what the bus can say.

@@ -1,4 +1,4 @@
-//! The robot files that ship with the project are valid, and mean what their comments say.
+//! Tests that the shipped robot files are valid and agree with their comments.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_protocol::config::ChannelKind;
@@ -14,8 +14,7 @@ fn agilebot() -> Robot {
     shipped("robots/agilebot.toml", include_str!("../../shipped/robots/agilebot.toml"))
 }
 
-/// `body_from_link` of every link at the nominal pose: chain of joint frames, written out here
-/// independently of the planner's kinematics.
+/// Pose `body_from_link` of each link in the nominal pose, computed independently of the planner's kinematics.
 fn nominal_links(robot: &Robot) -> Vec<Isometry3<f64>> {
     let mut links = vec![Isometry3::identity(); robot.links.len()];
     for joint in &robot.joints {
@@ -38,7 +37,7 @@ fn com_in_body(robot: &Robot) -> Vector3<f64> {
     moment / robot.total_mass_kg()
 }
 
-/// Lowest points of the end effectors in the body frame, with the body level.
+/// Lowest points of the end effectors in the body frame, with a level body.
 fn contacts_in_body(robot: &Robot) -> Vec<Vector3<f64>> {
     let links = nominal_links(robot);
     let contact = |foot: &rollwalk_robot::EndEffector| {
@@ -48,7 +47,7 @@ fn contacts_in_body(robot: &Robot) -> Vec<Vector3<f64>> {
     robot.end_effectors.iter().map(contact).collect()
 }
 
-/// Shipped robots, each with its numbers of joints, end effectors and channels, and the expected mass, kg.
+/// Shipped robots, each with its numbers of joints, end effectors and channels, and the range of its mass, kg.
 fn all() -> Vec<(Robot, [usize; 3], std::ops::Range<f64>)> {
     macro_rules! shipped {
         ($($name:literal: $counts:expr, $mass:expr;)*) => {
@@ -138,7 +137,7 @@ fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
     }
 }
 
-/// Reflecting the right side in y = 0 gives the left side: poses, masses and limits.
+/// Tests that the right side reflected in y = 0 equals the left side: poses, masses and limits.
 #[test]
 fn left_and_right_limbs_are_mirror_images() {
     for (robot, ..) in all() {
@@ -182,8 +181,8 @@ fn robots_survive_json_bit_by_bit() {
     }
 }
 
-/// LegBot and SkaterBot have the same actuators with the same limits, gains and addresses, but neither could stand
-/// in the other's motions.
+/// Tests that robots have different configuration hashes. LegBot and SkaterBot have equal actuators, limits, gains and
+/// addresses, but cannot play each other's motions.
 #[test]
 fn no_two_robots_take_each_others_libraries() {
     let mut seen = std::collections::BTreeMap::new();

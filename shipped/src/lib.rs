@@ -1,15 +1,16 @@
-//! The robots, motions, designs and mappings of gamepads that ship with rollwalk: their texts, carried in the programs, so that
-//! `rollwalk demo` runs in any folder and the studio opens without a server.
+//! Robots, motions, designs and gamepad mappings that ship with rollwalk.
+//!
+//! The texts are embedded in the programs, so that `rollwalk demo` runs in any folder and the studio opens without a server.
 //!
 //! ```
 //! let robots = rollwalk_shipped::FILES.iter().filter(|(path, _)| path.starts_with("robots/"));
 //! assert!(robots.clone().any(|(path, text)| *path == "robots/agilebot.toml" && text.contains("name")));
 //! ```
 
-/// Declares the files by folder in the checkout, relative to this crate, and by the path under which they ship.
+/// Declares the shipped files by their folder (relative to this crate) and the path under which they ship.
 macro_rules! shipped {
     ($($folder:literal: $($path:literal),* $(,)?);* $(;)?) => {
-        /// Path under which a file ships, and its text, by folder and name.
+        /// Path and text of each shipped file.
         pub const FILES: &[(&str, &str)] =
             &[$($(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/", $folder, $path)))),*),*];
     };
@@ -108,7 +109,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
-    /// Files in the folders of the checkout are all shipped.
+    /// Checks that every file in the folders of the checkout ships.
     #[test]
     fn no_robot_and_no_motion_is_left_out() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));

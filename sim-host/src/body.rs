@@ -1,4 +1,5 @@
-//! Motors of the robot: servos in channel order, on a stand loaded with the links that they carry, or on the ground.
+//! Motors of a robot: servos in channel order. On a stand they are loaded with the links that they move; on the ground they
+//! move the simulated world.
 
 use crate::clock::SimTime;
 use crate::ground::Grounded;
@@ -14,14 +15,14 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_robot::{Channel, Robot};
 use std::sync::Arc;
 
-/// The motors of a robot.
+/// Motors of a robot.
 #[derive(Debug)]
 pub struct Body {
     tree: Tree,
     /// Servos in channel order: joints, then actuated wheels.
     servos: Vec<Servo>,
     addresses: Vec<(u8, u8)>,
-    /// The world, unless the body is held level and still by a stand.
+    /// World of a robot on the ground; `None` if a stand holds the body level and still.
     ground: Option<Grounded>,
 }
 
@@ -45,22 +46,22 @@ impl Body {
         body
     }
 
-    /// The same on the ground, with pushes from the start of the simulation on.
+    /// Creates a robot like [`Self::new`], but on the ground. Times of pushes count from the start of the simulation.
     pub fn on_ground(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self { ground: Some(Grounded::new(robot, ground, shoves)), ..Self::new(robot) }
     }
 
-    /// The same for a controller elsewhere, whose clips are not known here.
+    /// Creates a robot like [`Self::on_ground`], for a controller in another process. Its clips are not known here.
     pub fn motors_on_ground(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self { ground: Some(Grounded::of_motors(robot, ground, shoves)), ..Self::new(robot) }
     }
 
-    /// The world of a robot on the ground.
+    /// World of a robot on the ground; `None` on a stand.
     pub fn ground(&self) -> Option<&Grounded> {
         self.ground.as_ref()
     }
 
-    /// The same, to tell it what is played and to take what became of it.
+    /// Mutable world of a robot on the ground, to report the current clip and to take travels; `None` on a stand.
     pub fn ground_mut(&mut self) -> Option<&mut Grounded> {
         self.ground.as_mut()
     }
@@ -70,12 +71,12 @@ impl Body {
         &self.addresses
     }
 
-    /// The servos, in channel order.
+    /// Servos in channel order.
     pub fn servos(&self) -> &[Servo] {
         &self.servos
     }
 
-    /// True measured value of each channel: rad of a joint, rad/s of a wheel.
+    /// True value of each channel, rad for a joint, rad/s for a wheel.
     pub fn values(&self) -> Vec<f32> {
         let joints = self.tree.robot().joints.len();
         let value = |(channel, servo): (usize, &Servo)| {
@@ -85,7 +86,7 @@ impl Body {
         self.servos.iter().enumerate().map(value).collect()
     }
 
-    /// Recomputes inertia and weight on every joint of a robot on a stand from its present pose.
+    /// Recomputes the inertia and weight on every joint from the present pose. Has no effect on a robot on the ground.
     pub fn update_loads(&mut self) {
         if self.ground.is_some() {
             return;
@@ -103,7 +104,7 @@ impl Body {
     /// Advances the motors by `dt_s` up to the time `now`.
     ///
     /// # Errors
-    /// A step of the world has no solution. It stands still from then on.
+    /// Returns an error if a step of the world has no solution. The world then stays at that time.
     pub fn step(&mut self, now: SimTime, dt_s: f64) -> Result<(), StepError> {
         let Some(ground) = &mut self.ground else {
             self.servos.iter_mut().for_each(|servo| servo.step(now, dt_s));
@@ -113,23 +114,22 @@ impl Body {
         ground.step(now, &mut self.servos)
     }
 
-    /// Cuts the power of the motor of `channel`: it gives no torque and loses its state.
+    /// Cuts the power of the motor of `channel`, which gives no torque and loses its state.
     pub fn cut_power(&mut self, channel: usize) {
         self.servos[channel].cut_power();
     }
 
-    /// Passes a frame to the servo of `channel`; returns its answer, if the frame was for it.
+    /// Passes a frame to the servo of `channel`. Returns its answer; `None` if the frame was not for it.
     pub fn on_frame(&mut self, channel: usize, now: SimTime, frame: &Frame) -> Option<Frame> {
         self.servos[channel].on_frame(now, frame)
     }
 
-    /// Takes the next packet out of the bytes that the servos of a serial line have heard, `channel` being one of
-    /// them.
+    /// Removes the next packet from the bytes that the servos of a serial line received; `channel` is any of these servos.
     pub fn take_packet(&self, channel: usize, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         self.servos[channel].take_packet(line)
     }
 
-    /// Passes a packet to the servo of `channel`; returns the setpoint in it, if it was for this servo, and the answer.
+    /// Passes a packet to the servo of `channel`. Returns the set-point in it, if it was for this servo, and the answer.
     pub fn on_packet(
         &mut self,
         channel: usize,
@@ -139,17 +139,17 @@ impl Body {
         self.servos[channel].on_packet(now, packet)
     }
 
-    /// The value of the setpoint in a frame for the servo of `channel`.
+    /// Value of the set-point in a frame for the servo of `channel`, rad or rad/s; `None` for any other frame.
     pub fn commanded(&self, channel: usize, frame: &Frame) -> Option<f32> {
         self.servos[channel].commanded(frame)
     }
 
-    /// Time of the next unsolicited frame of a servo.
+    /// Time of the next unsolicited frame of any servo; `None` if they send none.
     pub fn next_timer(&self) -> Option<SimTime> {
         self.servos.iter().filter_map(Servo::next_timer).min()
     }
 
-    /// Next unsolicited frame due at `now`, with its channel; call until `None`.
+    /// Returns the next unsolicited frame that is due at `now`, with its channel; call it until it returns `None`.
     pub fn on_timer(&mut self, now: SimTime) -> Option<(usize, Frame)> {
         let mut servos = self.servos.iter_mut().enumerate();
         servos.find_map(|(channel, servo)| Some((channel, servo.on_timer(now)?)))

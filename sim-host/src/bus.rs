@@ -1,21 +1,20 @@
-//! A CAN bus in virtual time: nodes with pending frames, arbitration by id, exact frame lengths.
+//! CAN bus in virtual time: nodes with pending frames, arbitration by id, exact frame lengths.
 //!
-//! The bus is pulled, not pushed: [`CanBus::next_delivery`] moves the bus on to the next completed
-//! frame and returns it; the caller hands it to the receivers, who may post answers at that instant,
-//! and pulls again. At every instant at which the bus is idle and frames are pending, the lowest id
-//! wins and occupies the bus for its exact length ([`Frame::exact_bits`]), the last three bits of
-//! which are intermission: receivers have the frame before them, the bus is idle after them.
+//! The bus is pulled, not pushed. [`CanBus::next_delivery`] advances the bus to the next completed frame and returns it. The
+//! caller passes the frame to the receivers, which may post answers at that time, and pulls again. Whenever the bus is idle and
+//! frames are pending, the lowest id wins. Its frame occupies the bus for its exact length ([`Frame::exact_bits`]). The last
+//! three bits are the intermission: receivers have the frame before it, and the bus is idle after it.
 //!
-//! The [`TxPolicy`] of a node determines which pending frames it keeps. Frames leave a node lowest id first, equal
-//! ids in the order of posting. All other nodes receive and acknowledge every frame, unless [`CanBus::disconnect`]
-//! removes them; there are no error frames. An id belongs to one sender: if two nodes send the same id at the same
-//! instant, the node that was added first wins, where a real bus would have an error.
+//! The [`TxPolicy`] of a node determines which pending frames it keeps. A node sends the lowest id first, and frames of equal
+//! id in the order of posting. All other nodes receive and acknowledge every frame, unless [`CanBus::disconnect`] removes them.
+//! There are no error frames. An id belongs to one sender. If two nodes send the same id at the same time, the node that was
+//! added first wins; on a real bus this would be an error.
 
 use crate::clock::SimTime;
 use rollwalk_protocol::can::{Frame, Id};
 use std::collections::BTreeMap;
 
-/// Recessive bits that separate two frames.
+/// Number of recessive bits between two frames.
 const INTERMISSION_BITS: u32 = 3;
 
 /// Index of a node on its bus.
@@ -25,12 +24,11 @@ pub struct NodeId(usize);
 /// Policy of a node for frames that wait for the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TxPolicy {
-    /// A newer frame replaces a pending one of the same id: for setpoints and feedback, of which only the latest is
-    /// of use.
+    /// A new frame replaces a pending one of the same id. For set-points and feedback, of which only the latest is useful.
     Latest,
-    /// Keeps all frames, up to a limit of pending frames: for streams such as ISO-TP.
+    /// Keeps all frames up to a maximum number. For streams such as ISO-TP.
     Queue {
-        /// Limit of pending frames.
+        /// Maximum number of pending frames.
         depth: usize,
     },
 }
@@ -43,12 +41,12 @@ pub struct QueueFull {
     pub depth: usize,
 }
 
-/// A frame that has crossed the bus.
+/// Frame that has crossed the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Delivery {
-    /// End of the frame: the instant at which receivers have it.
+    /// Time at which the frame ends and receivers have it.
     pub at: SimTime,
-    /// Sender; all other nodes receive it.
+    /// Sender of the frame; all other nodes receive it.
     pub from: NodeId,
     /// The frame.
     pub frame: Frame,
@@ -57,25 +55,25 @@ pub struct Delivery {
 /// Statistics of one id.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IdStatistics {
-    /// Completed frames.
+    /// Number of completed frames.
     pub frames: u64,
     /// Time on the bus, intermission included.
     pub busy: SimTime,
-    /// Longest time from posting to the end of the frame.
+    /// Maximum time from posting to the end of the frame.
     pub worst_latency: SimTime,
 }
 
 /// Statistics of a bus since it was built.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BusStatistics {
-    /// Statistics by id, most urgent first.
+    /// Statistics by id, in the order of priority.
     pub by_id: BTreeMap<Id, IdStatistics>,
-    /// Pending frames superseded by a newer one of the same id ([`TxPolicy::Latest`]).
+    /// Number of pending frames that were replaced by a newer one of the same id ([`TxPolicy::Latest`]).
     pub replaced: u64,
 }
 
 impl BusStatistics {
-    /// Completed frames of all ids.
+    /// Number of completed frames of all ids.
     pub fn frames(&self) -> u64 {
         self.by_id.values().map(|id| id.frames).sum()
     }
@@ -85,8 +83,8 @@ impl BusStatistics {
         self.by_id.values().fold(SimTime::ZERO, |sum, id| sum + id.busy)
     }
 
-    /// Difference from `earlier`, an older copy of the same bus's statistics, for the load over a stretch
-    /// of time. Worst latencies are those since the start.
+    /// Statistics of the interval since `earlier`, an older copy of the statistics of this bus. Maximum latencies are not per
+    /// interval: they are the maxima since the bus was built.
     pub fn since(&self, earlier: &Self) -> Self {
         let by_id = self.by_id.iter().map(|(&id, now)| {
             let before = earlier.by_id.get(&id).copied().unwrap_or_default();
@@ -102,18 +100,18 @@ impl BusStatistics {
         if span == SimTime::ZERO { 0.0 } else { self.busy().as_s() / span.as_s() }
     }
 
-    /// Longest time from posting to the end of the frame, over all ids.
+    /// Maximum time from posting to the end of the frame, over all ids.
     pub fn worst_latency(&self) -> SimTime {
         self.by_id.values().map(|id| id.worst_latency).max().unwrap_or_default()
     }
 }
 
-/// A frame that waits for the bus.
+/// Frame that waits for the bus.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     frame: Frame,
     posted: SimTime,
-    /// [`Frame::exact_bits`], which every arbitration would count again.
+    /// Length of the frame ([`Frame::exact_bits`]), stored so that arbitrations need not count it again.
     bits: u32,
 }
 
@@ -129,7 +127,7 @@ struct Node {
     pending: Vec<Pending>,
 }
 
-/// A frame in flight.
+/// Frame in transmission.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
     from: NodeId,
@@ -142,10 +140,10 @@ struct Flight {
 pub struct CanBus {
     bit_ns: u64,
     nodes: Vec<Node>,
-    /// Instant at which the bus became idle, or will be after the frame in flight and its intermission.
+    /// Time at which the bus became idle, or will be idle after the current frame and its intermission.
     idle_from: SimTime,
     in_flight: Option<Flight>,
-    /// True if no node acknowledges, so that the controller repeats its frame.
+    /// True if no node acknowledges, so that the sender repeats its frame.
     disconnected: bool,
     statistics: BusStatistics,
 }
@@ -202,8 +200,8 @@ impl CanBus {
         Ok(())
     }
 
-    /// Removes the acknowledgement from `now` on: senders repeat their frames, and none is delivered. All
-    /// deliveries up to `now` must have been pulled.
+    /// Removes the acknowledgement from `now` on: senders repeat their frames, and none is delivered. All deliveries up to
+    /// `now` must have been pulled.
     pub fn disconnect(&mut self, now: SimTime) {
         self.disconnected = true;
         self.idle_from = now;
@@ -216,28 +214,28 @@ impl CanBus {
         }
     }
 
-    /// Restores the acknowledgement from `now` on: repeated frames get across.
+    /// Restores the acknowledgement from `now` on, so that repeated frames are delivered.
     pub fn reconnect(&mut self, now: SimTime) {
         self.disconnected = false;
         self.idle_from = self.idle_from.max(now);
     }
 
-    /// Drops the pending frames of `node`; a frame in flight is completed.
+    /// Drops the pending frames of `node`. A frame in transmission is completed.
     pub fn cancel(&mut self, node: NodeId) {
         self.nodes[node.0].pending.clear();
     }
 
-    /// Number of pending frames of `node`, without one in flight.
+    /// Number of pending frames of `node`, excluding a frame in transmission.
     pub fn pending(&self, node: NodeId) -> usize {
         self.nodes[node.0].pending.len()
     }
 
-    /// Completion time of the next frame if none is posted before; `None` if none waits.
+    /// Completion time of the next frame, if no other frame is posted before; `None` if no frame is pending.
     pub fn next_completion(&self) -> Option<SimTime> {
         self.in_flight.map(|flight| flight.end).or_else(|| self.winner().map(|winner| winner.end))
     }
 
-    /// The next frame that completes at or before `until`; call again until `None`.
+    /// Returns the next frame that completes at or before `until`; call it until it returns `None`.
     pub fn next_delivery(&mut self, until: SimTime) -> Option<Delivery> {
         if self.next_completion()? > until {
             return None;
@@ -281,7 +279,7 @@ impl CanBus {
         Some(Winner { node, slot, start, end })
     }
 
-    /// Puts the winner's frame on the bus.
+    /// Starts the transmission of the winner's frame.
     fn transmit(&mut self, Winner { node, slot, end, .. }: Winner) -> Flight {
         self.idle_from = end + self.bits(INTERMISSION_BITS);
         let pending = self.nodes[node].pending.remove(slot);
@@ -293,7 +291,7 @@ impl CanBus {
     }
 }
 
-/// The outcome of an arbitration.
+/// Result of an arbitration.
 struct Winner {
     node: usize,
     slot: usize,
@@ -344,7 +342,7 @@ mod tests {
         assert_eq!(deliveries, [(55, 0x555), (108, 0), (161, 0), (209, 0x555)]);
     }
 
-    /// After eleven equal bits a short identifier has a dominant bit where a long one has a recessive one.
+    /// After eleven equal bits, a short identifier has a dominant bit where a long one has a recessive bit, and wins.
     #[test]
     fn long_identifiers_take_their_bits_and_their_turn() {
         let mut bus = CanBus::new(DEFAULT_BITRATE);
@@ -448,8 +446,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is posted: frames never overlap, nothing is lost, and a frame never goes while a
-        /// more urgent one that was posted earlier waits.
+        /// Frames never overlap, and none is lost, for any posts. A frame is never sent while a frame with higher priority
+        /// waits that was posted earlier.
         #[test]
         fn arbitration_is_fair_to_ids(
             posts in prop::collection::vec((0u64..3000, 0usize..3, 0u16..8), 1..40)

@@ -1,16 +1,16 @@
-//! Virtual time: a number that only the simulation moves.
+//! Virtual time, which only the simulation advances.
 //!
-//! Bit times at common bitrates are whole nanoseconds (1 Mbit/s: 1000 ns, 800 kbit/s: 1250 ns), so
-//! instants add up exactly. Nothing here reads a clock or sleeps.
+//! Bit times at common bitrates are whole nanoseconds (1 Mbit/s: 1000 ns, 800 kbit/s: 1250 ns), so times add up exactly. This
+//! module neither reads a clock nor sleeps.
 
 use std::ops::{Add, Sub};
 
-/// An instant, or a span between instants, of virtual time in nanoseconds. Starts at 0.
+/// Point in virtual time, or interval between two points, in nanoseconds. Time starts at 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SimTime(u64);
 
 impl SimTime {
-    /// The start of every simulation.
+    /// Start of every simulation.
     pub const ZERO: Self = Self(0);
 
     /// Creates a time from whole nanoseconds.
@@ -33,7 +33,7 @@ impl SimTime {
         self.0
     }
 
-    /// Returns whole microseconds, rounded down: the controller's clock.
+    /// Returns whole microseconds, rounded down, the unit of the controller's clock.
     pub const fn as_us(self) -> u64 {
         self.0 / 1_000
     }
@@ -53,7 +53,7 @@ impl Add for SimTime {
 
 impl Sub for SimTime {
     type Output = Self;
-    /// The span since an earlier instant.
+    /// Interval since an earlier time.
     fn sub(self, earlier: Self) -> Self {
         Self(self.0 - earlier.0)
     }
@@ -61,8 +61,7 @@ impl Sub for SimTime {
 
 /// Event with a fixed period, first at time 0.
 ///
-/// The k-th instant is `k * 1 s / rate` rounded down to a nanosecond, so a rate that does not divide
-/// a second does not drift.
+/// Occurrence k is at `k * 1 s / rate`, rounded down to a nanosecond. Hence rates that do not divide a second do not drift.
 #[derive(Clone, Copy, Debug)]
 pub struct Periodic {
     rate_hz: u32,
@@ -70,19 +69,19 @@ pub struct Periodic {
 }
 
 impl Periodic {
-    /// Creates an event with `rate_hz` instants per second.
+    /// Creates an event that occurs `rate_hz` times per second.
     pub fn new(rate_hz: u32) -> Self {
         assert!(rate_hz > 0, "a periodic event needs a rate above 0 Hz");
         Self { rate_hz, count: 0 }
     }
 
-    /// The next instant.
+    /// Time of the next occurrence.
     pub fn next(&self) -> SimTime {
         let instant = u128::from(self.count) * 1_000_000_000 / u128::from(self.rate_hz);
         SimTime(instant as u64)
     }
 
-    /// Advances to the following instant.
+    /// Advances to the following occurrence.
     pub fn advance(&mut self) {
         self.count += 1;
     }

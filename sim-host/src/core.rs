@@ -1,4 +1,4 @@
-//! Interface of the simulation to a controller: events in, frames to send out.
+//! Interface between simulation and controller: events to the controller, frames from it.
 
 use crate::store::{self, SimBoots, SimParameters, SimStore, VerifyingKey};
 use rollwalk_bus::link::LinkError;
@@ -11,27 +11,27 @@ use rollwalk_protocol::wire::authentication::LinkKey;
 
 pub use crate::store::LIBRARY_MAX;
 
-/// A controller, in this process or elsewhere.
+/// Controller, in this process or elsewhere.
 pub trait Core {
-    /// Passes an event to the controller, then takes a frame for each free bus.
+    /// Passes an event to the controller, then receives a frame for each free bus.
     ///
     /// # Errors
-    /// The controller is out of reach.
+    /// Returns an error if the controller is out of reach.
     fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
 
     /// Passes bytes of a serial line to the controller.
     ///
     /// # Errors
-    /// The controller is out of reach, or has no serial lines.
+    /// Returns an error if the controller is out of reach, or has no serial lines.
     fn on_serial(&mut self, now_us: u64, bus: u8, bytes: &[u8]) -> Result<(), LinkError> {
         let _ = (now_us, bytes);
         Err(no_serial_lines(bus))
     }
 
-    /// Takes the controller's next packet for a serial line whose last one has left.
+    /// Takes the controller's next packet for a serial line. The previous packet must have been sent.
     ///
     /// # Errors
-    /// As [`Self::on_serial`].
+    /// Returns an error if the controller is out of reach, or has no serial lines.
     fn poll_serial(&mut self, bus: u8) -> Result<Option<Packet>, LinkError> {
         Err(no_serial_lines(bus))
     }
@@ -39,7 +39,7 @@ pub trait Core {
     /// Reports the error state of an actuator bus to the controller.
     ///
     /// # Errors
-    /// The controller is out of reach, or takes no such report.
+    /// Returns an error if the controller is out of reach, or does not accept such reports.
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {
         let _ = now_us;
         Err(LinkError::Down(format!(
@@ -47,68 +47,69 @@ pub trait Core {
         )))
     }
 
-    /// Passes the direction of up in the body frame, of a robot on the ground. A controller without an IMU ignores it.
+    /// Passes the direction of up in the body frame of a robot on the ground. A controller without an IMU ignores it.
     fn on_attitude(&mut self, now_us: u64, up_in_body: [f32; 3]) {
         let _ = (now_us, up_in_body);
     }
 
-    /// Passes what an IMU measures in body axes: angular velocity, rad/s, and specific force, m/s². A controller without an IMU
-    /// ignores it.
+    /// Passes the measurements of an IMU in body axes: angular velocity, rad/s, and specific force, m/s². A controller without
+    /// an IMU ignores them.
     fn on_imu(&mut self, gyro_rad_s: [f32; 3], force_m_s2: [f32; 3]) {
         let _ = (gyro_rad_s, force_m_s2);
     }
 
-    /// Passes which end effectors touch the ground, a bit each. A controller without contact switches ignores it.
+    /// Passes the contact states of the end effectors, one bit each, set on contact. A controller without contact switches
+    /// ignores them.
     fn on_contacts(&mut self, contacts: u32) {
         let _ = contacts;
     }
 
-    /// Offset of a channel's latest setpoint in place of a torque, rad or rad/s; 0 if the controller does not report it.
+    /// Offset that replaces a torque in a channel's latest set-point, rad or rad/s; 0 if the controller does not report it.
     fn torque_offset(&self, channel: usize) -> f32 {
         let _ = channel;
         0.0
     }
 
-    /// Takes the controller's request to restart an actuator bus that is off; `true` once per request.
+    /// Returns true once for each request of the controller to restart an actuator bus that is off.
     ///
     /// # Errors
-    /// The controller is out of reach, or gives no such requests.
+    /// Returns an error if the controller is out of reach, or does not send such requests.
     fn take_bus_restart(&mut self, bus: u8) -> Result<bool, LinkError> {
         Err(LinkError::Down(format!("this controller cannot restart its buses (bus {bus})")))
     }
 }
 
-/// Bytes at the end of a file in which a signature is.
+/// Length of a signature at the end of a file, bytes.
 const SIGNATURE_LEN: usize = 64;
 
 fn no_serial_lines(bus: u8) -> LinkError {
     LinkError::Down(format!("this controller has no serial lines (bus {bus})"))
 }
 
-/// Keeps the file of a library; false if it could not.
+/// Function that saves the file of a library, and returns false if this failed.
 pub type Keep = Box<dyn FnMut(&[u8]) -> bool + Send>;
 
-/// Keeps libraries on behalf of a controller.
+/// Saves libraries on behalf of a controller.
 struct Keeper {
     keep: Keep,
     kept: Option<Mark>,
-    /// A library could not be kept: its host gets no answer.
+    /// True if a library could not be saved. The host of the transfer then receives no answer.
     has_failed: bool,
 }
 
-/// Identity of a library and the end of its file, which a signature changes.
+/// Mark of a library file. Two files with one library but different signatures have different marks.
 #[derive(Clone, Copy, PartialEq)]
 struct Mark {
     id: u32,
     end: [u8; SIGNATURE_LEN],
 }
 
-/// The firmware within this process.
+/// Firmware within this process.
 pub struct Local {
     controller: Controller<SimStore, SimParameters>,
     buses: Buses,
     settings: Settings,
-    /// Link key, with the number of boots before this process.
+    /// Link key, with the number of boots before this process; `None` if hosts need no key.
     link_key: Option<(LinkKey, u32)>,
     library_key: Option<VerifyingKey>,
     boots: SimBoots,
@@ -116,15 +117,15 @@ pub struct Local {
 }
 
 impl Local {
-    /// A controller just after power-on.
+    /// Creates a controller in its state after power-on.
     pub fn new(config: RobotConfig, buses: Buses, settings: Settings) -> Self {
         Self::booting(config, buses, settings, (store::blank(), store::blank_parameters()))
     }
 
-    /// Creates a controller like [`Self::new`], with a library active as if it had been flashed and activated.
+    /// Creates a controller like [`Self::new`], with an active library as after a transfer.
     ///
     /// # Panics
-    /// The library does not fit into the simulated flash.
+    /// Panics if the library does not fit into the simulated flash.
     pub fn with_library(
         config: RobotConfig,
         buses: Buses,
@@ -134,7 +135,7 @@ impl Local {
         Self::booting(config, buses, settings, (store::with(library), store::blank_parameters()))
     }
 
-    /// Keeps each library that becomes active from here on, before the controller answers its host.
+    /// Saves each library that becomes active from now on, before the controller answers its host.
     pub fn keep_libraries(&mut self, keep: Keep) {
         self.keeper = Some(Keeper { keep, kept: self.mark(), has_failed: false });
     }
@@ -146,7 +147,7 @@ impl Local {
         Some(Mark { id, end })
     }
 
-    /// Keeps the library if another one has become active.
+    /// Saves the library if another one has become active.
     fn keep_library(&mut self) {
         let Some(mut keeper) = self.keeper.take() else { return };
         let mark = self.mark();
@@ -157,15 +158,15 @@ impl Local {
         self.keeper = Some(keeper);
     }
 
-    /// Requires hosts to have this key, from here on and after power cycles. `boots_before` is the number of boots of controllers
-    /// with the key before this process: none of their sessions begins again.
+    /// Requires hosts to have this key, from now on and after power cycles. `boots_before` is the number of boots of
+    /// controllers with this key before this process, so that no session number is used again.
     pub fn insist_on(&mut self, key: LinkKey, boots_before: u32) {
         let boot = self.boots.count().ok().and_then(|boot| boot.checked_add(boots_before));
         self.controller.insist_on(key.clone(), boot);
         self.link_key = Some((key, boots_before));
     }
 
-    /// Restarts the controller with the content of its flash. From here on it plays only libraries that the owner of `key` has
+    /// Restarts the controller with the content of its flash. From then on it plays only libraries that the owner of `key` has
     /// signed.
     pub fn insisting_on_libraries_of(mut self, key: VerifyingKey) -> Self {
         self.library_key = Some(key);
@@ -186,18 +187,18 @@ impl Local {
         core
     }
 
-    /// The file of the library that is active, with its signature if it has one.
+    /// File of the active library, with its signature if it has one; `None` without an active library.
     pub fn library_file(&self) -> Option<&[u8]> {
         self.controller.library()?;
         Some(self.controller.library_store().signed_bytes())
     }
 
-    /// The controller.
+    /// Controller of this process.
     pub fn controller(&self) -> &Controller<SimStore, SimParameters> {
         &self.controller
     }
 
-    /// The controller itself, for inputs that a real bus gives and the simulated one does not.
+    /// Mutable controller, for inputs that a real bus provides and the simulated one does not.
     pub fn controller_mut(&mut self) -> &mut Controller<SimStore, SimParameters> {
         &mut self.controller
     }

@@ -1,8 +1,7 @@
-//! The robot on the ground: what its motors move is the simulated world of [`rollwalk_physics`].
+//! Robot on the ground, whose motors act in the simulated world of [`rollwalk_physics`].
 //!
-//! A hoist holds the body at the start, level, and so high that the feet just touch the ground whatever the limbs do. A
-//! robot that falls, or that loses its torque, lies where it lies; when it has had no torque for some seconds the hoist picks
-//! it up again, as an operator would.
+//! At the start a hoist holds the body level, at a height at which the feet just touch the ground. A robot that falls, or loses
+//! its torque, stays where it lies. After some seconds without torque the hoist picks it up again, as an operator would.
 
 mod hoist;
 mod travel;
@@ -27,22 +26,22 @@ use std::sync::Arc;
 
 pub use travel::Travel;
 
-/// Steps of the world per second.
+/// Rate of the steps of the world, Hz.
 pub const WORLD_RATE_HZ: u32 = 240;
 /// Length of a step, s.
 const STEP_S: f64 = 1.0 / WORLD_RATE_HZ as f64;
-/// Time without torque after which the hoist picks a robot up, s.
+/// Time without torque after which the hoist picks up a robot, s.
 const PICKED_UP_S: f64 = 3.0;
-/// A fall.
+/// Fall of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fall {
-    /// Instant at which it was detected.
+    /// Time at which the fall was detected.
     pub at: SimTime,
-    /// Tilt and height.
+    /// Tilt and height of the body.
     pub how: world::Fall,
 }
 
-/// A robot in its world, with its hoist.
+/// Robot in its world, with its hoist.
 #[derive(Debug)]
 pub struct Grounded {
     world: World,
@@ -50,42 +49,43 @@ pub struct Grounded {
     hoist: Option<Hoist>,
     lets_go: LetsGo,
     fall_watch: FallWatch,
-    /// Axes in which ways are measured.
+    /// Rotation from world axes to the axes in which travel is measured.
     ground_from_world: Rotation3<f64>,
     /// Torque-speed lines in channel order: stall torque, N·m, and no-load speed, rad/s.
     lines: Vec<(f64, f64)>,
     falls: Vec<Fall>,
-    /// True if the robot has fallen since the hoist let go of it.
+    /// True if the robot has fallen since the hoist released it.
     has_fallen: bool,
-    /// Last instant at which a motor had torque.
+    /// Latest time at which a motor had torque.
     torque_at: SimTime,
-    /// Pushes, from the start of the simulation on.
+    /// Pushes on the body; times count from the start of the simulation.
     shoves: Vec<Shove>,
-    /// Travel during the clip that is being played.
+    /// Travel during the current clip.
     travel: Option<Travel>,
-    /// Travels during earlier clips, which were not taken yet.
+    /// Travels during earlier clips that have not been taken yet.
     travels: Vec<Travel>,
     imu: Imu,
-    /// Time of the world at its last sample, s.
+    /// Time of the world at the previous sample, s.
     sampled_s: f64,
 }
 
-/// Sample of the sensors of a body.
+/// Sample of the body's sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodySample {
-    /// The IMU.
+    /// Measurements of the IMU.
     pub imu: ImuSample,
-    /// End effectors that touch the ground, a bit each.
+    /// Contacts of the end effectors, one bit each, set on contact.
     pub contacts: u32,
 }
 
 impl Grounded {
-    /// A robot in its nominal pose in the hoist, which lets go when the robot begins to play.
+    /// Creates a robot in its nominal pose in the hoist, which releases it at the first clip.
     pub fn new(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self::with(robot, ground, shoves, LetsGo::WhenItPlays)
     }
 
-    /// Motors whose controller is elsewhere, so that its clips are not known: the hoist lets go when they stand.
+    /// Creates motors for a controller in another process, whose clips are not known here. The hoist releases the robot when
+    /// its motors stand.
     pub fn of_motors(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self::with(robot, ground, shoves, LetsGo::WhenItStands(StillWatch::default()))
     }
@@ -115,17 +115,17 @@ impl Grounded {
         }
     }
 
-    /// The world.
+    /// Simulated world.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// Falls so far.
+    /// List of the falls so far.
     pub fn falls(&self) -> &[Fall] {
         &self.falls
     }
 
-    /// True if the robot has fallen since the hoist let go of it.
+    /// True if the robot has fallen since the hoist released it.
     pub fn has_fallen(&self) -> bool {
         self.has_fallen
     }
@@ -135,17 +135,17 @@ impl Grounded {
         self.hoist.is_some()
     }
 
-    /// The clip that the robot plays.
+    /// Clip that the robot plays; `None` if it plays none.
     pub fn playing(&self) -> Option<ClipId> {
         self.travel.map(|travel| travel.clip)
     }
 
-    /// Up in the axes of the body.
+    /// Direction of up in body axes.
     pub fn up_in_body(&self) -> Vector3<f64> {
         self.world.base().1.transpose() * Vector3::z()
     }
 
-    /// Samples the sensors of the body; `None` if the world has made no step since the last sample.
+    /// Samples the sensors of the body. `None` if the world has made no step since the previous sample.
     pub fn sample(&mut self) -> Option<BodySample> {
         let now_s = self.world.system().time_s();
         let step_s = now_s - self.sampled_s;
@@ -159,12 +159,12 @@ impl Grounded {
         Some(BodySample { imu, contacts })
     }
 
-    /// Takes the ways of all clips that have ended.
+    /// Removes and returns the travels of all clips that have ended.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         std::mem::take(&mut self.travels)
     }
 
-    /// Sets the clip that the robot plays. The hoist lets go at the first clip.
+    /// Sets the clip that the robot plays. At the first clip the hoist releases the robot.
     pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
         if clip.is_some() && matches!(self.lets_go, LetsGo::WhenItPlays) {
             self.hoist = None;
@@ -176,11 +176,10 @@ impl Grounded {
         }
     }
 
-    /// Lets the world go on up to `now`, with each motor under its drive's law, and writes into the plants what
-    /// became of them.
+    /// Advances the world to `now`, with each motor under the law of its drive, and updates the plants.
     ///
     /// # Errors
-    /// A step without a solution.
+    /// Returns an error if a step has no solution.
     pub fn step(&mut self, now: SimTime, servos: &mut [Servo]) -> Result<(), StepError> {
         while self.steps.next() < now {
             self.steps.advance();
@@ -224,7 +223,7 @@ impl Grounded {
         Ok(())
     }
 
-    /// Angle, speed and torque of a motor; angles of wheels count turns.
+    /// Reads angle, speed and torque of a motor into its plant. Angles of wheels include whole turns.
     fn read(&self, channel: usize, law: &drives::Law, plant: &mut Plant) {
         let [angle_rad, speed_rad_s, torque_nm] = self.world.shaft(channel);
         plant.position_rad += wrapped(angle_rad - plant.position_rad);
@@ -236,7 +235,7 @@ impl Grounded {
         plant.torque_limited = (wanted - torque_nm).abs() > 1e-9 * (1.0 + wanted.abs());
     }
 
-    /// Sees falls, and lets the hoist pick up a robot that has had no torque for a while.
+    /// Detects falls, and makes the hoist pick up a robot that has been without torque for a while.
     fn watch(&mut self, now: SimTime, servos: &[Servo]) {
         let has_torque = servos.iter().any(Servo::is_driving);
         if has_torque || self.hoist.is_some() {
@@ -270,7 +269,7 @@ impl Grounded {
     }
 }
 
-/// An angle between −π and π that differs by whole turns.
+/// Angle between −π and π that differs from `angle_rad` by whole turns.
 fn wrapped(angle_rad: f64) -> f64 {
     (angle_rad + PI).rem_euclid(2.0 * PI) - PI
 }

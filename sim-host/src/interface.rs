@@ -4,7 +4,7 @@ use rollwalk_bus::candump;
 use std::fmt;
 use std::str::FromStr;
 
-/// A bus of the simulation.
+/// Bus of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Interface {
     /// `link0`: host and controller.
@@ -13,15 +13,15 @@ pub enum Interface {
     Actuator(u8),
 }
 
-/// A frame on a bus of the simulation.
+/// Frame on a bus of the simulation.
 pub type LogEntry = candump::LogEntry<Interface>;
 
-/// A packet on a serial line of the simulation; prints as a line of a log.
+/// Packet on a serial line of the simulation, which prints as a line of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PacketEntry {
-    /// Instant at which the packet ended, µs.
+    /// Time at which the packet ended, µs.
     pub at_us: u64,
-    /// The line.
+    /// Serial line.
     pub interface: Interface,
     /// True if the controller sent the packet.
     pub from_controller: bool,

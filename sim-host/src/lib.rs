@@ -1,29 +1,28 @@
-//! A robot without hardware: simulated CAN buses and serial lines with virtual servos around the real firmware
-//! core, in virtual time.
+//! Simulated robot without hardware: CAN buses and serial lines with virtual servos around the real firmware core, in virtual
+//! time.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`rig`], [`store`] | controller, buses and motors, stepped in one fixed order |
-//! | [`core`] | the controller: firmware in this process, or anything else that answers its steps |
+//! | [`core`] | interface of a controller: the firmware in this process, or any other that answers its steps |
 //! | [`mod@bus`], [`mod@line`] | a CAN bus and a half-duplex serial line, exact to the bit |
-//! | [`interface`], [`clock`] | the buses' names, virtual time |
-//! | [`body`], [`servo`], [`plant`], [`load`] | the motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
+//! | [`interface`], [`clock`] | names of the buses, virtual time |
+//! | [`body`], [`servo`], [`plant`], [`load`] | motors, from frame to torque to angle; their drives are [`rollwalk_drives`] |
 //! | [`ground`] | the robot on the ground, in the world of [`rollwalk_physics`], with a hoist |
 //! | [`live`] | in real time: the whole robot, its controller or its motors on buses of this computer |
 //! | [`faults`] | scheduled faults of buses and actuators |
 //! | [`one_leg`] | a small robot with a library, for tests and fault campaigns |
-//! | [`record`] | setpoints and measured values of every control period |
+//! | [`record`] | set-points and measured values of every control period |
 //!
-//! The host's end is `rollwalk-host`, for which a [`rig::Rig`] is a robot like any other. A [`rig::Observer`],
-//! such as the monitor of the fault campaign, sees every frame of a run.
+//! The host is `rollwalk-host`, which treats a [`rig::Rig`] like any other robot. A [`rig::Observer`], such as the monitor of
+//! the fault campaign, sees every frame of a run.
 //!
-//! What is simulated: the buses to the bit (arbitration, stuff bits, CRC, intermission; on serial lines turns,
-//! return delays and collisions), the drives' protocols, watchdogs, control laws and limits; and either
-//! the whole robot on the ground, or for every joint the inertia and weight of what hangs on it. In the
-//! latter case the robot hangs on a stand, its body held level and still, its wheels in the air, and no
-//! joint feels another one move.
+//! The buses are simulated to the bit: arbitration, stuff bits, CRC and intermission on CAN; turns, return delays and
+//! collisions on serial lines. The drives are simulated with protocols, watchdogs, control laws and limits. The robot is
+//! simulated either as a whole on the ground, or on a stand. On the stand its body is held level and still, its wheels are in
+//! the air, and each joint moves the inertia and weight of its links without coupling to other joints.
 //!
-//! Everything is deterministic: the same calls give the same bytes on every bus.
+//! The simulation is deterministic: the same calls give the same bytes on every bus.
 //!
 //! ```
 //! use rollwalk_bus::candump;

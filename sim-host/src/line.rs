@@ -1,17 +1,17 @@
-//! A half-duplex serial line in virtual time: controller and servos take turns, every byte takes its ten bits.
+//! Half-duplex serial line in virtual time. Controller and servos take turns, and every byte takes ten bits.
 //!
-//! Like [`crate::bus::CanBus`] the line is pulled: [`SerialLine::next_event`] is the instant of the next event, and
-//! [`SerialLine::advance`] handles it and returns a packet that has ended, which the caller passes to the other side. Servos that
-//! answer the same question send one after the other, each after its return delay ([`rollwalk_drives::Answer`]). If a servo stays
-//! silent, those behind it stay silent, too. A new packet of the controller cancels pending answers.
+//! Like [`crate::bus::CanBus`], the line is pulled. [`SerialLine::next_event`] is the time of the next event.
+//! [`SerialLine::advance`] handles the event and returns a packet that has ended, which the caller passes to the other side.
+//! Servos that answer the same query send one after the other, each after its return delay ([`rollwalk_drives::Answer`]). If a
+//! servo stays silent, those after it stay silent, too. A new packet of the controller cancels pending answers.
 //!
-//! No node listens before it talks. Where two talk at once, every byte that overlaps another is damaged.
+//! No node listens before it sends. If two nodes send at once, every byte that overlaps another is damaged.
 
 use crate::clock::SimTime;
 use rollwalk_drives::Answer;
 use std::collections::BTreeMap;
 
-/// Start bit, eight data bits, stop bit.
+/// Number of bits per byte: start bit, eight data bits, stop bit.
 const BITS_PER_BYTE: u64 = 10;
 
 /// Sender on a line.
@@ -23,29 +23,29 @@ pub enum Speaker {
     Servo(usize),
 }
 
-/// A packet that has crossed the line, as it is heard at the other ends.
+/// Packet that has crossed the line, as received at the other ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// End of its last stop bit.
+    /// Time at which the packet's last stop bit ended.
     pub at: SimTime,
     /// Sender of the packet.
     pub from: Speaker,
-    /// Bytes of the packet, some of them perhaps damaged.
+    /// Bytes of the packet, possibly damaged.
     pub bytes: Vec<u8>,
 }
 
-/// Use of a line since it was built.
+/// Statistics of a line since it was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineStatistics {
-    /// Completed packets.
+    /// Number of completed packets.
     pub packets: u64,
-    /// Time in which the line carried bits.
+    /// Time during which the line carried bits.
     pub busy: SimTime,
-    /// Packets of which others talked into a part.
+    /// Number of packets that were damaged because they overlapped others.
     pub collisions: u64,
 }
 
-/// A packet under way.
+/// Packet in transmission.
 #[derive(Clone, Debug)]
 struct Talk {
     from: Speaker,
@@ -54,19 +54,21 @@ struct Talk {
     is_damaged: bool,
 }
 
-/// Servos that have yet to answer a question: each by its place, with its channel.
+/// Pending answers of servos to a query.
 #[derive(Clone, Debug, Default)]
 struct Turns {
-    /// The place whose turn it is, and when it began.
+    /// Turn of the next answer.
     next: usize,
+    /// Time from which the delay of the next answer counts.
     since: SimTime,
-    /// Bytes that have been answered so far.
+    /// Bytes of the answers so far.
     said: Vec<u8>,
+    /// Answers by their turn, each with the channel of its servo.
     answers: BTreeMap<usize, (usize, Answer)>,
 }
 
 impl Turns {
-    /// Instant at which the next servo speaks; `None` while it waits for another one that speaks.
+    /// Time at which the next servo begins its answer; `None` while it sends, or if it has no answer.
     fn next_start(&self) -> Option<SimTime> {
         let (_, answer) = self.answers.get(&self.next)?;
         Some(self.since + SimTime::from_us(answer.delay_us))
@@ -83,10 +85,10 @@ pub struct SerialLine {
 }
 
 impl SerialLine {
-    /// A silent line at `baud` bit/s.
+    /// Creates a silent line at `baud` bit/s.
     ///
     /// # Panics
-    /// `baud` is 0.
+    /// Panics if `baud` is 0.
     pub fn new(baud: u32) -> Self {
         assert!(baud > 0, "a line needs a rate above 0 bit/s");
         Self {
@@ -97,42 +99,42 @@ impl SerialLine {
         }
     }
 
-    /// Use since the line was built.
+    /// Statistics since the line was built.
     pub fn statistics(&self) -> LineStatistics {
         self.statistics
     }
 
-    /// True if the controller's last packet has left.
+    /// True if the controller is not sending a packet.
     pub fn is_free(&self) -> bool {
         self.talks.iter().all(|talk| talk.from != Speaker::Controller)
     }
 
-    /// The controller begins a packet. Its last one must have left, and all events before `now` been handled.
+    /// Begins a packet of the controller. The previous one must have ended, and all events before `now` must have been handled.
     pub fn send(&mut self, now: SimTime, packet: &[u8]) {
         self.talk(now, Speaker::Controller, packet.to_vec());
     }
 
-    /// Sets the answers of servos, by channel, to a packet that has just crossed the line. Earlier answers that are still pending
-    /// are dropped. Drives behind one adapter have an answer each.
+    /// Sets the answers of servos, by channel, to a packet that has just crossed the line. Earlier answers that are still
+    /// pending are dropped. Of the answers of drives behind one adapter, only one is sent.
     pub fn answer(&mut self, now: SimTime, answers: impl IntoIterator<Item = (usize, Answer)>) {
         let answers = answers.into_iter().map(|(channel, said)| (said.turn, (channel, said)));
         self.turns = Turns { since: now, answers: answers.collect(), ..Turns::default() };
     }
 
-    /// Silences a servo that loses its power or is cut off: its packet ends here.
+    /// Silences a servo that loses its power or is cut off. A packet that it is sending is dropped.
     pub fn silence(&mut self, channel: usize) {
         self.talks.retain(|talk| talk.from != Speaker::Servo(channel));
         self.turns.answers.retain(|_, (of, _)| *of != channel);
     }
 
-    /// Instant of the next event; `None` while the line is silent and no servo is about to speak.
+    /// Time of the next event; `None` while the line is silent and no servo is about to send.
     pub fn next_event(&self) -> Option<SimTime> {
         let ends = self.talks.iter().map(|talk| self.end(talk));
         ends.chain(self.turns.next_start()).min()
     }
 
-    /// Handles the next event, if it is due by `now`: a servo that begins, or a packet that has ended, which is
-    /// returned.
+    /// Handles the next event if it is due by `now`: a servo begins to send, or a packet ends. Returns the packet that has
+    /// ended.
     pub fn advance(&mut self, now: SimTime) -> Option<Heard> {
         let at = self.next_event().filter(|&at| at <= now)?;
         if let Some(index) = self.talks.iter().position(|talk| self.end(talk) <= at) {
@@ -165,7 +167,7 @@ impl SerialLine {
         self.talks = talks;
     }
 
-    /// Damages the bytes of two packets that are on the line at the same time.
+    /// Damages the overlapping bytes of two packets.
     fn collide(&self, a: &mut Talk, b: &mut Talk) {
         let span = |talk: &Talk| (talk.start, self.end(talk));
         let ((from_a, until_a), (from_b, until_b)) = (span(a), span(b));
@@ -189,7 +191,7 @@ impl SerialLine {
         talk.start + self.duration(talk.bytes.len())
     }
 
-    /// Duration of this many bytes on the line.
+    /// Duration of `bytes` bytes on the line.
     fn duration(&self, bytes: usize) -> SimTime {
         SimTime::from_ns(bytes as u64 * BITS_PER_BYTE * 1_000_000_000 / self.baud)
     }
@@ -208,7 +210,7 @@ mod tests {
         Answer { bytes: bytes.to_vec(), turn, delay_us, is_part: false }
     }
 
-    /// Everything that is heard until silence: end in µs, sender, bytes.
+    /// Packets until silence: end in µs, sender, bytes.
     fn heard(line: &mut SerialLine) -> Vec<(u64, Speaker, Vec<u8>)> {
         let mut all = Vec::new();
         while let Some(at) = line.next_event() {
@@ -277,7 +279,7 @@ mod tests {
     }
 
     proptest! {
-        /// Rates whose bits are no whole number of nanoseconds lose or gain none over a packet.
+        /// Packets have the right duration even if a bit is not a whole number of nanoseconds.
         #[test]
         fn a_packet_takes_its_bits(baud in 9_600u32..4_500_000, bytes in 1usize..300) {
             let mut line = SerialLine::new(baud);

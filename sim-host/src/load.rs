@@ -1,7 +1,7 @@
 //! Load of each joint, inertia and weight, while the body is held level and still.
 //!
-//! The load is the diagonal of the mass matrix and the generalised forces of the weight at the pose. It does not
-//! include coupling between joints, Coriolis terms and the ground.
+//! The load consists of the diagonal of the mass matrix, and of the generalised forces of the weight in the present pose. It
+//! excludes coupling between joints, Coriolis terms and the ground.
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rollwalk_multibody::{CompositeInertia, Configuration, Frames, JOINTS, Tree};
@@ -16,7 +16,7 @@ pub struct JointLoad {
     pub gravity_nm: f64,
 }
 
-/// Load of every joint at the pose `joint_rad`, in joint order. It excludes rotors: the tree has no armature.
+/// Load of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no armature.
 pub fn joint_loads(tree: &Tree, joint_rad: &[f64]) -> Vec<JointLoad> {
     let at = Configuration {
         base_position_m: Vector3::zeros(),
@@ -78,7 +78,7 @@ mod tests {
         }
     }
 
-    /// A body with a two-joint leg and a one-joint arm, nothing aligned with anything.
+    /// Body with a two-joint leg and a one-joint arm, all of them skew.
     fn robot() -> Robot {
         Robot {
             name: "skew".into(),
@@ -99,8 +99,8 @@ mod tests {
         }
     }
 
-    /// Second algorithm: every link as six point masses with the same mass, centre and inertia, moved
-    /// by chained transforms of the joint alone.
+    /// Second algorithm, for comparison: replaces every link by six point masses of the same mass, centre and inertia, and
+    /// moves them by chained joint transforms.
     fn point_masses(robot: &Robot, q: &[f64]) -> Vec<(f64, Vector3<f64>)> {
         let mut points = Vec::new();
         for (index, link) in robot.links.iter().enumerate() {

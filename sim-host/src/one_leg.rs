@@ -1,5 +1,5 @@
-//! A minimal robot and its library: one leg with hip, knee and an actuated wheel. For tests and for campaigns of many
-//! runs.
+//! Minimal robot and its library, for tests and for campaigns of many runs. The robot is one leg with hip, knee and an actuated
+//! wheel.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rollwalk_protocol::config::RobotConfig;
@@ -9,13 +9,13 @@ use rollwalk_robot::{Actuator, Contact, EndEffector, Joint, Link, Robot};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 
-/// Codes of the motions.
+/// Code of the motion that stands still.
 pub const STAND: u8 = 1;
-/// A loop of one second that swings hip and knee.
+/// Code of a loop of one second that swings hip and knee.
 pub const SWING: u8 = 2;
-/// A loop with the wheel turning at [`ROLL_RAD_S`].
+/// Code of a loop with the wheel turning at [`ROLL_RAD_S`].
 pub const ROLL: u8 = 3;
-/// A motion that ends: bends the leg and comes back.
+/// Code of a motion that bends the leg, straightens it, and ends.
 pub const BOW: u8 = 4;
 
 /// Speed of the wheel in [`ROLL`], rad/s.
@@ -37,7 +37,7 @@ fn actuator(bus: u8, id: u8, kp_nm_rad: f64, kd_nm_s_rad: f64) -> Actuator {
     }
 }
 
-/// The robot: hip and wheel on bus 0, knee on bus 1.
+/// Robot with hip and wheel on bus 0, and knee on bus 1.
 pub fn robot() -> Robot {
     let link = |name: &str, mass_kg: f64, com_z_m: f64| Link {
         name: name.into(),
@@ -86,10 +86,10 @@ pub fn config() -> RobotConfig {
     robot().controller_config().unwrap()
 }
 
-/// Frames of each motion, by code.
+/// Frames of the motion with this code.
 ///
 /// # Panics
-/// No motion has that code.
+/// Panics if no motion has this code.
 pub fn motion(code: u8) -> Vec<f32> {
     let frames: Vec<[f32; 3]> = match code {
         STAND => vec![POSE; 2],
@@ -106,13 +106,13 @@ fn swing(turn: f32, amplitude: f32) -> [f32; 3] {
     [POSE[0] + s, POSE[1] - 1.5 * s, 0.0]
 }
 
-/// Starts and ends at rest.
+/// Frame of [`BOW`], which starts and ends at rest; `part` is the fraction of its duration.
 fn bow(part: f32) -> [f32; 3] {
     let s = 0.5 - 0.5 * (TAU * part).cos();
     [POSE[0] + 0.5 * s, POSE[1] - 0.7 * s, 0.0]
 }
 
-/// A ramp between rest and [`ROLL`].
+/// Ramp between rest and [`ROLL`].
 fn spin(up: bool) -> Vec<f32> {
     let ramp = |k: i32| {
         let u = k as f32 / 40.0;
@@ -122,7 +122,8 @@ fn spin(up: bool) -> Vec<f32> {
     (0..=40).flat_map(ramp).collect()
 }
 
-/// Transition between rest and [`SWING`]: a second that swells, or ebbs, to the loop's amplitude and phase.
+/// Transition between rest and [`SWING`], lasting one second. The motion is in phase with the loop, and its amplitude grows
+/// from 0 to the loop's or shrinks to 0.
 fn swell(up: bool) -> Vec<f32> {
     let frame = |k: i32| {
         let u = if up { k } else { 60 - k } as f32 / 60.0;
@@ -131,10 +132,10 @@ fn swell(up: bool) -> Vec<f32> {
     (0..=60).flat_map(frame).collect()
 }
 
-/// A library with all four motions, each reached from and left towards STAND.
+/// Library with all four motions; transitions join each of them with STAND in both directions.
 ///
 /// # Panics
-/// The robot is another one.
+/// Panics if `config` has other channels than [`robot`].
 pub fn library_for(config: &RobotConfig) -> Vec<u8> {
     let codes = [(STAND, "stand"), (SWING, "swing"), (ROLL, "roll"), (BOW, "bow")];
     let frames = codes.map(|(code, _)| motion(code));
@@ -167,7 +168,7 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
     bytes
 }
 
-/// The library of [`robot`].
+/// Library of [`robot`].
 pub fn library() -> Vec<u8> {
     library_for(&config())
 }

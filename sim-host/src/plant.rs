@@ -4,14 +4,14 @@
 //!   I q'' = clamp(kp (q* - q) + kd (v* - q') + tau, ±tau_max) + tau_load
 //! ```
 //!
-//! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. A motor at its top speed
-//! has no torque left to accelerate, but a load can still drive it faster. A joint stops at its mechanical limits
-//! without bouncing. Not simulated: current loop and electrical time constant (an order of magnitude faster than the
-//! control law), backlash, friction, quantised encoders, temperature.
+//! `I` is the sum of the armature (rotor and gearbox at the output) and the load's inertia. A motor at its top speed has no
+//! torque left to accelerate, but a load can still drive it faster. A joint stops at its mechanical limits without bouncing.
+//! Current loop and electrical time constant are not simulated, since they are an order of magnitude faster than the control
+//! law. Backlash, friction, encoder quantisation and temperature are not simulated either.
 //!
-//! Integration is by the implicit midpoint rule with a fixed step: second order, stable for any gains, and without
-//! numerical damping, so that overshoot comes from the control law alone. Tests compare it with the closed form of
-//! the step response.
+//! The integrator is the implicit midpoint rule with a fixed step. It is of second order, stable for any gains, and without
+//! numerical damping, so that overshoot comes from the control law alone. Tests compare it with the closed form of the step
+//! response.
 
 use rollwalk_drives::{Law, Shaft};
 use rollwalk_robot::Actuator;
@@ -25,13 +25,13 @@ pub struct Plant {
     stops_rad: [f64; 2],
     /// Inertia of the load on the shaft, kg·m².
     pub load_inertia_kg_m2: f64,
-    /// Torque of the load on the shaft, N·m: its weight, for example.
+    /// Torque of the load on the shaft, N·m, such as its weight.
     pub load_torque_nm: f64,
     /// Angle q, rad.
     pub position_rad: f64,
     /// Speed q', rad/s.
     pub speed_rad_s: f64,
-    /// Torque of the motor over the last step, N·m.
+    /// Torque of the motor over the previous step, N·m.
     pub torque_nm: f64,
     /// True if the control law required more torque than the motor has.
     pub torque_limited: bool,
@@ -54,22 +54,22 @@ impl Plant {
         }
     }
 
-    /// The same with mechanical stops at two angles.
+    /// Adds mechanical stops at two angles.
     pub fn with_stops(self, min_rad: f64, max_rad: f64) -> Self {
         Self { stops_rad: [min_rad, max_rad], ..self }
     }
 
-    /// I, kg·m².
+    /// Inertia I of motor and load, kg·m².
     pub fn inertia_kg_m2(&self) -> f64 {
         self.armature_kg_m2 + self.load_inertia_kg_m2
     }
 
-    /// Greatest torque of the motor, N·m.
+    /// Maximum torque of the motor, N·m.
     pub fn torque_max_nm(&self) -> f64 {
         self.torque_max_nm
     }
 
-    /// Measurements that a drive takes of it.
+    /// Measurements at the shaft, as taken by a drive.
     pub fn shaft(&self) -> Shaft {
         let &Self { position_rad, speed_rad_s, torque_nm, torque_limited, .. } = self;
         Shaft { position_rad, speed_rad_s, torque_nm, torque_limited }
@@ -105,7 +105,7 @@ impl Plant {
         }
     }
 
-    /// The required torque, clamped to what the motor has at the speed after the step.
+    /// Clamps the required torque to the torque that the motor has at the speed after the step.
     fn available(&self, wanted: f64, limit_nm: f64, gain: f64) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// Step response of I q'' + kd q' + kp q = kp, textbook form for every damping.
+    /// Step response of I q'' + kd q' + kp q = kp, in the textbook form for every damping.
     fn closed_form(inertia: f64, kp: f64, kd: f64, t: f64) -> f64 {
         let omega = (kp / inertia).sqrt();
         let zeta = kd / (2.0 * (kp * inertia).sqrt());
@@ -162,7 +162,7 @@ mod tests {
         }
     }
 
-    /// Worst distance to the closed form over half a second.
+    /// Largest distance from the closed form over half a second.
     fn worst_step_error(kd: f64, dt: f64) -> f64 {
         let mut plant = Plant { load_inertia_kg_m2: 0.012, ..Plant::new(&actuator(), 0.0) };
         let law = Law { position_rad: 1.0, kp_nm_rad: 25.0, kd_nm_s_rad: kd, ..FREE };

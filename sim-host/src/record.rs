@@ -1,10 +1,9 @@
 //! Commanded and measured values of every control period.
 //!
-//! The commanded values are decoded from the frames on the actuator buses, not taken from the
-//! firmware's memory, so that a lost, late or wrongly rounded setpoint shows. Where the controller
-//! closes the loop
-//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)) the bus carries
-//! torques, so the commanded values are unknown.
+//! The commanded values are decoded from the frames on the actuator buses, not taken from the firmware's memory. A lost, late
+//! or wrongly rounded set-point is therefore visible. If the controller closes the loop
+//! ([`ControlLoop::OnController`](rollwalk_protocol::actuators::bus::ControlLoop)), the bus carries torques, and the commanded
+//! values are unknown.
 
 use crate::clock::SimTime;
 use rollwalk_firmware::player::Playing;
@@ -12,57 +11,58 @@ use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::ClipId;
 use std::collections::BTreeMap;
 
-/// Control period in which a library was played.
+/// Record of a control period in which a library was played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TickRecord {
-    /// Start of the period, which is the instant that its setpoints belong to, µs.
+    /// Start of the period, which is the time of its set-points, µs.
     pub time_us: u64,
     /// Clip that was played.
     pub clip: ClipId,
-    /// Place in the clip, 60 Hz frames from its start.
+    /// Position in the clip, in 60 Hz frames from its start.
     pub phase_frames: f64,
-    /// Setpoints that were in force at the end of the period, in channel order: rad for a joint,
-    /// rad/s for a wheel. NaN for a channel without one, as on buses with torque setpoints.
+    /// Set-points in force at the end of the period, in channel order: rad for a joint, rad/s for a wheel. NaN for a channel
+    /// without a set-point, as on buses with torque set-points.
     pub commanded: Vec<f32>,
-    /// Offsets of the setpoints of this period in place of torques, in the same units. Drives without a field for a torque get it
-    /// through their own gain.
+    /// Offsets that replace torques in the set-points of this period, in the units of `commanded`. A drive without a torque
+    /// field applies the torque through its own gain.
     pub torque_offsets: Vec<f32>,
-    /// State of the motors at `time_us`, in the same units: true values, not feedback frames.
+    /// True values of the motors at `time_us`, in the units of `commanded`.
     pub measured: Vec<f32>,
-    /// Setpoints that did not arrive within the period, so that an older one stayed in force. Channels with torque
-    /// setpoints do not count.
+    /// Number of set-points that did not arrive within the period, so that an older one stayed in force. Channels with torque
+    /// set-points do not count.
     pub missed: usize,
 }
 
 impl TickRecord {
-    /// Setpoints without the offsets in place of torques: what the measured values are to be compared with.
+    /// Set-points without the offsets that replace torques, for comparison with the measured values.
     pub fn meant(&self) -> impl Iterator<Item = f32> {
         self.commanded.iter().zip(&self.torque_offsets).map(|(value, offset)| value - offset)
     }
 }
 
-/// Follows the setpoints on the actuator buses and keeps a record of each period.
+/// Recorder that decodes the set-points on the actuator buses, and stores a record of each period.
 #[derive(Clone, Debug)]
 pub struct Recorder {
-    /// True for channels that take setpoints of position or speed.
+    /// True for channels that accept set-points of position or speed.
     takes_setpoints: Vec<bool>,
     in_force: Vec<f32>,
     fresh: Vec<bool>,
-    /// The current period, without commanded values.
+    /// Current period, without commanded values.
     under_way: Option<TickRecord>,
     records: Vec<TickRecord>,
 }
 
 impl Recorder {
-    /// A recorder for a robot with the channels that take setpoints of position or speed instead of torque.
+    /// Creates a recorder. `takes_setpoints` is true for channels that accept set-points of position or speed instead of
+    /// torque.
     pub fn new(takes_setpoints: Vec<bool>) -> Self {
         let (in_force, fresh) =
             (vec![f32::NAN; takes_setpoints.len()], vec![false; takes_setpoints.len()]);
         Self { takes_setpoints, in_force, fresh, under_way: None, records: Vec::new() }
     }
 
-    /// Records a setpoint for `channel` that has crossed its bus, rad or rad/s. Channels with torque setpoints are
-    /// ignored: the position and speed in their frames have no meaning.
+    /// Records a set-point for `channel` that has crossed its bus, rad or rad/s. Channels with torque set-points are ignored,
+    /// since position and speed in their frames have no meaning.
     pub fn on_setpoint(&mut self, channel: usize, value: f32) {
         if !self.takes_setpoints[channel] {
             return;
@@ -90,7 +90,7 @@ impl Recorder {
         });
     }
 
-    /// Ends the period.
+    /// Ends the current period.
     pub fn end_period(&mut self) {
         if let Some(mut record) = self.under_way.take() {
             record.commanded.clone_from(&self.in_force);
@@ -101,18 +101,18 @@ impl Recorder {
         self.fresh.fill(false);
     }
 
-    /// Drops the records so far.
+    /// Drops all records so far.
     pub fn forget(&mut self) {
         self.records.clear();
     }
 
-    /// The records so far, oldest first.
+    /// Records so far, oldest first.
     pub fn records(&self) -> &[TickRecord] {
         &self.records
     }
 }
 
-/// Worst difference between meant and measured values over the periods of a clip.
+/// Largest differences between intended and measured values over the periods of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackingError {
     /// Error of a joint, rad.
@@ -121,7 +121,7 @@ pub struct TrackingError {
     pub wheel_rad_s: f64,
 }
 
-/// Worst tracking error of every clip in the records.
+/// Largest tracking errors of every clip in the records.
 pub fn tracking_errors(
     config: &RobotConfig,
     records: &[TickRecord],
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use crate::one_leg;
 
-    /// A recorder for the leg's hip, knee and wheel.
+    /// Recorder for the hip, knee and wheel of the leg.
     fn recorder() -> Recorder {
         Recorder::new(vec![true; 3])
     }

@@ -1,8 +1,7 @@
 //! Servo or wheel drive on an actuator bus: the maker's drive, from [`rollwalk_drives`], with a motor.
 //!
-//! It follows the control law of its drive, at the rate of the simulation. A motor without torque is damped like a
-//! geared motor that is turned from outside, with the joint's default damping gain, because its friction was not
-//! measured.
+//! The motor follows the control law of its drive, at the rate of the simulation. Without torque, the joint's default damping
+//! gain damps it, like a geared motor that is turned from outside. Its friction was not measured.
 
 use crate::clock::SimTime;
 use crate::plant::Plant;
@@ -11,7 +10,7 @@ use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 
-/// Longest time without a setpoint before an enabled servo of the Rollwalk profile switches its torque off.
+/// Time without a set-point after which an enabled servo of the Rollwalk profile switches its torque off.
 pub const WATCHDOG: SimTime = SimTime::from_us(rollwalk::WATCHDOG_US);
 
 /// Servo or wheel drive.
@@ -19,12 +18,12 @@ pub const WATCHDOG: SimTime = SimTime::from_us(rollwalk::WATCHDOG_US);
 pub struct Servo {
     drive: Drive,
     friction: Law,
-    /// The motor behind it.
+    /// Motor of the drive.
     pub plant: Plant,
 }
 
 impl Servo {
-    /// A drive of `channel` as its bus has them, just switched on, that turns `plant`.
+    /// Creates a drive of `channel` in its state after power-on, with the protocol of `bus`, which turns `plant`.
     pub fn new(bus: &Bus, channel: &Channel, plant: Plant) -> Self {
         let friction = Law {
             kd_nm_s_rad: channel.kd_nm_s_rad.into(),
@@ -34,33 +33,33 @@ impl Servo {
         Self { drive: Drive::new(bus, channel), friction, plant }
     }
 
-    /// Cuts its power: it gives no torque, and starts as after power-on when power is back.
+    /// Cuts the power of the drive. The motor gives no torque, and the drive restarts as after power-on.
     pub fn cut_power(&mut self) {
         self.drive.cut_power();
     }
 
-    /// True if the servo gives torque for a setpoint.
+    /// True if the drive controls the motor's torque.
     pub fn is_driving(&self) -> bool {
         self.drive.law(&self.plant.shaft()).is_some()
     }
 
-    /// The value of the setpoint in a frame for it, rad or rad/s of a wheel.
+    /// Value of the set-point in a frame for this servo, rad, or rad/s for a wheel; `None` for any other frame.
     pub fn commanded(&self, frame: &Frame) -> Option<f32> {
         self.drive.commanded(frame)
     }
 
-    /// Processes a frame on the bus; returns the answer if it was for this servo.
+    /// Processes a frame on the bus. Returns the answer; `None` if the frame was not for this servo.
     pub fn on_frame(&mut self, now: SimTime, frame: &Frame) -> Option<Frame> {
         let (_, answer) = self.drive.on_frame(now.as_us(), frame, &self.plant.shaft())?;
         answer
     }
 
-    /// Takes the next packet out of the bytes of its serial line, with what precedes it.
+    /// Removes the next packet, and the bytes before it, from `line`.
     pub fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         self.drive.take_packet(line)
     }
 
-    /// Processes a packet of its serial line; returns the setpoint in it, rad or rad/s of a wheel, and the answer.
+    /// Processes a packet of its serial line. Returns the set-point in it, rad, or rad/s for a wheel, and the answer.
     pub fn on_packet(&mut self, now: SimTime, packet: &[u8]) -> (Option<f32>, Option<Answer>) {
         let (sent, answer) = self.drive.on_packet(now.as_us(), packet, &self.plant.shaft());
         let setpoint = sent.into_iter().find_map(|sent| match sent {
@@ -70,27 +69,27 @@ impl Servo {
         (setpoint, answer)
     }
 
-    /// Time of its next unsolicited frame.
+    /// Time of the drive's next unsolicited frame; `None` if it sends none.
     pub fn next_timer(&self) -> Option<SimTime> {
         self.drive.next_timer_us().map(SimTime::from_us)
     }
 
-    /// Next unsolicited frame due at `now`; call until `None`.
+    /// Returns the next unsolicited frame that is due at `now`; call it until it returns `None`.
     pub fn on_timer(&mut self, now: SimTime) -> Option<Frame> {
         self.drive.on_timer(now.as_us(), &self.plant.shaft())
     }
 
-    /// Lets time pass in the drive, up to `now`.
+    /// Updates the drive's watchdog to the time `now`.
     pub fn on_time(&mut self, now: SimTime) {
         self.drive.on_time(now.as_us());
     }
 
-    /// Present law of the motor: that of its drive, or friction.
+    /// Present control law of the motor: the law of its drive, or friction while torque is off.
     pub fn law(&self) -> Law {
         self.drive.law(&self.plant.shaft()).unwrap_or(self.friction)
     }
 
-    /// Lets `dt_s` pass up to `now`, for a motor with nothing but its own load.
+    /// Advances drive and motor by `dt_s` to the time `now`, with the motor's own load only.
     pub fn step(&mut self, now: SimTime, dt_s: f64) {
         self.on_time(now);
         self.plant.step(&self.law(), dt_s);
@@ -153,7 +152,7 @@ mod tests {
         Feedback::decode(&answer).unwrap().1
     }
 
-    /// Steps from `from` up to `to`, with `frame` every 5 ms if there is one.
+    /// Steps from `from` to `to`, with `frame` every 5 ms if it is given.
     fn run(servo: &mut Servo, from: SimTime, to: SimTime, frame: Option<Frame>) {
         let mut now = from;
         while now < to {

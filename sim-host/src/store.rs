@@ -1,5 +1,4 @@
-//! Library store and parameter store of the simulated controller: the code of a real board, on
-//! flash that is simulated in RAM.
+//! Library store and parameter store of the simulated controller: the code of a real board, on flash that is simulated in RAM.
 
 pub use rollwalk_firmware::store::VerifyingKey;
 use rollwalk_firmware::store::{
@@ -8,11 +7,11 @@ use rollwalk_firmware::store::{
 use rollwalk_protocol::crc::file_digest;
 use rollwalk_protocol::wire::transport::MAX_BLOCK;
 
-/// Size of the largest library, bytes.
+/// Maximum size of a library, bytes.
 pub const LIBRARY_MAX: usize = 1 << 20;
-/// Size of the flash, bytes: two libraries, and the store's log.
+/// Size of the flash, bytes: two libraries and the log of the store.
 const CAPACITY: usize = 2 * LIBRARY_MAX + (8 << 10);
-/// Boots after which an unconfirmed library on trial is rolled back.
+/// Number of boots after which an unconfirmed library on trial is rolled back.
 const TRIAL_BOOTS: u8 = 3;
 
 /// Library store of the simulated controller.
@@ -24,17 +23,17 @@ pub type SimParameters = FlashParameters<RamFlash<Vec<u8>>>;
 /// Counter of the simulated controller's boots.
 pub type SimBoots = BootCounter<RamFlash<Vec<u8>>>;
 
-/// A counter before the first boot.
+/// Boot counter before the first boot.
 pub fn no_boots() -> SimBoots {
     BootCounter::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
 }
 
-/// A blank parameter store.
+/// Blank parameter store.
 pub fn blank_parameters() -> SimParameters {
     FlashParameters::mount(RamFlash::new(vec![0xFF; 12 << 10])).expect("three erase units")
 }
 
-/// Mounts both stores after a power cycle, the library's with this key.
+/// Mounts both stores after a power cycle. With a key, the library store accepts only libraries signed with it.
 pub fn mounted_again(
     (library, parameters): (SimStore, SimParameters),
     key: Option<VerifyingKey>,
@@ -49,7 +48,7 @@ pub fn mounted_again(
     (library, parameters.expect("it was mounted before"))
 }
 
-/// A store with an active library that is not on trial.
+/// Library store with an active library that is not on trial.
 pub fn with(library: &[u8]) -> SimStore {
     let mut store = blank();
     let crc = file_digest(library);
@@ -64,7 +63,7 @@ pub fn with(library: &[u8]) -> SimStore {
     store
 }
 
-/// A blank library store that takes every library.
+/// Blank library store that accepts libraries without a signature.
 pub fn blank() -> SimStore {
     let flash = FlashStore::mount(RamFlash::new(vec![0xFF; CAPACITY]), TRIAL_BOOTS);
     Signed::unchecked(flash.expect("the capacity is made of whole erase units"))

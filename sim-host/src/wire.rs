@@ -1,5 +1,4 @@
-//! The buses of a [`crate::rig`]: each with the controller's node and, on an actuator bus, the
-//! nodes of its servos; and serial lines with their servos.
+//! Buses of a [`crate::rig`]: CAN buses with the controller's node and the nodes of servos, and serial lines with their servos.
 
 use crate::bus::{CanBus, NodeId, TxPolicy};
 use crate::clock::SimTime;
@@ -7,13 +6,13 @@ use crate::line::SerialLine;
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 
-/// Largest transmit buffer of a controller's adapter, frames.
+/// Maximum depth of the transmit buffer of a controller's adapter, frames.
 const MAX_DEPTH: usize = 64;
 
-/// A bus and the controller's node on it.
+/// CAN bus with the controller's node.
 pub struct Wire {
     pub bus: CanBus,
-    /// The controller's node.
+    /// Node of the controller.
     pub controller: NodeId,
     /// Time since which no node acknowledges; `None` while nodes do.
     pub alone_since: Option<SimTime>,
@@ -33,8 +32,7 @@ impl Wire {
         !self.off && self.bus.pending(self.controller) < depth.min(MAX_DEPTH)
     }
 
-    /// Puts the frame, if there is one, into the controller's transmit buffer, which must have
-    /// room.
+    /// Puts a frame into the controller's transmit buffer, which must have room.
     pub fn fill(&mut self, now: SimTime, frame: Option<Frame>) {
         if let Some(frame) = frame {
             self.bus.post(now, self.controller, frame).expect("the buffer has room");
@@ -56,7 +54,7 @@ impl Wire {
         }
     }
 
-    /// The controller goes bus-off and loses its queued frames.
+    /// Makes the controller go bus-off and lose its queued frames.
     pub fn go_off(&mut self, now: SimTime) {
         self.off = true;
         // Aborts the frame in flight.
@@ -68,7 +66,7 @@ impl Wire {
     }
 }
 
-/// A CAN bus of actuators with node and channel of each servo on it.
+/// CAN bus of actuators, with node and channel of each servo.
 pub struct ActuatorBus {
     pub wire: Wire,
     pub servos: Vec<(NodeId, usize)>,
@@ -79,17 +77,17 @@ impl ActuatorBus {
         Self { wire: Wire::new(bus.bit_rate), servos: Vec::new() }
     }
 
-    /// The node of a servo.
+    /// Node of the servo of a channel.
     pub fn node_of(&self, channel: usize) -> Option<NodeId> {
         self.servos.iter().find(|(_, of)| *of == channel).map(|(node, _)| *node)
     }
 }
 
-/// A serial line of actuators with the channels of the servos on it.
+/// Serial line of actuators, with the channels of its servos.
 pub struct ActuatorLine {
     pub line: SerialLine,
     pub channels: Vec<usize>,
-    /// Bytes that the servos have received and that do not make a whole packet yet.
+    /// Bytes that the servos have received and that are not yet a complete packet.
     pub received: Vec<u8>,
     /// True if the line is cut between controller and servos.
     pub is_cut: bool,

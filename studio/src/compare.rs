@@ -1,8 +1,8 @@
-//! Comparison of the shown plan with a motion of a library. If they agree, a robot that plays the motion is shown beside the
+//! Comparison of the shown plan with a motion of a library. If they match, a robot that plays the motion is shown beside the
 //! plan.
 //!
-//! Equal names are not enough: the motion may have been edited since the library was built. The frames of the library are
-//! therefore compared with those that a library built from the shown plan would have.
+//! Equal names are not sufficient, because the motion may have been edited after the library was built. Therefore the frames of
+//! the library are compared with the frames that a library of the shown plan would have.
 
 use crate::documents::Documents;
 use crate::library::name_of;
@@ -14,11 +14,11 @@ use rollwalk_planner::sample::Setpoints;
 use rollwalk_protocol::config::MAX_CHANNELS;
 use rollwalk_protocol::library::{ClipCursor, Library, NodeId, validate};
 
-/// Largest difference of the same motion, rad and rad/s. Rounding in the library takes 0.0005 of it; the rest is for the
-/// optimum as it was reached from another start, after an edit and its undoing.
+/// Maximum difference between matching frames, rad and rad/s. Rounding in the library causes 0.0005 of it. The rest allows for
+/// an optimum reached from another start, after an edit that was undone.
 const SAME: f64 = 0.005;
 
-/// Compares the shown plan of the motion file `motion` with the motion that the library file calls it.
+/// Compares the shown plan of the motion file `motion` with the motion's entry in the library file.
 pub fn compared(
     documents: &Documents<'_>,
     plan: &Plan,
@@ -35,9 +35,12 @@ pub fn compared(
     Compared { name, clip, why }
 }
 
-/// The clip that is the plan; or why none is.
+/// Returns the clip that matches the plan.
+///
+/// # Errors
+/// Returns the reason if no clip matches.
 fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
-    let another = |_| "the library is of another robot than the plan".to_owned();
+    let another = |_| "the library and the plan are for different robots".to_owned();
     let config = plan.robot.controller_config().map_err(|why| why.to_string())?;
     let index = validate(bytes, &config).map_err(another)?;
     let unreadable = || "the library cannot be read".to_owned();
@@ -48,23 +51,25 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
     let clip = library.clip(node.clip()).ok_or_else(unreadable)?;
     let looping = plan.motion.ends == Ends::Periodic;
     if (usize::from(clip.frames), clip.looping) != (setpoints.len(), looping) {
-        return Err(format!("`{name}` in the library has another duration than the plan"));
+        return Err(format!(
+            "the duration of `{name}` in the library differs from that of the plan"
+        ));
     }
     let [joint_rad, wheel_rad_s] = apart(&library, node, &setpoints).ok_or_else(unreadable)?;
     if joint_rad > SAME {
         return Err(format!(
-            "joints of `{name}` in the library are {joint_rad:.3} rad from the plan"
+            "a joint of `{name}` in the library differs by {joint_rad:.3} rad from the plan"
         ));
     }
     if wheel_rad_s > SAME {
         return Err(format!(
-            "wheels of `{name}` in the library are {wheel_rad_s:.3} rad/s from the plan"
+            "a wheel of `{name}` in the library differs by {wheel_rad_s:.3} rad/s from the plan"
         ));
     }
     Ok(node.clip().0)
 }
 
-/// Largest difference of the library's frames from the plan's: of joints, rad, and of driven wheels, rad/s.
+/// Maximum difference between the frames of the library and of the plan: joints, rad, and driven wheels, rad/s.
 fn apart(library: &Library<'_>, node: NodeId, setpoints: &[Setpoints]) -> Option<[f64; 2]> {
     let mut cursor = ClipCursor::new(library, node.clip(), 0).ok()?;
     let mut worst = [0.0; 2];

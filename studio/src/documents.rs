@@ -1,31 +1,31 @@
-//! Documents of a project: which text a path means, and texts to a validated robot and motion.
+//! Documents of a project: resolves paths to texts, and parses texts to a validated robot and motion.
 //!
-//! A page knows files by the paths with which they were opened, which need not be those that documents name each other by: a
-//! motion file that was dropped alone says `../robots/agilebot.toml`. So a name means, in this order, the file at that path,
-//! the only file of that base name, and the same among the files that ship.
+//! A page opens files by paths that may differ from the paths in documents: a motion file that was dropped alone contains
+//! `../robots/agilebot.toml`. A path therefore stands for the first of: the open file at that path, the only open file with
+//! that base name, and the shipped file with that base name.
 
 use crate::messages::{Answer, Fault, File};
 use rollwalk_planner::motion::Motion;
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::{Robot, Solid};
 
-/// The documents of a request.
+/// Documents of a request.
 #[derive(Clone, Copy)]
 pub struct Documents<'f> {
     files: &'f [File],
 }
 
-/// A text that a path means.
+/// Text found for a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Found<'f> {
     pub path: &'f str,
     pub text: &'f str,
 }
 
-/// A motion file and the robot file that it names, validated.
+/// Motion file with the robot file that it names, both validated.
 pub struct Project<'f> {
     pub robot: Robot,
-    /// Parts of every link.
+    /// Solids of every link.
     pub parts: Vec<Vec<Solid>>,
     pub motion: Motion,
     pub motion_file: Found<'f>,
@@ -33,20 +33,20 @@ pub struct Project<'f> {
 }
 
 impl<'f> Documents<'f> {
-    /// Documents of a request.
+    /// Wraps the documents of a request.
     pub fn new(files: &'f [File]) -> Self {
         Self { files }
     }
 
-    /// The documents of the request itself.
+    /// Documents contained in the request.
     pub fn files(&self) -> &'f [File] {
         self.files
     }
 
-    /// Reads and validates a motion file and the robot that it names.
+    /// Reads and validates a motion file and the robot file that it names.
     ///
     /// # Errors
-    /// All faults of one of them, or a document that is missing.
+    /// Returns all faults of the first document that has any, or an error if a document is missing.
     pub fn project(&self, motion: &str) -> Result<Project<'f>, Answer> {
         let motion_file = self.find(motion).ok_or_else(|| missing("motion file", motion, ""))?;
         let robot_file = self.robot_of(motion_file)?;
@@ -61,15 +61,15 @@ impl<'f> Documents<'f> {
     /// Reads and validates a robot file.
     ///
     /// # Errors
-    /// Its faults.
+    /// Returns the faults of the file.
     pub fn robot(&self, Found { path, text }: Found<'f>) -> Result<Robot, Answer> {
         Robot::from_toml(path, text).map_err(|error| faults(text, &error))
     }
 
-    /// Reads and validates a motion file and the robot that it names.
+    /// Reads and validates a motion file and the robot file that it names, without the solids.
     ///
     /// # Errors
-    /// As [`project`](Self::project).
+    /// Returns the errors of [`project`](Self::project).
     pub fn motion(&self, found: Found<'f>) -> Result<(Robot, Motion), Answer> {
         let robot = self.robot(self.robot_of(found)?)?;
         let Found { path, text } = found;
@@ -77,19 +77,19 @@ impl<'f> Documents<'f> {
         Ok((robot, motion))
     }
 
-    /// The robot file that a motion file names.
+    /// Robot file that a motion file names.
     fn robot_of(&self, Found { path, text }: Found<'f>) -> Result<Found<'f>, Answer> {
         let named = Motion::robot_path_in_toml(path, text).map_err(|error| faults(text, &error))?;
         self.beside(path, &named).ok_or_else(|| missing("robot file", &named, path))
     }
 
-    /// The text that `named` means in the document at `from`.
+    /// Text of the file that the document at `from` names `named`.
     pub fn beside(&self, from: &str, named: &str) -> Option<Found<'f>> {
         let folder = from.rsplit_once('/').map_or("", |(folder, _)| folder);
         self.find(&joined(folder, named))
     }
 
-    /// The text that a path means.
+    /// Text of the file for a path.
     pub fn find(&self, path: &str) -> Option<Found<'f>> {
         let path = joined("", path);
         let of = |file: &'f File| Found { path: &file.path, text: &file.text };
@@ -110,7 +110,7 @@ impl<'f> Documents<'f> {
     }
 }
 
-/// A path in a folder, without `.` and without detours through `..`.
+/// Joins a folder and a path, without `.` and without detours through `..`.
 fn joined(folder: &str, path: &str) -> String {
     let mut parts: Vec<&str> = Vec::new();
     let folder = if path.starts_with('/') { "" } else { folder };
@@ -130,18 +130,18 @@ fn base_name(path: &str) -> &str {
     path.rsplit_once('/').map_or(path, |(_, name)| name)
 }
 
-/// The error of a document that is not there.
+/// Error of a missing document.
 pub fn missing(kind: &str, named: &str, by: &str) -> Answer {
-    let by = if by.is_empty() { String::new() } else { format!(", which {by} names") };
+    let by = if by.is_empty() { String::new() } else { format!(" (named in {by})") };
     Answer::Error {
         message: format!("the {kind} `{named}`{by} is not open"),
-        help: "open it too, or name a robot that ships with rollwalk, such as \
+        help: "open this file too, or name a robot that ships with rollwalk, such as \
                `../robots/agilebot.toml`"
             .to_owned(),
     }
 }
 
-/// The faults of a document.
+/// Converts the faults of a document to an answer.
 pub fn faults(text: &str, error: &DocumentError) -> Answer {
     let fault = |fault: &rollwalk_robot::document::Fault| {
         let start = text.floor_char_boundary(fault.span.start);

@@ -1,8 +1,9 @@
-//! The door of a page: WebAssembly without generated glue. Two exports, two imports of the module `page`, and `memory`.
+//! Interface of a page to the engine: WebAssembly without generated glue. There are two exports, two imports of the module
+//! `page`, and `memory`.
 //!
-//! A page calls `reserve(json, binary)`, writes a request's JSON and then its bytes to where that points, and calls `request()`,
-//! during which `answer` is called for every answer with JSON and bytes. Memory may grow in both calls, so that views of it
-//! made before are void. A panic ends in `panicked` and a trap; the instance is spent then.
+//! A page calls `reserve(json, binary)`, writes the JSON of a request and then its bytes to the returned address, and calls
+//! `request()`. During this call the engine calls `answer` with JSON and bytes, once for each answer. Memory may grow in both
+//! calls, which invalidates earlier views of it. A panic ends in `panicked` and a trap; afterwards the instance is unusable.
 
 #![allow(unsafe_code)] // Exports and imports have names of their own. No block here is unsafe.
 
@@ -13,13 +14,13 @@ use std::sync::Once;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
-    /// An answer: where its JSON and its bytes are, and how long.
+    /// Receives an answer: addresses and lengths of its JSON and its bytes.
     safe fn answer(json: *const u8, json_len: usize, binary: *const u8, binary_len: usize);
-    /// The words of a panic: where they are, and how long.
+    /// Receives the message of a panic: its address and length.
     safe fn panicked(words: *const u8, len: usize);
 }
 
-/// A request as the page writes it.
+/// Buffer into which the page writes a request.
 #[derive(Default)]
 struct Room {
     bytes: Vec<u8>,
@@ -33,7 +34,7 @@ thread_local! {
 
 static HOOK: Once = Once::new();
 
-/// Makes room for a request; returns where.
+/// Allocates memory for a request and returns its address.
 #[unsafe(no_mangle)]
 pub extern "C" fn reserve(json_len: usize, binary_len: usize) -> *mut u8 {
     HOOK.call_once(|| {
@@ -48,7 +49,7 @@ pub extern "C" fn reserve(json_len: usize, binary_len: usize) -> *mut u8 {
     })
 }
 
-/// Answers the request that was written.
+/// Answers the request in the buffer.
 #[unsafe(no_mangle)]
 pub extern "C" fn request() {
     let Room { bytes, json_len } = ROOM.take();

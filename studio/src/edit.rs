@@ -1,7 +1,7 @@
-//! Edits of documents: a text with one thing changed, its comments and its order as they were.
+//! Edits of documents: change one item of a text, and keep its comments and order.
 //!
-//! An edit needs a text that is TOML, and nothing more, so that it can also lead out of a document with faults. Edits of
-//! footfalls are the exception: they need to know the footfalls. The session validates what comes of an edit.
+//! An edit requires only that the text is TOML, so that it can also repair a document with faults. Edits of footfalls are the
+//! exception: they also require the parsed footfalls. The session validates the result of an edit.
 
 mod choreography;
 mod everywhere;
@@ -15,10 +15,10 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_robot::Robot;
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
-/// Context of an edit: the documents before it, if they are valid.
+/// Valid documents before an edit.
 pub struct Known<'k> {
     pub robot: &'k Robot,
-    /// The motion that is worked on.
+    /// Motion that is being edited.
     pub motion: &'k Motion,
 }
 
@@ -26,7 +26,7 @@ pub struct Known<'k> {
 /// call `parameters`, which returns the parameters of the robot in the text.
 ///
 /// # Errors
-/// The text is no TOML, or the edit does not fit it.
+/// Returns an error if the text is not TOML, or if the edit does not fit it.
 pub fn edited<'k>(
     text: &str,
     edit: &Edit,
@@ -37,7 +37,11 @@ pub fn edited<'k>(
         return sliders::set(text, &parameters(), name, *value);
     }
     let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
-        refused(format!("this is not TOML: {}", error.message()), "correct the text first")
+        refused(
+            format!("this is not TOML: {}", error.message()),
+            "correct the syntax of the file \
+            first",
+        )
     })?;
     match edit {
         Edit::Number { table, key, value } => {
@@ -76,12 +80,12 @@ pub fn edited<'k>(
     Ok(document.to_string())
 }
 
-/// The error of an edit that does not fit.
+/// Error of an edit that does not fit.
 fn refused(message: impl Into<String>, help: impl Into<String>) -> Answer {
     Answer::Error { message: message.into(), help: help.into() }
 }
 
-/// The table at a path, made where there is none. In arrays of tables a step is an index.
+/// Returns the table at a path, and creates missing tables. In arrays of tables a step is an index.
 fn table_at<'t>(
     document: &'t mut DocumentMut,
     path: &[String],
@@ -90,7 +94,13 @@ fn table_at<'t>(
     let mut steps = path.iter();
     while let Some(step) = steps.next() {
         let item = table.entry(step).or_insert_with(|| Item::Table(Table::new()));
-        let not_there = || refused(format!("`{}` is no table", path.join(".")), "name a table");
+        let not_there = || {
+            refused(
+                format!("`{}` is not a table", path.join(".")),
+                "give the path \
+            of a table",
+            )
+        };
         if item.is_array_of_tables() {
             let index = steps.next().and_then(|index| index.parse::<usize>().ok());
             let tables = item.as_array_of_tables_mut();
@@ -103,7 +113,7 @@ fn table_at<'t>(
     Ok(table)
 }
 
-/// Gives a key a value; what stood around the former one stays.
+/// Sets the value of a key, and keeps the comments and blanks around it.
 fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     match table.get_mut(key).and_then(Item::as_value_mut) {
         Some(former) => {

@@ -1,4 +1,4 @@
-//! The shipped files as a gallery lists them.
+//! Gallery entries of the shipped files.
 
 use crate::messages::{Listed, Of};
 use toml_edit::Document;
@@ -25,7 +25,7 @@ fn entry(path: &'static str, text: &str) -> Option<Listed> {
     Some(Listed { path, of, name, title: title(text), robot: string("robot") })
 }
 
-/// The comment with which a file begins, up to where it speaks of formats and sources.
+/// First comment of a file, without its notes on format and sources.
 fn title(text: &str) -> String {
     let lines = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim);
     let lines: Vec<_> = lines.take_while(|line| !line.is_empty()).collect();

@@ -1,4 +1,4 @@
-//! A plan as rows of numbers at a rate: poses of all bodies, contacts and forces, joints and wheels.
+//! Frames of a plan at a rate: poses of all bodies, contacts and forces, joints and wheels.
 
 use crate::messages::{Columns, FramesHeader, Period};
 use crate::scene::{poses, turning_wheels};
@@ -8,7 +8,7 @@ use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::{Plan, Sample};
 use rollwalk_planner::sample::{PlanSpline, Setpoints, driven_wheels};
 
-/// Rates at which frames can be asked for, Hz.
+/// Range of the frame rate, Hz.
 pub const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
 /// Header and bytes of the frames of a plan.
@@ -52,7 +52,7 @@ pub fn frames(plan: &Plan, rate_hz: f64) -> (FramesHeader, Vec<u8>) {
     (FramesHeader { count, rate_hz, duration_s, period, width, columns }, bytes)
 }
 
-/// The columns after the poses.
+/// Writes the columns after the poses.
 fn rest(plan: &Plan, sample: &Sample, setpoints: &Setpoints, put: &mut impl FnMut(f64)) {
     sample.com_m.into_iter().for_each(&mut *put);
     for foot in &sample.end_effectors {

@@ -1,5 +1,5 @@
-//! The motion graph in the text of a library file. Motions and transitions are read without validation, and faults are listed
-//! beside them, so that a user can edit a graph that is not valid.
+//! Motion graph in the text of a library file. Motions and transitions are read without validation, and faults are listed
+//! separately, so that a user can edit a graph that is not valid.
 
 use crate::documents::{Documents, Found, missing};
 use crate::library;
@@ -9,17 +9,17 @@ use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use toml_edit::{Document, Item, Table};
 
-/// Shortest duration of new transitions, s.
+/// Minimum duration of a new transition, s.
 const TRANSITION_S: f64 = 1.2;
-/// Time for each step of feet and what else no motor rolls, s.
+/// Time allowed in a new transition for each end effector that must step because no motor rolls it, s.
 const STEP_S: f64 = 0.4;
-/// Ending of the names of library files.
+/// Ending of the file names of libraries.
 const ENDING: &str = "_library.toml";
 
-/// The graph of a library file, and its faults.
+/// Reads the graph of a library file, with its faults.
 ///
 /// # Errors
-/// The file is not there.
+/// Returns an error if the file is missing.
 pub fn graph(documents: &Documents<'_>, path: &str) -> Result<Graph, Answer> {
     let Found { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;
@@ -63,7 +63,7 @@ pub fn graph(documents: &Documents<'_>, path: &str) -> Result<Graph, Answer> {
     })
 }
 
-/// Motions of the project that are for the robot of a library and not in it.
+/// Motions of the project that are for the robot of a library, but not in it.
 fn others(
     documents: &Documents<'_>,
     path: &str,
@@ -84,7 +84,7 @@ fn others(
         .collect()
 }
 
-/// Motion files of the project that name a robot file, with what they say.
+/// Motion files of the project that name this robot file, with their motions.
 fn motions_of<'f>(documents: &Documents<'f>, robot: Option<&str>) -> Vec<(&'f File, Motion)> {
     let files = documents.files().iter().filter_map(|file| {
         let project = documents.project(&file.path).ok()?;
@@ -93,10 +93,11 @@ fn motions_of<'f>(documents: &Documents<'f>, robot: Option<&str>) -> Vec<(&'f Fi
     files.collect()
 }
 
-/// A library file of the motions of a project, each joined with the one that stands, which is added if there is none.
+/// Creates a library file with the motions of a project, each joined with the standing motion. A standing motion is added if
+/// the project has none.
 ///
 /// # Errors
-/// The motion file or its robot has faults.
+/// Returns an error if the motion file or its robot has faults.
 pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answer> {
     let project = documents.project(motion)?;
     let (at, robot_file) = (project.motion_file.path, project.robot_file);
@@ -148,7 +149,7 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
     Ok(added)
 }
 
-/// True if a motion can be SAFE.
+/// True if a motion is suitable as SAFE.
 fn stands(motion: &Motion, robot: &Robot) -> bool {
     let goal = &motion.goal;
     let still = [goal.forward_m, goal.left_m, goal.turn_rad];
@@ -163,7 +164,7 @@ fn stands(motion: &Motion, robot: &Robot) -> bool {
             .all(|(rad, joint)| *rad == joint.nominal_rad)
 }
 
-/// A motion file of a robot that stands.
+/// Creates a motion file in which the robot stands.
 fn standing(name: &str, folder: &str, robot: &str) -> File {
     let text = format!(
         "# The robot stands: the pose that it returns to when in doubt.\n# Format: docs/motion-files.md.\n\n\
@@ -179,7 +180,7 @@ fn free(name: &str, taken: impl Fn(&str) -> bool) -> String {
     names.into_iter().find(|name| !taken(name)).unwrap_or_default()
 }
 
-/// A path as a file in another folder names it.
+/// Path of a file relative to the folder of another file.
 fn relative(from: &str, to: &str) -> String {
     let mut from: Vec<&str> = from.split('/').collect();
     let mut to: Vec<&str> = to.split('/').collect();

@@ -1,4 +1,4 @@
-//! First motions of robots, and robots from a URDF as `rollwalk robot import` makes them: documents of a project.
+//! First motions of robots, and robots imported from a URDF as by `rollwalk robot import`, as documents of a project.
 
 use crate::documents::{self, Documents, missing};
 use crate::messages::{Answer, Done, File};
@@ -11,16 +11,17 @@ use rollwalk_robot::urdf::{self, Imported, Text};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use std::ops::ControlFlow;
 
-/// First motions: period in units of √(height / g), way forward and height of swings in units of the height.
+/// Dimensions of a first walk: period in units of √(height / g), distance and swing height in units of the height.
 const WALK: [f64; 3] = [8.0, 0.35, 0.1];
+/// Dimensions of a first drive: duration in units of √(height / g), distance in units of the height.
 const DRIVE: [f64; 2] = [12.0, 1.0];
-/// Iterations in which a first motion must be found.
+/// Maximum number of iterations for finding a first motion.
 const TRIED: usize = 100;
 
-/// Documents of a robot that a URDF describes. Without a side file, the one that the import proposes is used.
+/// Creates the documents of a robot from a URDF. If no side file is given, the one that the import proposes is used.
 ///
 /// # Errors
-/// Faults of the URDF or of the side file.
+/// Returns the faults of the URDF or of the side file.
 pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
     let stem = urdf.path.rsplit('/').next().unwrap_or_default();
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
@@ -32,7 +33,7 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
             let survey = survey.map_err(|why| documents::faults(&urdf.text, &why))?;
             let path = format!("{stem}.side.toml");
             remarks.push(format!(
-                "feet, motors and the standing pose are those that `{path}` proposes"
+                "feet, motors and the standing pose are taken from the proposal in `{path}`"
             ));
             remarks.extend(survey.warnings);
             File { path, text: survey.template }
@@ -52,10 +53,11 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
     Ok(Done::Imported { files: vec![motion_file, robot_file, side], motion, warnings: remarks })
 }
 
-/// First motion of a robot file, as a document beside it: of a robot with faults, which `open` names, one that stands.
+/// Creates a first motion for a robot file, as a document in its folder. A robot file with faults gets a standing motion;
+/// `open` then reports the faults.
 ///
 /// # Errors
-/// The robot file is not open.
+/// Returns an error if the robot file is not open.
 pub fn begun(documents: &Documents<'_>, path: &str) -> Result<Done, Answer> {
     let found = documents.find(path).ok_or_else(|| missing("robot file", path, ""))?;
     let (folder, name) = found.path.rsplit_once('/').unwrap_or(("", found.path));
@@ -74,8 +76,8 @@ fn text_of(file: &File) -> Text<'_> {
     Text { name: &file.path, text: &file.text }
 }
 
-/// A motion that suits the size of a robot: it drives if all that touches the ground has a motor, walks if it has four legs in
-/// pairs, and stands if it can neither.
+/// Creates a motion that suits the size of a robot. The robot drives if all end effectors have a motor, else walks if it has
+/// four legs in pairs, else stands.
 fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
     let height_m = Standing::new(&Tree::new(robot)).map_or(0.3, |standing| {
         standing
@@ -111,7 +113,7 @@ fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
         .unwrap_or_else(|| stand(stem, robot_path))
 }
 
-/// A motion that any robot has.
+/// Creates a standing motion, which any robot can do.
 fn stand(stem: &str, robot_path: &str) -> File {
     motion_file(stem, robot_path, ["stand", "at_rest"], 1.0, "\n[footfalls]\nall = \"stance\"\n")
 }
@@ -133,7 +135,7 @@ fn motion_file(
     }
 }
 
-/// True if the planner finds a motion in [`TRIED`] iterations. The first motion that a user sees must not be a failed plan.
+/// True if the planner finds the motion in [`TRIED`] iterations. The first motion that a user sees must not be a failed plan.
 fn can(robot: &Robot, file: &File) -> bool {
     let Ok(motion) = Motion::from_toml(&file.path, &file.text, robot) else { return false };
     let settings = Settings { iterations: TRIED, ..Settings::default() };

@@ -1,9 +1,8 @@
-//! The engine of the studio: documents of a robot and its motions in, scenes, plans and faults out.
+//! Engine of the studio: reads the documents of a robot and its motions, and returns scenes, plans and faults.
 //!
-//! A [`Session`] answers requests (JSON, [`messages`]) of a page. It reads no clock, no file and has no threads. Two doors lead
-//! to it: `door` in a page, as WebAssembly; and a WebSocket of `rollwalk studio`, which runs it natively. Every edit goes
-//! through the text of its document and that document's validation, so that the studio plans what the command line plans, and
-//! nothing else.
+//! A [`Session`] answers requests of a page (JSON, [`messages`]). It uses no clock, files or threads. There are two interfaces
+//! to it: `door` in a page, as WebAssembly; and a WebSocket of `rollwalk studio`, which runs the engine natively. Every edit
+//! changes the text of a document, which is then validated. The studio thus plans exactly the same as the command line.
 
 mod compare;
 mod documents;

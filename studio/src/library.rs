@@ -1,4 +1,4 @@
-//! Motion libraries: the documents of a library, planned one after the other, and the `.rwl` that comes of them.
+//! Motion libraries: plans the documents of a library one after the other, and packs them to an `.rwl`.
 
 use crate::documents::{Documents, Found, faults, missing};
 use crate::messages::{Answer, Done, Edge, Fault, Node};
@@ -13,10 +13,11 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 
-/// Plans and packs a library; also returns its bytes, which are those of `rollwalk library build` on the same machine.
+/// Plans and packs a library. Also returns its bytes, which are those of `rollwalk library build` on the same machine; they are
+/// empty if a plan failed its checks.
 ///
 /// # Errors
-/// Faults of the documents, documents that are missing, a plan that does not hold, and a stop.
+/// Returns faults of the documents, or an error if a document is missing, if packing fails, or if the build was stopped.
 pub fn build(
     documents: &Documents<'_>,
     path: &str,
@@ -36,7 +37,7 @@ pub fn build(
         [] => {
             let edges = joined.iter().map(|of| Joined { from: of.from, to: of.to, plan: &of.plan });
             Some(wanted.pack(&nodes, edges).map_err(|why| {
-                error(why.to_string(), "change that motion, or the robot's limits")
+                error(why.to_string(), "change the motion, or the limits of the robot")
             })?)
         }
         _ => None,
@@ -70,7 +71,7 @@ pub fn build(
     Ok((done, built.map_or_else(Vec::new, |built| built.bytes)))
 }
 
-/// Name of a motion file's motion in a library file; `None` if the library file has faults, or does not name the motion file.
+/// Name that a library file gives to a motion file; `None` if the library file has faults or does not list the motion file.
 pub fn name_of(
     documents: &Documents<'_>,
     library: &str,
@@ -103,7 +104,7 @@ fn read(documents: &Documents<'_>, path: &str) -> Result<Contents, Answer> {
     Contents::read(path, text, &mut Beside { documents, path, text })
 }
 
-/// The documents that a library file names.
+/// Reader of the documents that a library file names.
 struct Beside<'d> {
     documents: &'d Documents<'d>,
     path: &'d str,
@@ -134,7 +135,7 @@ impl Shelf for Beside<'_> {
     fn plan(&mut self, named: &str) -> Result<(Plan, String), Answer> {
         let found = self.find("plan", named)?;
         let plan = Plan::from_json(found.path, found.text);
-        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion once more"))?;
+        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion again"))?;
         Ok((plan, found.path.to_owned()))
     }
 
@@ -152,13 +153,13 @@ fn error(message: impl Into<String>, help: &str) -> Answer {
     Answer::Error { message: message.into(), help: help.to_owned() }
 }
 
-/// Solves on one thread, with progress.
+/// Solver on one thread, with progress.
 struct Watched<'p> {
     progress: &'p mut dyn FnMut(&Answer) -> ControlFlow<()>,
 }
 
 impl Watched<'_> {
-    /// Solves `what`; `None` if it was stopped.
+    /// Solves the motion called `what`; returns `None` if the solve was stopped.
     fn watch<T>(
         &mut self,
         what: &str,

@@ -1,6 +1,6 @@
-//! Messages between page and engine: JSON, tagged by `kind`. Frames: world, z up; units m, rad, N, N·m, s.
+//! Messages between page and engine: JSON, tagged by `kind`. Frames are world, z up; units are m, rad, N, N·m, s.
 //!
-//! Every request has a number, `seq`, which its answers repeat: any count of `progress`, then one `done`, `faults` or `error`.
+//! Every request has a number, `seq`, which its answers repeat: any number of `progress`, then one `done`, `faults` or `error`.
 
 mod edit;
 mod library;
@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Debug, Deserialize)]
 pub struct Request {
-    /// Number of the request.
+    /// Number of the request, repeated in its answers.
     pub seq: u64,
     #[serde(flatten)]
     pub wanted: Wanted,
@@ -34,105 +34,105 @@ pub struct Request {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Wanted {
-    /// Names and titles of the shipped files.
+    /// Requests names and titles of the shipped files.
     Examples,
-    /// Text of one of them.
+    /// Requests the text of a shipped file.
     Example {
         /// Path, as in [`Listed::path`].
         path: String,
     },
-    /// Makes documents of a URDF.
+    /// Creates documents from a URDF.
     Import {
-        /// The URDF (XML, xacro expanded).
+        /// URDF (XML, xacro expanded).
         urdf: File,
-        /// The side file with what a URDF lacks; without, the one that the import proposes.
+        /// Side file with data that a URDF lacks; if `None`, the one that the import proposes is used.
         side: Option<File>,
     },
-    /// Makes a first motion for a robot.
+    /// Creates a first motion for a robot.
     Begin {
         files: Vec<File>,
-        /// Path of the robot file among them.
+        /// Path of the robot file in `files`.
         robot: String,
     },
     /// Reads and validates documents.
     Open {
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
     },
-    /// Changes one thing in the text of a document.
+    /// Changes one item in the text of a document.
     Amend {
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
         /// Path of the document to change.
         path: String,
         edit: Edit,
     },
-    /// Plans the motion of documents.
+    /// Plans the motion of the documents.
     Plan {
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
-        /// Start of the solve.
+        /// Starting point of the solve.
         from: From,
-        /// Most iterations of a step while something is dragged; without, the plan is made in full.
+        /// Maximum number of iterations of a drag step; `None` plans in full.
         iterations: Option<usize>,
         /// Rate of the frames, Hz.
         frames_hz: f64,
     },
-    /// Reports on the shown plan.
+    /// Requests a report on the shown plan.
     Report,
-    /// The shown plan as a file.
+    /// Requests the shown plan as a file.
     PlanJson,
-    /// The shown plan as a table.
+    /// Requests the shown plan as a table.
     Export {
         what: TableForm,
         /// Rows per second, Hz.
         rate_hz: f64,
     },
-    /// The robot as it moves, with forces and footfalls: a picture that any browser plays.
+    /// Requests the shown plan as a moving picture with forces and footfalls, which any browser plays.
     Animation,
-    /// The last good plan with its multipliers, as bytes.
+    /// Requests the most recent good plan with its multipliers, as bytes.
     Solution,
-    /// Goes on from the bytes of `solution`, which come with the request.
+    /// Continues from the bytes of `solution` in this request.
     Resume,
-    /// Computes slopes of a good plan's quantities with respect to the robot's parameters. The request carries the bytes of
-    /// `solution`.
+    /// Computes derivatives of the quantities of a good plan with respect to the robot's parameters. The request contains the
+    /// bytes of `solution`.
     Slopes {
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
     },
-    /// The motions and transitions that a library file names.
+    /// Requests the motions and transitions that a library file names.
     Graph {
         files: Vec<File>,
-        /// Path of the library file among them.
+        /// Path of the library file in `files`.
         library: String,
     },
-    /// A first library file of the motions of a project.
+    /// Creates a first library file with the motions of a project.
     NewLibrary {
         files: Vec<File>,
-        /// Path of the motion file among them whose robot it is for.
+        /// Path in `files` of a motion file of the library's robot.
         motion: String,
     },
     /// Builds a motion library.
     Library {
         files: Vec<File>,
-        /// Path of the library file among them.
+        /// Path of the library file in `files`.
         library: String,
     },
-    /// Compares the shown plan with its motion in a library, whose bytes come with the request.
+    /// Compares the shown plan with its motion in the library whose bytes are in the request.
     Compare {
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
-        /// Path of the library file among them.
+        /// Path of the library file in `files`.
         library: String,
     },
-    /// Talks to a robot; the answer's bytes are to be sent to it.
+    /// Exchanges data with a robot; the bytes of the answer must be sent to it.
     Robot {
-        /// Time by the page's clock, µs.
+        /// Time of the page's clock, µs.
         now_us: u64,
         /// Request to the robot.
         #[serde(flatten)]
@@ -148,13 +148,13 @@ pub enum TableForm {
     Json,
 }
 
-/// Start of a solve.
+/// Starting point of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum From {
-    /// Starts that the planner builds itself.
+    /// Starts that the planner creates itself.
     Scratch,
-    /// Starts that the planner builds itself; if none leads to a plan, the last good plan.
+    /// Starts that the planner creates itself; if none leads to a plan, the most recent good plan.
     Good,
     /// Plan file in the bytes of the request.
     Plan,
@@ -167,7 +167,7 @@ pub struct File {
     pub text: String,
 }
 
-/// An answer with the number of its request.
+/// Answer with the number of its request.
 #[derive(Clone, Debug, Serialize)]
 pub struct Told<'a> {
     /// Number of the request.
@@ -180,34 +180,34 @@ pub struct Told<'a> {
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Answer {
-    /// An iteration of a solve.
+    /// Iteration of a solve.
     Progress {
         /// Number of the iteration, from 1.
         iteration: usize,
         /// Worst constraint residual as a fraction of its tolerance.
         worst_level: f64,
         worst_constraint: &'static str,
-        /// Subject of the plan.
+        /// Name of the motion that is being planned.
         what: String,
-        /// Outcome of the first start, once that has found the request infeasible.
+        /// Result of the first start, sent once after it has proved infeasible.
         #[serde(skip_serializing_if = "Option::is_none")]
         refused: Option<Box<Solve>>,
     },
     Done(Box<Done>),
-    /// The documents have faults; nothing else happened.
+    /// Faults of the documents; the request had no other effect.
     Faults {
-        /// The faults, in the order of the documents' texts.
+        /// Faults, in the order of the documents' texts.
         faults: Vec<Fault>,
     },
-    /// The request cannot be served.
+    /// Request that cannot be served.
     Error {
         message: String,
-        /// Advice on what is valid.
+        /// Advice on valid requests.
         help: String,
     },
 }
 
-/// The result of a request.
+/// Result of a request.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Done {
@@ -217,30 +217,30 @@ pub enum Done {
     Text { text: String },
     /// Result of `import`.
     Imported {
-        /// A first motion, the robot file and the side file.
+        /// First motion, robot file and side file.
         files: Vec<File>,
-        /// Path of the motion file among them.
+        /// Path of the motion file in `files`.
         motion: String,
-        /// Assumptions and changes, each with its place in the URDF.
+        /// Assumptions and changes of the import, each with its location in the URDF.
         warnings: Vec<String>,
     },
     /// Result of `begin`.
     Begun {
-        /// The motion file.
+        /// Motion file.
         file: File,
     },
     /// Result of `open`.
     Opened(Box<Opened>),
     /// Result of `amend`.
     Amended {
-        /// The text after the edit.
+        /// Text after the edit.
         text: String,
-        /// Faults that the documents have with it.
+        /// Faults of the documents after the edit.
         faults: Vec<Fault>,
     },
-    /// Result of `robot`; the bytes of the answer are to be sent.
+    /// Result of `robot`; the bytes of the answer must be sent to the robot.
     Robot {
-        /// State for the page; none after the end of the connection.
+        /// State for the page; `None` after the end of the connection.
         view: Option<Box<RobotView>>,
     },
     /// Result of `plan`; the bytes of the answer are the frames.
@@ -251,44 +251,44 @@ pub enum Done {
         solve: Solve,
         /// Layout of the frames.
         frames: FramesHeader,
-        /// True if all constraints hold, at the samples and between them as the motion is played.
+        /// True if all constraints are met, at the samples and between them as the motion is played.
         converged: bool,
-        /// True if later plans start from this plan.
+        /// True if later plans can start from this plan.
         good: bool,
     },
     /// Result of `report`.
     Reported {
-        /// Report in words.
+        /// Report as text.
         words: String,
-        /// True if the plan may be played.
+        /// True if the plan is consistent and may be played.
         consistent: bool,
-        /// The report, as `rollwalk report --json` has it.
+        /// Report, as in `rollwalk report --json`.
         #[serde(flatten)]
         report: Report,
     },
     /// Result of `slopes`.
     Slopes {
-        /// Quantities of design files that the motion has.
+        /// Quantities of design files that are defined for the motion.
         quantities: Vec<SlopesOf>,
     },
     /// Result of `graph`.
     Graph(Graph),
-    /// Result of `new_library`: the library file, and a standing motion if there was none.
+    /// Result of `new_library`: the library file, and a standing motion if the project had none.
     NewLibrary {
-        /// Documents to be added.
+        /// Documents to add to the project.
         files: Vec<File>,
     },
-    /// Result of `library`; the bytes of the answer are the library, unless a plan does not hold.
+    /// Result of `library`; the bytes of the answer are the library, or empty if a plan failed its checks.
     Library {
         /// Motions, in the order of the file.
         nodes: Vec<Node>,
-        /// Transitions that were planned.
+        /// Planned transitions.
         edges: Vec<Edge>,
         /// Index of the motion that is SAFE.
         safe: usize,
-        /// Identity of the library, as robots name the one that they have; none without a library.
+        /// Identity of the library, as reported by robots that have it; `None` without a library.
         identity: Option<String>,
-        /// Plans that do not hold, because of which there is no library.
+        /// Plans that failed their checks, so that no library was built.
         failures: Vec<String>,
     },
     /// Result of `compare`.
@@ -298,7 +298,7 @@ pub enum Done {
 }
 
 impl Answer {
-    /// Progress of the solve of `what`.
+    /// Progress of the solve of the motion called `what`.
     pub fn progress(state: &Progress, what: &str) -> Self {
         Self::Progress {
             iteration: state.iteration,
@@ -312,41 +312,41 @@ impl Answer {
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Listed {
-    /// Path in the checkout.
+    /// Path of the file in the checkout.
     pub path: &'static str,
     pub of: Of,
     pub name: String,
     /// Title from the first lines of the file.
     pub title: String,
-    /// Path of the robot file that it names.
+    /// Path of the robot file that the file names.
     pub robot: Option<String>,
 }
 
-/// Subject of a shipped file.
+/// Kind of a shipped file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Of {
     Robot,
     Motion,
     Library,
-    /// Variable parameters of a robot.
+    /// Design: a robot with variable parameters.
     Design,
 }
 
-/// A fault of a document.
+/// Fault of a document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Fault {
     pub path: String,
     pub message: String,
-    /// Short note at the text.
+    /// Short note on the marked text.
     pub label: String,
-    /// Advice on what is valid.
+    /// Advice on valid values.
     pub help: String,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// Start and end of the text, in bytes of UTF-8.
+    /// Start and end of the marked text, in bytes of UTF-8.
     pub span: [usize; 2],
 }
 
@@ -355,6 +355,6 @@ pub struct Fault {
 pub struct Opened {
     pub scene: Scene,
     pub motion: MotionView,
-    /// Paths of the documents that were read, as they were found: motion, robot.
+    /// Paths of the documents that were read: motion, robot.
     pub read: [String; 2],
 }

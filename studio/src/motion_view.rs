@@ -1,10 +1,10 @@
-//! A motion as the page edits it.
+//! Motion for editing in the page.
 
 use crate::messages::{Goal, Height, MotionView, Target};
 use rollwalk_planner::motion::{self, Motion};
 use rollwalk_robot::Robot;
 
-/// The view of a motion.
+/// Converts a motion to its view.
 pub fn view(motion: &Motion, robot: &Robot) -> MotionView {
     let column = |j: usize| motion.stance.iter().map(|flags| flags[j]).collect();
     let goal = motion.goal;

@@ -1,11 +1,11 @@
-//! Outcome of a solve in words, and which constraints are to blame.
+//! Result of a solve as text, with the constraints that caused a failure.
 
 use crate::documents::Project;
 use crate::messages::{Culprit, Edit, Fix, Solve};
 use rollwalk_planner::families::Kind;
 use rollwalk_planner::plan::{self, DURATION, Plan, SolveSummary, Status, Verdict};
 
-/// The outcome of a plan's solve, which was made in full, or as a step of a drag, which is not judged as it is played.
+/// Describes the solve of a plan. `in_full` is false for a drag step, which is not checked as played.
 pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
     let SolveSummary { status, iterations, energy, worst_level, worst_constraint, .. } = plan.solve;
     let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
@@ -22,30 +22,28 @@ pub fn solve(plan: &Plan, project: &Project<'_>, in_full: bool) -> Solve {
 
 fn words(solve: &SolveSummary, in_full: bool) -> String {
     let SolveSummary { status, worst_level, worst_constraint, .. } = solve;
-    let beyond = format!("{worst_constraint} is at {worst_level:.2} of its tolerance");
+    let beyond = format!("{worst_constraint} is at {worst_level:.2} times its tolerance");
     match (status, &solve.diagnosis) {
         (Status::Converged, _) if !in_full => "All constraints hold at the samples.".to_owned(),
-        (Status::Converged, _) => {
-            "All constraints hold, at the samples and as the motion is played.".to_owned()
-        }
+        (Status::Converged, _) => "All constraints hold, at the samples and as played.".to_owned(),
         (Status::FailsAsPlayed, _) => {
             let last = solve.refinements.last().map(|refinement| format!(": {refinement}"));
             format!(
-                "All constraints hold at the samples, but not in between, as the motion is played{}.",
+                "All constraints hold at the samples, but not between the samples as played{}.",
                 last.unwrap_or_default()
             )
         }
         (Status::Infeasible, Some(diagnosis)) => match diagnosis.verdict {
             Verdict::Contradiction => "These constraints contradict each other.".to_owned(),
             Verdict::FarOff => {
-                "There is no solution near: even without costs these constraints stay far beyond their \
-                 tolerances."
+                "There is no solution nearby, because these constraints stay far beyond their \
+                 tolerances even without costs."
                     .to_owned()
             }
             Verdict::Stuck => format!("The solve got stuck between these constraints: {beyond}."),
         },
         (Status::Infeasible | Status::Stalled, _) => format!("The solve got stuck: {beyond}."),
-        (Status::IterationLimit, _) => format!("The iterations were too few: {beyond}."),
+        (Status::IterationLimit, _) => format!("The iteration limit was reached: {beyond}."),
         (Status::Interrupted, _) => format!("Stopped: {beyond}."),
     }
 }
@@ -65,7 +63,7 @@ fn culprit(culprit: &plan::Culprit, project: &Project<'_>) -> Culprit {
     }
 }
 
-/// The number with which the planner found a plan, as an edit of the file that has it.
+/// Edit that sets a feasible value found by the planner, in the file with that value.
 fn fix(culprit: &plan::Culprit, project: &Project<'_>) -> Option<Fix> {
     let (field, given) = (culprit.field.clone()?, culprit.given?);
     // As many digits as the diagnosis shows.

@@ -1,30 +1,30 @@
-//! Drawing of a robot: links with their parts, turning wheels as separate bodies, feet and blades.
+//! Drawing of a robot: links with their solids, turning wheels as separate bodies, feet and blades.
 //!
-//! A link without parts and shapes, as in many imported robots, is drawn by its bones: from its frame to the joints and end
-//! effectors that it carries.
+//! A link without solids and shapes, as in many imported robots, is drawn as bones: from its frame to its joints and end
+//! effectors.
 
 use crate::messages::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{Frames, Standing, Tree};
 use rollwalk_robot::{self as robot, Robot, Solid, shape};
 
-/// Width of a wheel of which the file gives no part, as a multiple of its radius.
+/// Width of a wheel without a solid in the file, as a multiple of its radius.
 const WHEEL_WIDTH: f64 = 0.4;
 /// Thickness and height of a blade, as multiples of its length.
 const BLADE: [f64; 2] = [0.03, 0.12];
 /// Radius of a bone, as a multiple of its length.
 const BONE: f64 = 0.08;
-/// Tolerance within which a part's centre and axis coincide with those of a wheel, m and rad.
+/// Tolerance within which centre and axis of a solid coincide with those of a wheel, m and rad.
 const SAME: f64 = 1e-3;
 
-/// End effectors with a wheel that turns on its link, in order.
+/// Indices of end effectors whose wheel turns on its link, in order.
 pub fn turning_wheels(robot: &Robot) -> impl Iterator<Item = usize> + '_ {
     let turns = |contact: &robot::Contact| contact.actuator().is_some() || contact.freewheels();
     let feet = robot.end_effectors.iter().enumerate();
     feet.filter(move |(_, foot)| turns(&foot.contact)).map(|(j, _)| j)
 }
 
-/// The scene of a robot with the parts of its links and with its sliders.
+/// Creates the scene of a robot from the solids of its links, with its sliders.
 pub fn scene(robot: &Robot, parts: &[Vec<Solid>], parameters: Vec<Parameter>) -> Scene {
     let tree = Tree::new(robot);
     let mut bodies: Vec<Body> = robot.links.iter().map(|link| Body::named(&link.name)).collect();
@@ -69,7 +69,7 @@ pub fn scene(robot: &Robot, parts: &[Vec<Solid>], parameters: Vec<Parameter>) ->
     }
 }
 
-/// Poses of all bodies, world_from_body. `wheel_rad` has the angle of every end effector's wheel relative to its link.
+/// Poses of all bodies, world_from_body. `wheel_rad` contains the angle of every end effector's wheel relative to its link.
 pub fn poses<'a>(
     robot: &'a Robot,
     frames: &'a Frames,
@@ -109,7 +109,7 @@ impl Shape {
     }
 }
 
-/// The shortest turn that takes one direction to another.
+/// Smallest rotation from one direction to another.
 fn turn(from: &Vector3<f64>, to: &Vector3<f64>) -> UnitQuaternion<f64> {
     let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     UnitQuaternion::rotation_between(from, to).unwrap_or_else(half_turn)
@@ -149,7 +149,7 @@ fn capsule(from: Vector3<f64>, to: Vector3<f64>, radius_m: f64, role: Role) -> S
     Shape::at(Form::Capsule { radius_m, length_m }, role, (from + to) * 0.5, turned)
 }
 
-/// Capsules from a link's frame to what it carries.
+/// Capsules from a link's frame to its joints and end effectors.
 fn bones(robot: &Robot, link: usize) -> impl Iterator<Item = Shape> + '_ {
     let joints = robot.joints.iter().filter(move |joint| joint.parent == link);
     let joints = joints.map(|joint| joint.parent_from_joint.translation.vector);
@@ -159,7 +159,7 @@ fn bones(robot: &Robot, link: usize) -> impl Iterator<Item = Shape> + '_ {
         .map(|end| capsule(Vector3::zeros(), end, BONE * end.norm(), Role::Part))
 }
 
-/// Takes the part that is an end effector's wheel away from its link, and returns its width, m.
+/// Removes the solid of an end effector's wheel from its link, and returns the width of the wheel, m.
 fn take_wheel(shapes: &mut Vec<Shape>, foot: &robot::EndEffector) -> Option<f64> {
     let axis = foot.contact.axis_in_link().filter(|_| foot.contact.blade_length_m().is_none())?;
     let width_m = |shape: &Shape| match shape.form {
@@ -176,7 +176,7 @@ fn take_wheel(shapes: &mut Vec<Shape>, foot: &robot::EndEffector) -> Option<f64>
     width_m(&shapes.remove(at))
 }
 
-/// Shape of a foot, wheel or blade about its centre.
+/// Shape of a foot, wheel or blade, centred at its origin.
 fn contact_shape(foot: &robot::EndEffector, width_m: Option<f64>) -> Shape {
     let radius_m = foot.radius_m;
     let Some(axis) = foot.contact.axis_in_link() else {

@@ -1,8 +1,8 @@
-//! A session: answers requests, and remembers the last good plan, from which the next ones start.
+//! Session that answers requests and keeps the most recent good plan as the start of later ones.
 //!
-//! A plan is good if it was made in full and its constraints hold. What was interrupted, capped or found infeasible is shown, and
-//! starts nothing, with one exception: while something is dragged, a step starts from the step before, as long as its
-//! constraints hold; else the drag would leave the neighbourhood of the last good plan.
+//! A plan is good if it was solved in full and meets its constraints. An interrupted, capped or infeasible plan is shown, but
+//! is not used as a start, with one exception: a drag step starts from the previous step if that meets its constraints.
+//! Otherwise the drag would move too far from the most recent good plan.
 
 use crate::documents::{self, Documents, Found, Project};
 use crate::edit::{self, Known};
@@ -22,53 +22,53 @@ use serde::Deserialize;
 use std::cell::LazyCell;
 use std::ops::ControlFlow;
 
-/// Sink of answers: JSON and bytes; most answers have no bytes. Can stop a solve.
+/// Receiver of answers: JSON and bytes; most answers have no bytes. Breaking stops the solve.
 pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
 
-/// Sees iterations, and once the plan of a first start that has failed. Breaks off a solve.
+/// Observer of iterations. It also receives the plan of the first start, once, if that start fails. Breaking stops the solve.
 type Watch<'w> = dyn FnMut(&Progress, Option<&Plan>) -> ControlFlow<()> + 'w;
 
-/// A request of which only the number is known.
+/// Request of which only the number could be read.
 #[derive(Deserialize)]
 struct Numbered {
     seq: u64,
 }
 
-/// Something that is dragged: each step starts from the last one whose constraints hold.
+/// Drag by the user. Each step starts from the most recent step that meets its constraints.
 #[derive(Debug)]
 struct Drag {
     iterations: usize,
     editing: Editing,
 }
 
-/// The engine's memory between requests.
+/// State of the engine between requests.
 #[derive(Debug, Default)]
 pub struct Session {
-    /// The last good plan.
+    /// Most recent good plan.
     good: Option<Solution>,
-    /// A drag that began at it.
+    /// Drag that began at the good plan.
     drag: Option<Drag>,
     /// Plan that the page shows.
     shown: Option<Plan>,
-    /// The robot that the page talks to.
+    /// Robot that the page is connected to.
     connection: Option<Connection>,
     names: robot::Names,
 }
 
 impl Session {
-    /// A session that knows names of libraries.
+    /// Creates a session with a store of library names.
     pub fn with_names(names: robot::Names) -> Self {
         Self { names, ..Self::default() }
     }
 
-    /// Answers a request. `binary` are the bytes that came with it.
+    /// Answers a request. `binary` contains the bytes of the request.
     pub fn request(&mut self, json: &str, binary: &[u8], tell: &mut Tell<'_>) {
         let request: Request = match serde_json::from_str(json) {
             Ok(request) => request,
             Err(why) => {
                 // The answer goes to the request's number, if at least that is readable.
                 let seq = serde_json::from_str(json).map_or(0, |Numbered { seq }| seq);
-                let help = "requests are those of studio/src/messages.rs";
+                let help = "send a request of studio/src/messages.rs";
                 let _ = say(tell, seq, &error(format!("not a request: {why}"), help), &[]);
                 return;
             }
@@ -93,8 +93,8 @@ impl Session {
             Wanted::Examples => Done::Examples { examples: examples::listed() },
             Wanted::Example { path } => {
                 let text = rollwalk_shipped::text(&path).ok_or_else(|| {
-                    let message = format!("nothing called `{path}` ships with rollwalk");
-                    error(message, "`examples` lists what does")
+                    let message = format!("no file `{path}` ships with rollwalk");
+                    error(message, "list the shipped files with `examples`")
                 })?;
                 Done::Text { text: text.to_owned() }
             }
@@ -121,8 +121,13 @@ impl Session {
             }
             Wanted::PlanJson => Done::Text { text: self.shown()?.to_json() },
             Wanted::Export { what, rate_hz } => {
-                let rate = Rate::new(rate_hz)
-                    .map_err(|why| error(why.to_string(), "60 Hz is what robots play"))?;
+                let rate = Rate::new(rate_hz).map_err(|why| {
+                    error(
+                        why.to_string(),
+                        "give 60 Hz, the rate at which robots \
+                        play",
+                    )
+                })?;
                 let table = Table::new(self.shown()?, rate);
                 let text = match what {
                     TableForm::Csv => table.to_csv(),
@@ -136,7 +141,13 @@ impl Session {
             }
             Wanted::Solution => {
                 let good = self.good.as_ref();
-                let good = good.ok_or_else(|| error("there is no good plan yet", "plan first"))?;
+                let good = good.ok_or_else(|| {
+                    error(
+                        "there is no good plan yet",
+                        "plan the motion \
+                    first",
+                    )
+                })?;
                 return Ok((Done::Kept {}, good.to_json().into_bytes()));
             }
             Wanted::Resume => {
@@ -174,7 +185,7 @@ impl Session {
 
     /// The plan that the page shows.
     fn shown(&self) -> Result<&Plan, Answer> {
-        self.shown.as_ref().ok_or_else(|| error("there is no plan yet", "plan first"))
+        self.shown.as_ref().ok_or_else(|| error("there is no plan yet", "plan the motion first"))
     }
 
     fn plan(
@@ -217,11 +228,11 @@ impl Session {
         let documents = Documents::new(files);
         let project = documents.project(motion)?;
         let plan = Plan::from_json("the plan", &String::from_utf8_lossy(plan));
-        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion once more"))?;
+        let plan = plan.map_err(|why| error(why.to_string(), "plan the motion again"))?;
         let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
         let Project { robot, motion, .. } = &project;
         let solution = replan_solution(&plan, robot, motion, &Options::default(), &mut watch);
-        let help = "open the robot and the motion of the plan first";
+        let help = "open the robot and the motion of the plan the motion first";
         let solution = solution.map_err(|why| error(why.to_string(), help))?;
         Ok(self.planned(&documents, &project, solution, true, frames_hz))
     }
@@ -253,8 +264,10 @@ impl Session {
         (planned, bytes)
     }
 
-    /// Plans a step of a drag from the one before it, not refined; all else from scratch, so that documents have one plan,
-    /// which is also that of a library, whatever was edited before. Where that finds none, the plan at hand may lead to one.
+    /// Solves a motion. A drag step starts from the previous step and is not refined.
+    ///
+    /// Everything else is planned from scratch, so that documents have one plan, the same as in a library, whatever was edited
+    /// before. If that fails, the current plan is tried as a start.
     fn solve(
         &mut self,
         robot: &Robot,
@@ -288,7 +301,7 @@ impl Session {
         near.and_then(Result::ok).filter(is_found).unwrap_or(solution)
     }
 
-    /// The drag with steps of so many iterations; it begins at the good plan, of which there may be none.
+    /// Returns the drag with `iterations` per step. A new drag begins at the good plan; returns `None` if there is none.
     fn drag(&mut self, iterations: usize) -> Option<&mut Editing> {
         if self.drag.as_ref().is_none_or(|drag| drag.iterations != iterations) {
             let settings = Settings { iterations, ..Settings::default() };
@@ -301,7 +314,7 @@ impl Session {
     }
 }
 
-/// The text of a document after an edit. A change of footfalls that brings faults is refused.
+/// Returns the text of a document after an edit. A change of footfalls that causes faults is refused.
 fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Result<Done, Answer> {
     let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
     // Of a drag of a number, which has neither, every step comes through here.
@@ -327,10 +340,10 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
     Ok(Done::Amended { text, faults })
 }
 
-/// The bytes of `solution`.
+/// Parses the bytes of `solution`.
 fn kept(binary: &[u8]) -> Result<Solution, Answer> {
     let solution = Solution::from_json("the solution", &String::from_utf8_lossy(binary));
-    solution.map_err(|why| error(why.to_string(), "plan from scratch"))
+    solution.map_err(|why| error(why.to_string(), "plan the motion from scratch"))
 }
 
 fn check_rate(frames_hz: f64) -> Result<(), Answer> {
@@ -338,8 +351,8 @@ fn check_rate(frames_hz: f64) -> Result<(), Answer> {
         return Ok(());
     }
     let (least, most) = (frames::RATES_HZ.start(), frames::RATES_HZ.end());
-    let help = format!("`frames_hz` is {least} to {most}");
-    Err(error(format!("frames at {frames_hz} Hz"), help))
+    let help = format!("give `frames_hz` from {least} to {most} Hz");
+    Err(error(format!("frames at {frames_hz} Hz are not supported"), help))
 }
 
 fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {

@@ -1,4 +1,4 @@
-//! Numbers of a robot that are worth a slider: those of its design file, or the usual ones of its kind of file.
+//! Parameters of a robot that get a slider: those of its design file, or the usual ones of a robot file.
 
 use crate::documents::Documents;
 use crate::messages::{Answer, Parameter};
@@ -7,14 +7,14 @@ use rollwalk_design::parameter::{Axis, Kind, Place};
 use rollwalk_design::text::RobotText;
 use toml_edit::{Document, Item, TableLike};
 
-/// Most sliders of a robot without a design file.
+/// Maximum number of sliders of a robot without a design file.
 const MOST: usize = 24;
-/// Range of the usual ones, as multiples of the present value.
+/// Range of the usual sliders, as multiples of the current value.
 const RANGE: [f64; 2] = [0.5, 2.0];
-/// Names with which links and feet of limbs begin that are no template's.
+/// Prefixes of links and feet of limbs that are not from a template.
 const LIMBS: [&str; 6] = ["front_left", "front_right", "rear_left", "rear_right", "left", "right"];
 
-/// A slider, and what it changes.
+/// Slider with the parameter that it changes.
 #[derive(Clone, Debug)]
 pub struct Slider {
     /// Parameter for the page.
@@ -22,7 +22,7 @@ pub struct Slider {
     pub(crate) place: Place,
 }
 
-/// The sliders of the robot file at `path`. A design file among the documents that names the file has the say.
+/// Sliders of the robot file at `path`. If an open design file names the robot file, its parameters are used.
 pub fn sliders(documents: &Documents<'_>, path: &str, text: &str) -> Vec<Slider> {
     let Ok(mut robot) = RobotText::new(text) else { return Vec::new() };
     let designs = documents.files().iter().filter_map(|file| {
@@ -34,24 +34,24 @@ pub fn sliders(documents: &Documents<'_>, path: &str, text: &str) -> Vec<Slider>
     if designed.is_empty() { usual(text, &mut robot) } else { designed }
 }
 
-/// The text of a robot file with one parameter changed.
+/// Returns the text of a robot file after changing one parameter.
 ///
 /// # Errors
-/// There is no such parameter, or the robot file is no TOML.
+/// Returns an error if the parameter does not exist, or if the robot file is not TOML.
 pub fn set(text: &str, sliders: &[Slider], name: &str, value: f64) -> Result<String, Answer> {
     let refused = |message: String, help: String| Answer::Error { message, help };
     let Some(Slider { shown, place }) = sliders.iter().find(|slider| slider.shown.name == name)
     else {
         let known: Vec<_> = sliders.iter().map(|slider| slider.shown.name.as_str()).collect();
-        let help = format!("there are {}", known.join(", "));
+        let help = format!("give one of {}", known.join(", "));
         return Err(refused(format!("the robot has no parameter `{name}`"), help));
     };
     if !value.is_finite() || (!place.kind.has_axis() && value <= 0.0 && place.kind != Kind::Tilt) {
         let help = format!("give a number above 0, such as {} {}", shown.value, shown.unit);
-        return Err(refused(format!("{} = {value} {}", shown.label, shown.unit), help));
+        return Err(refused(format!("{} cannot be {value} {}", shown.label, shown.unit), help));
     }
     let mut robot = RobotText::new(text).map_err(|error| {
-        let help = "correct the text first".to_owned();
+        let help = "correct the syntax of the file first".to_owned();
         refused(format!("this is not TOML: {}", error.message()), help)
     })?;
     robot.set(place, value).map_err(|nothing| refused(nothing.problem, nothing.help))?;
@@ -76,7 +76,7 @@ fn of_design(design: &DesignFile, robot: &mut RobotText) -> Vec<Slider> {
     design.parameters.iter().filter_map(slider).collect()
 }
 
-/// Lengths of links, radii of feet and wheels, mounts of limbs, mass of the body, limits of servos.
+/// Usual sliders: lengths of links, radii of feet and wheels, mounts of limbs, mass of the body, limits of servos.
 fn usual(text: &str, robot: &mut RobotText) -> Vec<Slider> {
     let Ok(document) = Document::parse(text) else { return Vec::new() };
     let root = document.as_table();
@@ -126,7 +126,7 @@ fn usual(text: &str, robot: &mut RobotText) -> Vec<Slider> {
     places.into_iter().filter_map(slider).take(MOST).collect()
 }
 
-/// Joints and wheels that an actuator drives, those of all limbs by one name.
+/// Names of the joints and wheels that an actuator drives; corresponding ones of all limbs share a name.
 fn driven_by(groups: &[(Option<&str>, &dyn TableLike)], actuator: &str) -> Vec<String> {
     let mut driven = Vec::new();
     for &(template, group) in groups {
@@ -163,7 +163,7 @@ fn slider(place: Place, driven: &[String], robot: &mut RobotText) -> Option<Slid
     Some(Slider { shown, place })
 }
 
-/// Name for people: `thigh length`, `xm430 torque limit`.
+/// Label for users: `thigh length`, `xm430 torque limit`.
 fn label(place: &Place, driven: &[String]) -> String {
     let template = place.template.as_deref().unwrap_or("robot");
     let part = plain(&place.name, template);
@@ -184,7 +184,7 @@ fn label(place: &Place, driven: &[String]) -> String {
     }
 }
 
-/// A name without the place of its limb; that of the template, if nothing is left.
+/// Name without the prefix of its limb; the name of the template if nothing is left.
 fn plain(name: &str, template: &str) -> String {
     let part = name.trim_start_matches(['*', '_']);
     if part.is_empty() { template } else { part }.replace('_', " ")
@@ -196,7 +196,7 @@ fn names<'t>(table: &'t dyn TableLike, key: &str) -> Vec<&'t str> {
     tables.filter_map(|table| table.get("name")?.as_str()).collect()
 }
 
-/// The name that stands for this one and those of the other limbs; in templates `*` stands there already.
+/// Name that stands for the corresponding parts of all limbs, with `*` for the limb; names in templates already contain `*`.
 fn grouped(name: &str, template: Option<&str>) -> String {
     let rest = LIMBS.iter().find_map(|limb| name.strip_prefix(limb));
     match rest {
@@ -207,7 +207,7 @@ fn grouped(name: &str, template: Option<&str>) -> String {
     }
 }
 
-/// A hundredth of a number's decade: 0.001 of 0.12.
+/// Slider step: a hundredth of the decade of a value, such as 0.001 for 0.12.
 fn step_of(value: f64) -> f64 {
     10f64.powf(value.abs().log10().floor() - 2.0)
 }

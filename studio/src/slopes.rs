@@ -12,10 +12,10 @@ use rollwalk_planner::Solution;
 use rollwalk_planner::sensitivity::{self, Curvature, NotOptimal, Objective};
 use std::ops::ControlFlow;
 
-/// Slopes of every quantity that the motion has.
+/// Computes the slopes of every quantity that is defined for the motion.
 ///
 /// # Errors
-/// The plan has no optimum, or the caller stops the search for it.
+/// Returns an error if the plan has no optimum, or if the caller stops the search for it.
 pub fn slopes(
     documents: &Documents<'_>,
     project: &Project<'_>,
@@ -65,7 +65,7 @@ pub fn slopes(
     // Sliders show slopes without a word.
     if optimal.curvature() == Curvature::GaussNewton {
         let (motion, reason) =
-            (motion.name.clone(), "its second derivatives are not positive near it");
+            (motion.name.clone(), "the second derivatives are not positive there");
         return Err(answer(&NotOptimal::NoOptimum { motion, reason }.into()));
     }
     Ok(quantities.into_iter().zip(found).map(of_quantity).collect())
@@ -78,8 +78,11 @@ fn parameter(Slider { shown, place }: Slider) -> Parameter {
 
 fn answer(failed: &Failed) -> Answer {
     let help = match failed {
-        Failed::Interrupted => "ask once more",
-        _ => "only plans that hold, and have an optimum near them, have slopes",
+        Failed::Interrupted => "request the slopes again",
+        _ => {
+            "change the motion until its plan holds and is near an optimum; only such plans have \
+            slopes"
+        }
     };
     Answer::Error { message: failed.to_string(), help: help.into() }
 }

@@ -1,6 +1,7 @@
-//! The engine as WebAssembly against the native one: the same outcome, nearly the same plan, at what price.
+//! Comparison of the WebAssembly engine with the native one: the same status, nearly the same plan, and the ratio of solve
+//! times.
 //!
-//! The two round differently: x86 fuses multiplications with additions, WebAssembly does not.
+//! Rounding differs between the two: x86 fuses multiplications with additions, and WebAssembly does not.
 
 use cpu_time::ProcessTime;
 use rollwalk_planner::plan::Plan;
@@ -12,14 +13,15 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-/// Motions of wheels, of legs, of both and of blades.
+/// Motions on wheels, on legs, on both, and on blades.
 const MOTIONS: [&str; 6] =
     ["drive_1m", "walk", "trot", "swizzlebot_forward", "anymal_drive", "skate"];
-/// Largest difference of a joint's angle, rad, and relative one of the energy.
+/// Maximum difference of a joint angle, rad.
 const JOINT_RAD: f64 = 1e-6;
+/// Maximum relative difference of the energy.
 const ENERGY: f64 = 1e-6;
 
-/// Node with the engine in it.
+/// Process of Node.js that runs the engine.
 struct Node {
     child: Child,
     requests: ChildStdin,
@@ -71,7 +73,7 @@ fn engine() -> String {
     env::var("STUDIO_WASM").expect("STUDIO_WASM names the engine")
 }
 
-/// A request to plan one document.
+/// Creates a request to plan one document.
 fn request(path: &str, text: &str, from: &str) -> Value {
     json!({
         "seq": 1, "kind": "plan", "files": [{ "path": path, "text": text }], "motion": path, "from": from,
@@ -79,7 +81,7 @@ fn request(path: &str, text: &str, from: &str) -> Value {
     })
 }
 
-/// `STUDIO_WASM` is the engine, as `cargo xtask studio` builds it.
+/// Requires the engine at `STUDIO_WASM`, as built by `cargo xtask studio`.
 #[test]
 #[ignore = "cargo xtask nightly --only studio builds the engine for it"]
 fn webassembly_plans_what_the_command_line_plans() {
@@ -130,10 +132,10 @@ fn webassembly_plans_what_the_command_line_plans() {
     }
 }
 
-/// Motions that the planner finds after hundreds of iterations, if at all: how numbers round decides.
+/// Motions that the planner finds only after hundreds of iterations, so that rounding decides whether a plan is found.
 const ROUNDING_DECIDES: [&str; 1] = ["motions/pronk.toml"];
 
-/// A person who opens an example sees it move, whatever engine plans it.
+/// Checks that every example of the gallery can be planned by either engine.
 #[test]
 #[ignore = "cargo xtask nightly --only studio builds the engine for it"]
 fn every_shipped_motion_that_holds_natively_holds_as_webassembly() {

@@ -1,14 +1,14 @@
-//! A page with a robot at the other end of a link: simulated in the page, and at a serial line.
+//! Tests of a page with a robot at the other end of a link: simulated in the page, and on a serial line.
 
 use rollwalk_sim_host::one_leg;
 use rollwalk_studio::Session;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 
-/// Path of the robot file that the page has open.
+/// Path of the robot file that is open in the page.
 const ROBOT: &str = "robots/test_leg.toml";
 
-/// A page: its session, its clock, and what the robot would receive.
+/// Page with its session, its clock, and the bytes that the robot would receive.
 struct Page {
     session: Session,
     now_us: u64,
@@ -24,7 +24,7 @@ impl Page {
         page
     }
 
-    /// The answer to a request about the robot.
+    /// Sends a request about the robot and returns the answer.
     fn ask(&mut self, mut wanted: Value, binary: &[u8]) -> Value {
         wanted["seq"] = json!(1);
         wanted["kind"] = json!("robot");
@@ -45,7 +45,7 @@ impl Page {
         self.ask(wanted, &[])["view"].take()
     }
 
-    /// Ticks at the rate of a screen until the view is as wished.
+    /// Sends ticks at the rate of a screen until the view satisfies the condition.
     fn until(&mut self, what: &str, wished: impl Fn(&Value) -> bool) -> Value {
         self.until_with(what, &json!({ "robot": "tick", "attended": true }), wished)
     }
@@ -76,7 +76,7 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     let robot = rollwalk_robot::Robot::from_toml(ROBOT, robot).expect("it is valid");
     let library = one_leg::library_for(&robot.controller_config().expect("a configuration"));
     assert_eq!(page.ask(json!({ "robot": "flash" }), &library)["kind"], "done");
-    let view = page.until("the library", |view| says(view, "has it in use"));
+    let view = page.until("the library", |view| says(view, "uses the transferred library"));
     let motions = view["motions"].as_array().expect("motions");
     assert!(motions.len() > 1 && motions.iter().all(|motion| motion["name"].is_string()));
     assert!(!view["torque"].as_bool().expect("a flag"), "nothing was armed");
@@ -99,18 +99,18 @@ fn a_damaged_library_is_refused_before_anything_is_sent() {
     page.sent.clear();
     let answer = page.ask(json!({ "robot": "flash" }), &[0; 100]);
     assert_eq!(answer["kind"], "error");
-    assert!(answer["message"].as_str().expect("words").contains("not one for `test_leg`"));
+    assert!(answer["message"].as_str().expect("words").contains("does not fit `test_leg`"));
     assert!(page.sent.is_empty());
 }
 
-/// State of a standard gamepad with the buttons of these numbers pressed, as a browser reports it.
+/// Returns the state of a standard gamepad with these buttons pressed, as a browser reports it.
 fn pad(down: &[usize]) -> Value {
     let buttons: Vec<_> = (0..17).map(|index| f32::from(u8::from(down.contains(&index)))).collect();
     json!({ "id": "Xbox 360 Controller (STANDARD GAMEPAD)", "buttons": buttons, "axes": [0, 0, 0, 0] })
 }
 
 impl Page {
-    /// Ticks for some time with the same input; returns the last view.
+    /// Sends ticks with the same input for a time; returns the final view.
     fn pass(&mut self, seconds: f64, tick: &Value) -> Value {
         let mut view = Value::Null;
         for _ in 0..(seconds * 60.0) as usize {
@@ -120,7 +120,7 @@ impl Page {
         view
     }
 
-    /// A robot in the page that has its library and is ready to be armed.
+    /// Connects to a simulated robot, transfers its library, and waits until it can be armed.
     fn flashed(gamepad: bool) -> Self {
         let mut page = Self::connected("simulated");
         let connect = json!({
@@ -132,7 +132,7 @@ impl Page {
         let robot = rollwalk_robot::Robot::from_toml(ROBOT, robot).expect("it is valid");
         let library = one_leg::library_for(&robot.controller_config().expect("a configuration"));
         page.ask(json!({ "robot": "flash" }), &library);
-        page.until("the library", |view| says(view, "has it in use"));
+        page.until("the library", |view| says(view, "uses the transferred library"));
         page
     }
 }
@@ -145,7 +145,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": [gamepad] });
     let view = page.wish(json!({ "intent": "arm" }));
     assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
-    assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press one")));
+    assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press a button")));
     page.pass(0.1, &tick(pad(&[])));
     page.pass(1.5, &tick(pad(&[START])));
     page.pass(0.1, &tick(pad(&[DEADMAN])));
@@ -179,7 +179,7 @@ fn without_anybody_at_the_page_the_robot_returns_to_safe() {
     assert_eq!(view["torque"], true);
     let view = page.pass(4.0, &nobody);
     assert_eq!(view["torque"], false, "{view}");
-    assert!(says(&view, "the controls do not answer") && says(&view, "heartbeat lost"));
+    assert!(says(&view, "the controls do not respond") && says(&view, "heartbeat lost"));
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn a_file_that_is_no_key_is_refused_before_anything_is_sent() {
     );
     assert_eq!(answer["kind"], "error");
     assert!(
-        answer["message"].as_str().is_some_and(|words| words.contains("no link key")),
+        answer["message"].as_str().is_some_and(|words| words.contains("not a link key")),
         "{answer}"
     );
     assert!(page.sent.is_empty());

@@ -1,4 +1,4 @@
-//! A simulated robot that obeys only hosts with its link key.
+//! Tests of a simulated robot that accepts only hosts with its link key.
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on, once_more_when_late};
 use rollwalk_tests::program::{self, PLAYED};
@@ -21,7 +21,7 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     on(&desk, &bus, &["disarm"]).fails(5, &without);
     let wrong = ["has another link key"];
     on(&desk, &bus, &["disarm", "--link-key", "other.key"]).fails(5, &wrong);
-    let none = ["legbot.toml is no link key"];
+    let none = ["legbot.toml is not a link key"];
     on(&desk, &bus, &["disarm", "--link-key", "legbot.toml"]).fails(1, &none);
 
     let with_key = |args: &[&str]| {
@@ -58,5 +58,5 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     }
     let elsewhere = format!("sim:{}", desk.path("other.sock").display());
     let args = ["robots/legbot.toml", "--bus", &elsewhere, "--link-key", "robot.key"];
-    Robot::refuses(&desk, &args).fails(1, &["is no count of boots below 4294967295"]);
+    Robot::refuses(&desk, &args).fails(1, &["does not contain a boot count below 4294967295"]);
 }

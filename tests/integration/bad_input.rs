@@ -1,5 +1,5 @@
-//! Bad input of each kind through the command line. The exit code is 1, stdout is empty, no file is written, and the message
-//! names file, place and valid input.
+//! Tests of bad input of each kind on the command line. The exit code is 1, stdout is empty, no file is written, and the
+//! message contains file, location and valid input.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::program::{self, PLAYED};
@@ -10,9 +10,9 @@ use std::process::Command;
 fn a_missing_file_names_its_neighbours_and_what_to_type() {
     let desk = desk_with_shipped_files();
     desk.run(&["robot", "check", "robots/agile.toml"])
-        .fails(1, &["no robot file", "robots/agile.toml", "robots has agilebot.toml"]);
+        .fails(1, &["no robot file", "robots/agile.toml", "robots contains agilebot.toml"]);
     desk.run(&["plan", "motions/wlak.toml", "-o", "plan.json"])
-        .fails(1, &["no motion file", "motions/wlak.toml", "motions has walk.toml"]);
+        .fails(1, &["no motion file", "motions/wlak.toml", "motions contains walk.toml"]);
     desk.run(&["report", "plan.json"]).fails(1, &["no plan", "plan.json", "rollwalk plan"]);
     desk.run(&["library", "inspect", "a.rwl"])
         .fails(1, &["no motion library", "a.rwl", "rollwalk library build"]);
@@ -40,7 +40,8 @@ fn a_file_of_another_kind_is_recognised() {
     assert!(!desk.path("x").exists());
 }
 
-/// Reported on the desktop, not by a silent drive on the robot.
+/// Checks that the desktop reports a drive that cannot do what the file requires, instead of the drive failing silently on the
+/// robot.
 #[test]
 fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
     let file = "robots/test_leg.toml";
@@ -63,18 +64,18 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
     let desk = desk_with_shipped_files();
     desk.edit(file, "estimates_hz = 125", "estimates_hz = 50");
     simulate(&desk, file)
-        .fails(1, &[file, "bus 1: drives must report their poses at least 60 times"]);
+        .fails(1, &[file, "bus 1: set the drives to report their poses at 60 Hz or more"]);
 }
 
 #[test]
 fn frames_of_another_maker_are_not_described_as_ours() {
     let desk = desk_with_shipped_files();
     desk.run(&["dbc", "robots/test_leg.toml", "--bus", "0"])
-        .fails(1, &["bus 0 of test_leg speaks AK80-9", "docs/actuators.md"]);
+        .fails(1, &["bus 0 of test_leg uses AK80-9", "docs/actuators.md"]);
     desk.run(&["dbc", "robots/test_leg.toml"]).succeeds();
 }
 
-/// Starts `rollwalk-sim`, which is to refuse the robot.
+/// Starts `rollwalk-sim`, which must refuse the robot.
 fn simulate(desk: &Desk, robot: &str) -> Outcome {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
     command.args([robot, "--bus", "sim:robot.sock"]).current_dir(desk.path("."));
@@ -114,7 +115,11 @@ fn a_malformed_motion_shows_file_line_and_field() {
         ("ends = \"periodic\"", "ends = \"cyclic\"", &["`ends`", "cyclic", "periodic"]),
         ("duration_s = 1.6", "duration_s = 1.601", &["duration_s", "60 Hz"]),
         ("swing_height_m = 0.03", "", &["swing_height_m", "missing or 0", "above 0"]),
-        ("gait = ", "all = \"stance\"\ngait = ", &["`gait` is given beside `all`", "keep one"]),
+        (
+            "gait = ",
+            "all = \"stance\"\ngait = ",
+            &["`gait` is given together with `all`", "keep one"],
+        ),
         ("gait = \"walk\"", "gait = \"wlak\"", &["`gait`", "wlak", "walk"]),
         ("robots/agilebot.toml", "robots/agilbot.toml", &["no robot file", "agilebot.toml"]),
     ];
@@ -190,10 +195,10 @@ fn a_damaged_library_says_how() {
         (flipped(good.len() / 2), &["corrupted", "CRC"][..]),
         (flipped(12), &["header", "corrupted"]),
         (good[..good.len() - 100].to_vec(), &["truncated"]),
-        (good[..10].to_vec(), &["truncated: 10 bytes"]),
-        (Vec::new(), &["truncated: 0 bytes"]),
-        ([good.clone(), vec![0; 4]].concat(), &["something follows the library"]),
-        (future, &["format version 2", "knows version 1"]),
+        (good[..10].to_vec(), &["truncated: 10 of"]),
+        (Vec::new(), &["truncated: 0 of"]),
+        ([good.clone(), vec![0; 4]].concat(), &["remove the bytes after the library"]),
+        (future, &["format version 2", "supports version 1"]),
         (
             b"# Not a library at all, but long enough to be one.\n".repeat(4),
             &["not a motion library"],
@@ -206,15 +211,15 @@ fn a_damaged_library_says_how() {
     }
 }
 
-/// Controllers do not look at names; people tell motions by them.
+/// Controllers ignore names, but users identify motions by them.
 #[test]
 fn a_library_whose_names_mislead_is_refused() {
     let desk = desk_with_shipped_files();
     let good = built_library(&desk);
     for (name, words) in [
-        (b"driv\x1b[2J", "\"driv\\u001b[2J\", has characters that cannot be seen"),
-        (b"drive\n1m", "\"drive\\u000a1m\", has characters that cannot be seen"),
-        (b"drive_1\0", "\"drive_1\\u0000\", has characters that cannot be seen"),
+        (b"driv\x1b[2J", "\"driv\\u001b[2J\", has invisible characters"),
+        (b"drive\n1m", "\"drive\\u000a1m\", has invisible characters"),
+        (b"drive_1\0", "\"drive_1\\u0000\", has invisible characters"),
     ] {
         desk.write("bad.rwl", renamed(&good, b"\x08drive_1m", &[b"\x08", &name[..]].concat()));
         desk.run(&["library", "inspect", "bad.rwl"])
@@ -227,7 +232,7 @@ fn a_library_whose_names_mislead_is_refused() {
         .fails(1, &["motions 0 and 1 have the same name, `stand`"]);
 }
 
-/// A library with other names and right checksums.
+/// Returns the library with a name replaced, and with valid checksums.
 fn renamed(good: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     assert_eq!(from.len(), to.len());
     let mut bytes = good.to_vec();
@@ -278,7 +283,7 @@ fn an_unwritable_output_is_named() {
     // Before a long run, not after it.
     let outcome = desk.run(&["demo", "--out", "in_the_way"]);
     assert!(!outcome.stderr.contains("Planning"), "{}", outcome.stderr);
-    outcome.fails(1, &["cannot write into in_the_way: it is no folder"]);
+    outcome.fails(1, &["cannot write into in_the_way: it is not a folder"]);
 }
 
 #[test]
@@ -301,7 +306,7 @@ fn built_library(desk: &Desk) -> Vec<u8> {
     desk.read("a.rwl")
 }
 
-/// Number of the first line that holds `text`.
+/// Returns the number of the first line that contains `text`.
 fn line_of(desk: &Desk, file: &str, text: &str) -> usize {
     let content = desk.read_text(file);
     1 + content.lines().position(|line| line.contains(text)).expect("the edit is in the file")

@@ -1,4 +1,4 @@
-//! `rollwalk bench` on the smallest piece of each table and figure.
+//! Tests of `rollwalk bench` on the smallest part of each table and figure.
 
 use crate::desk_with_programs as desk;
 use rollwalk_tests::{Desk, Outcome};
@@ -9,7 +9,7 @@ fn bench(desk: &Desk, args: &[&str]) -> Outcome {
     desk.run(&[&["bench"][..], args, &["--out", "out"]].concat())
 }
 
-/// The cells of the row that begins with `name`, below these column titles.
+/// Returns the cells of the row that begins with `name`, below these column titles.
 #[track_caller]
 fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
     let cells = |line: &'a str| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty());
@@ -22,8 +22,8 @@ fn row<'a>(text: &'a str, titles: &[&str], name: &str) -> Vec<&'a str> {
     row
 }
 
-/// Asserts that the Markdown file says what stdout did and that these plots are whole; returns what the JSON file
-/// has.
+/// Asserts that the Markdown file has the content of stdout and that these plots are complete. Returns the content of the JSON
+/// file.
 #[track_caller]
 fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Value {
     let markdown = desk.read_text(&format!("out/{name}.md"));
@@ -37,7 +37,7 @@ fn written(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Value {
     serde_json::from_str(&json).unwrap_or_else(|error| panic!("{error} in {json}"))
 }
 
-/// The same of a file of rows.
+/// Makes the assertions of [`written`], and returns the rows of the JSON file.
 #[track_caller]
 fn written_rows(desk: &Desk, stdout: &str, name: &str, plots: &[&str]) -> Vec<Value> {
     match written(desk, stdout, name, plots) {
@@ -219,8 +219,8 @@ fn table_3_3_finds_a_speed_that_holds() {
     assert!((rows[0]["top_speed_m_s"].as_f64().unwrap() - speed).abs() < 1e-3);
 }
 
-/// Bytes of the clips of a library as they were measured: see docs/measured/library-format.md. Both ways, so that neither a
-/// worse packing nor an accidental change of format goes unseen; plans differ a little between machines.
+/// Checks the sizes of clips against docs/measured/library-format.md, within 3 %. Both directions count, so that neither worse
+/// packing nor an accidental change of the format goes unnoticed; plans differ slightly between machines.
 #[test]
 fn library_format_keeps_what_was_measured_on_real_plans() {
     let desk = desk();
@@ -257,8 +257,8 @@ fn a_wrong_row_is_told_the_right_ones() {
         ("table-3-3", "walk_held"),
         ("library-format", "agilebot_library"),
     ] {
-        let there_are = format!("there are {first}");
-        bench(&desk, &[name, "--only", "wlak"]).fails(1, &["`wlak`", &there_are]);
+        let give = format!("give one of {first}");
+        bench(&desk, &[name, "--only", "wlak"]).fails(1, &["`wlak`", &give]);
     }
 }
 
@@ -286,7 +286,7 @@ fn fault_campaign_counts_outcomes_and_repeats_a_run() {
     assert_eq!(written(&desk, &text, "fault-campaign", &[]), results);
     bench(&desk, &["fault-campaign", "--scenario", "sabotage"]).fails(2, &["sabotage", "bus-off"]);
     let no_loss = bench(&desk, &["fault-campaign", "--scenario", "estop", "--loss", "31"]);
-    no_loss.fails(1, &["has this loss", "estop has 0, "]);
+    no_loss.fails(1, &["has this loss", "for estop, give 0, "]);
     bench(&desk, &["fault-campaign", "--log", "x.log"]).fails(2, &["--scenario"]);
 }
 
@@ -311,11 +311,12 @@ fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
         assert_eq!(desk.read(&format!("parts/{file}")), desk.read(&format!("whole/{file}")));
     }
     let other = [&campaign[..], &["--seeds", "12", "--shard", "1/3", "--out", "parts"]].concat();
-    desk.run(&[&["bench"], &other[..]].concat()).fails(1, &["is of other work", "--seeds 11"]);
+    desk.run(&[&["bench"], &other[..]].concat())
+        .fails(1, &["is a journal of other work", "--seeds 11"]);
     let engine = ["--engine", "slurm", "--shards", "4", "--dry-run"];
     run("job", &engine).succeeds_with(0, &["next: sbatch --parsable --wait job/slurm.sh"]);
     let job = desk.read_text("job/slurm.sh");
     let words = "rollwalk-bench fault-campaign --seed 0 --seeds 11 --on stand --scenario estop --scenario delay --loss 30 --out ";
     assert!(job.contains(words) && job.contains("--cores 1 --shards 4"), "{job}");
-    bench(&desk, &["samples", "--shard", "1/2"]).fails(1, &["is not done in parts", "table-3-2"]);
+    bench(&desk, &["samples", "--shard", "1/2"]).fails(1, &["cannot be split", "table-3-2"]);
 }

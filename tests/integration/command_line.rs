@@ -1,4 +1,4 @@
-//! Requirements of all subcommands: help, completions, exit codes, closed pipes.
+//! Tests of all subcommands: help, completions, exit codes, closed pipes.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::program::{PLANNED, Program};
@@ -33,7 +33,7 @@ fn help_teaches_by_example_and_documents_exit_codes() {
 fn the_console_needs_a_terminal_and_says_what_does_not() {
     let outcome = desk().run(&["console", "--bus", "sim"]);
     assert_eq!(outcome.code, 1, "{}", outcome.stderr);
-    for words in ["needs a terminal", "rollwalk monitor", "rollwalk send"] {
+    for words in ["requires a terminal", "rollwalk monitor", "rollwalk send"] {
         assert!(outcome.stderr.contains(words), "{words} in {}", outcome.stderr);
     }
 }

@@ -1,4 +1,4 @@
-//! The console on a terminal, by its keys.
+//! Tests of the console on a terminal, operated by keys.
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_tests::terminal::{Terminal, stty};

@@ -1,4 +1,4 @@
-//! The controller that tracks a plan, as another simulator runs it: a line in, a line out.
+//! Tests of the controller that tracks a plan for another simulator: a line in, a line out.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::program::Program;
@@ -8,7 +8,7 @@ use std::io::Write;
 use std::process::Stdio;
 use std::thread;
 
-/// Runs the controller of ANYmal's stand on these input lines; returns its answers.
+/// Runs the controller on these input lines, with ANYmal's standing plan; returns its answers.
 fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     let mut command = desk.command(&[&["control", "stand.json"], args].concat());
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -28,7 +28,7 @@ fn stand() -> Desk {
     desk
 }
 
-/// A measurement of the robot where its motion begins, which the program's first line tells.
+/// Returns a measurement of the robot in the initial state of its motion, from the first line of the program.
 fn at_start(desk: &Desk) -> Value {
     let said = answers(desk, &[], &[]).succeeds();
     let hello: Value = serde_json::from_str(&said).expect("a record");
@@ -41,7 +41,7 @@ fn at_start(desk: &Desk) -> Value {
     record
 }
 
-/// The answers before a line that is refused stand.
+/// Asserts that a line is refused. Answers to earlier lines are ignored.
 #[track_caller]
 fn refused(outcome: Outcome, words: &[&str]) {
     Outcome { stdout: String::new(), ..outcome }.fails(1, words);
@@ -105,7 +105,7 @@ fn an_imu_takes_the_place_of_the_base() {
     assert!(said.contains("\"untracked\":\"the robot has not stood still yet\""), "{said}");
 }
 
-/// A short gap is bridged; a long one ends the motion.
+/// Checks that a short gap is bridged, and that a long one ends the motion.
 #[test]
 fn without_readings_a_motion_is_brought_to_a_stop() {
     let desk = stand();
@@ -118,7 +118,7 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
     }
     let mut no_number = known.clone();
     no_number["joint_rad"][1] = Value::Null;
-    let not_finite = "a reading is not finite";
+    let not_finite = "a sensor reading is not finite";
     for (broken, first, lost) in [
         (blind, "null".to_owned(), "the IMU is missing"),
         (no_number, format!("\"{not_finite}"), not_finite),
@@ -134,11 +134,11 @@ fn without_readings_a_motion_is_brought_to_a_stop() {
         assert!(said[0].contains("\"untracked\":null"), "{}", said[0]);
         assert!(said[1].contains(&format!("\"untracked\":{first}")), "{}", said[1]);
         assert!(said[40].contains(lost), "{}", said[40]);
-        assert!(said[99].contains("brought to a stop for good"), "{}", said[99]);
+        assert!(said[99].contains("and stops; start the motion again"), "{}", said[99]);
     }
 }
 
-/// A plug that is loose, an encoder that has lost a turn, a body that lies.
+/// Tests a loose plug, an encoder that has lost a turn, and a body that lies on its side.
 #[test]
 fn what_cannot_be_is_not_tracked_and_what_comes_and_goes_ends_the_motion() {
     let desk = stand();
@@ -160,13 +160,13 @@ fn what_cannot_be_is_not_tracked_and_what_comes_and_goes_ends_the_motion() {
         }
     });
     assert_eq!(loose[0], "null");
-    assert!(loose[398].contains("brought to a stop for good"), "{}", loose[398]);
+    assert!(loose[398].contains("and stops; start the motion again"), "{}", loose[398]);
     let angle = start["joint_rad"][1].as_f64().unwrap();
     let turned = untracked(&|_, of| of["joint_rad"][1] = json!(angle + std::f64::consts::TAU));
     assert!(turned[0].contains("far beyond its joint's range"), "{}", turned[0]);
     let lies = untracked(&|_, of| of["base"]["orientation_wxyz"] = json!([0.0, 1.0, 0.0, 0.0]));
     assert!(lies[0].contains("has fallen"), "{}", lies[0]);
-    assert!(lies[398].contains("brought to a stop for good"), "{}", lies[398]);
+    assert!(lies[398].contains("and stops; start the motion again"), "{}", lies[398]);
 }
 
 #[test]
@@ -196,11 +196,11 @@ fn lines_that_are_wrong_are_named() {
     let place = json!({ "position_m": [0.0, 0.0, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0] });
     wrong(
         &|of| of["world_from_plan"] = place.clone(),
-        &["world_from_plan is only for the first line"],
+        &["world_from_plan is allowed in the first line only"],
     );
     for (time_s, words) in [
-        (1.7e9, "field time_s is 1.7e9; expected 1000000 at most"),
-        (-0.002, "field time_s goes from 0 to -0.002"),
+        (1.7e9, "field time_s is 1.7e9; expected at most 1000000 s"),
+        (-0.002, "field time_s changes from 0 s to -0.002 s"),
     ] {
         wrong(&|of| of["time_s"] = json!(time_s), &[words]);
     }
@@ -212,9 +212,9 @@ fn lines_that_are_wrong_are_named() {
         });
         answers(&desk, &[], &lines.collect::<Vec<_>>())
     };
-    let words = "field time_s goes from 0.02 to 0.04; ticks are 0.002 s apart";
+    let words = "field time_s changes from 0.02 s to 0.04 s; expected ticks of 0.002 s";
     refused(at(&[0.0, 0.02, 0.04]), &["line 3 of the input", words]);
-    refused(at(&[0.0, 0.001, 0.002]), &["line 3 of the input", "from 0.001 to 0.002"]);
+    refused(at(&[0.0, 0.001, 0.002]), &["line 3 of the input", "from 0.001 s to 0.002 s"]);
     // A line is left out, and the motion ends within a tick.
     at(&[0.0, 0.002, 0.006, 0.008, 0.0085, 0.0085, 0.0085]).succeeds();
     let placed = |field: &str, value: Value, words: &str| {
@@ -228,7 +228,7 @@ fn lines_that_are_wrong_are_named() {
     placed("orientation_wxyz", json!([half, half, 0.0, 0.0]), "the ground is steeper than 45°");
     refused(
         answers(&desk, &["--bus", "sim"], &[]),
-        &["--bus is for a robot", "stand.json is a plan"],
+        &["--bus requires a library file", "stand.json is a plan"],
     );
     let nan = line(&start).replacen("\"time_s\":0.0", "\"time_s\":NaN", 1);
     refused(answers(&desk, &[], &[nan]), &["line 1 of the input"]);

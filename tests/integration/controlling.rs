@@ -1,9 +1,9 @@
-//! A robot that is controlled in closed loop from the command line, over a simulated bus; and what `rollwalk control` refuses.
+//! Tests of closed-loop control from the command line over a simulated bus, and of requests that `rollwalk control` refuses.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, in_time, on};
 
-/// Word that the planner prints for each motion.
+/// String in the planner's output for each motion.
 const PLANNING: &str = "iterations";
 
 #[test]
@@ -12,23 +12,23 @@ fn what_cannot_be_controlled_is_refused_before_anything_is_sent() {
     desk.make(&["plan", "motions/drive_1m.toml", "-o", "drive.json"]);
     let library = "motions/agilebot_library.toml";
     let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["control"], args].concat());
-    desk.run(&["control", library, "--play", "walk"]).fails(1, &["no bus is given", "--bus"]);
-    run(&[library]).fails(1, &["nothing to play", "--play walk:5"]);
+    desk.run(&["control", library, "--play", "walk"]).fails(1, &["--bus is missing", "--bus"]);
+    run(&[library]).fails(1, &["no motion to play", "--play walk:5"]);
     run(&[library, "--play", "run"]).fails(1, &["no motion `run`", "drive_1m", "walk"]);
     run(&[library, "--play", "walk:0"]).fails(2, &["walk:0", "MOTION:CYCLES"]);
-    run(&[library, "--play", "walk", "--rate", "961"]).fails(1, &["960 samples a second"]);
+    run(&[library, "--play", "walk", "--rate", "961"]).fails(1, &["60 to 960 samples/s"]);
     run(&[library, "--play", "walk", "--latency-ms", "3"]).fails(1, &["latency is measured"]);
     run(&["drive.json", "--play", "walk"]).fails(1, &["drive.json is a plan"]);
     run(&["none.toml", "--play", "walk"]).fails(1, &["none.toml"]);
     run(&["motions/walk.toml", "--play", "walk"]).fails(1, &["walk.toml", "motion file"]);
-    run(&["motions/pup_library.toml", "--play", "walk"]).fails(1, &["takes no torque"]);
+    run(&["motions/pup_library.toml", "--play", "walk"]).fails(1, &["does not accept torques"]);
     run(&["motions/swizzlebot_library.toml", "--play", "forward"]).fails(1, &["turns freely"]);
     let alone = run(&[library, "--play", "walk"]);
     assert!(!alone.stderr.contains(PLANNING), "{}", alone.stderr);
     alone.fails(1, &["no simulated robot"]);
 }
 
-/// Refusal of a robot that has another library; then a walk on the ground and the return to SAFE.
+/// Tests that a robot with another library is refused; then that the robot walks on the ground and returns to SAFE.
 #[test]
 fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
     let desk = desk_with_shipped_files();
@@ -41,7 +41,11 @@ fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
     on(&desk, &socket, &["flash", "a.rwl"]).succeeds();
     let controlled = in_time(&desk, &socket, &control);
     let said = &controlled.stderr;
-    assert!(said.contains("all was played") && said.contains("its state is known"), "{said}");
+    assert!(
+        said.contains("all motions were played")
+            && said.contains("the state of the robot is estimated"),
+        "{said}"
+    );
     assert!(said.contains("left; the robot is disarmed") && said.contains(PLANNING), "{said}");
     controlled.succeeds();
     drop(robot);

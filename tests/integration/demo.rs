@@ -1,5 +1,5 @@
-//! The main job end to end: plan, pack, flash, arm, play every transition by command codes, back to
-//! SAFE, disarm; and what the bus says when something is asked that cannot be done.
+//! End-to-end tests of the main task: plan, pack, flash, arm, play every transition by command codes, return to SAFE, disarm.
+//! Also tests the answers on the bus to impossible requests.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_bus::candump;
@@ -11,7 +11,7 @@ use rollwalk_tests::Desk;
 use serde_json::Value;
 use std::sync::OnceLock;
 
-/// The demo, run once for all tests that look at what it left: its folder and its JSON.
+/// Runs the demo once for all tests of its output; returns its folder and its JSON.
 fn demo() -> &'static (Desk, Value) {
     static DEMO: OnceLock<(Desk, Value)> = OnceLock::new();
     DEMO.get_or_init(|| {
@@ -84,7 +84,7 @@ fn the_demo_prints_a_table_for_people_and_puts_the_same_bits_on_the_bus_again() 
     assert!(desk.read("again/agilebot.rwl") == first.read("out/agilebot.rwl"));
 }
 
-/// A connected session with a robot of the shipped file.
+/// Returns a connected session with a shipped robot.
 fn session(robot: &str, desk: &Desk) -> Session<Rig> {
     let text = desk.read_text(robot);
     let robot = Robot::from_toml(robot, &text).expect("a shipped robot");

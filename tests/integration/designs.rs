@@ -1,4 +1,4 @@
-//! Designs: robot files that come of changes, with plans, figures and reports.
+//! Tests of designs: changed robot files with their plans, figures and reports.
 
 use crate::results::json;
 use crate::{checkout, desk_with_shipped_files};
@@ -75,9 +75,9 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     let run = |args: &[&str]| desk.run(&[&["design"], args].concat());
     let checked = run(&["check", "legs.toml"]);
     assert_eq!(checked.code, 0);
-    let warning = "warning: as it is: target number 1: `up_m` is 0.3 m: `front_left` stands";
+    let warning = "warning: original robot: target number 1: `up_m` is 0.3 m: `front_left` stands";
     assert!(checked.stderr.contains(warning), "{}", checked.stderr);
-    let beyond = ["no plan to learn from: change thigh or shank first", "beyond reach"];
+    let beyond = ["no plan to start from: first change thigh or shank", "beyond reach"];
     run(&["optimise", "legs.toml", "-o", "best"]).fails(1, &beyond);
     run(&["edit", "legs.toml", "thigh=0.08", "-o", "short"]).fails(1, &["beyond reach"]);
     let longer = run(&["edit", "legs.toml", "thigh=0.14", "shank=0.14", "-o", "longer"]);
@@ -118,9 +118,9 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     let run = |args: &[&str]| desk.run(&[&["design"], args].concat());
     let legs = "designs/legs.toml";
     let edit = |given: &str| run(&["edit", legs, given, "-o", "x"]);
-    edit("thigh=0.13").fails(1, &["no parameter `thigh`", "it has front_thigh, rear_thigh"]);
+    edit("thigh=0.13").fails(1, &["no parameter `thigh`", "give one of front_thigh, rear_thigh"]);
     edit("front_thigh=0.3").fails(1, &["front_thigh = 0.3 m is outside its bounds, 0.09 to 0.16"]);
-    edit("front_thigh=0.12").fails(1, &["has these values already"]);
+    edit("front_thigh=0.12").fails(1, &["already has these values"]);
     edit("front_thigh=1cm").fails(2, &["`1cm` is not a number"]);
     let twice = ["edit", legs, "front_thigh=0.13", "front_thigh=0.12", "-o", "x"];
     run(&twice).fails(1, &["`front_thigh` is given twice"]);
@@ -136,7 +136,7 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     desk.write("turn.toml", turn.replace("../", "").replace("peak_speed", "cost_of_transport"));
     run(&["optimise", "turn.toml", "-o", "x"]).fails(
         1,
-        &["`turn_in_place` goes nowhere, so that it has no cost_of_transport", "`power`"],
+        &["`turn_in_place` covers no distance, so its cost_of_transport is undefined", "`power`"],
     );
     let robot = ["check", "robots/agilebot.toml"];
     run(&robot).fails(1, &["robots/agilebot.toml is a robot file"]);

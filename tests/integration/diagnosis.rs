@@ -1,4 +1,4 @@
-//! Requests that cannot be met, as the user of `rollwalk plan` and `rollwalk report` sees them.
+//! Tests of infeasible requests, with the output of `rollwalk plan` and `rollwalk report`.
 
 use crate::desk_with_shipped_files;
 use serde_json::Value;
@@ -10,7 +10,7 @@ fn a_walk_too_far_is_told_how_far_works_and_that_works() {
     desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 1.5");
     let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "far.json"]);
     assert_eq!(outcome.code, 3, "{}", outcome.stdout);
-    let words = ["displacement goal", "forward_m is 1.5, ", " works", "what would help"];
+    let words = ["displacement goal", "forward_m is 1.5, and ", " is feasible", "what would help"];
     for words in words {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
@@ -44,7 +44,7 @@ fn servos_too_weak_are_named_with_the_torque_that_they_need() {
     let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "weak.json"]);
     assert_eq!(outcome.code, 3, "{}", outcome.stdout);
     for words in
-        ["joint torque of ", "torque_max_nm is 0.15", "stronger motors: standing alone takes"]
+        ["joint torque of ", "torque_max_nm is 0.15", "stronger motors (standing alone requires"]
     {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }

@@ -1,4 +1,4 @@
-//! A robot that is steered from the command line, over a simulated bus; and what `rollwalk drive` refuses.
+//! Tests of steering from the command line over a simulated bus, and of requests that `rollwalk drive` refuses.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, desk_with_library_file, in_time, on};
@@ -12,22 +12,23 @@ fn what_cannot_be_driven_is_refused_before_anything_is_sent() {
     desk.make(&["plan", "motions/legbot_walk.toml", "-o", "legbot.json"]);
     let steer = ["--steer", "1:0.1,0,0", "--until", "2"];
     let run = |args: &[&str]| on(&desk, "sim:none.sock", &[&["drive"], args].concat());
-    run(&["a.rwl"]).fails(1, &["needs a terminal for keys", "--steer AT:FORWARD,LEFT,TURN"]);
+    run(&["a.rwl"]).fails(1, &["by keys requires a terminal", "--steer AT:FORWARD,LEFT,TURN"]);
     let with = |gait: &str| run(&[&["a.rwl", "--gait", gait][..], &steer].concat());
-    with("legbot.json").fails(1, &["is of robot `legbot`", "a.rwl is for `agilebot`"]);
-    with("drive.json").fails(1, &["`drive_1m` has ends", "a gait repeats"]);
+    with("legbot.json")
+        .fails(1, &["was planned for robot `legbot`", "a.rwl is for robot `agilebot`"]);
+    with("drive.json").fails(1, &["`drive_1m` has ends", "does not repeat"]);
     with("none.json").fails(1, &["none.json"]);
     with("walk.json").fails(1, &["no simulated robot"]);
     run(&["motions/walk.toml", "--steer", "1:0,0,0", "--until", "2"])
         .fails(1, &["walk.toml", "motion file"]);
     let order = ["a.rwl", "--steer", "2:0,0,0", "--steer", "1:0,0,0", "--until", "3"];
-    run(&order).fails(1, &["1 s comes after the one at 2 s", "in the order of their times"]);
+    run(&order).fails(1, &["--steer at 1 s is given after --steer at 2 s", "in order of time"]);
     run(&["a.rwl", "--steer", "1:0.1,0"]).fails(2, &["AT:FORWARD,LEFT,TURN", "1:0.1,0"]);
     run(&["a.rwl", "--steer", "1:0,0,0"]).fails(2, &["--until"]);
 }
 
-/// Refusals of LegBot, which needs a gait because its wheels are fixed to its links, and of a stopped robot, which must be
-/// cleared first.
+/// Tests that two robots are refused: LegBot, which needs a gait because its wheels are fixed to its links, and a stopped
+/// robot, which must be cleared first.
 #[test]
 fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
     let desk = desk_with_library_file();
@@ -36,14 +37,15 @@ fn a_robot_that_cannot_be_steered_as_it_is_is_refused_at_once() {
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let _robot = Robot::start(&desk, &bus);
     let drive = ["drive", "legbot.rwl", "--steer", "1:0.05,0,0", "--until", "3"];
-    on(&desk, &bus, &drive).fails(1, &["legbot cannot drive", "cannot roll", "--gait PLAN.json"]);
+    on(&desk, &bus, &drive)
+        .fails(1, &["legbot cannot drive without a gait", "do not roll", "--gait PLAN.json"]);
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
     on(&desk, &bus, &["estop"]).succeeds();
     on(&desk, &bus, &[&drive[..], &["--gait", "walk.json"]].concat())
-        .fails(5, &["nothing was planned", "`rollwalk clear` it before it is armed"]);
+        .fails(5, &["nothing was planned", "type `rollwalk clear` before arming it"]);
 }
 
-/// Steering on the ground, then the return to SAFE.
+/// Tests steering on the ground, then the return to SAFE.
 #[test]
 fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     let desk = desk_with_shipped_files();
@@ -54,7 +56,7 @@ fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     let steer =
         ["drive", "a.rwl", "--steer", "0.5:0.2,0,0", "--steer", "2.5:0,0,0", "--until", "3"];
     let driven = in_time(&desk, &socket, &steer);
-    assert!(driven.stderr.contains("0 not accepted"), "{}", driven.stderr);
+    assert!(driven.stderr.contains("0 rejected"), "{}", driven.stderr);
     assert!(driven.stderr.contains("left; the robot is disarmed"), "{}", driven.stderr);
     let told = driven.succeeds();
     assert!(told.lines().any(|line| line.contains("steered 0.20")), "{told}");

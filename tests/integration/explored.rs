@@ -1,4 +1,4 @@
-//! Sweeps over designs: resumed, in shards, by engines.
+//! Tests of sweeps over designs: resumed, split into shards, and run by engines.
 
 use crate::{checkout, copy_shipped_files, desk_with_programs};
 use rollwalk_tests::Desk;
@@ -44,9 +44,9 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
     let other = ["-o", "whole", "--plot", "peak_joint_torque_nm"];
     explore(&other).succeeds_with(0, &["results.svg"]);
     assert!(desk.read_text("whole/results.svg").contains("peak_joint_torque, N·m"));
-    explore(&["-o", "whole", "--plot", "torque"]).fails(2, &["there are plan_cost, "]);
+    explore(&["-o", "whole", "--plot", "torque"]).fails(2, &["give one of plan_cost, "]);
     desk.edit("designs/small.toml", "points = 2", "points = 3");
-    explore(&["-o", "whole"]).fails(1, &["is of other work", "take another folder"]);
+    explore(&["-o", "whole"]).fails(1, &["is a journal of other work", "give another folder"]);
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn jobs_of_engines_are_written() {
     on("parallel").succeeds_with(0, &["next: sh out/parallel.sh"]);
     assert!(desk.read_text("out/parallel.sh").contains("--shard {}/4"));
     let alone = ["design", "explore", "designs/small.toml", "-o", "out", "--shards", "4"];
-    desk.run(&alone).fails(1, &["neither Slurm nor Kubernetes", "--shard K/N"]);
+    desk.run(&alone).fails(1, &["neither by Slurm nor by Kubernetes", "--shard K/N"]);
     let wrong = ["design", "explore", "designs/small.toml", "-o", "out", "--shard", "3/2"];
-    desk.run(&wrong).fails(2, &["`3/2` is no shard"]);
+    desk.run(&wrong).fails(2, &["`3/2` is not a shard"]);
 }

@@ -1,5 +1,5 @@
-//! Files as a hostile or careless user gives them: outputs over inputs, devices and links, names with terminal escapes,
-//! inputs without end.
+//! Tests of files from a hostile or careless user: outputs over inputs, devices and links, names with terminal escapes, endless
+//! inputs.
 
 use crate::{checkout, desk, desk_with_shipped_files};
 use rollwalk_tests::Desk;
@@ -50,7 +50,7 @@ fn no_input_is_ever_an_output() {
     }
 }
 
-/// A file of the user's, whatever it is, goes before the shipped one of its path.
+/// Checks that an existing file always takes precedence over the shipped file of the same path.
 #[test]
 fn shipped_files_stand_in_for_missing_ones_alone() {
     let desk = desk();
@@ -62,7 +62,7 @@ fn shipped_files_stand_in_for_missing_ones_alone() {
     desk.run(&["plan", "motions/stand.toml", "-o", "./motions/stand.toml"])
         .fails(1, &["./motions/stand.toml", "that this run reads"]);
     desk.run(&["control", "motions/agilebot_library.toml", "--play", "no-such-motion"])
-        .fails(1, &["no bus is given"]);
+        .fails(1, &["--bus is missing"]);
     fs::create_dir(desk.path("robots")).unwrap();
     desk.run(&["robot", "check", "robots/agilebot.toml"]).succeeds();
     #[cfg(unix)]
@@ -86,7 +86,7 @@ fn formats_that_are_not_written_are_refused_by_name() {
     desk.run(&["export", "plan.json", "-o", "x.xlsx"])
         .fails(1, &["a plan as x.xlsx", "written as .csv, .json, .mcap or .xml", "spreadsheets"]);
     desk.run(&["export", "plan.json", "--format", "csv", "-o", "x.json"])
-        .fails(1, &["x.json is not that of the --format"]);
+        .fails(1, &["the extension of x.json does not match --format"]);
     assert!(["x.pdf", "x.gif", "x.xlsx", "x.json"].iter().all(|name| !desk.path(name).exists()));
     desk.run(&["export", "plan.json", "-o", "x.json"]).succeeds();
     assert!(desk.read_text("x.json").starts_with('{'));
@@ -126,7 +126,7 @@ fn devices_links_and_permissions_stay() {
     assert_eq!(mode("new.json"), 0o600);
 }
 
-/// Runs a command that must fail at once, and in a few lines: milliseconds by itself, up to a minute on a busy computer.
+/// Runs a command that must fail soon and with a short message: in milliseconds alone, within a minute on a busy computer.
 #[track_caller]
 fn fails_soon(desk: &Desk, args: &[&str], words: &[&str]) {
     let outcome = program::run(&mut desk.command(args), LONG);
@@ -257,7 +257,7 @@ fn what_others_wrote_does_not_command_the_terminal() {
         assert!(!printed.is_empty());
     }
     desk.run(&["plan", STAND, "-o", "x"])
-        .fails(1, &["`name` is \"\\u001b]0;owned", "cannot be seen"]);
+        .fails(1, &["`name` is \"\\u001b]0;owned", "visible characters only"]);
     desk.run(&["report", "plan.json"]).fails(1, &["motion.name is \"\\u001b]0;owned"]);
 }
 
@@ -287,7 +287,7 @@ fn results_go_to_standard_output_by_themselves() {
 fn files_that_people_write_are_no_results_and_no_libraries() {
     let desk = desk_with_shipped_files();
     desk.write("notes.toml", "mine");
-    let taken = ["notes.toml: it is there already, and by its name it is no result"];
+    let taken = ["notes.toml: it exists, and its extension is not that of a result"];
     desk.run(&["plan", "motions/stand.toml", "-o", "notes.toml"]).fails(1, &taken);
     assert_eq!(desk.read_text("notes.toml"), "mine");
     let library = "motions/agilebot_library.toml";

@@ -1,4 +1,4 @@
-//! The robot on the simulated ground: a plan by itself, and a library behind the bus.
+//! Tests of the robot on the simulated ground: a plan alone, and a library behind the bus.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, desk_with_library_file, on};
@@ -21,7 +21,7 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     desk.run(&["simulate", "drive.json", "--slope", "40"])
         .succeeds_with(3, &["the robot falls after"]);
     desk.run(&["simulate", "drive.json", "--slope", "60"])
-        .fails(2, &["'60' for '--slope", "it must be from -45 to 45 degrees"]);
+        .fails(2, &["'60' for '--slope", "give -45 to 45 degrees"]);
 }
 
 #[test]
@@ -31,10 +31,10 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     let simulate = |args: &[&str]| desk.run(&[&["simulate", "drive.json"], args].concat());
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight_m = 0.1\n");
     simulate(&["--terrain", "kerb.toml"])
-        .succeeds_with(3, &["forward: 0.5", "does not hold in simulation: it comes to 0.5"]);
+        .succeeds_with(3, &["forward: 0.5", "does not hold in simulation: the robot covers 0.5"]);
     simulate(&["--push", "2:0,120,0:0.1"]).succeeds_with(3, &["the robot falls after 2."]);
     simulate(&["--push", "2:0,3,0:0.1"]).succeeds();
-    simulate(&["--push", "2:0,3:0.1"]).fails(2, &["the force needs 3 numbers", "it has 2"]);
+    simulate(&["--push", "2:0,3:0.1"]).fails(2, &["give 3 numbers for the force", "not 2"]);
     desk.write("kerb.toml", "[step]\nat_x_m = 0.5\nheight = 0.1\n");
     simulate(&["--terrain", "kerb.toml"]).fails(1, &["kerb.toml:", "unknown key `height`"]);
     simulate(&["--terrain", "motions/walk.toml"])
@@ -43,8 +43,8 @@ fn terrain_and_pushes_are_given_to_a_plan() {
     desk.run(&["plan", "kerb.toml", "-o", "x.json"]).fails(1, &["kerb.toml is a terrain file"]);
 }
 
-/// Ctrl-C in the first of 10,000 rounds of a loop: the robot returns to SAFE and is disarmed, and the results say that it was
-/// interrupted.
+/// Presses Ctrl-C in the first of 10,000 cycles of a loop. The robot must return to SAFE and be disarmed, and the results must
+/// report the interruption.
 #[test]
 fn ctrl_c_ends_the_tour_through_a_library() {
     let desk = desk_with_library_file();
@@ -57,7 +57,7 @@ fn ctrl_c_ends_the_tour_through_a_library() {
     program.signal("INT");
     let outcome = program.ends();
     let said = &outcome.stderr;
-    assert!(said.contains("back to SAFE") && said.contains("disarmed"), "{said}");
+    assert!(said.contains("returning to SAFE") && said.contains("disarmed"), "{said}");
     outcome.succeeds_with(130, &["\"stopped\": \"interrupted\""]);
 }
 
@@ -97,14 +97,15 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     }
     desk.write("bad.csv", desk.read_text("run.csv").replacen(",0.0", ",x", 1));
     desk.run(&["plot", "bad.csv", "-o", "run.svg"]).fails(1, &["bad.csv: line 2, column `"]);
-    desk.run(&["plot", "run.csv", "bad.csv", "-o", "x.svg"]).fails(1, &["draw it by itself"]);
+    desk.run(&["plot", "run.csv", "bad.csv", "-o", "x.svg"])
+        .fails(1, &["draw the world log alone"]);
     // Without what the figure shows.
     let base: Vec<_> = desk.read_text("run.csv").lines().map(first_cells).collect();
     desk.write("base.CSV", base.join("\n") + "\n");
     desk.run(&["plot", "base.CSV", "-o", "base.svg"]).succeeds();
     desk.run(&["plot", "drive.toml", "-o", "run.svg"]).fails(1, &["drive.toml is a library file"]);
     desk.run(&["simulate", "drive.rwl", "--world-log", "run.png"])
-        .fails(1, &["cannot write a log of the world as run.png"]);
+        .fails(1, &["cannot write a world log as run.png"]);
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let on_stand = ["robots/agilebot.toml", "--bus", &bus, "--on", "stand"];
     Robot::refuses(&desk, &[&on_stand[..], &["--world-log", "run.csv"]].concat())
@@ -115,7 +116,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
         &desk,
         &["robots/agilebot.toml", "--bus", &bus, "--on", "stand", "--slope", "3"],
     )
-    .fails(1, &["are for a robot on the ground, and this one is on a stand", "--on stand"]);
+    .fails(1, &["are for a robot on the ground, but this robot is on a stand", "--on stand"]);
     Robot::refuses(&desk, &["robots/test_leg.toml", "--bus", &bus])
         .fails(1, &["test_leg cannot stand on the ground: it has 1 feet and wheels", "--on stand"]);
     let robot = ["robots/agilebot.toml", "--world-log", "live.csv"];
@@ -134,13 +135,13 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     assert!((driven_m - ahead).abs() < 0.002, "{driven_m} m in the log, {line}");
 }
 
-/// The cells of a line that every log has.
+/// Returns the cells of a line that every log has.
 fn first_cells(line: &str) -> String {
     line.split(',').take(17).collect::<Vec<_>>().join(",")
 }
 
-/// Way of the centre of mass along x while a motion is played, in a log of the world, m; every line must have a cell for
-/// each column.
+/// Returns the displacement of the centre of mass along x during a motion in a log of the world, m. Every line must have a cell
+/// for each column.
 fn logged_way_m(log: &str, motion: &str) -> f64 {
     let mut lines = log.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let heading = lines.next().expect("a heading");

@@ -1,4 +1,4 @@
-//! Numbers of robots from recorded runs.
+//! Tests of identification: parameters of robots from recorded runs.
 
 use crate::desk_with_shipped_files;
 use crate::results::json as parsed;
@@ -6,10 +6,10 @@ use rollwalk_tests::Desk;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// Friction, and gains as shares of the robot file, of the robot that makes the recordings.
+/// Hidden parameters of the recorded robot: friction, then kp and kd as fractions of those in the robot file.
 const HIDDEN: [f64; 3] = [0.25, 0.6, 0.7];
 
-/// The log of a plan as a robot with hidden numbers plays it.
+/// Returns the log of a plan that is played by a robot with the hidden parameters.
 fn hidden_run(desk: &Desk, plan: &str) -> String {
     let mut document: Value = serde_json::from_slice(&desk.read(plan)).unwrap();
     let [friction, kp, kd] = HIDDEN;
@@ -35,8 +35,8 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
     format!("{heading}\n{}", rows.collect::<String>())
 }
 
-/// Reduces a log to the measurements of a real robot: encoders to 2 mrad, positions to 2 mm, orientations to 2 mrad; no gains, no
-/// forces.
+/// Reduces a log to the measurements of a real robot: encoders with 2 mrad of noise, positions with 2 mm, orientations with 2
+/// mrad; no gains, no forces.
 fn measured(log: &str, seed: u64) -> String {
     let names: Vec<&str> = log.lines().next().unwrap().split(',').collect();
     let is_kept = |name: &&str| {
@@ -128,14 +128,18 @@ fn a_robot_is_identified_from_what_it_measures() {
         fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
     };
     desk.write("cut.csv", run.replace("front_left_knee_target_rad", "other"));
-    let words =
-        ["cut.csv", "no column `front_left_knee_target_rad`", "commanded", "a run of agilebot?"];
+    let words = [
+        "cut.csv",
+        "column `front_left_knee_target_rad` is missing",
+        "commanded",
+        "give a run of agilebot",
+    ];
     fails_with("cut.csv", &[], &words);
     let line = run.lines().nth(5).unwrap();
     desk.write("twice.csv", format!("{}\n{line}\n{line}\n", run.lines().next().unwrap()));
-    fails_with("twice.csv", &[], &["twice.csv", "row 2", "does not come after"]);
+    fails_with("twice.csv", &[], &["twice.csv", "row 2", "is not later than"]);
     desk.write("word.csv", run.replacen("\n0.01", "\nsoon", 1));
-    fails_with("word.csv", &[], &["line 2, column `time_s`", "is no number"]);
+    fails_with("word.csv", &[], &["line 2, column `time_s`", "is not a number"]);
     let words = ["--fit resistance", "`rolling_resistance`", "kp.xm540"];
     fails_with("run.csv", &["--fit", "resistance"], &words);
     fails_with("run.csv", &["--fit", "grip"], &["--fit grip", "friction"]);
@@ -143,15 +147,15 @@ fn a_robot_is_identified_from_what_it_measures() {
     fails_with("nowhere.csv", &[], &["nowhere.csv"]);
     desk.write("other.csv", run.replace("front_", "fore_").replace("rear_", "hind_"));
     let words =
-        ["other.csv: it is the run of another robot", "`fore_left_", "`front_left_", "--robot"];
+        ["other.csv: the run is of another robot", "`fore_left_", "`front_left_", "--robot"];
     fails_with("other.csv", &[], &words);
 
     // Of several runs each is looked at before anything is fitted.
     for (second, words) in [
-        ("cut.csv", &["cut.csv", "no column `front_left_knee_target_rad`"][..]),
+        ("cut.csv", &["cut.csv", "column `front_left_knee_target_rad` is missing"][..]),
         ("other.csv", &["other.csv", "another robot"]),
         ("nowhere.csv", &["there is no", "nowhere.csv"]),
-        ("./run.csv", &["run.csv and ./run.csv are the same run", "leave one of them out"]),
+        ("./run.csv", &["run.csv and ./run.csv are the same run", "leave out one of them"]),
         ("copy.csv", &["run.csv and copy.csv are the same run"]),
     ] {
         desk.write("copy.csv", &run);
@@ -163,7 +167,7 @@ fn a_robot_is_identified_from_what_it_measures() {
     fails_with("run.csv", &three, &words);
     let words = ["second.csv", "from 9 s on"];
     fails_with("run.csv", &["second.csv", "--from", "0", "--from", "9"], &words);
-    fails_with("run.csv", &["--predict", "cut.csv"], &["cut.csv", "no column"]);
+    fails_with("run.csv", &["--predict", "cut.csv"], &["cut.csv", "is missing"]);
     assert!(!desk.path("new.toml").exists());
     fails(
         &["run.csv", "--robot", "robots/agilebot.toml", "-o", "robots/agilebot.toml"],

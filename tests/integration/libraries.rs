@@ -1,11 +1,11 @@
-//! Shipped library files: all motions and transitions converge, the library opens again, and the simulated robot plays it within
-//! the bounds of the demo.
+//! Tests of the shipped library files: all motions and transitions converge, the library can be read back, and the simulated
+//! robot plays it within the limits of the demo.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::Desk;
 use serde_json::Value;
 
-/// Builds each shipped library; calls `look` with its file and the output of the build.
+/// Builds each shipped library, and calls `look` with its file and the output of the build.
 fn each_built(options: &[&str], mut look: impl FnMut(&Desk, &str, Value)) {
     let desk = desk_with_shipped_files();
     let folder = std::fs::read_dir(desk.path("motions")).unwrap();

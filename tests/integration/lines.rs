@@ -1,4 +1,4 @@
-//! Robots at serial lines, and adapters that speak SLCAN: at pseudo terminals, which to a program are devices.
+//! Tests of robots on serial lines and of SLCAN adapters, on pseudo terminals, which programs use like devices.
 
 use crate::desk;
 use crate::simulated::{Robot, desk_with_library_file, in_time, on};
@@ -17,17 +17,17 @@ use std::process::Command;
 use std::thread::{self, sleep};
 use std::time::Duration;
 
-/// User without rights on any Unix.
+/// Unprivileged user on any Unix.
 const NOBODY: u32 = 65534;
 
-/// The name of a device, for the programs under test to open, and the other end of its line.
+/// Creates a pseudo terminal. Returns the name of its device for the programs under test, and the other end of the line.
 pub fn device() -> (String, TTYPort) {
     let (mut far, device) = TTYPort::pair().expect("a pseudo terminal");
     far.set_timeout(Duration::from_millis(1)).expect("a timeout");
     (device.name().expect("a name"), far)
 }
 
-/// Received bytes; none after a timeout, or if no program has the device open.
+/// Returns the received bytes; empty after a timeout, or if no program has the device open.
 fn heard(line: &mut TTYPort) -> Vec<u8> {
     let mut bytes = [0; 512];
     match line.read(&mut bytes) {
@@ -41,7 +41,7 @@ fn heard(line: &mut TTYPort) -> Vec<u8> {
     }
 }
 
-/// A cable from `from` to `to`.
+/// Copies bytes from `from` to `to`, like a cable.
 pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     thread::spawn(move || {
         loop {
@@ -51,12 +51,12 @@ pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     });
 }
 
-/// Flashes the library and plays a motion of it.
+/// Transfers the library and plays one of its motions.
 fn flash_and_play(desk: &Desk, bus: &str) {
     assert!(on(desk, bus, &["discover"]).succeeds().contains("none"));
     on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
     in_time(desk, bus, &["send", "--arm", "rest", "1"]).succeeds();
-    on(desk, bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
+    on(desk, bus, &["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
     on(desk, bus, &["estop"]).succeeds();
 }
 
@@ -71,7 +71,7 @@ fn in_real_time_a_robot_at_a_serial_line_is_flashed_and_played() {
     flash_and_play(&desk, &format!("serial:{hosts}"));
 }
 
-/// An adapter between a serial line and the link of a simulated robot.
+/// Simulates an SLCAN adapter between a serial line and the link of a simulated robot.
 fn adapter(mut line: TTYPort, mut link: Live) {
     let mut reader = Reader::default();
     let mut is_open = false;
@@ -111,7 +111,7 @@ fn in_real_time_a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     flash_and_play(&desk, &format!("slcan:{name}"));
 }
 
-/// The superuser may use every device, so under the superuser the test runs as another user.
+/// Runs as another user if started by root, because root can use every device.
 #[test]
 fn whoever_may_not_use_a_device_is_told_what_to_type() {
     let (name, _far) = device();
@@ -126,6 +126,6 @@ fn whoever_may_not_use_a_device_is_told_what_to_type() {
         command.uid(NOBODY).gid(NOBODY);
     }
     let outcome = program::run(&mut command, PLAYED);
-    let says = format!("you may not use `{name}`");
+    let says = format!("this user may not open `{name}`");
     outcome.fails(1, &[&says, "sudo usermod -aG dialout $USER, then log in again"]);
 }

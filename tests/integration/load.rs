@@ -1,4 +1,4 @@
-//! Robots on a busy computer: no command fails while every core has four programs that would use it alone.
+//! Tests of robots on a busy computer: no command fails while every core also runs four busy programs.
 //!
 //! These tests take minutes: `cargo xtask nightly --only load`.
 
@@ -8,12 +8,12 @@ use rollwalk_tests::Desk;
 use std::process::{Child, Command};
 use std::thread;
 
-/// Commands of each test.
+/// Number of commands in each test.
 const COMMANDS: usize = 50;
-/// Programs that use all they get, for each core.
+/// Number of busy programs for each core.
 const LOAD: usize = 4;
 
-/// Programs that do nothing, as fast as they can; ended when dropped.
+/// Busy programs; ended on drop.
 struct Busy(Vec<Child>);
 
 impl Busy {
@@ -33,7 +33,7 @@ impl Drop for Busy {
     }
 }
 
-/// Flashes and plays, again and again.
+/// Transfers the library, then plays repeatedly on a busy computer.
 fn play(desk: &Desk, bus: &str) {
     on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
     let _busy = Busy::start();

@@ -1,4 +1,4 @@
-//! The whole pipeline as a user meets it: one binary, one module per subject.
+//! End-to-end tests of the command line, one module per subject.
 
 mod authenticated;
 mod bad_input;
@@ -36,12 +36,12 @@ mod urdf;
 
 use rollwalk_tests::{Desk, checkout};
 
-/// A desk with the command line under test.
+/// Creates a desk with the command line under test.
 fn desk() -> Desk {
     Desk::new(env!("CARGO_BIN_EXE_rollwalk-under-test"))
 }
 
-/// A desk with the command line under test and its program for benchmarks.
+/// Creates a desk with the command line under test and its benchmark program.
 fn desk_with_programs() -> Desk {
     Desk::with_programs(
         env!("CARGO_BIN_EXE_rollwalk-under-test"),
@@ -49,7 +49,7 @@ fn desk_with_programs() -> Desk {
     )
 }
 
-/// A desk with the shipped robots and motions beside it, as in a checkout.
+/// Creates a desk with the shipped robots and motions, as in a checkout.
 fn desk_with_shipped_files() -> Desk {
     let desk = desk();
     copy_shipped_files(&desk);

@@ -1,4 +1,4 @@
-//! The tools and a simulated robot on this computer's socket: what a maker without CAN does first.
+//! Tests of the tools with a simulated robot on a socket of this computer, the first steps of a maker without CAN.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, command_on, desk_with_library_file, in_time, on};
@@ -20,14 +20,14 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     assert!(run(&["discover", "--json"]).succeeds().contains("\"library\": null"));
     run(&["send", "--arm", "1"]).fails(1, &["no motion library", "rollwalk flash"]);
     run(&["doctor"])
-        .succeeds_with(5, &["it needs a library: rollwalk flash LIB.rwl --robot ROBOT.toml"]);
+        .succeeds_with(5, &["flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml"]);
     let flashed = run(&["flash", "legbot.rwl"]).succeeds();
     assert!(flashed.contains("legbot has library"), "{flashed}");
     run(&["send", "rest"]).fails(5, &["torque is off; arm first", "rollwalk doctor"]);
-    run(&["send", "--arm", "run"]).fails(1, &["no motion `run`", "it has stand, rest"]);
+    run(&["send", "--arm", "run"]).fails(1, &["no motion `run`", "give one of stand, rest"]);
     run(&["send", "--arm", "rest", "--speed", "2"]).fails(2, &["from 0.016 (1/64) to 1"]);
     in_time(&desk, &socket, &["send", "--arm", "rest", "1"]).succeeds();
-    run(&["doctor"]).succeeds_with(0, &["it can be armed"]);
+    run(&["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
 
     run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
     assert!(run(&["gains", "show", "--json"]).succeeds().contains("12.5"));
@@ -37,13 +37,13 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
         run(&["gains", "feed-forward", wrong]).fails(2, &["a number from 0 to 1"]);
     }
     run(&["gains", "set", "nose", "--kp", "1"]).fails(1, &["no joint or wheel `nose`"]);
-    run(&["gains", "set", "0", "--kp", "-1"]).fails(2, &["a number that is 0 or more"]);
-    let legs = ["front_left_hip_roll: --kp 600 N·m/rad is too much", "nothing was changed"];
+    run(&["gains", "set", "0", "--kp", "-1"]).fails(2, &["a number of at least 0"]);
+    let legs = ["front_left_hip_roll: --kp 600 N·m/rad is too high", "nothing was changed"];
     let refused = run(&["gains", "set", "0", "--kp", "600"]);
     refused.fails(5, &legs);
 
     run(&["estop"]).succeeds();
-    run(&["gains", "save"]).fails(5, &["stopped by an emergency stop; clear it first"]);
+    run(&["gains", "save"]).fails(5, &["stopped by an emergency stop; clear the stop first"]);
     run(&["send", "--arm", "rest"]).fails(5, &["refused to arm"]);
     run(&["doctor"])
         .succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear --bus sim:"]);
@@ -64,10 +64,11 @@ fn a_library_for_another_robot_and_a_bus_that_is_none_are_refused() {
     desk.write("not.rwl", [b'x'; 100]);
     on(&desk, "sim", &["flash", "not.rwl"]).fails(1, &["not.rwl", "not a motion library"]);
     on(&desk, "sim", &["flash", "none.rwl"]).fails(1, &["no motion library at none.rwl"]);
-    on(&desk, "can1", &["doctor"]).fails(2, &["`can1` is no bus", "such as can:can0"]);
+    on(&desk, "can1", &["doctor"]).fails(2, &["`can1` is not a bus", "such as can:can0"]);
     on(&desk, "serial:/dev/ttyNONE", &["doctor"]).fails(1, &["no device `/dev/ttyNONE`"]);
-    on(&desk, "slcan:/dev/null@123", &["doctor"]).fails(1, &["bitrate of 123 bit/s", "kbit/s"]);
-    on(&desk, "sim", &["doctor", "--node", "15"]).fails(2, &["a number from 0 to 14"]);
+    on(&desk, "slcan:/dev/null@123", &["doctor"])
+        .fails(1, &["do not support 123 bit/s", "1000000 bit/s"]);
+    on(&desk, "sim", &["doctor", "--node", "15"]).fails(2, &["an address from 0 to 14"]);
 }
 
 #[test]
@@ -77,23 +78,23 @@ fn all_gains_are_those_that_there_are() {
     let _robot = Robot::on_stand(&desk, "robots/test_leg.toml", &socket);
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20"]);
     // A wheel has no stiffness.
-    assert!(set.stderr.contains("they have no such value: wheel"), "{}", set.stderr);
+    assert!(set.stderr.contains("they do not have this value: wheel"), "{}", set.stderr);
     assert!(set.succeeds().starts_with("2 values set"));
     let set = on(&desk, &socket, &["gains", "set", "all", "--kp", "20", "--kd", "1"]);
-    assert!(set.stderr.trim_end().ends_with("no such value: wheel"), "{}", set.stderr);
+    assert!(set.stderr.trim_end().ends_with("do not have this value: wheel"), "{}", set.stderr);
     for wrong in ["--kp=-1", "--kd=-1", "--kp=NaN"] {
         let refused = on(&desk, &socket, &["gains", "set", "all", wrong]);
-        refused.fails(2, &["a number that is 0 or more"]);
+        refused.fails(2, &["a number of at least 0"]);
     }
     let args = ["gains", "set", "2", "--kp", "20"];
-    on(&desk, &socket, &args).fails(5, &["--kp 20 N·m/rad: it has no such value"]);
+    on(&desk, &socket, &args).fails(5, &["--kp 20 N·m/rad: this channel does not have this value"]);
     let args = ["gains", "set", "0", "--torque-limit", "0.01"];
-    on(&desk, &socket, &args).fails(5, &["--torque-limit 0.01 N·m is too little: at least"]);
+    on(&desk, &socket, &args).fails(5, &["--torque-limit 0.01 N·m is too low: give at least"]);
     // A car has wheels only.
     let socket = format!("sim:{}", desk.path("car.sock").display());
     let _car = Robot::on_ground(&desk, "robots/car.toml", &socket);
     on(&desk, &socket, &["gains", "set", "all", "--kp", "20"])
-        .fails(5, &["they have no such value: front_left", "nothing was set"]);
+        .fails(5, &["they do not have this value: front_left", "nothing was set"]);
 }
 
 #[test]
@@ -151,7 +152,7 @@ fn a_reader_that_has_seen_enough_does_not_change_how_a_command_ends() {
     assert_eq!(outcome.code, 5);
 }
 
-/// Anyone may send frames with the controller's identifier; what a simulated robot says of itself is what it is.
+/// Sends forged frames with the controller's identifier. The simulated robot must still print its own state.
 #[cfg(unix)]
 #[test]
 fn a_simulated_robot_prints_its_own_state_and_no_forged_one() {

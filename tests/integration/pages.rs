@@ -1,10 +1,10 @@
-//! The commands of the documents: those of every block of shell commands are command lines that the programs understand, and
-//! run in order, in a folder for each document, with the files that they make.
+//! Tests of the commands in the documents. All shell commands must match the command line of their program. They are run in
+//! order, in a folder for each document, with the files that they create.
 //!
-//! What stands behind the fence of a block decides, and readers do not see it. ```` ```sh ```` runs. ```` ```sh not-run: REASON
-//! ```` is for what needs hardware, hours or another program; its commands are checked against the command line only.
-//! ```` ```toml NAME.toml ```` is a file that later commands of the document find. A line with the comment
-//! `# refused: WORDS` must fail and say these words. Each section has terminals of its own.
+//! The text behind the fence of a block decides, which readers do not see. ```` ```sh ```` runs. ```` ```sh not-run: REASON
+//! ```` is for commands that need hardware, hours or another program; they are only checked against the command line. ````
+//! ```toml NAME.toml ```` is a file that later commands of the document use. A line with the comment `# refused: WORDS` must
+//! fail with these words in its message. Each section has its own terminals.
 
 mod command;
 mod document;
@@ -17,10 +17,10 @@ use std::panic::resume_unwind;
 use std::sync::Mutex;
 use std::thread;
 
-/// Readers at a time: they mostly wait for robots, each for one of its own.
+/// Number of simultaneous readers, each with its own robot; they mostly wait for robots.
 const READERS: usize = 2;
 
-/// Runs the documents of which `is_chosen` holds; files written and commands run.
+/// Runs the documents for which `is_chosen` returns true; returns the numbers of files written and of commands run.
 fn follow(is_chosen: impl Fn(&Document) -> bool) -> (usize, usize) {
     let chosen: Vec<_> = documents().into_iter().filter(is_chosen).collect();
     let left = Mutex::new(chosen.iter());
@@ -44,7 +44,7 @@ fn follow(is_chosen: impl Fn(&Document) -> bool) -> (usize, usize) {
     })
 }
 
-/// The document that the next reader takes; the lock is free again before it is read.
+/// Returns the document for the next reader. The lock is released before the document is read.
 fn next<'d>(left: &Mutex<impl Iterator<Item = &'d Document>>) -> Option<&'d Document> {
     left.lock().ok()?.next()
 }
@@ -82,7 +82,7 @@ fn the_commands_of_documents_without_a_robot_run() {
     assert!(files >= 5 && commands > 10, "{files} files, {commands} commands");
 }
 
-/// Commands with a robot on the ground, with deadlines, as for a reader.
+/// Runs the commands of documents with a robot on the ground, with deadlines as for a user.
 #[test]
 fn in_real_time_the_commands_of_documents_with_a_robot_run() {
     let (_, commands) = follow(Document::has_robot);

@@ -1,4 +1,4 @@
-//! `rollwalk plan --dump`: problems for bug reports, and solving them once more.
+//! Tests of problem files for bug reports: writing them with `rollwalk plan --dump`, and solving them again.
 
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::Desk;
@@ -6,7 +6,7 @@ use rollwalk_tests::program::Program;
 use serde_json::Value;
 use std::process::Stdio;
 
-/// Dumps a problem and returns an empty desk with nothing but that file, and the plan it gave.
+/// Dumps a problem. Returns a desk that contains only that file, and the plan of the original solve.
 #[track_caller]
 fn dumped(from: &Desk, options: &[&str], exit: i32) -> (Desk, Vec<u8>) {
     let args = ["plan", "motions/drive_1m.toml", "-o", "plan.json", "--dump", "it.json"];
@@ -63,7 +63,7 @@ fn a_solve_that_ends_at_its_limit_asks_for_the_problem() {
     assert_eq!(outcome.code, 3);
     assert!(outcome.stderr.contains("--dump PROBLEM.json"), "{}", outcome.stderr);
     let outcome = desk.run(&[&args[..], &["--dump", "it.json"]].concat());
-    assert!(outcome.stderr.contains("it.json has all that"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("report a bug with it.json"), "{}", outcome.stderr);
     // Without a failure there is no request for a report.
     let outcome = desk.run(&args[..4]);
     assert!(outcome.code == 0 && !outcome.stderr.contains("--dump"), "{}", outcome.stderr);
@@ -81,12 +81,12 @@ fn a_bad_problem_names_the_place() {
         (edit("rollwalk-problem", "somebody-else"), &["format is \"somebody-else\""][..]),
         (
             edit("\"version\": 1", "\"version\": 7"),
-            &["version is 7", "expected 1", "newer rollwalk"],
+            &["version is 7", "expected 1", "update rollwalk"],
         ),
         (edit("\"version\": 1", "\"version\": \"1\""), &["version is \"1\"", "expected 1"]),
         (
             edit("\"seed\": 0", "\"seed\": -1"),
-            &["it.json:", "options.seed is -1; expected a whole number, not negative"],
+            &["it.json:", "options.seed is -1; expected a whole number of 0 or more"],
         ),
         (edit("\"seed\"", "\"sed\""), &["options: unknown field `sed`; did you mean `seed`?"]),
         (edit("\"auto\"", "\"nap\""), &["options.start is \"nap\"", "`warm`"]),
@@ -115,7 +115,7 @@ fn a_bad_problem_names_the_place() {
             edit("\"from\": null", "\"from\": {\"path\": \"p.json\", \"lines\": []}"),
             &["p.json:1:0", "JSON"],
         ),
-        (good[..good.len() / 2].to_owned(), &["this is not whole JSON"]),
+        (good[..good.len() / 2].to_owned(), &["the JSON is incomplete"]),
         (format!("{good}x"), &["this is not JSON", "trailing"]),
         ("[".repeat(5000), &["it.json"]),
         ("{\"format\":".to_owned() + &"[".repeat(100_000), &["this is not JSON", "recursion"]),
@@ -132,7 +132,7 @@ fn a_bad_problem_names_the_place() {
 fn a_problem_keeps_to_its_own_options_and_place() {
     let (desk, _) = dumped(&desk_with_shipped_files(), &[], 0);
     desk.run(&["plan", "it.json", "-o", "x.json", "--seed", "1"])
-        .fails(1, &["it.json", "own options", "--seed", "leave it out"]);
+        .fails(1, &["it.json", "own options", "--seed", "leave out this option"]);
     desk.run(&["plan", "it.json", "-o", "x.json", "--dump", "x.json"])
         .fails(1, &["cannot write x.json and x.json: they are the same file"]);
     desk.run(&["report", "it.json"]).fails(1, &["it.json is a problem file, not a plan"]);

@@ -1,4 +1,4 @@
-//! Recordings of `rollwalk monitor`, for all ways in which it ends.
+//! Tests of the recordings of `rollwalk monitor`, for all ways in which it can end.
 
 use crate::desk_with_shipped_files;
 use crate::simulated::{Robot, command_on, desk_with_library_file, in_time, on};
@@ -10,14 +10,14 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::process::Stdio;
 
-/// Topics of the messages in a file that may end anywhere.
+/// Returns the topics of the messages in a file, which may be truncated.
 fn topics(bytes: &[u8]) -> BTreeSet<String> {
     let messages = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
     let messages = messages.into_iter().flatten().map_while(Result::ok);
     messages.map(|message| message.channel.topic.clone()).collect()
 }
 
-/// A monitor that has recorded something.
+/// Starts a monitor, and waits until it has recorded a message.
 fn record(desk: &Desk, bus: &str, name: &str) -> Program {
     let (log, mcap) = (format!("{name}.log"), format!("{name}.mcap"));
     let mut command = command_on(desk, bus, &["monitor", "--log", &log, "--mcap", &mcap]);
@@ -27,7 +27,7 @@ fn record(desk: &Desk, bus: &str, name: &str) -> Program {
     monitor
 }
 
-/// True if programs started from here receive SIGHUP when a terminal hangs up: below `nohup` they ignore it.
+/// True if programs started from here receive SIGHUP when a terminal hangs up; under `nohup` they ignore it.
 fn hears_hang_ups() -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -55,7 +55,9 @@ fn a_recording_is_whole_however_the_monitor_ends() {
         assert!(topics(&bytes).contains("/joint_states"), "{name}");
         let planned = b"/planned_joint_states";
         assert!(!bytes.windows(planned.len()).any(|window| window == planned), "not even a topic");
-        let says = format!("{name}.mcap gets no /planned_joint_states: --library LIB.rwl");
+        let says = format!(
+            "{name}.mcap will lack /planned_joint_states; to add this topic, give --library LIB.rwl"
+        );
         assert!(outcome.stderr.contains(&says), "{}", outcome.stderr);
         let log = desk.read_text(&format!("{name}.log"));
         assert!(log.lines().count() > 10 && log.ends_with('\n'), "{log}");

@@ -1,4 +1,4 @@
-//! Results of good input through the command line: plans, reports, tables, plots and libraries.
+//! Tests of the results of valid input on the command line: plans, reports, tables, plots and libraries.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::program::{PLANNED, Program, within};
@@ -70,7 +70,7 @@ fn a_plan_that_does_not_converge_exits_with_3_and_can_be_looked_at() {
     assert!(outcome["simulation"].is_null(), "{outcome}");
 }
 
-/// Plan and report of one motion: exit code, judgement and words agree.
+/// Plans a motion and reports on it; asserts that exit code, judgement and text of both agree.
 #[track_caller]
 fn agreed(desk: &rollwalk_tests::Desk, plan: &[&str]) -> (i32, Value) {
     let planned = desk.run(&[&["plan", "-o", "plan.json", "--no-simulation"], plan].concat());
@@ -229,7 +229,7 @@ fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
     assert!(!desk.path("plan.json").exists());
 }
 
-/// A robot on two wheels is in balance as planned, and tips.
+/// Tests a robot on two wheels, which is balanced as planned, but tips.
 #[test]
 fn a_consistent_plan_whose_robot_tips_does_not_hold_in_simulation() {
     let desk = desk_with_shipped_files();
@@ -239,7 +239,7 @@ fn a_consistent_plan_whose_robot_tips_does_not_hold_in_simulation() {
     desk.write("robots/car.toml", on_two);
     desk.edit("motions/car_drive.toml", "forward_m = 0.5", "forward_m = 0.0");
     let plan = ["plan", "motions/car_drive.toml", "-o", "plan.json"];
-    let words = ["consistent: every residual", "does not hold in simulation: "];
+    let words = ["consistent: no residual exceeds its tolerance", "does not hold in simulation: "];
     desk.run(&plan).succeeds_with(3, &words);
     let told = desk.run(&[&plan[..], &["--json"]].concat());
     let told = json(&told.stdout);
@@ -257,7 +257,7 @@ fn a_glide_that_goes_too_far_on_a_coarse_grid_is_planned_on_a_finer_one() {
     desk.write("glide.toml", glide);
     let plan = ["plan", "glide.toml", "-o", "plan.json"];
     let fixed = desk.run(&[&plan[..], &["--samples-fixed"]].concat());
-    fixed.succeeds_with(3, &["does not hold in simulation: it comes to 1.0"]);
+    fixed.succeeds_with(3, &["does not hold in simulation: the robot covers 1.0"]);
     let finer = desk.run(&plan);
     assert_eq!(finer.code, 0, "{}", finer.stderr);
     assert!(finer.stdout.contains(", 56 samples") && finer.stdout.contains("holds in simulation"));

@@ -1,4 +1,4 @@
-//! Plans for robots with soft servos.
+//! Tests of plans for robots with soft servos.
 
 use crate::desk_with_shipped_files;
 use crate::results::json;
@@ -36,7 +36,8 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
     desk.run(&["retarget", "plan.json", "-o", "plan.json"]).fails(1, &["plan.json"]);
 }
 
-/// A library of retargeted plans goes through build, bus and firmware, and the robot stays on its feet over its transitions.
+/// Checks that a library of retargeted plans can be built and played over bus and firmware, and that the robot does not fall in
+/// its transitions.
 #[test]
 fn a_library_is_retargeted_and_built_of_its_plans() {
     let desk = desk_with_shipped_files();
@@ -53,7 +54,7 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     }
     assert_eq!(desk.read_text("soft/robot.toml"), desk.read_text("soft.toml"));
     let again = desk.run(&[&args[..], &quick].concat());
-    again.fails(1, &["soft/robot.toml", "it is there already"]);
+    again.fails(1, &["soft/robot.toml", "it exists, and its extension is not that of a result"]);
 
     desk.run(&["library", "build", "soft/library.toml", "-o", "pup.rwl"]).succeeds();
     let play = ["simulate", "pup.rwl", "--robot", "soft.toml", "--cycles", "2"];
@@ -66,8 +67,9 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
         library.replace("plan = \"walk.json\"", "plan = \"walk.json\"\nfile = \"walk.toml\"");
     desk.write("soft/both.toml", both);
     let build = |file: &str| desk.run(&["library", "build", file, "-o", "x.rwl"]);
-    build("soft/both.toml").fails(1, &["stands beside `file`", "`walk`"]);
+    build("soft/both.toml").fails(1, &["is given together with `file`", "`walk`"]);
     desk.write("soft/other.toml", library.replace("robot.toml", "../robots/pup.toml"));
-    let other = ["`stand` is for robot `pup` in soft/stand.json", "another one of that name"];
+    let other =
+        ["`stand` is for robot `pup` (see soft/stand.json)", "a different robot of that name"];
     build("soft/other.toml").fails(1, &other);
 }

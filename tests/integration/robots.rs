@@ -1,4 +1,4 @@
-//! `rollwalk robot check`: how a robot stands, and what is refused or warned of.
+//! Tests of `rollwalk robot check`: the standing pose, refusals and warnings.
 
 use crate::desk_with_shipped_files;
 use crate::results::json;
@@ -45,7 +45,7 @@ fn what_speaks_against_a_robot_is_warned_of() {
         "warning: joint `front_left_knee` needs",
         "of `torque_max_nm` 0.5",
         "links `body` and `front_left_thigh` are 10.5 mm apart",
-        "at least 20.0 mm",
+        "at least 20.0 mm are needed",
     ] {
         assert!(outcome.stderr.contains(words), "{words} is missing in\n{}", outcome.stderr);
     }
@@ -54,7 +54,7 @@ fn what_speaks_against_a_robot_is_warned_of() {
     // As if it were N·m per degree; and a wheel on its side.
     desk.edit(file, "kp_nm_rad = 100.0", "kp_nm_rad = 1.7");
     let soft = desk.run(&["robot", "check", file]).stderr;
-    assert!(soft.contains("yields by") && soft.contains("multiplied by 57.3"), "{soft}");
+    assert!(soft.contains("yields by") && soft.contains("per degree by 57.3"), "{soft}");
     desk.edit(
         "robots/car.toml",
         "axis_in_link = [0.0, 1.0, 0.0]",
@@ -75,7 +75,7 @@ fn planning_warns_of_what_speaks_against_the_robot() {
         ("origin_in_parent_m = [0.16, 0.08, 0.0]", "origin_in_parent_m = [-0.16, 0.08, 0.0]");
     desk.edit(file, rear, front);
     let warning =
-        "warning: end effectors `front_left` and `rear_left` touch the ground in the same place";
+        "warning: end effectors `front_left` and `rear_left` touch the ground at the same point";
     for command in [&["robot", "check", file][..], &plan] {
         let said = desk.run(command).stderr;
         assert!(said.contains(warning), "{said}");

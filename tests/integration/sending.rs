@@ -1,4 +1,4 @@
-//! A robot that `rollwalk send --arm` has armed is brought home, whatever comes between.
+//! Tests that `rollwalk send --arm` returns the robot to SAFE whatever happens.
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
@@ -13,7 +13,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// A robot with a library, on this computer's socket.
+/// Starts a robot with a library, on a socket of this computer.
 fn robot(desk: &Desk) -> (Robot, String) {
     let socket = format!("sim:{}", desk.path("robot.sock").display());
     desk.make(&["library", "build", "legbot.toml", "-o", "legbot.rwl"]);
@@ -22,12 +22,12 @@ fn robot(desk: &Desk) -> (Robot, String) {
     (robot, socket)
 }
 
-/// Another program that listens to the robot.
+/// Connects another program to the robot, as a listener.
 fn listener(desk: &Desk) -> Live {
     Live::new(sim::connect(Some(&desk.path("robot.sock"))).expect("the robot is there"))
 }
 
-/// Waits for a status in this state.
+/// Waits for a status with this state.
 #[track_caller]
 fn wait_for(link: &mut Live, state: State) -> Status {
     let until_us = link.now_us() + 60_000_000;
@@ -46,7 +46,7 @@ fn start(desk: &Desk, bus: &str, args: &[&str]) -> Program {
     Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()))
 }
 
-/// Ctrl-C, and how it ends.
+/// Interrupts a program by Ctrl-C, and returns its outcome.
 fn interrupted(program: Program) -> Outcome {
     program.signal("INT");
     program.ends()
@@ -57,14 +57,14 @@ fn a_motion_that_is_refused_ends_at_home() {
     let desk = desk_with_library_file();
     let (_robot, bus) = robot(&desk);
     // Codes that the library does not have are known before anything moves ...
-    let missing = ["no motion with code 99", "it has 1 (stand), 2 (rest)"];
+    let missing = ["no motion with code 99", "give one of 1 (stand), 2 (rest)"];
     on(&desk, &bus, &["send", "--arm", "2", "99"]).fails(1, &missing);
     // ... but only where its names are.
     let mut command = command_on(&desk, &bus, &["send", "--arm", "2:0.3", "99"]);
     command.env("XDG_CACHE_HOME", desk.path("elsewhere"));
     let outcome = program::run(&mut command, PLAYED);
     outcome.fails(5, &["returning to SAFE", "disarmed", "no motion of the active library"]);
-    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn ctrl_c_brings_a_robot_home_that_aligns_and_one_that_plays() {
     }
 }
 
-/// While it plays, and while it is paused.
+/// Silences the controller while it plays, and while it is paused.
 #[test]
 fn a_controller_that_falls_silent_is_not_waited_for() {
     let desk = desk_with_library_file();
@@ -99,14 +99,15 @@ fn a_controller_that_falls_silent_is_not_waited_for() {
         drop(link);
         robot.signal("STOP");
         let outcome = send.ends();
-        outcome.fails(5, &["does not answer (status)", "the robot was not brought home"]);
+        outcome
+            .fails(5, &["does not answer (status)", "the robot did not return to SAFE and disarm"]);
         // One that is stopped is killed, but its socket stays.
         drop(robot);
         let _ = fs::remove_file(desk.path("robot.sock"));
     }
 }
 
-/// Numbers of the heartbeats that were sent so far.
+/// Returns the numbers of the heartbeats sent so far.
 fn heartbeats(link: &mut Live) -> Vec<u8> {
     let mut numbers = Vec::new();
     let now_us = link.now_us();
@@ -130,7 +131,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     run(&["gains", "set", "all", "--kp", "62.5"]).succeeds();
     run(&["pause"]).succeeds();
     for second in [&["send", "--arm", "stand"][..], &["flash", "legbot.rwl"]] {
-        run(second).fails(5, &["controller 1 has a host already", "end that program first"]);
+        run(second).fails(5, &["controller 1 already has a host", "end the other program first"]);
     }
     assert!(run(&["resume"]).succeeds().contains("the robot is playing"));
     run(&["send", "stand"]).succeeds();
@@ -211,9 +212,13 @@ fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
     wait_for(&mut listener(&desk), State::Playing);
     on(&desk, &bus, &["disarm"]).succeeds();
     let outcome = send.ends();
-    assert!(outcome.stderr.contains("another program has disarmed it"), "{}", outcome.stderr);
+    assert!(
+        outcome.stderr.contains("another program has disarmed the robot"),
+        "{}",
+        outcome.stderr
+    );
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);
-    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
 }
 
 #[test]
@@ -251,5 +256,5 @@ fn a_robot_that_another_program_sends_home_stays_there() {
     assert!(outcome.stderr.contains("nothing more is played"), "{}", outcome.stderr);
     assert_eq!(outcome.stderr.matches("playing rest").count(), 1, "{}", outcome.stderr);
     assert_eq!(outcome.code, 5, "{}", outcome.stderr);
-    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["it can be armed"]);
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &["arm the robot: rollwalk send --arm"]);
 }

@@ -1,5 +1,5 @@
-//! A robot whose servos are on a serial line: played in virtual time, and in real time by a controller and motors that
-//! are two programs with a pseudo-terminal between them, as a computer and servos at an adapter are.
+//! Tests of a robot with servos on a serial line: in virtual time, and in real time with controller and motors as two programs.
+//! A pseudo terminal connects the two, like a computer and servos on an adapter.
 
 use crate::desk_with_shipped_files;
 use crate::results::json;
@@ -31,7 +31,8 @@ fn the_demo_plays_a_robot_on_a_serial_line() {
     assert!(asked > 3_000 && said > 12_000, "{asked} {said}");
     for motion in ["stand", "drive", "walk"] {
         let plan = format!("out/plans/{motion}.json");
-        desk.run(&["report", &plan]).succeeds_with(0, &["consistent: every residual"]);
+        desk.run(&["report", &plan])
+            .succeeds_with(0, &["consistent: no residual exceeds its tolerance"]);
     }
 }
 
@@ -103,7 +104,7 @@ fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     assert!(farthest_m > 0.27, "{farthest_m} m");
 }
 
-/// Pup with Feetech servos in place of its Dynamixels: slower, and on a line without a watchdog.
+/// Replaces Pup's Dynamixel servos by Feetech servos, which are slower and have no watchdog.
 fn with_feetech_servos(pup: &str) -> String {
     let (before, rest) = pup.split_once("[[bus]]").expect("Pup has a line of servos");
     let (_, links) = rest.split_once("[[link]]").expect("links follow");
@@ -149,5 +150,6 @@ fn a_line_of_servos_is_no_bus_of_frames() {
         &[ROBOT, "--bus", "sim:x.sock", "--actuators", "tty:/dev/ttyNONE"],
         &["one end for each program", "--only motors --actuators pty:"],
     );
-    on(&desk, "tty:/dev/ttyUSB0", &["discover"]).fails(1, &["a line of servos", "serial:DEVICE"]);
+    on(&desk, "tty:/dev/ttyUSB0", &["discover"])
+        .fails(1, &["a serial line of servos", "serial:DEVICE"]);
 }

@@ -1,4 +1,4 @@
-//! A simulated robot that plays only libraries with its owner's signature.
+//! Tests of a simulated robot that plays only libraries with its owner's signature.
 
 use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 use std::fs;
@@ -25,17 +25,18 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     let mut changed = read("own.rwl");
     *changed.last_mut().unwrap() ^= 1;
     desk.write("changed.rwl", changed);
-    sign("own.rwl", "owner.pub.pem", "x.rwl").fails(1, &["private", "it is a public key"]);
+    sign("own.rwl", "owner.pub.pem", "x.rwl").fails(1, &["private", "this file is a public key"]);
     sign("own.rwl", "owner.pem", "own.rwl").fails(1, &["cannot write"]);
 
     let verify = |file| on(&desk, &bus, &["library", "verify", file, "--key", "owner.pub.pem"]);
     verify("own.rwl").succeeds();
     verify("plain.rwl").fails(1, &["plain.rwl is not signed", "rollwalk library sign"]);
     verify("others.rwl").fails(1, &["others.rwl is signed with key", "not with"]);
-    verify("changed.rwl").fails(1, &["changed.rwl was changed after it was signed", "once more"]);
+    verify("changed.rwl")
+        .fails(1, &["changed.rwl was changed after it was signed", "get the library again"]);
     // No advice to sign what is no library.
     verify("legbot.toml").fails(1, &["legbot.toml is a library file", "rollwalk library build"]);
-    verify("owner.pub.pem").fails(1, &["owner.pub.pem is no motion library"]);
+    verify("owner.pub.pem").fails(1, &["owner.pub.pem is not a motion library"]);
     let shown = on(&desk, &bus, &["library", "inspect", "own.rwl"]).succeeds();
     assert!(shown.contains("signed with key"), "{shown}");
     let shown = on(&desk, &bus, &["library", "inspect", "plain.rwl"]).succeeds();
@@ -44,7 +45,7 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     let insists = ["--library-key", "owner.pub.pem", "--library", "memory.rwl"];
     let mut robot = Robot::with(&desk, &bus, &insists);
     let flash = |file| on(&desk, &bus, &["flash", file]);
-    let remedy = ["not signed with the key that this controller", "rollwalk library sign"];
+    let remedy = ["not signed with the key of this controller", "rollwalk library sign"];
     let not_signed = [&remedy[..], &["plain.rwl is not signed"]].concat();
     flash("plain.rwl").fails(5, &not_signed);
     flash("others.rwl").fails(5, &[&remedy[..], &["others.rwl is signed with key"]].concat());
@@ -76,7 +77,7 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     // And it takes one that is sent.
     let _robot = Robot::start(&desk, &bus);
     let flashed = flash("own.rwl");
-    assert!(flashed.stderr.contains("checks no signatures"), "{}", flashed.stderr);
+    assert!(flashed.stderr.contains("does not check signatures"), "{}", flashed.stderr);
     flashed.succeeds();
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
 }

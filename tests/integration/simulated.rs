@@ -1,4 +1,4 @@
-//! A simulated robot for the tools to work with, and a small library for it.
+//! Simulated robot for tests of the tools, with a small library for it.
 
 use crate::desk_with_shipped_files;
 use rollwalk_host::actuators::{BusKind, fault_words};
@@ -10,26 +10,26 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-/// A simulated robot; switched off when dropped.
+/// Simulated robot; switched off on drop.
 pub struct Robot(Option<Program>);
 
 impl Robot {
-    /// Starts LegBot on a bus that has the same name for hosts.
+    /// Starts LegBot on a bus with the same name for robot and hosts.
     pub fn start(desk: &Desk, bus: &str) -> Self {
         Self::start_at(desk, bus, bus)
     }
 
-    /// Starts LegBot at one end of a line whose other end is `host`; returns when the robot answers.
+    /// Starts LegBot on `bus`, which hosts call `host`; returns after the robot has answered.
     pub fn start_at(desk: &Desk, bus: &str, host: &str) -> Self {
         Self::run(desk, &["robots/legbot.toml"], bus, host)
     }
 
-    /// Starts another robot than LegBot, from its file, on a stand.
+    /// Starts another robot than LegBot from its file, on a stand.
     pub fn on_stand(desk: &Desk, robot: &str, bus: &str) -> Self {
         Self::run(desk, &[robot, "--on", "stand"], bus, bus)
     }
 
-    /// Starts another robot than LegBot, from its file, on the ground.
+    /// Starts another robot than LegBot from its file, on the ground.
     pub fn on_ground(desk: &Desk, robot: &str, bus: &str) -> Self {
         Self::run(desk, &[robot], bus, bus)
     }
@@ -38,7 +38,7 @@ impl Robot {
         Self::run(desk, &[&["robots/legbot.toml"], args].concat(), bus, bus)
     }
 
-    /// The motors of a robot alone, behind a serial line that is ready when its link is there.
+    /// Starts only the motors of a robot, on a serial line; returns when the device of the line exists.
     pub fn motors(desk: &Desk, robot: &str, line: &str, args: &[&str]) -> Self {
         let line = desk.path(line);
         let actuators = format!("pty:{}", line.display());
@@ -48,7 +48,7 @@ impl Robot {
         motors
     }
 
-    /// The controller of a robot alone, at a serial line of motors.
+    /// Starts only the controller of a robot, on a serial line of motors.
     pub fn controller(desk: &Desk, robot: &str, bus: &str, line: &str) -> Self {
         let actuators = format!("tty:{}", desk.path(line).display());
         Self::run(desk, &[robot, "--only", "controller", "--actuators", &actuators], bus, bus)
@@ -58,7 +58,7 @@ impl Robot {
         Self::start_with(desk, &[args, &["--bus", bus]].concat()).answering(desk, host)
     }
 
-    /// A robot by its file and more arguments, and what it says in a file of the desk.
+    /// Starts a robot with these arguments, and writes its messages to a file of the desk.
     pub fn heard(desk: &Desk, args: &[&str], bus: &str, said: &str) -> Self {
         let file = File::create(desk.path(said)).expect("a file");
         let args = [args, &["--bus", bus]].concat();
@@ -75,7 +75,7 @@ impl Robot {
         Self(Some(Program::start(command.stderr(stderr))))
     }
 
-    /// Waits until it answers.
+    /// Waits until the robot answers.
     fn answering(self, desk: &Desk, host: &str) -> Self {
         let answers = || (on(desk, host, &["discover"]).code == 0).then_some(());
         within(&format!("an answer of the robot at {host}"), answers);
@@ -84,44 +84,44 @@ impl Robot {
 }
 
 impl Robot {
-    /// Outcome of a simulator that refuses these arguments.
+    /// Runs a simulator that must refuse these arguments, and returns its outcome.
     pub fn refuses(desk: &Desk, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
         command.args(args).current_dir(desk.path("")).env("XDG_STATE_HOME", desk.path("state"));
         program::run(&mut command, PLAYED)
     }
 
-    /// Sends a signal to it.
+    /// Sends a signal to the robot.
     pub fn signal(&self, name: &str) {
         self.0.as_ref().expect("it was not stopped").signal(name);
     }
 
-    /// Ends it as Ctrl-C does.
+    /// Ends the robot as Ctrl-C does.
     pub fn stop(&mut self) {
         self.signal("INT");
         self.0.take().expect("it was not stopped").ends();
     }
 }
 
-/// A command of ours on `bus`, to be started; the desk has its cache.
+/// Creates a command of ours on `bus`, with its cache in the desk.
 pub fn command_on(desk: &Desk, bus: &str, args: &[&str]) -> Command {
     let mut command = desk.command(args);
     command.env("ROLLWALK_BUS", bus).env("XDG_CACHE_HOME", desk.path("cache"));
     command
 }
 
-/// The same, run to its end.
+/// Runs a command of ours on `bus` to its end.
 pub fn on(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
     program::run(&mut command_on(desk, bus, args), PLAYED)
 }
 
-/// The same of a command that plays in real time.
+/// Runs a command that plays in real time on `bus`, and repeats it if a deadline was missed.
 pub fn in_time(desk: &Desk, bus: &str, args: &[&str]) -> Outcome {
     once_more_when_late(|| on(desk, bus, args), || on(desk, bus, &["clear"]))
 }
 
-/// Runs a command until it misses no deadline, and nine times at most; `clear` prepares the robot for the next attempt. On a
-/// computer that is busy with other tests, the robot or its host may be late. What fails otherwise is not repeated.
+/// Runs a command until it misses no deadline, at most nine times; `clear` prepares the robot for the next attempt. On a busy
+/// computer the robot or its host may be late. Other failures are not repeated.
 pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Outcome) -> Outcome {
     for _ in 0..8 {
         let outcome = command();
@@ -136,10 +136,10 @@ pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Ou
     command()
 }
 
-/// True if a command reports a timing fault.
+/// True if a command reports a missed deadline.
 fn is_late(stderr: &str) -> bool {
     // What a robot answers that has not heard its host in time.
-    if stderr.contains("not possible while it is returning to SAFE") {
+    if stderr.contains("not allowed while the robot is returning to SAFE") {
         return true;
     }
     [Fault::HostLost, Fault::ActuatorSilent, Fault::SetpointTimeout, Fault::Overrun]
@@ -168,7 +168,7 @@ fn a_late_setpoint_is_a_fault_of_timing_and_a_fault_of_a_drive_is_not() {
     }
 }
 
-/// A desk with the library file of LegBot that stands and rests.
+/// Creates a desk with a library file for LegBot, with the motions `stand` and `rest`.
 pub fn desk_with_library_file() -> Desk {
     let desk = desk_with_shipped_files();
     desk.write(

@@ -1,10 +1,10 @@
-//! The options of `rollwalk plan` that choose start and method.
+//! Tests of the options of `rollwalk plan` that select the starting point and the method.
 
 use crate::desk_with_shipped_files;
 use rollwalk_tests::Desk;
 use serde_json::Value;
 
-/// Plans a motion and returns what `--json` prints; the exit code fits the status.
+/// Plans a motion and returns the output of `--json`; asserts that the exit code matches the status.
 #[track_caller]
 fn plan(desk: &Desk, motion: &str, output: &str, options: &[&str]) -> Value {
     let outcome = desk.run(&[&["plan", motion, "-o", output, "--json"][..], options].concat());

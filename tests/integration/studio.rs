@@ -1,4 +1,4 @@
-//! A robot behind `rollwalk studio --bus`: a page connects, and plays it. The page here is a session of ours.
+//! Tests of a robot behind `rollwalk studio --bus`. The page that connects and plays it is a session in the test.
 
 use crate::desk;
 use crate::simulated::{Robot, desk_with_library_file};
@@ -22,7 +22,7 @@ use tungstenite::{Error, Message, WebSocket};
 const SAID: &str = "studio.said";
 const LONG_US: u64 = LONG.as_micros() as u64;
 
-/// A studio; ended when dropped.
+/// Running studio; ended on drop.
 struct Studio {
     _program: Program,
     address: String,
@@ -57,7 +57,7 @@ impl Studio {
     }
 }
 
-/// A page's end of the relay.
+/// Page's end of the relay.
 struct Page {
     socket: WebSocket<TcpStream>,
     deframer: Deframer,
@@ -110,7 +110,7 @@ impl LinkBus for Page {
     }
 }
 
-/// Waits until the studio has said this.
+/// Waits until the studio has printed this.
 fn says(desk: &Desk, words: &str) {
     let said = || desk.read_text(SAID).contains(words).then_some(());
     within(&format!("{words:?} in {SAID}"), said);
@@ -157,7 +157,7 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     robot.stop();
     let error = session.run_for(LONG_US).expect_err("there is no bus");
     assert!(error.to_string().contains("the simulated robot"), "{error}");
-    says(&desk, "hung up");
+    says(&desk, "the other end closed the connection");
     let mut page = studio.page();
     let error = page.receive(LONG_US).expect_err("there is no robot");
     assert!(error.to_string().contains("no simulated robot at"), "{error}");
@@ -171,8 +171,8 @@ fn only_what_the_page_edits_is_opened() {
     desk.write("plan.json", "{\"format\": \"rollwalk-plan\"}");
     let run = |file| desk.run(&["studio", file, "--no-open"]);
     for (file, what, help) in [
-        ("README.md", "README.md is something else", "without a file"),
-        ("servos.toml", "servos.toml is something else", "without a file"),
+        ("README.md", "README.md is a file of another kind", "without a file"),
+        ("servos.toml", "servos.toml is a file of another kind", "without a file"),
     ] {
         run(file).fails(1, &["robot, motion, library and design files (TOML)", what, help]);
     }
@@ -184,6 +184,6 @@ fn a_bus_that_cannot_be_opened_is_an_error_at_the_start() {
     let desk = desk();
     let run = |bus| desk.run(&["studio", "--no-open", "--bus", bus]);
     run("sim:nobody.sock")
-        .fails(1, &["no simulated robot at nobody.sock", "start one: rollwalk-sim"]);
-    run("can0").fails(2, &["`can0` is no bus", "such as can:can0"]);
+        .fails(1, &["no simulated robot at nobody.sock", "start a simulated robot: rollwalk-sim"]);
+    run("can0").fails(2, &["`can0` is not a bus", "such as can:can0"]);
 }

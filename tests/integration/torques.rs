@@ -1,5 +1,5 @@
-//! Torques from the plan to the drive: what a plan says that its motors need is what drives of every protocol are sent,
-//! as a torque, or as an offset of the target.
+//! Tests of torques from plan to drive. The torques that the plan requires must reach the drives of every protocol, as a torque
+//! or as an offset of the target.
 
 mod bench;
 
@@ -13,8 +13,9 @@ use rollwalk_tests::Desk;
 use serde_json::Value;
 
 const S: u64 = 1_000_000;
-/// Code of the walk, and its clip.
+/// Command code of the walk.
 const WALK: u8 = 2;
+/// Clip of the walk.
 const WALK_CLIP: ClipId = ClipId(1);
 
 /// Buses of a robot with a different CAN protocol for each leg.
@@ -39,7 +40,7 @@ host_id = 253
 max_position_rad = 12.5
 "#;
 
-/// The same for drives without a field for a torque; bus 2 is of PWM outputs.
+/// Buses of a robot whose drives have no field for a torque; bus 2 has PWM outputs.
 const WITHOUT_TORQUE: &str = r#"
 [[bus]]
 number = 0
@@ -59,7 +60,7 @@ us_per_rad = 300
 pulse_us = [500, 2500]
 "#;
 
-/// A desk with a robot whose legs are on a bus each, and a library of `stand` and the motions, code 2 and on.
+/// Creates a desk with a robot whose legs are on separate buses, and a library of `stand` and the motions, with codes from 2.
 fn desk_with(robot: &str, buses: &str, motions: &[&str]) -> (Desk, Robot) {
     let desk = desk_with_shipped_files();
     let file = format!("robots/{robot}.toml");
@@ -92,7 +93,7 @@ fn plan(desk: &Desk, name: &str) -> Value {
     serde_json::from_str(&desk.read_text(name)).expect("JSON")
 }
 
-/// The robot in SAFE.
+/// Returns a session with the robot in SAFE.
 fn armed(desk: &Desk, robot: &Robot, pwm: Option<u8>) -> Session<Bench> {
     let bench = Bench::new(robot, &desk.read("torques.rwl"), pwm);
     let mut session = Session::connect(bench, Node::new(1).expect("a node")).expect("a controller");
@@ -172,7 +173,7 @@ fn drives_are_sent_the_torques_of_the_plan_and_the_share_that_is_set() {
     session.disarm().expect("the robot is at home");
 }
 
-/// Targets in SAFE, where the robot carries its weight.
+/// Compares targets in SAFE, where the robot carries its weight.
 #[test]
 fn drives_without_a_field_for_torques_are_sent_targets_that_stand_for_them() {
     let (desk, robot) = desk_with("legbot", WITHOUT_TORQUE, &[]);

@@ -1,9 +1,9 @@
-//! A URDF becomes a robot that plans: look at it, write a side file, import, check, plan.
+//! Tests of the path from a URDF to a plan: inspect it, write a side file, import, check, plan.
 
 use crate::desk;
 use std::fmt::Write;
 
-/// A small quadruped: four legs of hip roll, hip pitch and knee.
+/// Returns the URDF of a small quadruped with hip roll, hip pitch and knee in each leg.
 fn quadruped() -> String {
     let inertial = |mass: f64, z: f64, i: f64| {
         format!(

@@ -97,7 +97,7 @@ class Drive(bench.Bench):
     def test_2_no_robot_is_driven_that_was_not_asked_to_be(self):
         self.await_text(self.state, "Disarmed")
         ros.wait_for(lambda: self.velocity.get_matched_subscriptions(), "the node listens")
-        self.assertIn("the robot is disarmed: it is driven from SAFE", self.refused("drive"))
+        self.assertIn("the robot is disarmed: driving begins at SAFE", self.refused("drive"))
         self.done("arm")
         self.await_text(self.state, "Ready")
         self.drive_for(2.0, forward=0.2)
@@ -127,11 +127,11 @@ class Drive(bench.Bench):
 
     def test_4_a_velocity_that_is_no_number_stops_it(self):
         self.velocity.write(twist(math.nan, 0.0))
-        self.await_log("a velocity is not followed, the robot stops: a part of it is not a finite number")
+        self.await_log("a velocity is ignored, and the robot stops: a component is not a finite number")
 
     def test_5_a_driven_robot_plays_no_motion_and_returns_when_asked(self):
         self.play.write(ros.String("walk"))
-        self.await_log("the robot is driven; ~/return ends that")
+        self.await_log("the robot is driven: end driving with ~/return")
         self.drive_for(1.0, forward=0.2)
         success, message = self.services["return"].call(PLAYED_S)
         self.assertTrue(success, message)

@@ -73,7 +73,7 @@ class Node(bench.Bench):
         self.play.write(ros.String("walk"))
         self.await_log("refused to play walk")
         self.play.write(ros.String("wlak"))
-        self.await_log("the library has no motion `wlak`, but stand, drive, walk")
+        self.await_log("the library has no motion `wlak`; give one of stand, drive, walk")
         self.assertIn("no motion is paused", self.refused("resume"))
         self.assertIn("refused to pause", self.refused("pause"))
 
@@ -82,7 +82,7 @@ class Node(bench.Bench):
         writer = other.writer("/rollwalk/play", ros.Broken)
         ros.wait_for(lambda: writer.get_matched_subscriptions(), "the node listens")
         writer.write(ros.Broken(0xFFFFFFFF))
-        self.await_log("ignored, on ~/play: what is no message of its type")
+        self.await_log("ignored a malformed message on ~/play")
         self.assertIn("no motion is paused", self.refused("resume"))
 
     def test_5_an_armed_robot_plays_a_motion_to_its_end_and_comes_home(self):
@@ -112,14 +112,14 @@ class Node(bench.Bench):
         self.await_text(self.state, "Ready")
         self.assertIn("torque is off", self.done("estop"))
         self.await_text(self.state, "EStopped")
-        self.assertIn("clear it first", self.refused("arm"))
+        self.assertIn("clear the stop first", self.refused("arm"))
         self.done("clear")
         self.await_text(self.state, "Disarmed")
 
     def test_6_each_call_has_its_own_outcome_and_a_stop_is_the_last_word(self):
         arm, resume = (self.services[name].begin() for name in ("arm", "resume"))
         self.assertEqual(self.services["resume"].answer(resume), (False, "no motion is paused"))
-        self.assertEqual(self.services["arm"].answer(arm), (True, "armed: it goes to SAFE"))
+        self.assertEqual(self.services["arm"].answer(arm), (True, "armed: the robot moves to SAFE"))
         self.await_text(self.state, "Ready")
         disarm = self.services["disarm"].begin()
         self.play.write(ros.String("walk"))

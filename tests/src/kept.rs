@@ -1,6 +1,7 @@
-//! Results that several tests need and none is about: planned once for each program and each input, and copied to the desks.
+//! Cache of results that several tests need as an input. Each is planned once for each program and each input, and copied to
+//! the desks.
 //!
-//! The same input gives the same bytes, which a test of its own holds. What a test checks of the planner it plans itself.
+//! A separate test checks that the same input gives the same bytes. Tests of the planner itself do not use the cache.
 
 use crate::Desk;
 use std::collections::hash_map::DefaultHasher;
@@ -10,11 +11,11 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 impl Desk {
-    /// Makes a file by a command that ends in `-o NAME`, or copies it from a test that has run the same command of the same
-    /// program beside the same TOML files. What a test is not about is not simulated.
+    /// Creates a file by a command that ends in `-o NAME`, or copies the result of an earlier run. Results are shared by the
+    /// same command of the same program with the same TOML files. Plans and libraries are made without simulation.
     ///
     /// # Panics
-    /// The command fails.
+    /// Panics if the command fails.
     #[track_caller]
     pub fn make(&self, args: &[&str]) {
         let [.., "-o", name] = args else { panic!("{args:?} does not end in -o NAME") };
@@ -34,7 +35,7 @@ impl Desk {
         }
     }
 
-    /// A folder beside the program for results of this very build; those of others are removed.
+    /// Returns the folder with the results of this build of the program; results of other builds are removed.
     fn folder_of_results(&self) -> PathBuf {
         static FOLDER: OnceLock<PathBuf> = OnceLock::new();
         let make = || {
@@ -50,7 +51,7 @@ impl Desk {
         FOLDER.get_or_init(make).clone()
     }
 
-    /// Hash of what a command reads: its arguments and the TOML files of the desk.
+    /// Hash of the inputs of a command: its arguments and the TOML files of the desk.
     fn key(&self, args: &[&str]) -> u64 {
         let mut files = Vec::new();
         find_toml(&self.path(""), &mut files);

@@ -1,5 +1,4 @@
-//! Support for the end-to-end tests in `integration/`: a folder to work in and a command line to run
-//! there, as a user would.
+//! Support for the end-to-end tests in `integration/`: a working folder, and a command line that runs in it as for a user.
 
 mod kept;
 pub mod program;
@@ -12,10 +11,10 @@ use std::process::{Child, Command};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// Sends a signal to a program, as `INT` for Ctrl-C.
+/// Sends a signal to a program, such as `INT` for Ctrl-C.
 ///
 /// # Panics
-/// There is no such program any more.
+/// Panics if the program no longer exists.
 #[track_caller]
 pub fn signal(program: &Child, name: &str) {
     let mut kill = Command::new("kill");
@@ -23,7 +22,7 @@ pub fn signal(program: &Child, name: &str) {
     assert!(kill.status().expect("kill").success(), "kill -{name}");
 }
 
-/// A temporary folder in which commands run.
+/// Temporary folder in which commands run.
 pub struct Desk {
     folder: TempDir,
     binary: PathBuf,
@@ -41,13 +40,14 @@ pub struct Outcome {
 }
 
 impl Desk {
-    /// An empty folder, where `binary` will run.
+    /// Creates an empty folder in which `binary` will run.
     pub fn new(binary: &str) -> Self {
         let folder = tempfile::tempdir().expect("temporary folder");
         Self { folder, binary: binary.into() }
     }
 
-    /// An empty folder, where `rollwalk` will run with `bench`, its program for benchmarks, beside it, as they are installed.
+    /// Creates an empty folder in which `rollwalk` will run. Its benchmark program `bench` is in the same folder as `rollwalk`,
+    /// as in an installation.
     pub fn with_programs(rollwalk: &str, bench: &str) -> Self {
         static FOLDER: OnceLock<PathBuf> = OnceLock::new();
         let folder = FOLDER.get_or_init(|| {
@@ -66,7 +66,7 @@ impl Desk {
         Self::new(&folder.join("rollwalk").to_string_lossy())
     }
 
-    /// The path of a file in the folder.
+    /// Path of a file in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -79,24 +79,24 @@ impl Desk {
         fs::write(path, content).expect("file in the temporary folder");
     }
 
-    /// The bytes of a file in the folder.
+    /// Reads the bytes of a file in the folder.
     pub fn read(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// The text of a file in the folder.
+    /// Reads the text of a file in the folder.
     pub fn read_text(&self, name: &str) -> String {
         String::from_utf8(self.read(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// Rewrites a file of the folder with the first `from` replaced by `to`.
+    /// Replaces the first `from` in a file of the folder by `to`.
     pub fn edit(&self, name: &str, from: &str, to: &str) {
         let text = self.read_text(name);
         assert!(text.contains(from), "{name} has no {from:?} to replace");
         self.write(name, text.replacen(from, to, 1));
     }
 
-    /// Copies a folder, with the folders in it, into the folder `name`.
+    /// Copies a folder with its subfolders into the folder `name`.
     pub fn copy_folder(&self, from: &Path, name: &str) {
         fs::create_dir_all(self.path(name)).expect("folder in the temporary folder");
         let entries = fs::read_dir(from).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
@@ -111,7 +111,7 @@ impl Desk {
         }
     }
 
-    /// The command with `args`, not yet started.
+    /// Creates the command with `args` without starting it.
     pub fn command<S: AsRef<OsStr>>(&self, args: &[S]) -> Command {
         let mut command = Command::new(&self.binary);
         command.args(args).current_dir(self.folder.path());
@@ -135,7 +135,7 @@ impl Outcome {
         self.stdout
     }
 
-    /// Asserts this exit code, and that the results say all `words`.
+    /// Asserts this exit code, and that the results contain all `words`.
     #[track_caller]
     pub fn succeeds_with(self, code: i32, words: &[&str]) {
         let Self { code: found, stdout, stderr } = self;
@@ -145,7 +145,7 @@ impl Outcome {
         }
     }
 
-    /// Asserts this exit code, no results, and that the message says all `words`.
+    /// Asserts this exit code, empty results, and a message that contains all `words`.
     #[track_caller]
     pub fn fails(self, code: i32, words: &[&str]) {
         assert_eq!(
@@ -166,7 +166,7 @@ impl Outcome {
     }
 }
 
-/// The checkout's root, for the shipped robots and motions.
+/// Root of the checkout, with the shipped robots and motions.
 pub fn checkout() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the checkout")
 }

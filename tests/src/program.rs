@@ -1,4 +1,4 @@
-//! Programs that tests start, and waits for what they do. Each wait has a bound and says what it waited for.
+//! Programs that tests start, and waits for their output. Each wait has a timeout and names the awaited event.
 
 use crate::Outcome;
 use std::io::Read;
@@ -7,20 +7,20 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 
-/// Longest wait for what comes by itself, on a busy machine.
+/// Maximum wait for an event that needs no further action, on a busy machine.
 pub const LONG: Duration = Duration::from_secs(60);
-/// Longest run of a command at a robot.
+/// Maximum run time of a command that uses a robot.
 pub const PLAYED: Duration = Duration::from_secs(180);
-/// Longest run of a command that plans.
+/// Maximum run time of a command that plans.
 pub const PLANNED: Duration = Duration::from_secs(600);
 
 /// Interval between two polls of an awaited condition.
 const POLL: Duration = Duration::from_millis(5);
 
-/// Waits until there is a value.
+/// Waits until `value` returns a value.
 ///
 /// # Panics
-/// There is none within a minute.
+/// Panics if there is none within [`LONG`].
 #[track_caller]
 pub fn within<T>(what: &str, mut value: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
@@ -36,14 +36,14 @@ pub fn within<T>(what: &str, mut value: impl FnMut() -> Option<T>) -> T {
 /// Runs a command to its end.
 ///
 /// # Panics
-/// It does not end in time, or does not start.
+/// Panics if the command does not start, or does not end in time.
 #[track_caller]
 pub fn run(command: &mut Command, bound: Duration) -> Outcome {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     Program::start(command).ends_within(bound)
 }
 
-/// A program that a test has started, and its output where that is piped. Killed when dropped.
+/// Program started by a test, with its piped output. Killed on drop.
 pub struct Program {
     child: Child,
     name: String,
@@ -61,15 +61,15 @@ struct Said {
 struct State {
     stdout: Vec<u8>,
     stderr: Vec<u8>,
-    /// Pipes that the program, or a child of it, has open.
+    /// Number of pipes that the program or a child of it has open.
     open: usize,
 }
 
 impl Program {
-    /// Starts a command, and reads what it pipes.
+    /// Starts a command, and reads its piped output.
     ///
     /// # Panics
-    /// It does not start.
+    /// Panics if the command does not start.
     #[track_caller]
     pub fn start(command: &mut Command) -> Self {
         let words = std::iter::once(command.get_program()).chain(command.get_args());
@@ -86,24 +86,25 @@ impl Program {
         Self { child, name, said }
     }
 
-    /// Standard input of the program, if it is piped and was not taken before.
+    /// Standard input of the program; `None` if it is not piped or was taken before.
     pub fn input(&mut self) -> Option<ChildStdin> {
         self.child.stdin.take()
     }
 
-    /// Sends a signal, as `INT` for Ctrl-C.
+    /// Sends a signal, such as `INT` for Ctrl-C.
     ///
     /// # Panics
-    /// There is no such program any more.
+    /// Panics if the program no longer exists.
     #[track_caller]
     pub fn signal(&self, name: &str) {
         crate::signal(&self.child, name);
     }
 
-    /// Waits until it has printed a whole line with these words; all lines so far, on stdout or else on stderr.
+    /// Waits until the program has printed a complete line with these words. Returns all lines so far, of stdout or else of
+    /// stderr.
     ///
     /// # Panics
-    /// It does not within a minute, or ends before.
+    /// Panics if the line does not appear within [`LONG`], or if the program ends first.
     #[track_caller]
     pub fn says(&self, words: &str) -> String {
         let deadline = Instant::now() + LONG;
@@ -126,19 +127,19 @@ impl Program {
         }
     }
 
-    /// Waits for its end.
+    /// Waits until the program ends.
     ///
     /// # Panics
-    /// It does not end in time.
+    /// Panics if the program does not end in time.
     #[track_caller]
     pub fn ends(self) -> Outcome {
         self.ends_within(PLAYED)
     }
 
-    /// Waits for its end.
+    /// Waits until the program ends, with this timeout.
     ///
     /// # Panics
-    /// It does not end in time, or its output is no UTF-8.
+    /// Panics if the program does not end in time, or if its output is not UTF-8.
     #[track_caller]
     pub fn ends_within(mut self, bound: Duration) -> Outcome {
         let deadline = Instant::now() + bound;
@@ -180,7 +181,7 @@ impl Drop for Program {
     }
 }
 
-/// Reads a pipe to its end, in a thread of its own.
+/// Reads a pipe to its end, in a separate thread.
 fn read(mut pipe: impl Read + Send + 'static, said: Arc<Said>, of: fn(&mut State) -> &mut Vec<u8>) {
     said.state.lock().unwrap_or_else(PoisonError::into_inner).open += 1;
     thread::spawn(move || {

@@ -1,4 +1,4 @@
-//! Programs at a pseudo terminal: keys go in, and what a terminal makes of their output is looked at.
+//! Programs on a pseudo terminal: sends keys, and examines the resulting screen.
 
 use crate::program::LONG;
 use serialport::{SerialPort, TTYPort};
@@ -8,21 +8,21 @@ use std::num::NonZero;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-/// Silence after which the terminal counts as empty.
+/// Silence after which the terminal's output counts as read.
 const POLL: Duration = Duration::from_millis(20);
 
-/// Longest reading of what has been printed before the screen is looked at: several redraws of a full-screen program,
-/// which on a slow machine may leave no pause between them.
+/// Maximum time for reading earlier output before the screen is examined. This is several redraws of a full-screen program,
+/// which may follow each other without a pause on a slow machine.
 const BACKLOG: Duration = Duration::from_millis(200);
 
-/// A program, and the terminal that it is on. Killed when dropped.
+/// Program with its terminal. Killed on drop.
 pub struct Terminal {
     pub program: Child,
     terminal: TTYPort,
-    /// The terminal's device.
+    /// Device of the terminal.
     pub device: String,
     screen: vt100::Parser,
-    /// Open device of the terminal, as a shell holds it: the device stays open after the end of the program.
+    /// Open device of the terminal, as a shell holds it, so that the device stays open after the program ends.
     _held: File,
 }
 
@@ -30,7 +30,7 @@ impl Terminal {
     /// Starts a command on a new terminal of 40 lines and 120 columns.
     ///
     /// # Panics
-    /// It does not start.
+    /// Panics if the command does not start.
     pub fn start(mut command: Command) -> Self {
         let (mut terminal, line) = TTYPort::pair().expect("a pseudo terminal");
         terminal.set_timeout(POLL).expect("a timeout");
@@ -49,15 +49,15 @@ impl Terminal {
     /// Presses keys.
     ///
     /// # Panics
-    /// The terminal takes none.
+    /// Panics if the terminal does not accept keys.
     pub fn press(&mut self, keys: &str) {
         self.terminal.write_all(keys.as_bytes()).expect("the terminal takes keys");
     }
 
-    /// Closes the terminal, as a connection that breaks does; the exit code of what was on it.
+    /// Closes the terminal, like a broken connection, and returns the exit code of the program.
     ///
     /// # Panics
-    /// It does not end within a minute.
+    /// Panics if the program does not end within [`LONG`].
     pub fn hang_up(mut self) -> Option<i32> {
         // A silent terminal takes its place.
         let (mut near, _far) = TTYPort::pair().expect("a pseudo terminal");
@@ -67,12 +67,12 @@ impl Terminal {
         self.ends()
     }
 
-    /// True if a full-screen program has the screen.
+    /// True if a full-screen program is displayed.
     pub fn is_taken(&self) -> bool {
         self.screen.screen().alternate_screen()
     }
 
-    /// Processes output that has arrived since the last call; returns true if there was any.
+    /// Processes output that has arrived since the previous call; returns true if there was any.
     fn read(&mut self) -> bool {
         let mut bytes = [0; 4096];
         match self.terminal.read(&mut bytes) {
@@ -85,10 +85,10 @@ impl Terminal {
         }
     }
 
-    /// Waits until the screen shows this.
+    /// Waits until the screen shows these words.
     ///
     /// # Panics
-    /// It does not within a minute.
+    /// Panics if they do not appear within [`LONG`].
     #[track_caller]
     pub fn shows(&mut self, words: &str) {
         let start = Instant::now();
@@ -101,10 +101,10 @@ impl Terminal {
         }
     }
 
-    /// Waits for its end; its exit code.
+    /// Waits until the program ends, and returns its exit code.
     ///
     /// # Panics
-    /// It does not end within a minute.
+    /// Panics if the program does not end within [`LONG`].
     #[track_caller]
     pub fn ends(&mut self) -> Option<i32> {
         let start = Instant::now();
@@ -128,10 +128,10 @@ impl Drop for Terminal {
     }
 }
 
-/// Runs `stty` on a terminal; returns its output.
+/// Runs `stty` on a terminal and returns its output.
 ///
 /// # Panics
-/// It refuses.
+/// Panics if `stty` fails.
 pub fn stty(device: &str, args: &[&str]) -> String {
     let output = Command::new("stty").arg("-F").arg(device).args(args).output().expect("stty");
     assert!(output.status.success(), "stty: {}", String::from_utf8_lossy(&output.stderr));

@@ -1,4 +1,4 @@
-//! Other programs read the logs: python-can with cantools, and an MCAP reader.
+//! Tests that other programs can read the logs: python-can with cantools, and an MCAP reader.
 
 use crate::bench::{every_state, log, results};
 use crate::board;
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::process::Command;
 
-/// The frames of a log as cantools decodes them.
+/// Decodes the frames of a log with cantools.
 fn decoded(log: &str, dbc: &str) -> Vec<Value> {
     let docs = checkout().join("docs");
     let output = Command::new("python3")
@@ -27,7 +27,7 @@ fn lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).expect("a JSON object in a line")).collect()
 }
 
-/// Signals that both have under the same name.
+/// Compares the signals that both have under the same name; returns their number.
 fn compare(theirs: &Map<String, Value>, ours: &Map<String, Value>, line: &Value) -> usize {
     let mut compared = 0;
     for (name, ours) in ours {
@@ -84,10 +84,10 @@ fn cantools_decodes_every_frame_to_what_the_monitor_printed() {
     }
 }
 
-/// A state and clip in a log, and the number of statuses in a row that have it.
+/// State and clip in a log, and the number of consecutive statuses with both.
 type Stretch = ((State, Option<u8>), usize);
 
-/// The states and clips in a log, from the first disarmed state on.
+/// Returns the states and clips in a log, from the first disarmed state on.
 fn played(name: &str) -> Vec<Stretch> {
     let states = every_state(&log(&results().join(name)));
     let mut played: Vec<Stretch> = Vec::new();
@@ -100,7 +100,7 @@ fn played(name: &str) -> Vec<Stretch> {
     played
 }
 
-/// Stretches of only one of two robots: the difference of their logs.
+/// Returns the stretches that only one of two logs contains.
 fn difference(one: &[Stretch], other: &[Stretch]) -> Vec<Stretch> {
     // Lengths of the longest common subsequences of what is left of both.
     let mut common = vec![vec![0; other.len() + 1]; one.len() + 1];
@@ -128,7 +128,7 @@ fn difference(one: &[Stretch], other: &[Stretch]) -> Vec<Stretch> {
     alone
 }
 
-/// A status every 50 ms may miss a motion that begins at the moment of a RETURN.
+/// Allows for small differences, because statuses arrive every 50 ms and may miss a motion that begins at the time of a RETURN.
 #[test]
 #[ignore = "reads the logs of cargo xtask vcan"]
 fn the_board_played_what_the_simulated_robot_played() {

@@ -1,4 +1,4 @@
-//! Programs that run beside a test, and the states in a log of the link.
+//! Programs that run beside a test, and analysis of the states in a log of the link.
 
 use rollwalk_bus::candump::{self, LogEntry};
 use rollwalk_protocol::wire::{FromController, State};
@@ -15,15 +15,15 @@ use std::time::{Duration, Instant};
 
 const ROLLWALK: &str = env!("CARGO_BIN_EXE_rollwalk-under-test");
 const ROLLWALK_SIM: &str = env!("CARGO_BIN_EXE_rollwalk-sim-under-test");
-/// Longest wait for a program that ends by itself, by the clock of the interfaces, which no load disturbs.
+/// Maximum wait for a program that ends by itself, by the clock of the interfaces, which does not depend on the load.
 pub const LONG: Duration = Duration::from_secs(120);
 
-/// Folder of the logs that are kept.
+/// Folder for the kept logs.
 pub fn results() -> PathBuf {
     std::env::var_os("ROLLWALK_RESULTS").expect("`cargo xtask vcan` names the folder").into()
 }
 
-/// A folder in memory, so that no log waits for a disk while time counts.
+/// Folder in memory, so that writing a log never waits for a disk in timed tests.
 pub fn desk() -> &'static Path {
     static DESK: OnceLock<PathBuf> = OnceLock::new();
     DESK.get_or_init(|| {
@@ -45,12 +45,12 @@ pub fn library() -> PathBuf {
     desk().join(LIBRARY)
 }
 
-/// The demo's robot with its twenty motors.
+/// Robot of the demo, with its twenty motors.
 fn robot() -> PathBuf {
     checkout().join("shipped/robots/agilebot.toml")
 }
 
-/// Reads programs into the page cache, so that nothing waits for a disk later.
+/// Reads programs into the page cache, so that later starts do not wait for a disk.
 fn warm() {
     static WARM: Once = Once::new();
     WARM.call_once(|| {
@@ -66,13 +66,13 @@ fn warm() {
     });
 }
 
-/// A command of ours, run to its end.
+/// Runs a command of ours to its end.
 #[track_caller]
 pub fn rollwalk(args: &[&str]) -> Outcome {
     program::run(&mut ours(args), PLAYED)
 }
 
-/// `rollwalk flash` of the library, run to its end.
+/// Runs `rollwalk flash` with the library to its end.
 #[track_caller]
 pub fn flash(bus: &str) -> Outcome {
     program::run(&mut flash_command(bus), PLAYED)
@@ -92,7 +92,7 @@ fn ours(args: &[&str]) -> Command {
     command
 }
 
-/// A command of the system, which must succeed.
+/// Runs a command of the system, which must succeed.
 #[track_caller]
 pub fn run(program: &str, args: &[&str]) {
     let output = Command::new(program).args(args).output().expect(program);
@@ -100,7 +100,7 @@ pub fn run(program: &str, args: &[&str]) {
     assert!(output.status.success(), "{program} {args:?}: {errors}");
 }
 
-/// The console at a terminal, with a gamepad.
+/// Starts the console on a terminal, with a gamepad.
 pub fn console(bus: &str, gamepad: &str) -> Terminal {
     warm();
     let mut command = Command::new(ROLLWALK);
@@ -109,17 +109,17 @@ pub fn console(bus: &str, gamepad: &str) -> Terminal {
     Terminal::start(command)
 }
 
-/// A program that runs beside the test; killed when dropped.
+/// Program that runs beside the test; killed on drop.
 pub struct Beside(Child);
 
 impl Beside {
-    /// A simulated robot that is ready.
+    /// Starts a simulated robot and waits until it is ready.
     #[track_caller]
     pub fn robot(args: &[&str]) -> Self {
         Self::robot_of(&robot(), args)
     }
 
-    /// A simulated robot of this file that is ready.
+    /// Starts a simulated robot from this file and waits until it is ready.
     #[track_caller]
     pub fn robot_of(file: &Path, args: &[&str]) -> Self {
         warm();
@@ -134,7 +134,7 @@ impl Beside {
         robot
     }
 
-    /// `candump`, writing to a file.
+    /// Starts `candump`, with its output in a file.
     pub fn candump(interface: &str, log: &Path) -> Self {
         warm();
         let file = File::create(log).expect("the log");
@@ -146,7 +146,7 @@ impl Beside {
         candump
     }
 
-    /// The emulated board, and the terminal that its UART is.
+    /// Starts the emulated board; also returns the terminal of its UART.
     #[track_caller]
     pub fn board() -> (Self, String) {
         warm();
@@ -173,7 +173,7 @@ impl Beside {
         (board, line)
     }
 
-    /// `slcand`, which makes an interface of a terminal with an SLCAN adapter.
+    /// Starts `slcand`, which creates a CAN interface from a terminal with an SLCAN adapter.
     pub fn slcand(line: &str, interface: &str) -> Self {
         warm();
         let mut command = Command::new("slcand");
@@ -181,7 +181,7 @@ impl Beside {
         Self(command.spawn().expect("slcand starts"))
     }
 
-    /// `rollwalk monitor`, writing to files.
+    /// Starts `rollwalk monitor`, with its output in a file.
     pub fn monitor(args: &[&str], lines: &Path) -> Self {
         warm();
         let file = File::create(lines).expect("the file");
@@ -193,12 +193,12 @@ impl Beside {
         monitor
     }
 
-    /// A command of ours.
+    /// Starts a command of ours.
     pub fn rollwalk(args: &[&str]) -> Self {
         Self::piped(ours(args))
     }
 
-    /// `rollwalk flash` of the library.
+    /// Starts `rollwalk flash` with the library.
     pub fn flash(bus: &str) -> Self {
         Self::piped(flash_command(bus))
     }
@@ -208,14 +208,14 @@ impl Beside {
         Self(command.spawn().expect("the command starts"))
     }
 
-    /// Ends it as Ctrl-C does; its exit code.
+    /// Ends the program as Ctrl-C does, and returns its exit code.
     #[track_caller]
     pub fn interrupt(mut self) -> i32 {
         signal(&self.0, "INT");
         self.code()
     }
 
-    /// Waits for its end; its exit code and output.
+    /// Waits until the program ends; returns its exit code and output.
     #[track_caller]
     pub fn outcome(mut self) -> Outcome {
         self.code();
@@ -250,7 +250,7 @@ impl Drop for Beside {
     }
 }
 
-/// The frames of a log.
+/// Reads the frames of a log.
 pub fn log(path: &Path) -> Vec<LogEntry> {
     let text = fs::read_to_string(path).expect("a log");
     // The writer may have been killed within a line.
@@ -258,7 +258,7 @@ pub fn log(path: &Path) -> Vec<LogEntry> {
     candump::parse(whole).expect("candump's format")
 }
 
-/// State and clip of every status of the controller.
+/// Returns state and clip of every status of the controller.
 pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     let statuses = frames.iter().filter_map(|entry| match FromController::decode(&entry.frame) {
         Ok((_, FromController::Status(status))) => Some((status.state, status.clip)),
@@ -267,7 +267,7 @@ pub fn every_state(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     statuses.collect()
 }
 
-/// States and clips of the controller without repetitions.
+/// Returns states and clips of the controller, without repetitions.
 pub fn states(frames: &[LogEntry]) -> Vec<(State, Option<u8>)> {
     let mut states = every_state(frames);
     states.dedup();

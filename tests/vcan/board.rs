@@ -1,5 +1,5 @@
-//! The emulated Cortex-M4 board, whose link is on its UART as an SLCAN adapter has it: with our tools directly, and
-//! as an interface of Linux that is joined to `vcan0`.
+//! Tests of the emulated Cortex-M4 board, whose UART is an SLCAN adapter to its link: with our tools directly, and as a Linux
+//! interface that is joined to `vcan0`.
 
 use crate::bench::{Beside, desk, flash, keep, rollwalk, run};
 use crate::on_vcan::play_stop_clear_and_play;
@@ -9,10 +9,10 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// The board's log, for [`crate::afterwards`].
+/// Log of the board, for [`crate::afterwards`].
 pub const LOG: &str = "board.log";
 
-/// The least that shows that a bus carries everything: transfers, heartbeats, commands, a stop.
+/// Runs the shortest sequence that tests all uses of a bus: transfer, heartbeats, commands, a stop.
 fn stand_and_stop(bus: &str) {
     let on = |args: &[&str]| rollwalk(&[args, &["--bus", bus]].concat()).succeeds();
     assert!(on(&["discover", "--json"]).contains("\"node\": 1"), "{bus}");
@@ -22,7 +22,7 @@ fn stand_and_stop(bus: &str) {
     on(&["clear"]);
 }
 
-/// Asks the adapter itself, by a letter. Lines of frames may come before its answer.
+/// Sends a single-letter command to the adapter and returns its answer. Frames may arrive before the answer.
 #[track_caller]
 fn ask(line: &mut File, letter: char) -> String {
     write!(line, "{letter}\r").expect("a UART takes a question");
@@ -40,7 +40,7 @@ fn ask(line: &mut File, letter: char) -> String {
     }
 }
 
-/// Until an interface is there, or is gone.
+/// Waits until an interface exists (`there`) or is gone.
 fn wait_for(interface: &str, there: bool) {
     let path = Path::new("/sys/class/net").join(interface);
     for _ in 0..100 {
@@ -52,8 +52,8 @@ fn wait_for(interface: &str, there: bool) {
     panic!("{interface}: it should be {}", if there { "there" } else { "gone" });
 }
 
-/// Adds (`-A`) or deletes (`-D`) the rules that join the board's interface and `vcan0`. Other rules stay: the kernel
-/// may be a developer's who has set up some.
+/// Adds (`-A`) or deletes (`-D`) the rules that join the board's interface and `vcan0`. Other rules are kept, because the
+/// kernel may be a developer's.
 fn join(what: &str) {
     for (from, to) in [("slcan0", "vcan0"), ("vcan0", "slcan0")] {
         run("cangw", &[what, "-s", from, "-d", to, "-e"]);

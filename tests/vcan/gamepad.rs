@@ -1,4 +1,4 @@
-//! A virtual gamepad made by this test operates the console: from buttons down to frames.
+//! Tests of the console with a virtual gamepad, from buttons to frames.
 
 use crate::bench::{Beside, console, desk, flash, log, states};
 use evdev::uinput::VirtualDevice;
@@ -15,7 +15,7 @@ const CLEAR: KeyCode = KeyCode::BTN_TL;
 const DEADMAN: KeyCode = KeyCode::BTN_TR;
 const ESTOP: KeyCode = KeyCode::BTN_EAST;
 const PAUSE: KeyCode = KeyCode::BTN_NORTH;
-/// The cross; to the left it plays 3.
+/// Horizontal axis of the directional pad; left plays motion 3.
 const CROSS: AbsoluteAxisCode = AbsoluteAxisCode::ABS_HAT0X;
 
 /// Virtual gamepad with the inputs that `gamepads/xbox.toml` expects.
@@ -63,7 +63,7 @@ impl Pad {
     }
 }
 
-/// Plays motion 3, from the state disarmed with no button held.
+/// Plays motion 3, starting in the disarmed state with no button held.
 fn hold_and_play(pad: &mut Pad, console: &mut Terminal) {
     pad.key(DEADMAN, true);
     console.shows("deadman held");
@@ -87,7 +87,7 @@ fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     console.shows("DISARMED");
     console.shows("DEADMAN NOT HELD, gamepad xbox");
     pad.press(START);
-    console.shows("hold BTN_TR first: BTN_START makes the robot move");
+    console.shows("hold BTN_TR first, because BTN_START moves the robot");
     sleep(Duration::from_millis(500));
     console.shows("DISARMED");
 

@@ -1,12 +1,12 @@
-//! Tests on `can0` and `can1`: two emulated CAN cards of the virtual machine on one bus. They have a driver, a bitrate and a
-//! transmit queue like real adapters.
+//! Tests on `can0` and `can1`: two emulated CAN cards of the virtual machine on one bus. Like real adapters, they have a
+//! driver, a bit rate and a transmit queue.
 
 use crate::bench::{Beside, desk, flash, library, log, rollwalk, run};
 use rollwalk_tests::Outcome;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Runs the command that an error gives on a line of its own, without `sudo`: the tests run as the superuser.
+/// Runs the command that an error message suggests, without `sudo`, because the tests run as root.
 #[track_caller]
 fn type_what_it_says(outcome: &Outcome) {
     let line = outcome.stderr.lines().find_map(|line| line.split_once("help: sudo "));
@@ -38,7 +38,8 @@ fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
     run("ip", &["link", "set", "can0", "down"]);
 }
 
-/// The kernel keeps ten frames for such an interface, and refuses the next; none of ours ever is.
+/// Limits the transmit queue of the interfaces to ten frames, after which the kernel refuses. The tools must never lose a
+/// frame.
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_transfer_goes_through_a_driver_s_short_queue() {

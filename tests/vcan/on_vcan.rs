@@ -1,4 +1,4 @@
-//! Tools and a simulated robot on virtual CAN interfaces.
+//! Tests of the tools and a simulated robot on virtual CAN interfaces.
 
 mod drives;
 
@@ -16,7 +16,7 @@ fn on_link(args: &[&str]) -> rollwalk_tests::Outcome {
     rollwalk(&[args, &LINK].concat())
 }
 
-/// Flashes the library and plays every motion of it by its code.
+/// Transfers the library and plays each of its motions by its code.
 #[track_caller]
 fn flash_and_play() {
     let found = on_link(&["discover", "--json"]).succeeds();
@@ -25,7 +25,7 @@ fn flash_and_play() {
     on_link(&["send", "--arm", "2", "4:3", "3:3", "1"]).succeeds();
 }
 
-/// Plays, stops, clears and plays again on `vcan0`: simulated robot and emulated board alike.
+/// Plays, stops, clears and plays again on `vcan0`, both with the simulated robot and with the emulated board.
 #[track_caller]
 pub fn play_stop_clear_and_play() {
     flash_and_play();
@@ -36,7 +36,7 @@ pub fn play_stop_clear_and_play() {
     on_link(&["send", "--arm", "2"]).succeeds();
 }
 
-/// Number of transitions from `before` to `after`.
+/// Returns the number of transitions from `before` to `after`.
 fn count(states: &[(State, Option<u8>)], before: State, after: State) -> usize {
     states.windows(2).filter(|pair| pair[0].0 == before && pair[1].0 == after).count()
 }
@@ -145,8 +145,8 @@ fn what_is_wrong_with_a_bus_is_said_with_what_to_type() {
     flash("can:vcan7")
         .fails(1, &["no network interface `vcan7`", "sudo ip link add vcan7 type vcan"]);
     flash("can:can9").fails(1, &["no network interface `can9`", "vcan0, vcan1, vcan2"]);
-    flash("can:lo").fails(1, &["`lo` is a network interface, but not for CAN"]);
-    flash("vcan0").fails(2, &["`vcan0` is no bus"]);
+    flash("can:lo").fails(1, &["`lo` is a network interface, but not a CAN interface"]);
+    flash("vcan0").fails(2, &["`vcan0` is not a bus"]);
     flash("serial:/dev/ttyUSB7").fails(1, &["no device `/dev/ttyUSB7`"]);
     // No controller answers.
     flash("can:vcan0").fails(5, &["does not answer", "rollwalk discover --bus can:vcan0"]);
@@ -176,7 +176,7 @@ fn an_adapter_that_is_unplugged_in_a_transfer_is_said_and_the_robot_outlives_it(
         sleep(Duration::from_millis(2));
     }
     run("ip", &["link", "del", "vcan5"]);
-    unplugged.outcome().fails(5, &["vcan5", "The same command again goes on"]);
+    unplugged.outcome().fails(5, &["vcan5", "Run the same command again"]);
     drop(candump);
     plug();
     // It looks for its link twice a second.

@@ -1,18 +1,19 @@
-//! Verdicts of the planner on requests outside those that the planner was tuned on, against MuJoCo: `tests/agreement/`.
+//! Comparison of the planner's verdicts with MuJoCo, on requests that were not used for tuning the planner: `tests/agreement/`.
 
 use crate::{mujoco, python, shell, workspace};
 
-/// Robots with URDF files.
+/// Python package with the URDF files of robots.
 const ROBOTS: &str = "example-robot-data==6.0.0";
-/// Folder of the robots in what pip installs.
+/// Folder of the robots in the installed package.
 const FOLDER: &str = "robots/cmeel.prefix/share/example-robot-data/robots";
-/// Random requests of shipped robots.
+/// Number of random requests for shipped robots.
 const DRAWN: &str = "60";
 
-/// Plans and replays all requests; prints which verdicts agree.
+/// Plans and replays all requests, and prints which verdicts agree.
 ///
 /// # Errors
-/// More than one wrong verdict in forty, or the command that installs what is missing.
+/// Returns an error if more than one verdict in forty is wrong. If a program is missing, the error contains the command that
+/// installs it.
 pub fn check() -> Result<(), String> {
     let path = mujoco::path()?;
     python::path("robots", ROBOTS, "cmeel")?;

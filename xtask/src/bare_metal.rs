@@ -1,16 +1,16 @@
-//! Builds the controller's crates for microcontrollers, where there is neither std nor alloc.
+//! Builds of the controller's crates for microcontrollers, without std and alloc.
 //!
-//! rustup installs a target when it is missing. Where rustup cannot download it, Debian's compiler, which comes
-//! with the sources of `core`, builds the same crates.
+//! rustup installs a missing target. If rustup cannot download it, the crates are built with Debian's compiler, which includes
+//! the sources of `core`.
 
 use crate::debian;
 use crate::shell::{self, cargo, command};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Target of the Cortex-M4F.
+/// Target triple of the Cortex-M4F.
 pub const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
-/// Target of the Cortex-M33 with FPU.
+/// Target triple of the Cortex-M33 with FPU.
 pub const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
 const CRATES: [&str; 4] = ["-p", "rollwalk-protocol", "-p", "rollwalk-firmware"];
 const KEYS: [&str; 2] = ["--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
@@ -18,25 +18,25 @@ const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "l
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
-/// A `cargo build --release` for a target, to be completed by the caller.
+/// Command `cargo build --release` for a target, to be completed by the caller.
 pub struct Build {
     pub cargo: Command,
-    /// Folder of the programs that it builds.
+    /// Folder of the built programs.
     pub artefacts: PathBuf,
 }
 
-/// Builds the controller's crates for the Cortex-M4F with keys; the emulated board has them without.
+/// Builds the controller's crates with keys for the Cortex-M4F; the emulated board builds them without keys.
 ///
 /// # Errors
-/// The compiler's errors, or the command that installs a toolchain.
+/// Returns the compiler's errors, or the command that installs a missing toolchain.
 pub fn check() -> Result<(), String> {
     shell::run(build(CORTEX_M4F)?.cargo.args(CRATES).args(KEYS))
 }
 
-/// A build with rustup's toolchain or, without its target, Debian's.
+/// Prepares a build with rustup's toolchain, or with Debian's if rustup's lacks the target.
 ///
 /// # Errors
-/// The command that installs a toolchain.
+/// Returns the command that installs a toolchain if none has the target.
 pub fn build(target: &str) -> Result<Build, String> {
     let rustup = rustup_has(target);
     // A folder for each: the artefacts of the two compilers do not mix.
@@ -48,11 +48,11 @@ pub fn build(target: &str) -> Result<Build, String> {
         cargo.arg("--target-dir").arg(folder);
         return Ok(Build { cargo, artefacts });
     }
-    eprintln!("rustup cannot install {target}; falling back to Debian's compiler");
+    eprintln!("rustup cannot install {target}; using Debian's compiler instead");
     debian::need(&DEBIAN_PACKAGES).map_err(|install| {
         format!(
-            "no compiler for {target}. Run one of these, then try again:\n\n    \
-             rustup target add {target}\n    {install}"
+            "there is no compiler for {target}. Run one of these commands, then try \
+             again:\n\n    rustup target add {target}\n    {install}"
         )
     })?;
     let mut cargo = command(DEBIAN_CARGO, &args);
@@ -66,7 +66,7 @@ pub fn build(target: &str) -> Result<Build, String> {
     Ok(Build { cargo, artefacts })
 }
 
-/// True if the toolchain in use has a target's `core`, if need be after rustup has installed it.
+/// True if the current toolchain has the `core` of a target, after an installation by rustup if necessary.
 fn rustup_has(target: &str) -> bool {
     let installed = || {
         shell::output(&mut command("rustup", &["target", "list", "--installed"]))
@@ -76,18 +76,21 @@ fn rustup_has(target: &str) -> bool {
         || (shell::run(&mut command("rustup", &["target", "add", target])).is_ok() && installed())
 }
 
-/// Makes sure that rustup has a target of the toolchain in use.
+/// Installs a target of the current toolchain by rustup if it is missing.
 ///
 /// # Errors
-/// The one command that installs it, when this machine cannot.
+/// Returns the command that installs the target if this machine cannot.
 pub fn need_target(target: &str) -> Result<(), String> {
     match rustup_has(target) {
         true => Ok(()),
-        false => Err(format!("the target {target} is needed:\n\n    rustup target add {target}")),
+        false => Err(format!(
+            "the target {target} is missing. Install the target \
+            with:\n\n    rustup target add {target}"
+        )),
     }
 }
 
-/// Removes the variables by which rustup's cargo selects its own toolchain.
+/// Removes the environment variables by which rustup's cargo selects its own toolchain.
 fn without_rustup(command: &mut Command) {
     for name in ["CARGO", "RUSTUP_TOOLCHAIN", "RUSTUP_HOME", "RUSTC_WRAPPER", "RUSTDOC"] {
         command.env_remove(name);

@@ -1,21 +1,21 @@
-//! The studio's page: what is committed comes from its sources, and real browsers do with it what a user does.
+//! Checks of the studio's page: the committed files match their sources, and real browsers pass the tests of a user's actions.
 //!
-//! In `cargo xtask test` the page has the native engine of `rollwalk studio`, which is built in any case; in `nightly` it also
-//! has the engine as WebAssembly.
+//! In `cargo xtask test` the page uses the native engine of `rollwalk studio`, which is built anyway; in `nightly` it also uses
+//! the WebAssembly engine.
 
 use crate::extent::Extent;
 use crate::{debian, shell, studio, workspace};
 use std::fs;
 use std::process::Command;
 
-/// Browsers, Chromium first; and a display with WebGL for Firefox, which has none without one.
+/// Debian packages: browsers, Chromium first, and a display with WebGL, which Firefox requires.
 const PACKAGES: [&str; 4] = ["chromium", "firefox-esr", "xvfb", "libgl1-mesa-dri"];
 
-/// Compares the committed page with its sources, and drives it in Chromium and Firefox; in brief drives it in Chromium, in one
-/// test.
+/// Compares the committed page with its sources, and tests it in Chromium and Firefox; the brief form runs one test in
+/// Chromium.
 ///
 /// # Errors
-/// What differs, what failed, or the command that installs what is missing.
+/// Returns the differences or the failed tests. If a program is missing, the error contains the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     if extent == Extent::Brief {
         return brief("test/served.test.mjs", "opens the files of the command line");
@@ -33,11 +33,11 @@ pub fn check(extent: Extent) -> Result<(), String> {
     shell::run(&mut tests)
 }
 
-/// Drives robots in real time from the page, in brief a simulated one: a heartbeat that is late for want of a processor stops
-/// them.
+/// Tests robots in real time from the page; the brief form uses a simulated robot only. These tests need free processors,
+/// because a late heartbeat stops a robot.
 ///
 /// # Errors
-/// As [`check`].
+/// Returns the errors of [`check`].
 pub fn check_robots(extent: Extent) -> Result<(), String> {
     if extent == Extent::Brief {
         return brief("test/bus.test.mjs", "a simulated robot is flashed");
@@ -77,7 +77,7 @@ fn npm(args: &[&str]) -> Command {
 
 fn install(packages: &[&str]) -> Result<(), String> {
     let missing = |install: String| {
-        format!("the studio's page is tested in real browsers. On Debian:\n\n    {install}")
+        format!("the tests of the studio's page require real browsers. On Debian:\n\n    {install}")
     };
     debian::need(packages).map_err(missing)?;
     if !shell::succeeds(&mut shell::command("npm", &["--version"])) {
@@ -86,7 +86,7 @@ fn install(packages: &[&str]) -> Result<(), String> {
     shell::run(&mut npm(&["ci", "--no-audit", "--no-fund"]))
 }
 
-/// Builds the page elsewhere: every committed file must come out to the byte.
+/// Builds the page in another folder, and checks that every committed file is identical to the byte.
 fn compare_with_sources() -> Result<(), String> {
     let built = shell::target_folder().join("studio-page");
     let committed = shell::workspace_root().join("studio/dist");
@@ -97,7 +97,8 @@ fn compare_with_sources() -> Result<(), String> {
         let bytes = |folder: &std::path::Path| fs::read(folder.join(&name)).map_err(failed);
         if bytes(&built)? != bytes(&committed)? {
             return Err(format!(
-                "studio/dist/{} is not what its sources make: cd studio/web && npm ci && npm run build, then commit it",
+                "studio/dist/{} differs from its sources: run `cd studio/web && npm ci && npm run \
+                 build`, then commit the file",
                 name.to_string_lossy()
             ));
         }

@@ -1,19 +1,19 @@
-//! Files that a working tree has changed against main, and whether they concern a step.
+//! Files of a working tree that differ from main, and the steps that they affect.
 
 use crate::shell;
 use std::path::{Path, PathBuf};
 
-/// Revision that a working tree is compared with: where it left the main branch of the repository it was cloned from, else its
-/// own `main`; else only what is not committed yet counts.
+/// Revision with which a working tree is compared: the merge base with the main branch of its origin, or else with its own
+/// `main`; or else `HEAD`, so that only uncommitted changes count.
 fn base() -> String {
     let left = |branch| git(&["merge-base", "HEAD", branch]).ok();
     left("origin/main").or_else(|| left("main")).unwrap_or_else(|| "HEAD".into())
 }
 
-/// Files that differ from a revision ([`base`] by default), and those that git does not know yet.
+/// Returns the files that differ from a revision ([`base`] by default), and those that git does not track yet.
 ///
 /// # Errors
-/// Git's: this is no clone, or there is no such revision.
+/// Returns git's error if this is not a clone, or if the revision does not exist.
 pub fn files(since: Option<&str>) -> Result<Vec<PathBuf>, String> {
     let base = since.map_or_else(base, str::to_owned);
     let changed = git(&["diff", "--name-only", "--no-renames", base.trim()])?;
@@ -22,8 +22,8 @@ pub fn files(since: Option<&str>) -> Result<Vec<PathBuf>, String> {
     Ok(changed.lines().chain(new.lines()).map(|file| root.join(file)).collect())
 }
 
-/// True if one of the files is in one of `paths`: folders or files, relative to the workspace root. `**/NAME` is a file of this
-/// name in any folder.
+/// True if one of the files is in one of `paths`: folders or files, relative to the workspace root. `**/NAME` stands for files
+/// of this name in any folder.
 pub fn concern(files: &[PathBuf], paths: &[&str]) -> bool {
     let root = shell::workspace_root();
     let is_in = |file: &Path, path: &str| match path.strip_prefix("**/") {

@@ -4,17 +4,17 @@ use ignore::WalkBuilder;
 use std::fs;
 use std::path::Path;
 
-/// A text file of the checkout: path from the root with `/`, and content.
+/// Text file of the checkout.
 pub struct TextFile {
-    /// Path from the workspace root.
+    /// Path from the workspace root, with `/` between folders.
     pub path: String,
     pub text: String,
 }
 
-/// Reads all text files that git does not ignore, in path order. Works without git, too.
+/// Reads all text files that git does not ignore, sorted by path. Also works without git.
 ///
 /// # Errors
-/// The checkout cannot be listed.
+/// Returns an error if the checkout cannot be listed.
 pub fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
     let skip = |name: &str| name == ".git" || name == "target";
     let walk = WalkBuilder::new(root)
@@ -38,7 +38,7 @@ pub fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
     Ok(files)
 }
 
-/// A file for tests.
+/// Creates a file for tests.
 #[cfg(test)]
 pub fn file(path: &str, text: &str) -> TextFile {
     TextFile { path: path.into(), text: text.into() }

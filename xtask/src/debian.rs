@@ -1,14 +1,14 @@
-//! Debian packages that a step needs: installed when run as root, otherwise the error is the command that installs
-//! them; or downloaded without being installed.
+//! Debian packages that a step needs. They are installed if the process runs as root; otherwise the error contains the command
+//! that installs them. Packages can also be downloaded without installation.
 
 use crate::shell::{self, command};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Makes sure that packages are installed.
+/// Installs packages that are missing.
 ///
 /// # Errors
-/// The command that installs them, when this user or machine cannot.
+/// Returns the command that installs them if this user or machine cannot.
 pub fn need(packages: &[&str]) -> Result<(), String> {
     let installed = || {
         packages.iter().all(|package| {
@@ -35,10 +35,10 @@ pub fn need(packages: &[&str]) -> Result<(), String> {
     Err(format!("sudo apt-get {}", install.join(" ")))
 }
 
-/// Control data of the version of a package that would be installed.
+/// Returns the control data of a package in the version that would be installed.
 ///
 /// # Errors
-/// The package is unknown even after an update of the package lists.
+/// Returns an error if the package is unknown even after an update of the package lists.
 pub fn control(package: &str) -> Result<String, String> {
     let show = || {
         let mut show = command("apt-cache", &["show", "--no-all-versions", package]);
@@ -46,14 +46,17 @@ pub fn control(package: &str) -> Result<String, String> {
     };
     let _alone = shell::installing()?;
     show().or_else(|| if update() { show() } else { None }).ok_or_else(|| {
-        format!("Debian's package {package} is unknown here; if this is Debian on amd64:\n\n    {UPDATE}")
+        format!(
+            "the Debian package {package} is not in the package lists; on Debian for amd64, \
+            update the lists with:\n\n    {UPDATE}"
+        )
     })
 }
 
-/// Downloads and verifies a package into a folder of its own; resumes a partial download.
+/// Downloads and verifies a package in a separate folder; resumes a partial download.
 ///
 /// # Errors
-/// The package manager's, even after an update of the package lists.
+/// Returns the package manager's error, even after an update of the package lists.
 pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let _alone = shell::installing()?;
@@ -65,12 +68,12 @@ pub fn download(package: &str, version: &str, folder: &Path) -> Result<PathBuf, 
     let files = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut names = files.filter_map(|file| file.ok().map(|file| file.path()));
     let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
-    names.find(is_package).ok_or_else(|| format!("apt-get download left no package {package}"))
+    names.find(is_package).ok_or_else(|| format!("apt-get download wrote no package {package}"))
 }
 
 const UPDATE: &str = "sudo apt-get update";
 
-/// Updates the package lists; only root may.
+/// Updates the package lists, which only root can do; returns true on success.
 fn update() -> bool {
     let is_root = shell::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
     is_root && shell::run(&mut command("apt-get", &["update"])).is_ok()

@@ -1,10 +1,10 @@
-//! Checks of the crates that we use: advisories, licences, duplicates and sources, by the rules of `deny.toml`.
+//! Checks of the dependencies: advisories, licences, duplicates and sources, by the rules of `deny.toml`.
 
 use crate::{shell, toolchain};
 
 const CARGO_DENY: (&str, &str) = ("cargo-deny", "0.20.2");
 
-/// Manifests of all workspaces: each has a `Cargo.lock` of its own.
+/// Manifests of all workspaces, each of which has its own `Cargo.lock`.
 const WORKSPACES: [&str; 6] = [
     "Cargo.toml",
     "firmware/boards/mps2-an386/Cargo.toml",
@@ -14,11 +14,12 @@ const WORKSPACES: [&str; 6] = [
     "apps/packaging/rollwalk_ros2/Cargo.toml",
 ];
 
-/// Checks the crates of all workspaces. Without a network by the advisories of an earlier run; cargo-deny refuses those when
-/// they are older than three months.
+/// Checks the dependencies of all workspaces. Without a network the advisories of an earlier run are used; cargo-deny refuses
+/// them when they are older than three months.
 ///
 /// # Errors
-/// The workspaces with findings, which are on the terminal; or the command that installs cargo-deny.
+/// Returns the workspaces with findings, which are printed on the terminal. If cargo-deny is missing, the error contains the
+/// command that installs it.
 pub fn check() -> Result<(), String> {
     let deny = toolchain::subcommand(CARGO_DENY)?;
     let fetched = shell::run(&mut shell::command(&deny, &["deny", "fetch", "db"]));
@@ -45,7 +46,10 @@ pub fn check() -> Result<(), String> {
         failures.extend(shell::run(&mut check).err());
     }
     if let (false, Err(why)) = (failures.is_empty(), fetched) {
-        failures.push(format!("perhaps for want of new advisories: {why}"));
+        failures.push(format!(
+            "the advisories may be outdated, because they could not be fetched: \
+            {why}"
+        ));
     }
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }

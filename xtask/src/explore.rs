@@ -1,17 +1,17 @@
-//! A large sweep over designs, split in every way, and a fault campaign: `tests/sweeps/split.sh`.
+//! Test of a large sweep over designs, split in all supported ways, and of a fault campaign: `tests/sweeps/split.sh`.
 
 use crate::{debian, python, shell, workspace};
 
 const KUBERNETES_VALIDATE: &str = "kubernetes-validate==1.37.0";
 
-/// Explores the sweep whole, interrupted, by GNU parallel and by a Slurm of two nodes on the loopback interface, and holds the
-/// Job of Kubernetes against its schema.
+/// Runs the sweep at once, interrupted, by GNU parallel, and by Slurm with two nodes on the loopback interface. Validates the
+/// Kubernetes Job against its schema.
 ///
 /// # Errors
-/// Tables that differ, or the command that installs what is missing.
+/// Returns an error if the tables differ. If a program is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
     debian::need(&["parallel", "slurm-wlm", "munge"]).map_err(|install| {
-        format!("the check needs GNU parallel and Slurm. On Debian:\n\n    {install}")
+        format!("the check requires GNU parallel and Slurm. On Debian:\n\n    {install}")
     })?;
     let name = "kubernetes-validate";
     let path = python::path(name, KUBERNETES_VALIDATE, "kubernetes_validate, yaml")?;

@@ -1,20 +1,20 @@
-//! Exported robots and plans as the tools read them that they are for, from PyPI.
+//! Check of exported robots and plans with the tools that they are meant for, installed from PyPI.
 
 use crate::extent::Extent;
 use crate::python::Environment;
 use crate::{mujoco, shell, workspace};
 
-/// Readers of the formats: MuJoCo of MJCF and URDF, Pinocchio and a parser of URDF, a reader of MCAP.
+/// Python packages that read the formats: MuJoCo for MJCF and URDF, Pinocchio and a URDF parser, and an MCAP reader.
 const READERS: [&str; 4] = ["mujoco==4.0.0", "pin==4.1.0", "urdf-parser-py==0.0.4", "mcap==1.6.0"];
 
-/// Test that takes no reader but MuJoCo.
+/// Test that needs no reader but MuJoCo.
 const IMPORTED: &str = "an_imported_model_has_the_poses_of_mujoco";
 
-/// Compares poses of every shipped robot, replays motions from their exported models alone, and reads recordings. In brief
-/// it compares the poses of one imported robot in MuJoCo.
+/// Compares poses of every shipped robot, replays motions from their exported models alone, and reads recordings. The brief
+/// form compares the poses of one imported robot in MuJoCo.
 ///
 /// # Errors
-/// The differences, or the command that installs what is missing.
+/// Returns the differences. If a program is missing, the error contains the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     if extent == Extent::Brief {
         let programs = workspace::programs()?;

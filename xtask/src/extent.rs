@@ -1,13 +1,13 @@
-//! Length of the checks that both `cargo xtask test` and `cargo xtask nightly` have.
+//! Extent of the checks that both `cargo xtask test` and `cargo xtask nightly` run.
 
-/// Length of a check.
+/// Extent of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// Form in `cargo xtask test` without a change in what the step checks. Takes seconds; shows that the step's programs still
-    /// fit together.
+    /// Form in `cargo xtask test` if no file that the step checks has changed. Takes seconds; shows that the programs of the
+    /// step still work together.
     Brief,
-    /// Form in `cargo xtask test` after a change in what the step checks. Takes minutes.
+    /// Form in `cargo xtask test` if a file that the step checks has changed. Takes minutes.
     Short,
-    /// Form in `cargo xtask nightly`. Takes any time.
+    /// Form in `cargo xtask nightly`, without a time limit.
     Full,
 }

@@ -1,8 +1,8 @@
-//! Builds and runs the fuzz targets of `tests/fuzz/`, as cargo-fuzz would, without having to install it.
+//! Builds and runs the fuzz targets of `tests/fuzz/` as cargo-fuzz would, without requiring it.
 //!
-//! libFuzzer needs the compiler's coverage pass, which stable has, and a C++ compiler for itself. No sanitizer: our
-//! code has no unsafe blocks, and Miri checks those of the dependencies. A target that finds a bug names the input and
-//! the command that repeats it.
+//! libFuzzer needs the compiler's coverage pass, which stable Rust has, and a C++ compiler for itself. Sanitizers are not used,
+//! because our code has no unsafe blocks, and Miri checks those of the dependencies. A target that finds a bug prints the input
+//! and the command that repeats it.
 
 use crate::shell::{self, command, workspace_root};
 use crate::{debian, fuzz_log, parallel};
@@ -11,12 +11,12 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Seconds of each target, after its seeds.
+/// Run time of each target after its seeds, s.
 pub const FULL_SECONDS: u32 = 600;
-/// Longest time until the planted bug is found, seconds; it takes one.
+/// Maximum time until the planted bug is found, s; usually one second.
 const PLANTED_SECONDS: u32 = 60;
 
-/// Coverage counters of edges, and comparisons with their operands; the flags of cargo-fuzz.
+/// Compiler flags of cargo-fuzz: coverage counters of edges, and comparisons with their operands.
 const RUSTFLAGS: [&str; 7] = [
     "--cfg fuzzing",
     "-Cpasses=sancov-module",
@@ -28,7 +28,7 @@ const RUSTFLAGS: [&str; 7] = [
     "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
 ];
 
-/// A fuzz target: a program of `tests/fuzz/src/bin/`.
+/// Fuzz target, a program of `tests/fuzz/src/bin/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Target {
     /// Validation and playback of motion libraries.
@@ -37,17 +37,17 @@ pub enum Target {
     Dispatcher,
     /// The library store in flash.
     Slots,
-    /// The memory for gains and limits in flash.
+    /// Flash store of gains and limits.
     Parameters,
     /// Codecs of all actuator protocols.
     Actuators,
     /// Packets on serial lines.
     Deframer,
-    /// The transport of long messages.
+    /// Transport of long messages.
     Isotp,
     /// Frames and messages of the link.
     Wire,
-    /// A bug that must be found.
+    /// Planted bug that must be found.
     Planted,
 }
 
@@ -56,7 +56,7 @@ impl Target {
         self.to_possible_value().expect("no target is hidden").get_name().to_owned()
     }
 
-    /// Longest input, bytes: what the target makes use of. Short inputs run more often.
+    /// Maximum length of useful inputs, bytes. Short inputs run faster.
     fn max_len(self) -> u32 {
         match self {
             Target::Library => 2048,
@@ -68,15 +68,15 @@ impl Target {
     }
 }
 
-/// Runs one target, or all of them, for `seconds` each; or one target on a single input.
+/// Runs one target or all targets for `seconds` each, or one target on a single input.
 ///
 /// # Errors
-/// The findings with their inputs.
+/// Returns the findings with their inputs.
 pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result<(), String> {
     let fuzz = Fuzz::build()?;
     match (target, input) {
         (Some(target), Some(input)) => fuzz.repeat(target, input),
-        (None, Some(_)) => Err("an input is for a target: name it".into()),
+        (None, Some(_)) => Err("name the target of the input".into()),
         (Some(target), None) => fuzz.all(&[target], seconds),
         (None, None) => fuzz.all(&real_targets(), seconds),
     }
@@ -85,7 +85,7 @@ pub fn run(target: Option<Target>, seconds: u32, input: Option<&Path>) -> Result
 /// Lints the targets, checks that a planted bug is found, and runs every target.
 ///
 /// # Errors
-/// The findings with their inputs; or the planted bug was not found.
+/// Returns the findings with their inputs, or an error if the planted bug was not found.
 pub fn check() -> Result<(), String> {
     let fuzz = Fuzz::build()?;
     let mut clippy = shell::cargo(&["clippy", "--manifest-path", "tests/fuzz/Cargo.toml"]);
@@ -99,9 +99,9 @@ fn real_targets() -> Vec<Target> {
     Target::value_variants().iter().copied().filter(|&target| target != Target::Planted).collect()
 }
 
-/// The built targets.
+/// Built targets.
 struct Fuzz {
-    /// Programs, seeds and logs, below the target folder.
+    /// Folder of programs, seeds and logs, below the target folder.
     folder: PathBuf,
     programs: PathBuf,
 }
@@ -124,7 +124,7 @@ impl Fuzz {
         Ok(Self { programs: folder.join(host).join("release"), folder })
     }
 
-    /// Runs targets, as many at a time as there are cores.
+    /// Runs targets in parallel on all cores.
     fn all(&self, targets: &[Target], seconds: u32) -> Result<(), String> {
         let failures = parallel::each(targets, |&target| {
             self.fuzz(target, seconds).map(|summary| eprintln!("{summary}"))
@@ -132,7 +132,7 @@ impl Fuzz {
         if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
     }
 
-    /// Runs one target from its seeds and the corpus of earlier runs; a summary.
+    /// Runs one target from its seeds and the corpus of earlier runs; returns a summary.
     fn fuzz(&self, target: Target, seconds: u32) -> Result<String, String> {
         let name = target.name();
         let (ended_well, log) = self.start(target, seconds)?;
@@ -140,10 +140,10 @@ impl Fuzz {
             return Err(fuzz_log::finding(&name, &log));
         }
         fuzz_log::summary(&name, &log)
-            .ok_or_else(|| format!("fuzz target {name} ended without having run:\n{log}"))
+            .ok_or_else(|| format!("fuzz target {name} ended without a run:\n{log}"))
     }
 
-    /// Runs a target; returns true if it ended without a finding, and the log of libFuzzer.
+    /// Runs a target. Returns true if it ended without a finding, and the log of libFuzzer.
     fn start(&self, target: Target, seconds: u32) -> Result<(bool, String), String> {
         let name = target.name();
         let seeds = emptied(&self.folder.join("seeds").join(&name))?;
@@ -181,7 +181,7 @@ impl Fuzz {
         // From an empty corpus, not from the last run's.
         emptied(&workspace_root().join("tests/fuzz/corpus").join(&name))?;
         let (ended_well, log) = self.start(Target::Planted, PLANTED_SECONDS)?;
-        let blind = |why: &str| Err(format!("{why}, so the fuzzer is blind:\n{log}"));
+        let blind = |why: &str| Err(format!("{why}, so the fuzzer cannot find bugs:\n{log}"));
         let Some(input) = fuzz_log::artifact(&log).filter(|_| !ended_well) else {
             return blind("the planted bug was not found");
         };
@@ -203,10 +203,15 @@ impl Fuzz {
 fn host() -> Result<String, String> {
     let version = shell::output(&mut command("rustc", &["-vV"]))?;
     let host = version.lines().find_map(|line| line.strip_prefix("host: "));
-    host.map(str::to_owned).ok_or_else(|| format!("rustc -vV names no host:\n{version}"))
+    host.map(str::to_owned).ok_or_else(|| {
+        format!(
+            "the output of rustc -vV lacks the \
+        host:\n{version}"
+        )
+    })
 }
 
-/// A folder of `tests/fuzz/` that is kept between runs, named as cargo-fuzz does.
+/// Creates a folder of `tests/fuzz/` that is kept between runs, named as in cargo-fuzz.
 fn kept(what: &str, target: &str) -> Result<PathBuf, String> {
     let folder = workspace_root().join("tests/fuzz").join(what).join(target);
     std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;

@@ -1,6 +1,6 @@
-//! Reader of libFuzzer's log: coverage reached, and findings.
+//! Parser of libFuzzer's log: coverage and findings.
 
-/// Inputs, coverage and corpus of a run without findings; `None` when it did not run.
+/// Number of inputs, coverage and corpus of a run without findings; `None` if the target did not run.
 pub fn summary(target: &str, log: &str) -> Option<String> {
     // #5789  DONE   cov: 674 ft: 2779 corp: 285/45Kb lim: 787 exec/s: 275 rss: 29Mb
     let done = log.lines().rev().find(|line| line.starts_with('#') && line.contains("DONE"))?;
@@ -15,13 +15,13 @@ pub fn summary(target: &str, log: &str) -> Option<String> {
     Some(format!("{target}: {inputs}, {edges} edges, {features} features, {kept} inputs kept"))
 }
 
-/// Number of inputs that ran.
+/// Number of inputs that were run.
 pub fn inputs(log: &str) -> String {
     let count = log.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
     format!("{} inputs", count.map_or("no", str::trim))
 }
 
-/// Path of the input that made the target fail.
+/// Path of the input that made the target fail; `None` if there is none.
 pub fn artifact(log: &str) -> Option<&str> {
     log.lines().find_map(|line| line.split_once("Test unit written to ").map(|(_, path)| path))
 }

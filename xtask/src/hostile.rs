@@ -1,6 +1,6 @@
-//! A simulated robot attacked over its link, without and with a link key, and outputs under kill -9 and a full disk:
-//! `tests/hostile/`, programs that share no code with the workspace. Controllers with a key are attacked in the firmware's own
-//! tests as well, by a node that can hold messages back.
+//! Attacks on a simulated robot over its link, with and without a link key, and interruption of commands by kill -9 and a full
+//! disk: `tests/hostile/`. These programs share no code with the workspace. The firmware's own tests also attack controllers
+//! with a key, by a node that delays messages.
 
 use crate::extent::Extent;
 use crate::workspace::{self, Program};
@@ -8,18 +8,19 @@ use crate::{debian, shell};
 use std::path::Path;
 use std::process::Command;
 
-/// Library file of the robot that is attacked, AgileBot.
+/// Library file of the attacked robot, AgileBot.
 const LIBRARY_FILE: &str = "shipped/motions/agilebot_library.toml";
 
-/// Tests the rules. In full it attacks a simulated robot with 100,000 frames and 200 libraries as well, one with a link key
-/// with 20,000, and controllers with a key 120,000 times; and ends commands while they write.
+/// Tests the rules. The full check also attacks a simulated robot with 100,000 frames and 200 libraries, one with a link key
+/// with 20,000 frames, and controllers with a key 120,000 times. It also kills commands while they write.
 ///
 /// # Errors
-/// A broken rule, a half-written file, or the command that installs what is missing.
+/// Returns an error if a rule is broken, or if a file is half written. If a program is missing, the error contains the command
+/// that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     if !shell::succeeds(&mut shell::command("python3", &["-c", "import tomllib"])) {
         debian::need(&["python3"]).map_err(|install| {
-            format!("the check needs Python 3.11 or later. On Debian:\n\n    {install}")
+            format!("the check requires Python 3.11 or later. On Debian:\n\n    {install}")
         })?;
     }
     shell::run(&mut python("test_rules.py"))?;

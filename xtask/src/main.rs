@@ -1,6 +1,6 @@
 //! `cargo xtask`: the development tasks of the workspace; the README and CI run `cargo xtask test`.
 //!
-//! | modules | what they do |
+//! | modules | task |
 //! |---|---|
 //! | [`steps`] | the steps of `cargo xtask test` and `cargo xtask nightly` |
 //! | [`quick`] | checks a change in one crate |
@@ -72,36 +72,36 @@ struct Cli {
 #[derive(Subcommand)]
 enum Task {
     /// Check everything that a change must pass: formatting, house rules, lints, docs, the bare-metal build and all tests.
-    /// Continues after a failure. Steps that run other programs use their brief form unless the change touches what they check.
-    /// The last table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
+    /// Continues after a failure. Steps that run other programs use their brief form unless the change touches files that they
+    /// check. The final table lists the seconds of every step, the failures, and the checks left to `cargo xtask nightly`.
     Test {
-        /// Run one step only, with all of its checks.
+        /// Run only this step, with all of its checks.
         #[arg(long, value_name = "STEP")]
         only: Option<TestStep>,
-        /// Run the brief form of the step, for a step beside others.
+        /// Run the brief form of the step, for a step that runs in parallel.
         #[arg(long, hide = true, requires = "only")]
         brief: bool,
     },
     /// Run the long forms of the tests, which take hours. Continues after a failure and prints the seconds of every step.
     Nightly {
-        /// Run one step only.
+        /// Run only this step.
         #[arg(long, value_name = "STEP")]
         only: Option<NightlyStep>,
     },
     /// Check a change while working on it: formatting, house rules, lints of the workspace, and tests of the changed crates.
     /// Prints the crates whose tests are left to `cargo xtask test`.
     Quick(quick::Options),
-    /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion over its UART;
-    /// every frame is compared with the host's simulation. mps2-an386-slcan is measured, for `cargo xtask vcan`. nucleo-g474re
-    /// and pico2 are measured, ready to be flashed.
-    /// `cargo xtask vcan`; nucleo-g474re is measured, for probe-rs to flash.
+    /// Build a board's image. mps2-an386 boots in QEMU, replays the demo from its memory and plays a short motion over its
+    /// UART; every frame is compared with the host's simulation. mps2-an386-slcan is measured, for `cargo xtask vcan`.
+    /// nucleo-g474re and pico2 are measured, ready to be flashed.
     Board {
         /// Board.
         board: board::Board,
-        /// Serial port of a nucleo-g474re that runs the image: print its report and transfer the demo library. Torque stays off.
+        /// Serial port of a nucleo-g474re that runs the image: print its report and transfer the demo library. Torque stays
+        /// off.
         #[arg(long, value_name = "DEVICE")]
         port: Option<std::path::PathBuf>,
-        /// Robot whose short motion mps2-an386 plays from its memory and over its UART, in place of AgileBot.
+        /// Robot file of another robot than AgileBot. mps2-an386 plays a short motion of it from its memory and over its UART.
         #[arg(long, value_name = "ROBOT.toml", conflicts_with_all = ["port", "demo_over_uart"])]
         robot: Option<std::path::PathBuf>,
         /// Play the whole demo over the UART of the emulated mps2-an386, which takes minutes.
@@ -109,7 +109,7 @@ enum Task {
         demo_over_uart: bool,
     },
     /// Build the image of a board for your own robot from its robot file. Prints the wiring of the robot's motors, the sizes of
-    /// the image, and how to flash it. A robot that needs ports which the board lacks is refused.
+    /// the image, and flashing instructions. A robot is refused if the board lacks a port that it needs.
     Image(board::ImageOptions),
     /// Print flash, RAM, stack and instruction count of the mps2-an386 image, and check that no code in it can panic.
     Sizes {
@@ -126,7 +126,7 @@ enum Task {
         /// Duration for each target, s.
         #[arg(long, default_value_t = fuzz::FULL_SECONDS)]
         seconds: u32,
-        /// Run this input only.
+        /// Run only this input.
         #[arg(long, value_name = "FILE")]
         input: Option<std::path::PathBuf>,
     },
@@ -134,12 +134,12 @@ enum Task {
     /// x86-64, manual pages, completions, udev rules and the shipped files; and the release notes.
     Package(package::Options),
     /// Measure, and write the pages of docs/measured: tables and figures of the thesis, the fault campaign, shipped motions in
-    /// MuJoCo. All pages take hours; a named page takes minutes to an hour.
+    /// MuJoCo. All pages take hours; a single page takes minutes to an hour.
     Measured(measured::Options),
-    /// Write the bills of materials of the shipped programs and board images, as CycloneDX. Fails if a compiled crate is missing
-    /// in them.
+    /// Write the bills of materials of the shipped programs and board images, as CycloneDX. Fails if a bill lacks a compiled
+    /// crate.
     Sbom {
-        /// Folder to write to. The default is `sbom` of the target folder.
+        /// Output folder. The default is `sbom` of the target folder.
         #[arg(long, value_name = "FOLDER")]
         out: Option<std::path::PathBuf>,
     },
@@ -151,10 +151,11 @@ enum Task {
         since: Option<String>,
     },
     /// Build the studio into `studio` of the target folder: `studio.wasm`, its engine; `site`, for any web server; and
-    /// `studio.html`, one file that opens from disk.
+    /// `studio.html`, a single file that can be opened from disk.
     Studio,
     /// Run the full tests on real CAN interfaces vcan0, vcan1 and vcan2: on this machine if its kernel has them, otherwise in a
-    /// virtual machine with Debian's kernel. A command runs in place of the tests; its exit status is returned.
+    /// virtual machine with Debian's kernel. If a command is given, it runs instead of the tests, and its exit status is
+    /// returned.
     Vcan(vcan::Options),
 }
 

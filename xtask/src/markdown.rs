@@ -1,5 +1,5 @@
-//! Parser of Markdown pages, for checks and for the book: headings with their anchors, links, blocks of code and code spans, each
-//! with its place in the text.
+//! Parser of Markdown pages, for checks and for the book: headings with their anchors, links, code blocks and code spans, each
+//! with its position in the text.
 
 use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ pub struct Page {
     pub headings: Vec<Heading>,
     /// Links and images, in order.
     pub links: Vec<Link>,
-    /// Blocks of code with a language, in order.
+    /// Code blocks with a language, in order.
     pub blocks: Vec<Block>,
     /// Code spans in order: line, counted from 1, and text.
     pub spans: Vec<(usize, String)>,
@@ -18,15 +18,15 @@ pub struct Page {
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Heading {
-    /// 1 for the title, then deeper.
+    /// Level: 1 for the title, higher for subsections.
     pub level: usize,
     /// Anchor of the heading: text behind `#` in links, by the rules of git hosts and mdBook.
     pub anchor: String,
-    /// Bytes of the heading in the page.
+    /// Byte range of the heading in the page.
     pub place: Range<usize>,
 }
 
-/// A link or an image.
+/// Link or image.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Link {
     /// Line, counted from 1.
@@ -35,18 +35,18 @@ pub struct Link {
     pub to: String,
     /// Text of the link, without markup.
     pub text: String,
-    /// Bytes of the destination in the page; `None` where the page writes it elsewhere than behind the text.
+    /// Byte range of the destination in the page; `None` if the destination is not directly behind the text.
     pub place: Option<Range<usize>>,
 }
 
-/// A block of code.
+/// Code block.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Line of its first line of code, counted from 1.
+    /// Number of the first line of code, counted from 1.
     pub line: usize,
     /// Text behind the opening fence: a language, and optional marks for tests.
     pub info: String,
-    /// Bytes of the marks, with the blank before them; empty without marks.
+    /// Byte range of the marks, with the preceding blank; empty without marks.
     pub marks: Range<usize>,
     pub code: String,
 }
@@ -113,7 +113,7 @@ impl Page {
         page
     }
 
-    /// The heading with this anchor, and the bytes from it to the next that is not below it.
+    /// Heading with this anchor, and the byte range from it to the next heading of the same or a higher level.
     pub fn section(&self, anchor: &str, text: &str) -> Option<(&Heading, Range<usize>)> {
         let at = self.headings.iter().position(|heading| heading.anchor == anchor)?;
         let heading = &self.headings[at];
@@ -123,7 +123,7 @@ impl Page {
     }
 }
 
-/// A heading's anchor: its letters in lower case, blanks as `-`, without punctuation.
+/// Anchor of a heading: its letters in lower case, blanks as `-`, without punctuation.
 pub fn anchor(heading: &str) -> String {
     let kept = |c: char| match c {
         ' ' => Some('-'),
@@ -133,15 +133,15 @@ pub fn anchor(heading: &str) -> String {
     heading.trim().to_lowercase().chars().filter_map(kept).collect()
 }
 
-/// The anchor, numbered if the page has it already.
+/// Makes an anchor unique by a number if the page already has it.
 fn distinct(anchor: String, used: &mut BTreeMap<String, usize>) -> String {
     let count = used.entry(anchor.clone()).or_default();
     *count += 1;
     if *count == 1 { anchor } else { format!("{anchor}-{}", *count - 1) }
 }
 
-/// Path of the file that a link on the page `from` leads to, and the anchor there; an empty path is the page itself. `None`
-/// for what lies outside of the checkout.
+/// Resolves a link on the page `from` to the path of a file and an anchor; an empty path in the link stands for the page
+/// itself. Returns `None` for links outside of the checkout.
 pub fn target(from: &str, to: &str) -> Option<(String, String)> {
     let has_scheme = to.split(['/', '#']).next().is_some_and(|head| head.contains(':'));
     if has_scheme {

@@ -1,5 +1,5 @@
-//! `cargo xtask measured`: tables of measurements, one page of `docs/measured/` a command, each with its commit, date, processor,
-//! compiler and verdict.
+//! `cargo xtask measured`: writes tables of measurements, one page of `docs/measured/` for each command, with commit, date,
+//! processor, compiler and verdict.
 
 use crate::docs::reference;
 use crate::{replay, shell, workspace};
@@ -8,9 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-/// Folder of the pages, below the root.
+/// Folder of the pages, relative to the root.
 pub const FOLDER: &str = "docs/measured";
-/// Program of the benchmarks, and the folder of its package.
+/// Folder of the benchmarks' package, and the name of its program.
 const BENCHMARKS: (&str, &str) = ("apps/bench", "rollwalk-bench");
 
 /// Options of `cargo xtask measured`.
@@ -19,15 +19,15 @@ pub struct Options {
     /// Pages to write: the benchmarks of `rollwalk bench`, replay, tracked, retargeted and identified. All by default.
     #[arg(value_name = "PAGE")]
     pages: Vec<String>,
-    /// URDF files of robots that `replay` and `tracked` import and play besides the shipped ones.
+    /// URDF files of robots that `replay` and `tracked` also import and play.
     #[arg(long, value_name = "ROBOT.urdf")]
     urdf: Vec<PathBuf>,
-    /// Print the names of the pages, and end.
+    /// Print the names of the pages, then exit.
     #[arg(long, exclusive = true)]
     list: bool,
 }
 
-/// A page: its name, its title, and the program that measures.
+/// Page: its name, its title, and the program that measures.
 struct Page {
     name: String,
     title: String,
@@ -39,20 +39,21 @@ enum Source {
     Replay(replay::Table),
 }
 
-/// Result of a measurement: Markdown, the command that makes it, and its verdict.
+/// Result of a measurement.
 pub struct Measured {
     /// Tables and sentences, in Markdown.
     pub text: String,
-    /// Command line that a reader can type.
+    /// Command line that reproduces the measurement.
     pub command: String,
-    /// Outcome by the rule of the command.
+    /// Verdict by the rule of the command.
     pub verdict: String,
 }
 
 /// Writes pages of [`FOLDER`].
 ///
 /// # Errors
-/// An unknown page, a program that fails, or a file that cannot be written. Pages before it are written.
+/// Returns an error if a page is unknown, if a program fails, or if a file cannot be written. Earlier pages are then already
+/// written.
 pub fn write(options: &Options) -> Result<(), String> {
     let program = workspace::optimised_program(BENCHMARKS.0, BENCHMARKS.1)?.path;
     let pages =
@@ -63,7 +64,7 @@ pub fn write(options: &Options) -> Result<(), String> {
         return Ok(());
     }
     if let Some(unknown) = options.pages.iter().find(|name| !names.contains(&name.as_str())) {
-        return Err(format!("there is no page `{unknown}`; pages: {}", names.join(", ")));
+        return Err(format!("there is no page `{unknown}`; choose from: {}", names.join(", ")));
     }
     let is_chosen = |page: &&Page| options.pages.is_empty() || options.pages.contains(&page.name);
     let folder = shell::workspace_root().join(FOLDER);
@@ -82,7 +83,7 @@ pub fn write(options: &Options) -> Result<(), String> {
     Ok(())
 }
 
-/// Pages, from the help text of the benchmarks.
+/// Returns the pages, from the help text of the benchmarks.
 fn pages(help: &str) -> Vec<Page> {
     let benchmarks = reference::abouts(help).into_iter();
     let benchmarks =
@@ -95,7 +96,7 @@ fn pages(help: &str) -> Vec<Page> {
     benchmarks.chain(replays).collect()
 }
 
-/// Runs a benchmark. Its page is the Markdown that it writes, and its charts, which are copied beside the page.
+/// Runs a benchmark. Its page consists of the Markdown that it writes and its charts, which are copied into the same folder.
 fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
     let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
     let out = shell::target_folder().join("measured").join(name);
@@ -109,7 +110,7 @@ fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
     let verdict = match status.code() {
         Some(0) => "passed",
         Some(3) => "a motion does not hold",
-        Some(4) => "a stated bound is exceeded",
+        Some(4) => "a limit is exceeded",
         _ => return Err(format!("`rollwalk bench {name}` failed: {status}")),
     };
     let mut text = String::new();
@@ -136,7 +137,7 @@ fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
     Ok(Measured { text, command: format!("rollwalk bench {name}"), verdict: verdict.into() })
 }
 
-/// Commit, day, processor and compiler of a measurement.
+/// Commit, date, processor and compiler of a measurement.
 struct Origin {
     commit: String,
     date: String,
@@ -145,7 +146,7 @@ struct Origin {
 }
 
 impl Origin {
-    /// Origin of this run.
+    /// Returns the origin of this run.
     fn now() -> Result<Self, String> {
         let of = |program: &str, args: &[&str]| {
             shell::output(&mut shell::command(program, args)).map(|text| text.trim().to_owned())
@@ -161,7 +162,7 @@ impl Origin {
     }
 }
 
-/// The first processor's model in `/proc/cpuinfo`.
+/// Returns the model of the first processor in `/proc/cpuinfo`.
 fn processor(cpus: &str) -> Option<&str> {
     let line = cpus.lines().find(|line| line.starts_with("model name"))?;
     line.split_once(':').map(|(_, name)| name.trim())

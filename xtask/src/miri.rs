@@ -1,13 +1,13 @@
-//! Runs tests of protocol and firmware in Miri, which finds undefined behaviour and emulates a big-endian machine.
+//! Runs tests of protocol and firmware in Miri, which detects undefined behaviour and emulates a big-endian machine.
 //!
-//! Both crates forbid unsafe code, so undefined behaviour can only come from their dependencies. Miri is a hundred
-//! times slower than a processor: random tests draw once, exhaustive ones take samples (`cfg(miri)`), and tests that
-//! simulate minutes of a robot are left out. It is isolated from the machine, so every run is the same.
+//! Both crates forbid unsafe code, so undefined behaviour can only come from their dependencies. Miri is a hundred times slower
+//! than a processor. Random tests therefore draw once, exhaustive tests sample (`cfg(miri)`), and tests that simulate minutes
+//! of a robot are left out. Miri is isolated from the machine, so every run is the same.
 
 use crate::{parallel, shell, toolchain};
 use std::time::Instant;
 
-/// Big-endian, while our formats are little-endian on every machine.
+/// Target triple of a big-endian machine; our formats are little-endian on every machine.
 const BIG_ENDIAN: &str = "s390x-unknown-linux-gnu";
 
 /// Call of `cargo miri test`.
@@ -15,9 +15,9 @@ struct Run {
     name: &'static str,
     /// Arguments of `cargo miri test`.
     cargo: &'static [&'static str],
-    /// Parts of the names of the tests to run; empty for all.
+    /// Substrings in the names of the tests to run; empty for all tests.
     only: &'static [&'static str],
-    /// Parts of the names of tests that take minutes in Miri.
+    /// Substrings in the names of tests that take minutes in Miri.
     skip: &'static [&'static str],
 }
 
@@ -82,10 +82,10 @@ const RUNS: [Run; 5] = [
     },
 ];
 
-/// Runs tests in Miri, as many runs at a time as there are cores.
+/// Runs tests in Miri, in parallel on all cores.
 ///
 /// # Errors
-/// Miri's messages about the runs that fail; or the command that installs Miri.
+/// Returns Miri's messages about the failed runs. If Miri is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
     toolchain::need_nightly(&["miri", "rust-src"])?;
     shell::run(&mut toolchain::nightly_cargo(&["miri", "setup"]))?;
@@ -94,7 +94,7 @@ pub fn check() -> Result<(), String> {
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n\n")) }
 }
 
-/// Runs the tests and prints how many passed.
+/// Runs the tests and prints the number of passed tests.
 fn run_tests(run: &Run) -> Result<(), String> {
     let start = Instant::now();
     let mut miri = toolchain::nightly_cargo(&["miri", "test"]);

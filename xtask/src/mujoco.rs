@@ -1,16 +1,16 @@
-//! Kinematics and dynamics of every robot file against MuJoCo, which is installed below the target folder.
+//! Comparison of every robot file's kinematics and dynamics with MuJoCo, which is installed below the target folder.
 
 use crate::extent::Extent;
 use crate::{python, shell, workspace};
 use std::ffi::OsString;
 
-/// Works with Python 3.10 and later.
+/// Version of MuJoCo for Python 3.10 and later.
 const MUJOCO: &str = "mujoco==4.0.0";
 
-/// Compares `rollwalk-multibody` with MuJoCo on random states of each robot: 5, 50 or 1,000.
+/// Compares `rollwalk-multibody` with MuJoCo on 5, 50 or 1,000 random states of each robot.
 ///
 /// # Errors
-/// The differences, or the command that installs what is missing.
+/// Returns the differences. If a program is missing, the error contains the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     let states = match extent {
         Extent::Brief => "5",
@@ -24,10 +24,10 @@ pub fn check(extent: Extent) -> Result<(), String> {
     shell::run(command.env("PYTHONPATH", path).env("MULTIBODY_STATES", states))
 }
 
-/// `PYTHONPATH` with MuJoCo, installed if it is missing.
+/// Returns a `PYTHONPATH` with MuJoCo, which is installed if it is missing.
 ///
 /// # Errors
-/// The command that installs what is missing.
+/// Returns the command that installs a missing program.
 pub fn path() -> Result<OsString, String> {
     python::path("mujoco", MUJOCO, "mujoco, numpy")
 }

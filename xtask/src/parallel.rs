@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-/// Applies `work` to each item, in order, as many at a time as there are cores; returns the failures.
+/// Applies `work` to the items in order, in parallel on all cores; returns the failures.
 pub fn each<T: Sync>(all: &[T], work: impl Fn(&T) -> Result<(), String> + Sync) -> Vec<String> {
     let waiting = Mutex::new(all.iter());
     let failures = Mutex::new(Vec::new());

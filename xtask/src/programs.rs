@@ -1,26 +1,27 @@
-//! Runs programs of tests as many at a time as there are cores, and those with deadlines in real time alone at the end.
+//! Runs test programs in parallel on all cores, and those with real-time deadlines alone at the end.
 //!
-//! Cargo runs them one after the other: at the end of each, its longest test keeps one core busy and the others idle.
+//! Cargo runs test programs one after the other; near the end of each, its longest test keeps one core busy and the others
+//! idle.
 
 use crate::workspace::Program;
 use crate::{parallel, shell};
 use std::time::Instant;
 
-/// The end-to-end tests, which run longest and wait most.
+/// Name of the end-to-end tests, which run longest and wait most.
 const END_TO_END: &str = "integration";
-/// End-to-end tests whose simulated robots have deadlines in real time. Other programs beside them would make them miss the
-/// deadlines.
+/// Filter for end-to-end tests whose simulated robots have real-time deadlines. Programs that run in parallel would make them
+/// miss the deadlines.
 const REAL_TIME: &str = "::in_real_time_";
-/// Number of tests in real time at a time. With three of them on two cores, setpoint streams arrive late and the tests are
+/// Number of parallel real-time tests. With three of them on two cores, set-point streams arrive late and the tests are
 /// repeated.
 const REAL_TIME_THREADS: &str = "--test-threads=2";
-/// Number of other tests of [`END_TO_END`] at a time: most wait for robots that play in real time.
+/// Number of parallel tests of [`END_TO_END`] without deadlines; most of them wait for robots that play in real time.
 const END_TO_END_THREADS: &str = "--test-threads=4";
 
-/// Runs programs beside each other, without the tests that [`in_real_time`] runs.
+/// Runs test programs in parallel, without the tests that [`in_real_time`] runs.
 ///
 /// # Errors
-/// All that the failed programs printed.
+/// Returns the complete output of the failed programs.
 pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
     let mut programs = programs.to_vec();
     // The others run while it does.
@@ -41,7 +42,7 @@ pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
 /// Runs modules of the end-to-end tests, without the tests that [`in_real_time`] runs.
 ///
 /// # Errors
-/// All that the failed programs printed.
+/// Returns the complete output of the failed programs.
 pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> {
     for program in programs.iter().filter(|program| program.name == END_TO_END) {
         for module in modules {
@@ -53,10 +54,10 @@ pub fn modules(programs: &[&Program], modules: &[String]) -> Result<(), String> 
     Ok(())
 }
 
-/// Runs the tests with deadlines in real time, with nothing beside them.
+/// Runs the tests with real-time deadlines, with no other program in parallel.
 ///
 /// # Errors
-/// All that they printed; or there are none.
+/// Returns the output of the failed tests, or an error if there are no such tests.
 pub fn in_real_time(programs: &[Program]) -> Result<(), String> {
     let is_end_to_end = |program: &&Program| program.is_test && program.name == END_TO_END;
     let mut found = programs.iter().filter(is_end_to_end);

@@ -1,5 +1,5 @@
-//! Python packages that a check needs, installed below the target folder for that check alone: on a path, or in an environment
-//! where packages have more than modules.
+//! Python packages of a check, installed below the target folder. Modules are put on a path; an environment also has the
+//! packages' programs.
 
 use crate::{debian, shell};
 use std::env;
@@ -8,11 +8,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// `PYTHONPATH` with a package, which pip installs in a folder of its own if it is missing. `imports` are the
-/// modules that show that it is there.
+/// Returns a `PYTHONPATH` with a package, which pip installs in a separate folder if it is missing. The package counts as
+/// installed if `imports` can be imported.
 ///
 /// # Errors
-/// The command that installs what is missing.
+/// Returns the command that installs a missing program.
 pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, String> {
     let folder = shell::target_folder().join(name);
     let import = format!("import {imports}");
@@ -22,8 +22,9 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
     };
     if !present() {
         if !shell::succeeds(&mut shell::command("python3", &["-m", "pip", "--version"])) {
-            debian::need(&["python3", "python3-pip"])
-                .map_err(|install| format!("the check needs pip. On Debian:\n\n    {install}"))?;
+            debian::need(&["python3", "python3-pip"]).map_err(|install| {
+                format!("the check requires pip. On Debian:\n\n    {install}")
+            })?;
         }
         let _alone = shell::installing()?;
         let mut pip = shell::command("python3", &["-m", "pip", "install", "--quiet", "--target"]);
@@ -39,20 +40,20 @@ pub fn path(name: &str, requirement: &str, imports: &str) -> Result<OsString, St
     env::join_paths(path).map_err(|error| error.to_string())
 }
 
-/// Python environment with its own packages only.
+/// Python environment that contains only its own packages.
 pub struct Environment(PathBuf);
 
 impl Environment {
-    /// Creates the environment in a new folder, with some packages (names with versions, or files) and their dependencies.
+    /// Creates the environment in a new folder, with these packages (names with versions, or files) and their dependencies.
     ///
     /// # Errors
-    /// What pip says, or the command that installs what is missing.
+    /// Returns pip's error. If a program is missing, the error contains the command that installs it.
     pub fn new(folder: &Path, packages: &[&OsStr]) -> Result<Self, String> {
         let mut venv = shell::command("python3", &["-m", "venv", "--clear"]);
         venv.arg(folder);
         if !shell::succeeds(&mut venv) {
             debian::need(&["python3-venv"]).map_err(|install| {
-                format!("the check needs Python's venv. On Debian:\n\n    {install}")
+                format!("the check requires Python's venv. On Debian:\n\n    {install}")
             })?;
             shell::run(&mut venv)?;
         }
@@ -63,10 +64,10 @@ impl Environment {
         Ok(python)
     }
 
-    /// Below the target folder, with packages, as an earlier run left it.
+    /// Returns an environment with these packages below the target folder, reusing that of an earlier run.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// Returns the errors of [`new`](Self::new).
     pub fn kept(name: &str, packages: &[&str]) -> Result<Self, String> {
         let folder = shell::target_folder().join(name);
         // Written last: a folder that an interruption left is made anew.
@@ -89,7 +90,7 @@ impl Environment {
         self.0.join("bin").join(name)
     }
 
-    /// A module with arguments, where only what is installed there is found.
+    /// Creates a command that runs a module with arguments; only the packages of this environment are found.
     pub fn module(&self, name: &str, args: &[&str]) -> Command {
         let mut command = shell::command(&self.program().to_string_lossy(), &["-m", name]);
         command.args(args).env_remove("PYTHONPATH");

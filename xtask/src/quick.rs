@@ -1,9 +1,10 @@
-//! `cargo xtask quick`: the check of a change while working on it. Formatting, house rules, lints of the whole workspace, and the
-//! tests of the changed crates. Dependent crates are linted with their tests, but these are left to `cargo xtask test`, and
-//! named.
+//! `cargo xtask quick`: the check of a change during development. Runs formatting, house rules, lints of the whole workspace,
+//! and the tests of the changed crates. Dependent crates are linted with their tests, but running these tests is left to `cargo
+//! xtask test`; the output lists them.
 //!
-//! Lints need no machine code, so a change low in the workspace does not compile all crates above it. The tests of one crate
-//! are built for that crate alone, with its own selection of features: its first build compiles dependencies once more.
+//! Lints need no machine code, so a change of a low-level crate does not compile all crates that depend on it. The tests of a
+//! crate are built for that crate alone, with its own selection of features; its first build therefore compiles dependencies
+//! once more.
 
 use crate::steps::{Run, test};
 use crate::workspace::{self, Program};
@@ -12,13 +13,13 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Crates whose tests read files of another.
+/// Folders with files of one crate that the tests of another read, with the name of the other.
 const READERS: [(&str, &str); 3] = [
     ("shipped/robots", "rollwalk-robot"),
     ("shipped/motions", "rollwalk-planner"),
     ("shipped/designs", "rollwalk-design"),
 ];
-/// The end-to-end tests, a module for each file.
+/// Folder of the end-to-end tests, with a module in each file.
 const END_TO_END: &str = "tests/integration";
 
 /// Options of the command.
@@ -32,7 +33,7 @@ pub struct Options {
 /// Checks the changes.
 ///
 /// # Errors
-/// The failed step; or git's or cargo's errors.
+/// Returns the failed step, or the error of git or cargo.
 pub fn run(options: &Options) -> Result<(), String> {
     let files = changes::files(options.since.as_deref())?;
     let metadata =
@@ -52,7 +53,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     let outcome = run.finish();
     let left = dependents(&packages, &changed);
     if !left.is_empty() {
-        eprintln!("\nLeft to `cargo xtask test`: the tests of {}", names(&left));
+        eprintln!("\nRun `cargo xtask test` for the remaining tests, those of {}", names(&left));
     }
     outcome
 }
@@ -62,13 +63,14 @@ fn names(packages: &[&Package]) -> String {
     if names.is_empty() { "none".into() } else { names.join(", ") }
 }
 
-/// A package of the workspace.
+/// Package of the workspace.
 #[derive(Debug, PartialEq, Eq)]
 struct Package {
     name: String,
     folder: PathBuf,
-    /// Names of the packages that it depends on, by kind: what users get, and what only tests need.
+    /// Names of the packages that users of this package get.
     dependencies: BTreeSet<String>,
+    /// Names of the packages that only the tests of this package need.
     test_dependencies: BTreeSet<String>,
 }
 
@@ -89,7 +91,7 @@ fn packages(metadata: &Value) -> Option<Vec<Package>> {
     packages.collect()
 }
 
-/// Packages with changed files, or whose tests read some.
+/// Packages with changed files, or with tests that read changed files.
 fn changed<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
     let root = shell::workspace_root();
     let names = |file: &PathBuf| {
@@ -102,7 +104,7 @@ fn changed<'a>(packages: &'a [Package], files: &[PathBuf]) -> Vec<&'a Package> {
     packages.iter().filter(|package| names.contains(package.name.as_str())).collect()
 }
 
-/// Other packages that use some, or whose tests do.
+/// Other packages that depend on changed ones, directly or for tests.
 fn dependents<'a>(packages: &'a [Package], changed: &[&Package]) -> Vec<&'a Package> {
     let of = |names: &BTreeSet<&str>, used: &BTreeSet<String>| {
         used.iter().any(|name| names.contains(name.as_str()))
@@ -126,8 +128,8 @@ fn dependents<'a>(packages: &'a [Package], changed: &[&Package]) -> Vec<&'a Pack
     packages.iter().filter(is_left).collect()
 }
 
-/// Builds and runs the tests of some packages. Of the end-to-end tests it runs those in changed files, but for those in real
-/// time.
+/// Builds and runs the tests of some packages. Of the end-to-end tests, only those in changed files are run, without the
+/// real-time ones.
 fn run_tests(packages: &[&Package], files: &[PathBuf]) -> Result<(), String> {
     if packages.is_empty() {
         return Ok(());

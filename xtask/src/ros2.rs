@@ -1,27 +1,28 @@
-//! The ROS 2 node as colcon builds and installs it: a simulated robot as clients over Cyclone DDS see it (`tests/ros2/`), which
-//! needs no ROS.
+//! Test of the ROS 2 node as colcon builds and installs it, with a simulated robot and clients over Cyclone DDS
+//! (`tests/ros2/`); needs no ROS.
 
 use crate::python::Environment;
 use crate::{shell, toolchain, workspace};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// An implementation of DDS beside the node's, definitions of ROS's messages, and readers of YAML and URDF.
+/// Python packages of the clients: another DDS implementation, definitions of ROS messages, and readers of YAML and URDF.
 const CLIENT: [&str; 4] =
     ["cyclonedds==11.0.1", "rosbags==0.11.9", "ruamel.yaml==0.19.1", "urdf-parser-py==0.0.4"];
-/// The build tool of ROS workspaces, with what it needs for `ament_cargo`.
+/// Build tool of ROS workspaces, with its packages for `ament_cargo`.
 const COLCON: [&str; 4] = [
     "colcon-common-extensions==0.3.0",
     "colcon-core==0.21.3",
     "colcon-cargo==0.2.0",
     "colcon-ros-cargo==0.2.0",
 ];
-/// The subcommand of cargo that colcon calls.
+/// Subcommand of cargo that colcon calls.
 const AMENT_BUILD: (&str, &str) = ("cargo-ament-build", "0.1.11");
 /// Name of the package.
 const PACKAGE: &str = "rollwalk_ros2";
-/// The program in an installed package, and what ROS finds beside it.
+/// Path of the program in an installed package.
 const NODE: &str = "lib/rollwalk_ros2/rollwalk-ros2";
+/// Files of an installed package that ROS uses.
 const INSTALLED: [&str; 4] = [
     NODE,
     "share/rollwalk_ros2/launch/rollwalk.launch.py",
@@ -29,10 +30,10 @@ const INSTALLED: [&str; 4] = [
     "share/ament_index/resource_index/packages/rollwalk_ros2",
 ];
 
-/// Tests the node's crate, and the node that colcon builds, which is optimised.
+/// Tests the node's crate, and the optimised node that colcon builds.
 ///
 /// # Errors
-/// A test or the build failed; or a tool is missing, and the error names the command that installs it.
+/// Returns an error if a test or the build fails. If a tool is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
     let programs = workspace::programs()?;
     let program = |folder, name| {
@@ -51,7 +52,7 @@ pub fn check() -> Result<(), String> {
     shell::run(tests.env("ROLLWALK_ROS2", node))
 }
 
-/// Builds the package in a workspace of colcon below the target folder; the node that it installs there.
+/// Builds the package in a colcon workspace below the target folder; returns the path of the installed node.
 fn colcon() -> Result<PathBuf, String> {
     let python = Environment::kept("colcon-python", &COLCON)?;
     let ament_build = toolchain::program(AMENT_BUILD, &["ament-build", "--help"], &[])?;
@@ -73,6 +74,6 @@ fn colcon() -> Result<PathBuf, String> {
     if missing.is_empty() {
         Ok(installed.join(NODE))
     } else {
-        Err(format!("colcon installed no {missing:?} in {}", installed.display()))
+        Err(format!("colcon did not install {missing:?} in {}", installed.display()))
     }
 }

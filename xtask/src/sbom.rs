@@ -1,6 +1,6 @@
-//! The bill of materials of what ships: the programs of the host, and the images of the boards, in CycloneDX's JSON.
+//! Bills of materials of the shipped programs and board images, in CycloneDX JSON.
 //!
-//! cargo-cyclonedx writes them; `cargo tree`, which resolves dependencies by itself, tells whether any crate is missing.
+//! cargo-cyclonedx writes them. `cargo tree` resolves dependencies independently, and reveals missing crates.
 
 use crate::{bare_metal, shell, toolchain};
 use serde_json::Value;
@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 
 const CARGO_CYCLONEDX: (&str, &str) = ("cargo-cyclonedx", "0.5.9");
 
-/// Something that ships: a package of a workspace, for a machine.
+/// Shipped package of a workspace, for a target machine.
 struct Shipped {
     workspace: &'static str,
     package: &'static str,
-    /// The machine; `None` for this one.
+    /// Target triple; `None` for this machine.
     target: Option<&'static str>,
 }
 
@@ -42,11 +42,12 @@ const SHIPPED: [Shipped; 6] = [
 /// Name and version of a crate.
 type Crate = (String, String);
 
-/// Writes the bills of materials into a folder, `sbom` of the target folder by default, and compares them with the crates
-/// that cargo would compile in.
+/// Writes the bills of materials into a folder (default: `sbom` of the target folder), and compares them with the crates that
+/// cargo would compile.
 ///
 /// # Errors
-/// A crate that ships and is in no bill; or the command that installs cargo-cyclonedx.
+/// Returns an error if a shipped crate is missing in a bill. If cargo-cyclonedx is missing, the error contains the command that
+/// installs it.
 pub fn write(folder: Option<&Path>) -> Result<(), String> {
     let folder = folder.map_or_else(|| shell::target_folder().join("sbom"), Path::to_owned);
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
@@ -58,7 +59,10 @@ pub fn write(folder: Option<&Path>) -> Result<(), String> {
         let (listed, compiled) = (components(&text)?, compiled(&shipped.tree()?));
         let missing: Vec<_> = compiled.difference(&listed).collect();
         if !missing.is_empty() || compiled.is_empty() {
-            return Err(format!("{}: not in its bill of materials: {missing:?}", shipped.package));
+            return Err(format!(
+                "{}: crates missing from the bill of materials: {missing:?}",
+                shipped.package
+            ));
         }
         fs::write(&bill, text).map_err(failed)?;
         eprintln!("{}: {} crates", bill.display(), listed.len());
@@ -71,7 +75,8 @@ impl Shipped {
         shell::workspace_root().join(self.workspace).join("Cargo.toml")
     }
 
-    /// The bill of materials. cargo-cyclonedx leaves one beside the manifest of every package of the workspace.
+    /// Returns the bill of materials. cargo-cyclonedx writes a bill next to the manifest of every package of the workspace; all
+    /// are removed.
     fn bill(&self, cyclonedx: &str) -> Result<String, String> {
         let options = ["cyclonedx", "--quiet", "--format", "json", "--spec-version", "1.5"];
         let mut write = shell::command(cyclonedx, &options);
@@ -82,7 +87,8 @@ impl Shipped {
         let mut metadata = shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]);
         let metadata = shell::output(metadata.arg("--manifest-path").arg(self.manifest()))?;
         let metadata: Value = serde_json::from_str(&metadata).map_err(|error| error.to_string())?;
-        let mut found = Err(format!("cargo-cyclonedx has written nothing for {}", self.package));
+        let mut found =
+            Err(format!("cargo-cyclonedx wrote no bill of materials for {}", self.package));
         for package in metadata["packages"].as_array().into_iter().flatten() {
             let (Some(name), Some(path)) =
                 (package["name"].as_str(), package["manifest_path"].as_str())
@@ -101,12 +107,12 @@ impl Shipped {
         found.map(|text| text.replace(&format!("{}", root.display()), ""))
     }
 
-    /// Images may have keys, whose crates are features of theirs.
+    /// Option that selects the features of board images, because keys need additional crates.
     fn features(&self) -> Option<&'static str> {
         self.target.map(|_| "--all-features")
     }
 
-    /// The crates that are compiled into it, a line each.
+    /// Lists the compiled crates of the package, one per line.
     fn tree(&self) -> Result<String, String> {
         let mut tree = shell::cargo(&["tree", "--locked", "--edges", "normal", "--prefix", "none"]);
         tree.arg("--manifest-path").arg(self.manifest()).args(["--package", self.package]);
@@ -125,11 +131,16 @@ fn compiled(tree: &str) -> BTreeSet<Crate> {
     tree.lines().filter_map(of_line).collect()
 }
 
-/// Crates of a bill of materials, what it is for included.
+/// Returns the crates of a bill of materials, including its subject.
 fn components(bill: &str) -> Result<BTreeSet<Crate>, String> {
-    let bill: Value = serde_json::from_str(bill).map_err(|error| format!("the bill: {error}"))?;
+    let bill: Value = serde_json::from_str(bill).map_err(|error| {
+        format!(
+            "the bill of materials is \
+        not JSON: {error}"
+        )
+    })?;
     if bill["bomFormat"] != "CycloneDX" {
-        return Err("the bill is not CycloneDX's".into());
+        return Err("the bill of materials is not in the CycloneDX format".into());
     }
     let components = bill["components"].as_array().into_iter().flatten();
     let crates = components.chain([&bill["metadata"]["component"]]).filter_map(|component| {

@@ -1,10 +1,10 @@
-//! Runs other programs from the workspace root; errors name the command line.
+//! Execution of other programs in the workspace root; errors contain the command line.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Root of the workspace: the folder above this crate.
+/// Root of the workspace: the parent folder of this crate.
 pub fn workspace_root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace").into()
 }
@@ -15,35 +15,35 @@ pub fn target_folder() -> PathBuf {
     workspace_root().join(chosen)
 }
 
-/// A command that runs in the workspace root.
+/// Creates a command that runs in the workspace root.
 pub fn command<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command {
     let mut command = Command::new(program);
     command.args(args).current_dir(workspace_root());
     command
 }
 
-/// A command of the system's administrator, which may lie outside a user's `PATH`.
+/// Creates a command for a program of the system administrator, which may be outside of the user's `PATH`.
 pub fn system<S: AsRef<std::ffi::OsStr>>(program: &str, args: &[S]) -> Command {
     let found = ["/usr/sbin", "/sbin"].map(|folder| Path::new(folder).join(program));
     let found = found.iter().find(|path| path.exists()).and_then(|path| path.to_str());
     command(found.unwrap_or(program), args)
 }
 
-/// A command that is killed when this process ends, however it ends. Start it from a thread that outlives it: the kernel
-/// kills it when the thread that started it ends.
+/// Creates a command whose process is killed when this process ends for any reason. The starting thread must outlive the
+/// command, because the kernel kills the command when that thread ends.
 pub fn tied(program: &str) -> Command {
     command("setpriv", &["--pdeathsig", "KILL", "--", program])
 }
 
-/// The cargo that runs this task, so that `cargo +toolchain xtask` keeps its toolchain.
+/// Creates a command of the cargo that runs this task, so that `cargo +toolchain xtask` keeps its toolchain.
 pub fn cargo(args: &[&str]) -> Command {
     command(&std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()), args)
 }
 
-/// Runs a command with the terminal attached.
+/// Runs a command with its output on the terminal.
 ///
 /// # Errors
-/// The command line and its exit status, when that is not 0.
+/// Returns the command line and the exit status if that is not 0.
 pub fn run(command: &mut Command) -> Result<(), String> {
     match command.status() {
         Ok(status) if status.success() => Ok(()),
@@ -52,7 +52,7 @@ pub fn run(command: &mut Command) -> Result<(), String> {
     }
 }
 
-/// Runs a command silently; whether it exists and exits with 0.
+/// Runs a command silently. Returns true if it exists and exits with 0.
 pub fn succeeds(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
 }
@@ -60,15 +60,15 @@ pub fn succeeds(command: &mut Command) -> bool {
 /// Runs a command silently and returns its output as text.
 ///
 /// # Errors
-/// The command line and its error output, when it does not exit with 0.
+/// Returns the command line and the error output if the command does not exit with 0.
 pub fn output(command: &mut Command) -> Result<String, String> {
     bytes(command).map(|out| String::from_utf8_lossy(&out).into_owned())
 }
 
-/// Runs a command whose errors are for the user as they are, and returns its output.
+/// Runs a command and returns its output. Errors contain only the command's own messages.
 ///
 /// # Errors
-/// Its error output, when it does not exit with 0.
+/// Returns the error output if the command does not exit with 0.
 pub fn said(command: &mut Command) -> Result<String, String> {
     answer(command).map(|out| String::from_utf8_lossy(&out.stdout).into_owned())
 }
@@ -84,10 +84,10 @@ fn answer(command: &mut Command) -> Result<Output, String> {
     }
 }
 
-/// Returns the output like [`said`]; on success also copies the error output to the terminal.
+/// Runs a command like [`said`]; on success also copies the error output to the terminal.
 ///
 /// # Errors
-/// Its error output, when it does not exit with 0.
+/// Returns the error output if the command does not exit with 0.
 pub fn noted(command: &mut Command) -> Result<String, String> {
     let out = answer(command)?;
     eprint!("{}", String::from_utf8_lossy(&out.stderr));
@@ -97,7 +97,8 @@ pub fn noted(command: &mut Command) -> Result<String, String> {
 /// Runs a command silently and returns its output.
 ///
 /// # Errors
-/// The command line and all of its output, when it does not exit with 0: tests report failures on stdout.
+/// Returns the command line and the complete output if the command does not exit with 0, because tests report failures on
+/// stdout.
 pub fn bytes(command: &mut Command) -> Result<Vec<u8>, String> {
     let out = command
         .output()
@@ -111,11 +112,11 @@ pub fn bytes(command: &mut Command) -> Result<Vec<u8>, String> {
     }
 }
 
-/// Waits until no other process of this checkout installs anything, and keeps them waiting while the result lives:
-/// steps run beside each other, and package managers refuse to.
+/// Waits until no other process of this checkout is installing packages, and blocks others while the returned lock exists.
+/// Steps run in parallel, but package managers refuse to.
 ///
 /// # Errors
-/// The lock file cannot be made.
+/// Returns an error if the lock file cannot be created.
 pub fn installing() -> Result<File, String> {
     let path = target_folder().join("install.lock");
     let failed = |error: std::io::Error| format!("{}: {error}", path.display());

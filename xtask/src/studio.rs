@@ -1,6 +1,6 @@
-//! `cargo xtask studio`: the studio's engine as WebAssembly, the page around it, and one file with everything in it.
+//! `cargo xtask studio`: builds the studio's engine as WebAssembly, the page with it, and a single file with everything.
 //!
-//! The page itself is built by `studio/web/build.mjs` and committed in `studio/dist/`, so that this needs no Node.
+//! The page itself is built by `studio/web/build.mjs` and committed in `studio/dist/`, so that Node is not needed here.
 
 use crate::{bare_metal, shell};
 use data_encoding::BASE64;
@@ -8,13 +8,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const TARGET: &str = "wasm32-unknown-unknown";
-/// Files of the page that a site is made of, the page first.
+/// Files of the page in a site; the HTML is first.
 const PAGE: [&str; 5] = ["index.html", "studio.css", "three.js", "studio.js", "LICENSES.txt"];
 
-/// Builds all three into `studio` of the target folder.
+/// Builds engine, site and single file into `studio` of the target folder.
 ///
 /// # Errors
-/// The compiler's, the command that installs the target, or a file that cannot be read or written.
+/// Returns an error if the build fails, or if a file cannot be read or written. If the target is missing, the error contains
+/// the command that installs it.
 pub fn build() -> Result<(), String> {
     let wasm = engine()?;
     let folder = shell::target_folder().join("studio");
@@ -36,16 +37,16 @@ pub fn build() -> Result<(), String> {
     }
     let text = |name: &str| {
         let bytes = read(dist.join(name))?;
-        String::from_utf8(bytes).map_err(|_| format!("studio/dist/{name} is no text"))
+        String::from_utf8(bytes).map_err(|_| format!("studio/dist/{name} is not a text"))
     };
     let page = one_file(&text("index.html")?, &text, &engine)?;
     write(&folder.join("studio.html"), page.as_bytes())
 }
 
-/// Builds the engine; returns where it is.
+/// Builds the engine and returns its path.
 ///
 /// # Errors
-/// As [`build`].
+/// Returns the errors of [`build`].
 pub fn engine() -> Result<PathBuf, String> {
     bare_metal::need_target(TARGET)?;
     let mut cargo = shell::cargo(&["rustc", "--package", "rollwalk-studio", "--lib"]);
@@ -54,8 +55,8 @@ pub fn engine() -> Result<PathBuf, String> {
     Ok(shell::target_folder().join(TARGET).join("page/rollwalk_studio.wasm"))
 }
 
-/// The page with style, scripts and engine inside. A file from disk has no origin that a policy could name, and scripts in
-/// the page are no files: the page's own policy is left out.
+/// Returns the page with style, scripts and engine inside. The content security policy is left out, because a file from disk
+/// has no origin and its inline scripts have no address.
 fn one_file(
     page: &str,
     text: &dyn Fn(&str) -> Result<String, String>,
@@ -92,7 +93,7 @@ fn one_file(
     match scripts {
         2 => Ok(one),
         _ => Err(format!(
-            "studio/dist/index.html has {scripts} scripts on lines of their own, not 2"
+            "studio/dist/index.html has {scripts} scripts on separate lines; expected 2"
         )),
     }
 }

@@ -1,10 +1,10 @@
-//! Parts of the Rust toolchain that are installed when they are missing: components of the one in use, nightly, which
-//! alone has Miri, and programs of other projects that extend cargo.
+//! Parts of the Rust toolchain that are installed if they are missing: components of the current toolchain, nightly for Miri,
+//! and other projects' programs that extend cargo.
 
 use crate::shell::{self, command};
 use std::process::Command;
 
-/// Cargo of the nightly toolchain.
+/// Creates a command of the nightly toolchain's cargo.
 pub fn nightly_cargo(args: &[&str]) -> Command {
     let mut words = vec!["run", "nightly", "cargo"];
     words.extend(args);
@@ -16,10 +16,10 @@ pub fn nightly_cargo(args: &[&str]) -> Command {
     cargo
 }
 
-/// Makes sure that the nightly toolchain is installed with these components.
+/// Installs the nightly toolchain with these components if it is missing.
 ///
 /// # Errors
-/// The one command that installs them, when this machine cannot.
+/// Returns the command that installs them if this machine cannot.
 pub fn need_nightly(components: &[&str]) -> Result<(), String> {
     let installed = || {
         let list = ["component", "list", "--toolchain", "nightly", "--installed"];
@@ -38,24 +38,28 @@ pub fn need_nightly(components: &[&str]) -> Result<(), String> {
         return Ok(());
     }
     let why = done.err().map_or_else(String::new, |why| format!("{why}\n"));
-    Err(format!("{why}Miri needs the nightly toolchain:\n\n    rustup {}", install.join(" ")))
+    Err(format!(
+        "{why}Miri requires the nightly toolchain. Install the toolchain \
+        with:\n\n    rustup {}",
+        install.join(" ")
+    ))
 }
 
-/// The program behind a cargo subcommand of this name and version: the machine's own, of any version, or else built below
-/// the target folder.
+/// Returns the program of a cargo subcommand. An installed program of any version is used; otherwise this version is built
+/// below the target folder.
 ///
 /// # Errors
-/// The one command that installs it, when this machine cannot.
+/// Returns the command that installs the program if this machine cannot.
 pub fn subcommand((name, version): (&str, &str)) -> Result<String, String> {
     let verb = name.trim_start_matches("cargo-");
     program((name, version), &[verb, "--version"], &[])
 }
 
-/// A program from crates, of this name and version: the machine's own, of any version, that answers to `probe`, or else
+/// Returns a program from crates.io. An installed program of any version is used if `probe` succeeds; otherwise this version is
 /// built below the target folder with these `options` of `cargo install`.
 ///
 /// # Errors
-/// The one command that installs it, when this machine cannot.
+/// Returns the command that installs the program if this machine cannot.
 pub fn program(
     (name, version): (&str, &str),
     probe: &[&str],
@@ -71,22 +75,25 @@ pub fn program(
     if !runs(&program) {
         let mut install = shell::cargo(&["install", "--locked", "--version", version, name]);
         shell::run(install.args(options).arg("--root").arg(folder)).map_err(|why| {
-            format!("{why}\nthe step needs {name}:\n\n    cargo install --locked {name}")
+            format!(
+                "{why}\nthe step requires {name}. Install {name} with:\n\n    cargo install \
+                --locked {name}"
+            )
         })?;
     }
     Ok(program)
 }
 
-/// Makes sure that the toolchain in use has a component that rustup's minimal profile leaves out.
+/// Installs a component of the current toolchain that rustup's minimal profile lacks, if it is missing.
 ///
 /// # Errors
-/// The one command that installs it, when this machine cannot.
+/// Returns the command that installs the component if this machine cannot.
 pub fn need_component(component: &str) -> Result<(), String> {
     let subcommand = if component == "rustfmt" { "fmt" } else { component };
     if shell::succeeds(&mut shell::cargo(&[subcommand, "--version"])) {
         return Ok(());
     }
     shell::run(&mut command("rustup", &["component", "add", component])).map_err(|why| {
-        format!("{why}\n{component} is needed; install it with `rustup component add {component}`")
+        format!("{why}\ninstall the missing component with `rustup component add {component}`")
     })
 }

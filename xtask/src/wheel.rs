@@ -1,20 +1,20 @@
-//! The Python package: its wheel, built by maturin and installed in an environment of its own, where its tests and its tutorial
-//! run, and where its stubs are compared with it.
+//! Check of the Python package. Its wheel is built by maturin and installed in a separate environment, in which its tests and
+//! tutorial run and its type stubs are compared with it.
 
 use crate::python::Environment;
 use crate::{shell, workspace};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Requirement of `apps/python/pyproject.toml`.
+/// Version of maturin, as in `apps/python/pyproject.toml`.
 const MATURIN: &str = "maturin==1.16.0";
-/// Checker of type stubs against the package (`stubtest`).
+/// Version of mypy, whose `stubtest` compares type stubs with the package.
 const MYPY: &str = "mypy==2.4.1";
 
-/// Builds the wheel, installs it, and tests it against the command line.
+/// Builds the wheel, installs it, and compares it with the command line.
 ///
 /// # Errors
-/// A failed build or test, or the command that installs what is missing.
+/// Returns an error if the build or a test fails. If a program is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
     let folder = shell::target_folder().join("wheel");
     let maturin = Environment::new(&folder.join("maturin"), &[MATURIN.as_ref()])?;
@@ -26,7 +26,7 @@ pub fn check() -> Result<(), String> {
     shell::run(&mut python.module("mypy.stubtest", &["rollwalk"]))
 }
 
-/// The wheel, the only file of a folder.
+/// Builds the wheel and returns its path; it is the only file of a folder.
 fn build(maturin: &Environment, dist: &Path) -> Result<PathBuf, String> {
     let failed = |error: std::io::Error| format!("{}: {error}", dist.display());
     if dist.exists() {
@@ -38,5 +38,5 @@ fn build(maturin: &Environment, dist: &Path) -> Result<PathBuf, String> {
     let wheel = files.find(|file| file.path().extension().is_some_and(|ending| ending == "whl"));
     wheel
         .map(|file| file.path())
-        .ok_or_else(|| format!("maturin left no wheel in {}", dist.display()))
+        .ok_or_else(|| format!("maturin wrote no wheel into {}", dist.display()))
 }

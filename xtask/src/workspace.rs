@@ -1,8 +1,7 @@
-//! Builds of the whole workspace. All of them select the same packages and features, so that each dependency is
-//! compiled once, whatever is built after it.
+//! Builds of the whole workspace. They all select the same packages and features, so each dependency is compiled only once.
 //!
-//! Clippy is the compiler of our own crates: it lints them while it compiles them. `cargo clippy` would check all
-//! dependencies as well, and then compile none of them.
+//! Clippy is the compiler of our own crates: it lints them while it compiles them. `cargo clippy` would also check all
+//! dependencies, but compile none of them.
 
 use crate::{changes, shell, toolchain};
 use serde_json::Value;
@@ -10,18 +9,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// Arguments that select all packages, and the features that are off by default.
+/// Arguments that select all packages, and features that are off by default.
 const SELECTION: [&str; 3] =
     ["--workspace", "--features", "rollwalk-firmware/authenticated,rollwalk-firmware/ed25519"];
-/// Packages on which no other depends, with many dependencies of their own.
+/// Arguments that exclude packages which no other package uses and which have many dependencies of their own.
 const COSTLY: [&str; 4] = ["--exclude", "rollwalk-ros2", "--exclude", "rollwalk-python"];
-/// Folders of [`COSTLY`]. Without a change in one, `cargo xtask test` leaves those packages to `nightly`.
+/// Folders of the packages in [`COSTLY`]. If none of them has changed, `cargo xtask test` leaves these packages to `nightly`.
 pub const APART: [&str; 3] = ["apps/ros2", "apps/python", "apps/packaging/rollwalk_ros2"];
 
 /// True if the builds of this process include the packages of [`COSTLY`].
 static HAS_ALL: OnceLock<bool> = OnceLock::new();
 
-/// Selects every package for the builds of this process.
+/// Includes every package in the builds of this process.
 pub fn select_all() {
     // Only if something was built before is it set.
     let _ = HAS_ALL.set(true);
@@ -35,17 +34,18 @@ fn selection() -> Vec<&'static str> {
     SELECTION.iter().chain(if has_all { &[][..] } else { &COSTLY }).copied().collect()
 }
 
-/// Options of clippy, each with the separator of options after it.
+/// Options of clippy, each followed by the separator of options.
 const DENY_WARNINGS: &str = "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__";
 
-/// A cargo command on the packages of the workspace.
+/// Creates a cargo command on the packages of the workspace.
 pub fn cargo(args: &[&str]) -> Command {
     let mut cargo = shell::cargo(args);
     cargo.args(selection());
     cargo
 }
 
-/// The same with clippy as the compiler of our crates, and its warnings denied: what `cargo clippy` sets for `cargo check`.
+/// Creates a cargo command with clippy as the compiler of our crates and its warnings denied, with the settings of `cargo
+/// clippy`.
 fn linted(args: &[&str]) -> Result<Command, String> {
     toolchain::need_component("clippy")?;
     let mut cargo = cargo(args);
@@ -54,36 +54,36 @@ fn linted(args: &[&str]) -> Result<Command, String> {
     Ok(cargo)
 }
 
-/// A program that a build has left.
+/// Program built by cargo.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Program {
-    /// Folder of its package.
+    /// Folder of the program's package.
     pub folder: PathBuf,
-    /// Name of its target: a crate, or a file of `tests/`.
+    /// Name of the program's target: a crate, or a file of `tests/`.
     pub name: String,
-    /// True for a program that runs tests.
+    /// True for a test program.
     pub is_test: bool,
     pub path: PathBuf,
 }
 
 impl Program {
-    /// Name and folder; the folder distinguishes programs of the same name.
+    /// Name with the folder, which distinguishes programs of the same name.
     pub fn shown(&self) -> String {
         let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
         format!("{folder}: {}", self.name)
     }
 
-    /// The program, to be run in the folder of its package as cargo does with tests.
+    /// Creates a command that runs the program in the folder of its package, as cargo does with tests.
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = shell::command(&self.path.to_string_lossy(), args);
         command.current_dir(&self.folder);
         command
     }
 
-    /// The program, to run the tests that libtest's `selection` selects.
+    /// Creates a command that runs the tests selected by `selection`, in the syntax of libtest.
     ///
     /// # Errors
-    /// It selects none: libtest would pass.
+    /// Returns an error if no test is selected, because libtest would then succeed.
     pub fn tests(&self, selection: &[&str]) -> Result<Command, String> {
         let list = shell::output(self.command(selection).arg("--list"))?;
         if list.lines().any(|line| line.ends_with(": test")) {
@@ -94,10 +94,11 @@ impl Program {
     }
 }
 
-/// Builds every target with clippy's warnings denied: programs, tests, and examples and benchmarks, which nothing runs.
+/// Builds every target with clippy's warnings denied: programs and tests, and also examples and benchmarks, which are never
+/// run.
 ///
 /// # Errors
-/// The command line; warnings and the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; warnings and errors are printed on the terminal.
 pub fn programs() -> Result<Vec<Program>, String> {
     // Not `--all-targets`, which would make test programs of programs without tests.
     of(linted(&["build", "--lib", "--bins", "--tests", "--examples", "--bench", "*"])?)
@@ -106,7 +107,7 @@ pub fn programs() -> Result<Vec<Program>, String> {
 /// Lints every target without building it.
 ///
 /// # Errors
-/// The command line; warnings and the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; warnings and errors are printed on the terminal.
 pub fn lint() -> Result<(), String> {
     shell::run(&mut linted(&[
         "check",
@@ -120,28 +121,28 @@ pub fn lint() -> Result<(), String> {
     ])?)
 }
 
-/// Builds the tests of some packages, each with the features that it asks for itself.
+/// Builds the tests of some packages, each with its own selection of features.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; the compiler's messages are printed on the terminal.
 pub fn tests_of(packages: &[&str]) -> Result<Vec<Program>, String> {
     let mut test = shell::cargo(&["test", "--no-run", "--tests"]);
     test.args(packages.iter().flat_map(|name| ["--package", name]));
     of(test)
 }
 
-/// Builds one program, by the compiler itself: for those who have no clippy.
+/// Builds one program without clippy, for users who do not have it.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; the compiler's messages are printed on the terminal.
 pub fn program(folder: &str, name: &str) -> Result<Program, String> {
     find(&of(cargo(&["build", "--bin", name]))?, folder, name, false).cloned()
 }
 
-/// The same in the release profile.
+/// Builds one program in the release profile without clippy.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; the compiler's messages are printed on the terminal.
 pub fn optimised_program(folder: &str, name: &str) -> Result<Program, String> {
     find(&of(cargo(&["build", "--release", "--bin", name]))?, folder, name, false).cloned()
 }
@@ -149,20 +150,20 @@ pub fn optimised_program(folder: &str, name: &str) -> Result<Program, String> {
 /// Builds all programs and tests in the release profile.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal.
+/// Returns the command line if the build fails; the compiler's messages are printed on the terminal.
 pub fn optimised_programs() -> Result<Vec<Program>, String> {
     of(cargo(&["test", "--release", "--no-run", "--tests"]))
 }
 
-/// Runs the examples in the documentation of the crates, with the crates of [`programs`].
+/// Runs the examples in the documentation of the crates, reusing the crates that [`programs`] built.
 ///
 /// # Errors
-/// The command line; what failed is on the terminal.
+/// Returns the command line if an example fails; the failures are printed on the terminal.
 pub fn documented_examples() -> Result<(), String> {
     shell::run(&mut linted(&["test", "--doc"])?)
 }
 
-/// The programs that a build leaves.
+/// Runs a build, and returns the programs that it produced.
 fn of(mut build: Command) -> Result<Vec<Program>, String> {
     build.args(["--message-format", "json-render-diagnostics"]);
     // Of a build that failed, messages for programs say nothing that is not on the terminal.
@@ -174,10 +175,10 @@ fn of(mut build: Command) -> Result<Vec<Program>, String> {
     Ok(messages.lines().filter_map(of_message).collect())
 }
 
-/// The program `name` of the package in a `folder` of the workspace.
+/// Finds the program `name` of the package in a `folder` of the workspace.
 ///
 /// # Errors
-/// There is no such program.
+/// Returns an error if the program does not exist.
 pub fn find<'a>(
     programs: &'a [Program],
     folder: &str,
@@ -192,7 +193,7 @@ pub fn find<'a>(
         .ok_or_else(|| format!("cargo built no `{name}` in {}", folder.display()))
 }
 
-/// The program or test that one of cargo's messages is about.
+/// Parses one of cargo's messages; returns `None` if it is not about a program or test.
 fn of_message(line: &str) -> Option<Program> {
     let message: Value = serde_json::from_str(line).ok()?;
     if ["example", "bench"].contains(&message["target"]["kind"][0].as_str()?) {

@@ -1,4 +1,4 @@
-//! Cost of editing a robot against planning from scratch: edits, exact derivatives, and plans predicted by these.
+//! Benchmark of editing a robot against planning from scratch: edits, exact derivatives, and plans predicted from them.
 
 use crate::measure::{self, median};
 use crate::only::Only;
@@ -14,33 +14,33 @@ use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
-/// The edit, m: the length of all links between joints.
+/// Increase of the length of all links between joints, m.
 const EDIT_M: f64 = 0.01;
-/// Half of the distance at which derivatives are taken, m.
+/// Half of the interval of finite differences, m.
 const HALF_M: f64 = 1e-5;
 
-/// Runs of which the one of the least CPU time is taken; those of derivatives are long, and run once.
+/// Number of runs. The run with the least CPU time counts. Derivatives take long, and are computed once.
 const RUNS: usize = 3;
 
 /// Measurements of one motion; CPU times in ms.
 #[derive(Serialize)]
 struct Row {
     motion: String,
-    /// The edited robot, from scratch.
+    /// CPU time of planning the edited robot from scratch.
     scratch_ms: f64,
     scratch_iterations: usize,
-    /// The first edit of a design, which finds the structure of the problem.
+    /// CPU time of the first edit of a design, which determines the structure of the problem.
     first_ms: f64,
-    /// The edit after another one.
+    /// CPU time of an edit after another one.
     edit_ms: f64,
     edit_iterations: usize,
-    /// Costs of its plan over those of the plan from scratch.
+    /// Ratio of the cost of the edited plan to that of the plan from scratch.
     cost_ratio: f64,
-    /// The report of a plan: what a plan is worth as it is played, and how it grows without feedback.
+    /// CPU time of the report of a plan, which includes its open-loop quality and the growth of deviations without feedback.
     report_ms: f64,
-    /// CPU time of the optimum and its exact derivative; null without one.
+    /// CPU time of the optimum and its exact derivative; null without a derivative.
     derived_ms: Option<f64>,
-    /// CPU time of the edit from the predicted plan.
+    /// CPU time of the edit from the predicted plan; null without a prediction.
     predicted_ms: Option<f64>,
     predicted_iterations: Option<usize>,
     /// True if all plans converged.
@@ -106,18 +106,16 @@ fn summary(rows: &[Row]) -> String {
         let both: Vec<(f64, f64)> = both.collect();
         let times = median(both.iter().map(|(scratch, cost)| scratch / cost));
         let under = both.iter().filter(|(_, cost)| *cost < 50.0).count();
-        format!("{times:.1} times cheaper than from scratch, {under} of {} under 50 ms", both.len())
+        format!("{times:.1} times faster than from scratch, {under} of {} under 50 ms", both.len())
     };
     let of = |cost: &dyn Fn(&Row) -> Option<f64>| with(&|_| 0.0, cost);
     let edit = |row: &Row| Some(row.edit_ms);
     let derived = |row: &Row| Some(row.derived_ms? + row.predicted_ms?);
     format!(
-        "{} m on all links; medians of CPU time:\n\
-         edit after another: {}\n\
-         edit after another, with the report of its plan: {}\n\
-         first edit of a design: {}\n\
-         optimum, exact derivative and predicted plan: {}\n\
-         predicted plan, where the exact derivative is known: {}",
+        "all links changed by {} m; medians of CPU time:\nedit after another: {}\nedit after \
+         another, with the report of its plan: {}\nfirst edit of a design: {}\noptimum, exact \
+         derivative and predicted plan: {}\npredicted plan, where the exact derivative is known: \
+         {}",
         EDIT_M,
         of(&edit),
         with(&|row| row.report_ms, &edit),
@@ -127,7 +125,7 @@ fn summary(rows: &[Row]) -> String {
     )
 }
 
-/// Measures one motion; `None` if it has no plan before the edit.
+/// Measures one motion. Returns `None` if the unedited robot has no plan.
 fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
     let options = Options { refine: false, ..Options::default() };
     let before = measure::cold(robot, motion, &options);
@@ -190,12 +188,12 @@ fn measured(robot: &Robot, motion: &Motion) -> Option<Row> {
     })
 }
 
-/// The run of the least cost: all have the same result, and other programs on a processor make some of them longer.
+/// Returns the run with the least cost. All runs have equal results, but other programs on the machine slow some of them.
 fn least<T>(run: impl FnMut() -> Option<T>, cost: impl Fn(&T) -> f64) -> Option<T> {
     std::iter::repeat_with(run).take(RUNS).flatten().min_by(|a, b| cost(a).total_cmp(&cost(b)))
 }
 
-/// The robot with longer links between its joints.
+/// Returns the robot with longer links between its joints.
 fn longer(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {

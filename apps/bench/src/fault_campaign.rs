@@ -1,4 +1,4 @@
-//! `rollwalk bench fault-campaign`: faults on the simulated buses, thousands of runs, and what held in them.
+//! `rollwalk bench fault-campaign`: faults on the simulated buses, in thousands of runs checked against safety rules.
 
 use crate::campaign::scenario::Scenario;
 use crate::campaign::{self as campaign, Case, Outcome, Report, Subject, table};
@@ -17,22 +17,22 @@ use std::panic;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-/// Runs of each scenario with each loss, when nothing else is said.
+/// Default number of runs of each scenario with each loss.
 const SEEDS: u64 = 20;
 /// Library of the robot on the ground.
 pub const LIBRARY: &str = "motions/agilebot_library.toml";
-/// A halt in which a return to SAFE can begin, s.
+/// Longest halt in which a return to SAFE can begin, s.
 const HALT_S: f64 = 2.0;
 
-/// Seeds of a unit of the campaign: enough for its line in a journal to cost nothing.
+/// Number of seeds in a unit of the campaign: enough to make the cost of its line in a journal negligible.
 const SEEDS_OF_UNIT: u64 = 10;
 
 /// Support of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum On {
-    /// Single leg on a stand: fast, with every rule of the buses.
+    /// Single leg on a stand: fast, and checks every rule of the buses.
     Stand,
-    /// AgileBot on the ground, level or sloping by up to 3 degrees: what the robot itself does, too.
+    /// AgileBot on the ground, level or sloping by up to 3 degrees: also reports the motion of the robot.
     Ground,
 }
 
@@ -51,7 +51,7 @@ pub struct Args {
     /// Loss to run, in percent of the link's frames [default: all losses of each scenario]; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
-    /// First seed [default: 0]. A single run (one scenario, one loss, one seed) writes no file but that of --log.
+    /// First seed [default: 0]. A single run (one scenario, one loss, one seed) writes only the file of --log.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Write every frame of a single run, in candump's format.
@@ -63,16 +63,16 @@ fn scenario(text: &str) -> Result<Scenario, String> {
     let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == text);
     found.ok_or_else(|| {
         let names = Scenario::ALL.map(Scenario::name);
-        format!("no scenario has this name; there are {}", names.join(", "))
+        format!("there is no scenario with this name; give one of {}", names.join(", "))
     })
 }
 
-/// Parses a loss in percent; returns it in frames of a thousand.
+/// Parses a loss in percent and returns it in per mille.
 fn loss(text: &str) -> Result<u16, String> {
     let percent: Option<f64> = text.parse().ok();
     match percent.map(|percent| (10.0 * percent).round()) {
         Some(per_mille) if (0.0..=1000.0).contains(&per_mille) => Ok(per_mille as u16),
-        _ => Err("a loss is 0 to 100 percent".into()),
+        _ => Err("give a loss from 0 to 100 %".into()),
     }
 }
 
@@ -80,7 +80,7 @@ fn percent(loss_per_mille: u16) -> f64 {
     f64::from(loss_per_mille) / 10.0
 }
 
-/// A scenario with a loss, and what came of it.
+/// Results of a scenario with a loss.
 #[derive(Serialize)]
 struct Row {
     scenario: &'static str,
@@ -97,7 +97,7 @@ struct Row {
     world: Option<WorldRow>,
 }
 
-/// The worst of a scenario with a loss on the ground.
+/// Worst results of a scenario with a loss on the ground.
 #[derive(Serialize)]
 struct WorldRow {
     falls: u64,
@@ -106,7 +106,7 @@ struct WorldRow {
     rested_after_s: f64,
 }
 
-/// A run in which something was wrong.
+/// Run with violations or errors.
 #[derive(Serialize)]
 struct Broken {
     scenario: &'static str,
@@ -130,7 +130,7 @@ pub fn run_single(args: &Args, case: Case) -> crate::Outcome {
     Ok(Some(one(&subject, case, args.log.clone())))
 }
 
-/// The case, if one alone is asked for.
+/// Case of a single run; `None` if the options select several runs.
 pub fn single(args: &Args) -> Option<Case> {
     match &blocks(args)[..] {
         [Runs { scenario, loss_per_mille, seeds }] if seeds.clone().count() == 1 => {
@@ -140,25 +140,27 @@ pub fn single(args: &Args) -> Option<Case> {
     }
 }
 
-/// A campaign of more than one run.
+/// Creates a campaign of several runs.
 ///
 /// # Errors
-/// Options that ask for no run, or for a log of several.
+/// Returns an error if the options select no run, or request a log of several runs.
 pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     if args.log.is_some() {
-        return Err(miette!("--log is for a single run: one scenario, one loss, one seed"));
+        return Err(miette!(
+            "--log requires a single run: give one scenario, one loss and one seed"
+        ));
     }
     let blocks = blocks(args);
     if blocks.is_empty() {
         return Err(miette!(
             help = losses(&args.scenario),
-            "no scenario that was asked for has this loss"
+            "none of the selected scenarios has this loss"
         ));
     }
     Ok(Box::new(Campaign { args, blocks, subject: Mutex::default() }))
 }
 
-/// A scenario with a loss and some seeds: a unit of a campaign.
+/// Unit of a campaign: a scenario with a loss and some seeds.
 struct Runs {
     scenario: Scenario,
     loss_per_mille: u16,
@@ -169,14 +171,14 @@ struct Runs {
 #[derive(Serialize, Deserialize)]
 struct Part {
     row: table::Row,
-    /// Seeds of broken runs, with what is wrong in them.
+    /// Seeds of broken runs, with their violations and errors.
     broken: Vec<(u64, Vec<String>)>,
 }
 
 struct Campaign<'a> {
     args: &'a Args,
     blocks: Vec<Runs>,
-    /// Made for the first unit: a program that has an engine do the work needs none.
+    /// Subject, which the first unit creates. A program whose work is done by an engine needs no subject.
     subject: Mutex<Option<Arc<Subject>>>,
 }
 
@@ -232,7 +234,7 @@ impl Split for Campaign<'_> {
                 }
                 Err(_) => {
                     part.row.add_failure();
-                    vec!["it panicked".to_owned()]
+                    vec!["the run panicked".to_owned()]
                 }
             };
             if !wrong.is_empty() {
@@ -260,7 +262,7 @@ impl Split for Campaign<'_> {
     }
 }
 
-/// The robot and its library; `None` after an interrupt.
+/// Creates the robot and its library; `None` after an interrupt.
 fn subject(on: On) -> miette::Result<Option<Subject>> {
     if on == On::Stand {
         return Ok(Some(Subject::one_leg()));
@@ -272,31 +274,33 @@ fn subject(on: On) -> miette::Result<Option<Subject>> {
     // A transition that has just begun, a motion and another transition, none longer than the longest of all.
     let way_home = SimTime::from_ms((1e3 * (3.0 * longest_s + HALT_S)) as u64);
     let subject = Subject::on_ground(robot, with_torques, way_home);
-    subject.map(Some).ok_or_else(|| miette!("{LIBRARY} is no library for its robot"))
+    subject
+        .map(Some)
+        .ok_or_else(|| miette!("{LIBRARY} cannot be built into a library for its robot"))
 }
 
-/// The scenarios that were asked for: all, if none was named.
+/// Selected scenarios; all if none is named.
 fn chosen(named: &[Scenario]) -> impl Iterator<Item = Scenario> {
     Scenario::ALL.into_iter().filter(|scenario| named.is_empty() || named.contains(scenario))
 }
 
-/// Losses of the scenarios, a line for each.
+/// Losses of the selected scenarios, with a line for each scenario.
 fn losses(named: &[Scenario]) -> String {
     let line = |scenario: Scenario| {
         let losses: Vec<_> = scenario.losses().iter().map(|&l| percent(l).to_string()).collect();
-        format!("{} has {} %", scenario.name(), losses.join(", "))
+        format!("for {}, give {} %", scenario.name(), losses.join(", "))
     };
     chosen(named).map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Seeds of each scenario at each loss.
+/// Seeds for each scenario at each loss.
 fn seeds(args: &Args) -> Range<u64> {
     let first = args.seed.unwrap_or(0);
     let seeds = args.seeds.unwrap_or(if args.seed.is_some() { 1 } else { SEEDS });
     first..first.saturating_add(seeds)
 }
 
-/// Runs that were asked for, in the order of the table.
+/// Selected runs, in the order of the table.
 fn blocks(args: &Args) -> Vec<Runs> {
     let Range { start, end } = seeds(args);
     let mut blocks = Vec::new();
@@ -314,7 +318,7 @@ fn blocks(args: &Args) -> Vec<Runs> {
     blocks
 }
 
-/// A single run, with its log. It leaves the files of a campaign as they are: it is a closer look at one of its runs.
+/// Makes a single run with its log. The files of the campaign are not overwritten.
 fn one(subject: &Subject, case: Case, path: Option<PathBuf>) -> Findings {
     let (report, log) = campaign::run(subject, case);
     let log = path.map(|path| {
@@ -347,7 +351,7 @@ fn broken_run(case: Case, wrong: Vec<String>, on: On) -> Broken {
     Broken { scenario, loss_percent, seed, wrong, again: again(case, on) }
 }
 
-/// The command that repeats a run.
+/// Command that repeats a run.
 fn again(case: Case, on: On) -> String {
     let on = if on == On::Ground { "--on ground " } else { "" };
     let Case { scenario, loss_per_mille, seed } = case;
@@ -428,8 +432,8 @@ impl Results {
     fn summary(&self) -> Block {
         let sum = |of: fn(&Row) -> u64| self.rows.iter().map(of).sum::<u64>();
         Block::Text(format!(
-            "{} in {:.1} h of virtual time, {} broken. Looked at {} setpoints and {} commands; {} frames \
-             were lost, other faults fired {} times.",
+            "{} in {:.1} h of virtual time, {} broken. Checked {} setpoints and {} commands; {} \
+             frames were lost, and other faults took effect {} times.",
             if self.runs == 1 { "1 run".into() } else { format!("{} runs", self.runs) },
             self.virtual_s / 3600.0,
             self.broken.len(),

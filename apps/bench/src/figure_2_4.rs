@@ -1,4 +1,4 @@
-//! Figure 2.4 of the thesis: front legs get longer, by hand and with the other parts following so that the body stays level.
+//! Figure 2.4 of the thesis: longer front legs, by hand and with other parameters that follow so that the body stays level.
 
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
@@ -10,21 +10,25 @@ use rollwalk_planner::sensitivity::Feature;
 use rollwalk_terminal::interrupt;
 use serde::Serialize;
 
-/// Design file, its parameter that is given, and by how much it grows, m.
+/// Design file.
 pub const DESIGN: &str = "designs/agilebot_legs.toml";
+/// Parameter that is changed.
 const GIVEN: &str = "front_thigh";
+/// Increase of this parameter, m.
 const LONGER_M: f64 = 0.02;
-/// Largest change of the pitch with the other parameters following, and least change without, degrees.
+/// Largest change of the pitch if the other parameters follow, degrees.
 const KEPT_DEG: f64 = 0.1;
+/// Smallest change of the pitch if the other parameters do not follow, degrees.
 const BY_HAND_DEG: f64 = 1.0;
 
-/// A way to change the robot.
+/// Results of a method of changing the robot.
 #[derive(Clone, Serialize)]
 struct Row {
     way: &'static str,
     values: Vec<f64>,
-    /// Change of the body's pitch over the motion.
+    /// Mean change of the body's pitch over the motion, degrees.
     mean_deg: f64,
+    /// Largest change of the body's pitch over the motion, degrees.
     max_deg: f64,
 }
 
@@ -48,7 +52,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
     let curves: Vec<Curve> = ways.map(|(way, plans)| (way.to_owned(), pitch_deg(plans))).to_vec();
     let rows: Vec<Row> = ways.map(|(way, plans)| row(way, &before, plans)).to_vec();
     let names = parameters.iter().map(|of| format!("{} mm", of.name));
-    let mut table = table(["way", "pitch changes by °", "at most °"]);
+    let mut table = table(["way", "mean pitch change °", "max °"]);
     table[0].extend(names);
     for row in &rows {
         let mut cells =
@@ -59,8 +63,9 @@ pub fn run() -> miette::Result<Option<Findings>> {
     }
     let holds = rows[1].mean_deg > BY_HAND_DEG && rows[2].max_deg < KEPT_DEG;
     let text = format!(
-        "{GIVEN} {:.0} mm longer. The thesis's figure shows a body that pitches by hand and stays level with the others \
-         following, without numbers.\n{} by hand more than {BY_HAND_DEG}° on the mean, following at most {KEPT_DEG}°",
+        "{GIVEN} {:.0} mm longer. In the figure of the thesis, which has no numbers, the body \
+         pitches after an edit by hand, and stays level if the other parameters follow.\n{} by \
+         hand more than {BY_HAND_DEG}° on average, following at most {KEPT_DEG}°",
         1e3 * LONGER_M,
         if holds { "yes" } else { "NO " },
     );
@@ -75,7 +80,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
     Ok(Some(Findings { charts, verdict, ..Findings::new("figure-2-4", blocks, &rows) }))
 }
 
-/// Times and pitches of the first motion, degrees.
+/// Times, s, and pitches, degrees, of the first motion.
 fn pitch_deg(plans: &Plans) -> Vec<(f64, f64)> {
     let of_plan = |plan| {
         let pitch = Feature::Pitch.of_plan(plan).into_iter().map(f64::to_degrees);

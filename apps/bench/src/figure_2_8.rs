@@ -1,7 +1,7 @@
-//! Figures 2.8 and 2.5 of the thesis: designs that cannot do what is asked of them, repaired step by step.
+//! Figures 2.8 and 2.5 of the thesis: step-by-step repair of designs that cannot do their motion.
 //!
-//! The car of sec. 2.5.1 has front wheels that are tilted by 45 degrees and hang above the ground. The walker has legs of
-//! 0.23 m, and its body is asked to rise higher. The thesis says how many steps its method took; its energies are of other
+//! The car of sec. 2.5.1 has front wheels that are tilted by 45 degrees and hang above the ground. The walker has legs of 0.23
+//! m, and its body is required to rise higher. The thesis reports the number of steps of its method; its energies are for other
 //! robots and weights.
 
 use crate::only::Only;
@@ -23,20 +23,21 @@ use std::ops::ControlFlow;
 
 pub const CAR: &str = "motions/car_drive.toml";
 pub const WALK: &str = "motions/pup_walk.toml";
-/// Heights that the walker's body is asked to reach, m, in the middle of its cycle.
+/// Required heights of the walker's body in the middle of its cycle, m.
 const HEIGHTS_M: [f64; 2] = [0.26, 0.3];
-/// Lengths of its thighs and shanks, and their bounds, m.
+/// Length of the walker's thighs and shanks, m.
 const LEG_M: f64 = 0.1;
+/// Bounds of these lengths, m.
 const LEG_BOUNDS_M: [f64; 2] = [0.05, 0.18];
-/// Height above the ground at which wheels of 5 cm hang that are tilted by 45 degrees, m.
+/// Height above the ground of wheels with a radius of 5 cm that are tilted by 45 degrees, m.
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
-/// Tolerances of a repaired car's front height, m, and displacement, as a share, and of the walker's height, m.
+/// Tolerances of a repair: front height of the car, m; relative displacement of the car; height of the walker, m.
 const OFF: [f64; 3] = [2e-5, 1e-3, 2e-3];
 /// Residual-to-tolerance ratio up to which a design counts as feasible.
 const ABLE: f64 = 1.0;
-/// Most steps until a design is feasible; the thesis's car took as many.
+/// Maximum number of steps until a design is feasible. The thesis's car took this number of steps.
 const STEPS: usize = 3;
-/// Iterations of the thesis's method.
+/// Number of iterations of the thesis's method.
 const THESIS_ITERATIONS: usize = 150;
 
 /// Options of the benchmark.
@@ -46,11 +47,11 @@ pub struct Args {
     only: Only,
 }
 
-/// A design on the way.
+/// Intermediate design of a repair.
 #[derive(Clone, Serialize)]
 struct Row {
     values: Vec<f64>,
-    /// Least energy with a penalty on every constraint; after the first round with multipliers.
+    /// Minimum energy: in the first round with a penalty on every constraint, later with multipliers.
     energy: f64,
     round: usize,
     worst_level: f64,
@@ -58,7 +59,7 @@ struct Row {
     /// Displacement of the car, or height of the walker's body, m.
     reached_m: f64,
     newton_steps: usize,
-    /// Energy and displacement, m, of a plan with the weights of the thesis.
+    /// Energy and displacement, m, of a plan with the weights of the thesis; null without such a plan.
     thesis: Option<(f64, f64)>,
 }
 
@@ -70,7 +71,7 @@ struct Case {
     /// Requested displacement or height, m.
     asked_m: f64,
     rows: Vec<Row>,
-    /// Culprits in the diagnosis of the original design.
+    /// Constraints or parameters that the diagnosis of the original design reports as culprits.
     blamed: Vec<String>,
     outcome: String,
     values: Vec<f64>,
@@ -106,7 +107,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     Ok(Some(Findings { charts, verdict, ..Findings::new("figure-2-8", blocks, &cases) }))
 }
 
-/// The car with tilted front wheels, their height the only parameter.
+/// Repairs the car with tilted front wheels. Its only parameter is their height.
 fn car() -> miette::Result<Option<Case>> {
     let (mut robot, motion) = inputs::motion(CAR)?;
     for (wheel, side) in robot.end_effectors.iter_mut().zip([1.0, -1.0]) {
@@ -138,8 +139,9 @@ fn car() -> miette::Result<Option<Case>> {
     Ok(Some(case))
 }
 
-/// A walker on point-like wheels, whose body is to be so high in the middle of its cycle; the lengths of its legs are the
-/// parameters, those of both sides together.
+/// Repairs a walker on small wheels whose body should reach a height in the middle of its cycle.
+///
+/// The parameters are the lengths of the legs, equal on both sides.
 fn reach(up_m: f64) -> miette::Result<Option<Case>> {
     let (robot, mut motion) = inputs::motion(WALK)?;
     motion.targets.push(Target {
@@ -168,7 +170,7 @@ fn reach(up_m: f64) -> miette::Result<Option<Case>> {
         .map(|case| Case { holds: case.holds && (case.reached_m - up_m).abs() <= OFF[2], ..case }))
 }
 
-/// A length that may change.
+/// Creates a length parameter.
 fn length(name: &str, original: f64) -> Free {
     Free { name: name.into(), original, bounds: [original; 2], unit: 0.01, symbol: "m" }
 }
@@ -236,8 +238,9 @@ fn work(
     }))
 }
 
-/// Energy and displacement of a design by the thesis's own method: penalties of 10 000, goals as objectives of weight 50,
-/// Newton's method with the true Hessian. `None` after an interrupt.
+/// Energy and displacement, m, of a design by the thesis's method; `None` after an interrupt.
+///
+/// The method has penalties of 10 000, goals as objectives of weight 50, and Newton's method with the true Hessian.
 fn as_the_thesis(robot: &Robot, motion: &Motion) -> Option<(f64, f64)> {
     let mut options = Options { refine: false, ..Options::default() };
     options.settings.method = Method::NewtonTrue;
@@ -253,7 +256,7 @@ fn displacement_m(plan: &Plan) -> f64 {
     at(plan.samples.last()) - at(plan.samples.first())
 }
 
-/// Height of the body in the middle of the motion, m.
+/// Height of the body at the middle of the motion, m.
 fn height_m(plan: &Plan) -> f64 {
     plan.samples[plan.samples.len() / 2].base_position_m[2]
 }
@@ -267,7 +270,8 @@ fn heading(case: &Case) -> String {
         .map(|(name, (to, from))| format!("{name} {:+.3} mm", 1e3 * (to - from)))
         .collect();
     format!(
-        "{}: {:.3} m asked for, {:.4} m planned in the end ({}), {:.1} s of CPU time\n{}\nas designed:\n  {}",
+        "{}: {:.3} m requested, {:.4} m planned in the last step ({}), {:.1} s of CPU time\n{}\nas \
+         designed:\n  {}",
         case.name,
         case.asked_m,
         case.reached_m,
@@ -305,7 +309,7 @@ fn cells(case: &Case) -> Vec<Vec<String>> {
     cells
 }
 
-/// Energy and what is reached against the steps of the design, as the thesis's figure has them.
+/// Draws energy and achieved displacement or height against the design steps, like the thesis's figure.
 fn draw(case: &Case) -> String {
     let curve = |name: &str, of: fn(&Row) -> Option<f64>| -> Curve {
         let points = case.rows.iter().enumerate();
@@ -323,7 +327,7 @@ fn draw(case: &Case) -> String {
         energies.push(curve("weights of the thesis", |row| Some(row.thesis?.0)));
         reached.push(curve("weights of the thesis", |row| Some(row.thesis?.1)));
     }
-    reached.push(("asked for".into(), asked));
+    reached.push(("requested".into(), asked));
     let panels = [("energy".to_owned(), energies), (what.to_owned(), reached)];
     chart::panels(&title, "design step", &panels, &[])
 }

@@ -1,4 +1,4 @@
-//! Figure 3.6 of the thesis: the body's planned and simulated trajectories of ANYmal's forward duck, open loop.
+//! Figure 3.6 of the thesis: planned and simulated trajectories of the body in ANYmal's forward duck, open loop.
 
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
@@ -11,16 +11,16 @@ use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const MOTION: &str = "motions/anymal_duck.toml";
-/// Steps of the world per second.
+/// Simulation steps per second.
 const RATE_HZ: u32 = 240;
-/// Distance that the simulated body may be from the plan: m ahead and up, rad of pitch.
+/// Largest deviation of the simulated body from the plan: forward and up in m, pitch in rad.
 const BOUNDS: [f64; 3] = [0.02, 0.02, 0.03];
 const NAMES: [(&str, &str); 3] = [("ahead", "m"), ("up", "m"), ("pitch", "rad")];
 
-/// Place of the body: m ahead and up, rad of pitch, nose down.
+/// Pose of the body: forward and up in m; pitch in rad, nose down.
 type Place = [f64; 3];
 
-/// A moment of the motion.
+/// Poses at a time of the motion.
 #[derive(Serialize)]
 struct Row {
     time_s: f64,
@@ -89,7 +89,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
         motion.name,
         outcome.time_s,
         outcome.iterations,
-        if outcome.fell_at_s.is_some() { "it fell" } else { "no fall" },
+        if outcome.fell_at_s.is_some() { "the robot fell" } else { "no fall" },
     );
     let holds = within && outcome.holds() && plan.solve.status == Status::Converged;
     let verdict = if holds { Verdict::Passed } else { Verdict::OutOfBounds };

@@ -1,4 +1,4 @@
-//! Figures 3.7 and 3.8 of the thesis: ANYmal ducks and turns in closed loop, and how near it keeps to its plans.
+//! Figures 3.7 and 3.8 of the thesis: ANYmal ducks and turns in closed loop, with its deviations from the plans.
 
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;
@@ -13,26 +13,26 @@ use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
 pub const MOTIONS: [&str; 2] = ["motions/anymal_duck.toml", "motions/anymal_turn.toml"];
-/// Periods of the turn.
+/// Number of periods of the turn.
 const CYCLES: usize = 2;
-/// Ticks of the controller and steps of the world per second.
+/// Controller ticks and simulation steps per second.
 const RATE_HZ: u32 = 500;
-/// Steps from one row to the next.
+/// Number of steps between rows.
 const STEPS: usize = 5;
-/// Quantities of the body.
+/// Coordinates of the body with their units.
 const OF_BODY: [(&str, &str); 6] =
     [("ahead", "m"), ("left", "m"), ("up", "m"), ("roll", "rad"), ("pitch", "rad"), ("yaw", "rad")];
-/// Distance that the body may be from its plan, in these units: m and rad.
+/// Largest deviation of a coordinate from the plan, m or rad.
 const BOUND: f64 = 0.03;
 
-/// The body at a moment, in the order of [`OF_BODY`], and the normal forces of the ground on the end effectors, N.
+/// Coordinates of the body in the order of [`OF_BODY`], and normal ground forces on the end effectors, N.
 #[derive(Clone, Debug, Serialize)]
 struct Pose {
     body: [f64; 6],
     normal_n: Vec<f64>,
 }
 
-/// A moment of a motion.
+/// Planned and tracked pose at a time of a motion.
 #[derive(Serialize)]
 struct Row {
     motion: String,
@@ -67,21 +67,25 @@ pub fn run() -> miette::Result<Option<Findings>> {
             cells.push(names.into_iter().chain([worst, format!("{at_s:.2}"), rms]).collect());
         }
         holds &= stood && plan.solve.status == Status::Converged;
-        let fate =
-            if stood { "no fall, comes where the plan says" } else { "falls, or comes short" };
+        let fate = if stood {
+            "no fall, meets the goals of the plan"
+        } else {
+            "falls, or misses the goals of the plan"
+        };
         text.push(format!("{}: {fate}.", motion.name));
         charts.push((format!("figure-3-8-{}.svg", motion.name), draw(&plan, &of_motion)));
         rows.extend(of_motion);
     }
     text.push(format!(
-        "Closed loop with gains, {RATE_HZ} ticks a second, state estimated from a noisy IMU and noisy encoders; of the body at most {BOUND} m and rad are allowed."
+        "Closed loop with gains, {RATE_HZ} ticks a second, state estimated from a noisy IMU and \
+         noisy encoders; errors of the body up to {BOUND} m and rad are allowed."
     ));
     let verdict = if holds { Verdict::Passed } else { Verdict::OutOfBounds };
     let blocks = vec![Block::Table(cells), Block::Text(text.join("\n"))];
     Ok(Some(Findings { charts, verdict, ..Findings::new("figure-3-8", blocks, &rows) }))
 }
 
-/// Tracks a plan; the moments of its motion, and whether the robot stood and came where the plan says.
+/// Tracks a plan. Returns the poses of the motion, and true if the robot did not fall and covered the planned displacement.
 fn track(plan: &Plan) -> miette::Result<(Vec<Row>, bool)> {
     let script = Script::new(plan, true);
     let options = rollwalk_simulate::Options {
@@ -121,7 +125,7 @@ fn row(plan: &Plan, planned: &mut WholeBody, moment: &Moment<'_>, time_s: f64) -
     }
 }
 
-/// Body and ground forces over time, planned and tracked.
+/// Draws body coordinates and ground forces over time, planned and tracked.
 fn draw(plan: &Plan, rows: &[Row]) -> String {
     let curves = |pick: &dyn Fn(&Pose) -> f64| -> Vec<Curve> {
         let of = |name: &str, pose: fn(&Row) -> &Pose| {

@@ -1,4 +1,4 @@
-//! Inputs of benchmarks: shipped files, by their path in the checkout, and motions of the user's.
+//! Inputs of benchmarks: shipped files, by their path in the checkout, and the user's motions.
 
 use miette::miette;
 use rollwalk_design::designed::Designed;
@@ -10,35 +10,35 @@ use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::planning::plan_all;
 use std::path::Path;
 
-/// A library with the plans that it was packed from.
+/// Library with the plans that it was packed from.
 pub struct PlannedLibrary {
     /// Name of the library.
     pub name: String,
     pub robot: Robot,
-    /// Plans of its clips: motions, then transitions.
+    /// Plans of the clips: motions, then transitions.
     pub plans: Vec<Plan>,
-    /// The plans, packed without their torques: frames are what the format is compared by.
+    /// Library packed without torques, for comparisons of the format by frames.
     pub built: BuiltLibrary,
-    /// Bytes of the packed library with its torques: what a controller is flashed with.
+    /// Library packed with torques, as flashed to a controller.
     pub with_torques: Vec<u8>,
 }
 
-/// A shipped motion and its robot.
+/// Reads a shipped motion and its robot.
 pub fn motion(file: &str) -> miette::Result<(Robot, Motion)> {
     Source::Shipped.motion(Path::new(file))
 }
 
-/// A motion of the user's and its robot.
+/// Reads a motion of the user and its robot.
 pub fn own_motion(file: &Path) -> miette::Result<(Robot, Motion)> {
     Source::Disk.motion(file)
 }
 
-/// A shipped design with its robot and motions.
+/// Reads a shipped design with its robot and motions.
 pub fn design(file: &str) -> miette::Result<Designed> {
     Source::Shipped.design(Path::new(file))
 }
 
-/// A shipped library, planned and packed; `None` after an interrupt.
+/// Plans and packs a shipped library; `None` after an interrupt.
 pub fn library(file: &str) -> miette::Result<Option<PlannedLibrary>> {
     let mut library = Source::Shipped.library(Path::new(file))?;
     let Some(plans) = plan_all(&library, false)? else { return Ok(None) };

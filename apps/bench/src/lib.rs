@@ -1,8 +1,8 @@
-//! Benchmarks: the tables and figures of the thesis on this machine, the library format on real plans, the thesis's experiments
-//! with its differentiable simulator, and the fault campaign.
+//! Benchmarks: tables and figures of the thesis on this machine, the library format on real plans, experiments with the
+//! thesis's differentiable simulator, and the fault campaign.
 //!
-//! A benchmark reads its files, shows progress and heeds Ctrl-C itself; what it finds is a value, [`Findings`], which
-//! [`program`] prints and writes. What each benchmark shows: `docs/benchmarks.md`.
+//! A benchmark reads its files, shows progress and handles Ctrl-C itself. The module [`program`] prints and writes its
+//! [`Findings`]. `docs/benchmarks.md` describes the results of each benchmark.
 
 pub mod campaign;
 mod design_edits;
@@ -36,10 +36,10 @@ use split::Split;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-/// A benchmark with its options.
+/// Benchmark with its options.
 #[derive(clap::Subcommand)]
 pub enum Benchmark {
-    /// Table 2.1: its motions from scratch and replanned after an edit, several seeds each.
+    /// Table 2.1: motions planned from scratch and replanned after an edit, with several seeds each.
     #[command(name = "table-2-1")]
     Table21(table_2_1::Args),
     /// CPU time against the number of samples, 12 to 240.
@@ -47,10 +47,10 @@ pub enum Benchmark {
     /// Figure 2.3: convergence of Newton with two Hessians, of L-BFGS, and of Gauss-Newton with multipliers.
     #[command(name = "figure-2-3")]
     Figure23(figure_2_3::Args),
-    /// Figures 2.8 and 2.5: designs that cannot do a motion, repaired: a car with tilted wheels, a walker below its target.
+    /// Figures 2.8 and 2.5: repair of infeasible designs: a car with tilted wheels, a walker below its target.
     #[command(name = "figure-2-8")]
     Figure28(figure_2_8::Args),
-    /// Figure 2.4: longer front legs by hand, and with the others following so that the body stays level.
+    /// Figure 2.4: longer front legs, by hand and with the other parameters following so that the body stays level.
     #[command(name = "figure-2-4")]
     Figure24,
     /// Figure 3.2: convergence with and without the thesis's warm start.
@@ -59,51 +59,51 @@ pub enum Benchmark {
     /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
     #[command(name = "figure-3-6")]
     Figure36,
-    /// Figures 3.7 and 3.8: ANYmal ducks and turns in closed loop; the plan against the robot.
+    /// Figures 3.7 and 3.8: ANYmal ducks and turns in closed loop, compared with the plan.
     #[command(name = "figure-3-8")]
     Figure38,
-    /// Closed loop against servos: as planned, with other masses, friction, delay and slopes, and pushed.
+    /// Closed loop against servos: as planned, with other masses, friction, delays and slopes, and with pushes.
     Tracking(tracking::Args),
-    /// Sensors that break in closed loop: which robots go on, come to rest on their feet, or fall.
+    /// Sensor faults in closed loop: robots that continue, come to rest on their feet, or fall.
     #[command(name = "sensor-faults")]
     SensorFaults(sensor_faults::Args),
-    /// Table 3.2: SwizzleBots with two to five motors a leg.
+    /// Table 3.2: SwizzleBots with two to five motors per leg.
     #[command(name = "table-3-2")]
     Table32(table_3_2::Args),
     /// Table 3.3: top speeds of walking, rolling, swizzling and skating.
     #[command(name = "table-3-3")]
     Table33(table_3_3::Args),
-    /// Size of the shipped motion libraries, in bytes a second, against raw f32, postcard and zstd.
+    /// Size of the shipped motion libraries in bytes per second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
     /// Cost of editing a robot against planning from scratch.
     #[command(name = "design-edits")]
     DesignEdits(only::Only),
-    /// Requests beyond what robots can do: whether the numbers that their diagnoses suggest work.
+    /// Requests beyond the limits of robots: feasibility of the values that their diagnoses suggest.
     Suggestions(suggestions::Args),
-    /// The experiments of the differentiable simulator (ch. 4), with the thesis's numbers beside ours.
+    /// Experiments of the differentiable simulator (ch. 4), compared with the thesis.
     Physics(physics::Args),
-    /// Fault scenarios in simulation at several rates of frame loss: outcomes; safety rules checked on every frame.
+    /// Fault scenarios in simulation at several rates of frame loss: outcomes, and safety rules checked on every frame.
     #[command(name = "fault-campaign")]
     FaultCampaign(fault_campaign::Args),
 }
 
-/// A benchmark that is to be run.
+/// Work of a benchmark.
 pub enum Work<'a> {
-    /// Work as a whole; without result if it is interrupted before it has found anything.
+    /// Work without units. Its result is `None` after an interrupt before the first finding.
     Whole(Box<dyn FnOnce() -> Outcome + 'a>),
-    /// Work in units, some of which other processes may do.
+    /// Work in units, some of which other processes may compute.
     Split(Box<dyn Split + 'a>),
 }
 
-/// Result of a benchmark.
+/// Result of a benchmark; `None` after an interrupt before the first finding.
 pub type Outcome = miette::Result<Option<Findings>>;
 
 impl Benchmark {
-    /// The work that it is.
+    /// Returns the work of the benchmark.
     ///
     /// # Errors
-    /// A row or case that does not exist. Later ones come from the work.
+    /// Returns an error if a selected row or case does not exist. The work itself reports later errors.
     pub fn work(&self) -> miette::Result<Work<'_>> {
         fn whole<'a>(run: impl FnOnce() -> Outcome + 'a) -> Work<'a> {
             Work::Whole(Box::new(run))
@@ -134,44 +134,44 @@ impl Benchmark {
     }
 }
 
-/// Tells a solve to go on until the user interrupts it.
+/// Callback of a solve: continues until the user interrupts.
 fn unless_interrupted() -> ControlFlow<()> {
     if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Findings of a benchmark.
 pub struct Findings {
-    /// Text and tables, for people.
+    /// Text and tables for display.
     pub blocks: Vec<Block>,
-    /// Files for the output folder; `None` when one run is repeated, which leaves the files of the campaign alone.
+    /// Files for the output folder; `None` for a repeated single run, which does not overwrite the files of the campaign.
     pub record: Option<Record>,
-    /// Charts, by file name in the output folder.
+    /// Charts with their file names in the output folder.
     pub charts: Vec<(String, String)>,
-    /// A log that the options ask for, and where to write it.
+    /// Requested log, and its path.
     pub log: Option<(PathBuf, Vec<u8>)>,
-    /// Failures, and how to repeat them.
+    /// Failures, with the commands that repeat them.
     pub failures: Vec<String>,
     /// Verdict on the findings.
     pub verdict: Verdict,
 }
 
-/// The files of a benchmark.
+/// Files of a benchmark.
 pub struct Record {
-    /// Stem of the Markdown and the JSON file.
+    /// Stem of the names of the Markdown and the JSON file.
     pub name: &'static str,
-    /// Numbers of the benchmark as JSON.
+    /// Measured values as JSON.
     pub json: String,
 }
 
-/// A paragraph of findings.
+/// Paragraph of findings.
 pub enum Block {
     /// Lines of text.
     Text(String),
-    /// A table.
+    /// Table.
     Table(Table),
 }
 
-/// A table of cells; the first row has the titles.
+/// Table of cells, whose first row contains the titles.
 pub type Table = Vec<Vec<String>>;
 
 /// Verdict on a benchmark.
@@ -179,11 +179,11 @@ pub type Table = Vec<Vec<String>>;
 pub enum Verdict {
     /// Findings as expected.
     Passed,
-    /// A plan did not converge, or a file is larger than it should be.
+    /// Plan that did not converge, or file that is larger than expected.
     NotConverged,
-    /// A measured value exceeds its bound.
+    /// Measured value beyond its bound.
     OutOfBounds,
-    /// The user ended it.
+    /// Interrupt by the user.
     Interrupted,
 }
 
@@ -201,12 +201,12 @@ impl Findings {
     }
 }
 
-/// A table with these titles and no rows yet.
+/// Creates a table with titles and no rows.
 fn table<const N: usize>(titles: [&str; N]) -> Table {
     vec![titles.map(str::to_owned).to_vec()]
 }
 
-/// A line for each target, and whether all of them are met.
+/// Returns a line for each target, and true if all targets are met.
 fn verdicts<const N: usize>(checks: [(String, bool); N]) -> (String, bool) {
     let line =
         |(text, holds): &(String, bool)| format!("{} {text}", if *holds { "yes" } else { "NO " });

@@ -1,4 +1,4 @@
-//! The `rollwalk-bench` binary; everything it does is in the library beside it.
+//! Binary `rollwalk-bench`, whose code is in the library.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Solves on one thread, measured in its CPU time.
+//! Solves on a single thread, measured in CPU time.
 
 use crate::unless_interrupted;
 use cpu_time::ThreadTime;
@@ -7,12 +7,12 @@ use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options, ReplanError, Solution, optimise_solution};
 use rollwalk_robot::Robot;
 
-/// A solve with what it cost.
+/// Solve with its cost.
 pub struct Run {
     pub solution: Solution,
-    /// Iterations of all starts that were tried.
+    /// Number of iterations of all starts.
     pub iterations: usize,
-    /// CPU time of all of them, s.
+    /// CPU time of all starts, s.
     pub cpu_s: f64,
 }
 
@@ -27,12 +27,13 @@ impl Run {
     }
 }
 
-/// The options without refinement: tables say the samples of their motions, and what a solve of so many takes.
+/// Options without refinement: tables report the samples of the motion files, and the cost of a solve with that number of
+/// samples.
 fn at_samples_of_file(options: &Options) -> Options {
     Options { refine: false, ..options.clone() }
 }
 
-/// Plans from nothing: the candidate starts one after the other until one decides.
+/// Plans from scratch: tries the candidate starts one after the other until one yields a verdict.
 pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
     let clock = ThreadTime::now();
     let mut iterations = 0;
@@ -46,7 +47,7 @@ pub fn cold(robot: &Robot, motion: &Motion, options: &Options) -> Run {
 /// Plans an edited motion from a solution.
 ///
 /// # Errors
-/// As [`Solution::replan`].
+/// Returns an error if [`Solution::replan`] does.
 pub fn again(
     solution: &Solution,
     robot: &Robot,
@@ -60,7 +61,7 @@ pub fn again(
     Ok(Run { solution, iterations, cpu_s: clock.elapsed().as_secs_f64() })
 }
 
-/// The motion with its goal times `factor`.
+/// Returns the motion with its goal multiplied by `factor`.
 pub fn goal_times(motion: &Motion, factor: f64) -> Motion {
     let times = |goal: Option<f64>| goal.map(|goal| factor * goal);
     let Goal { forward_m, left_m, turn_rad } = motion.goal;
@@ -69,7 +70,7 @@ pub fn goal_times(motion: &Motion, factor: f64) -> Motion {
     Motion { goal, ..motion.clone() }
 }
 
-/// Largest difference of the plan's displacement and turn from its goal, as a share of the goal; goals of 0 are left out.
+/// Largest relative difference of the plan's displacement and turn from the goal. Goals of 0 are ignored.
 pub fn goal_error(plan: &Plan) -> f64 {
     let Goal { forward_m, left_m, turn_rad } = plan.motion.goal;
     let asked = [forward_m, left_m, turn_rad];
@@ -79,7 +80,7 @@ pub fn goal_error(plan: &Plan) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// The median; of an even number of values the upper one of the middle two. 0 of none.
+/// Median of some values; 0 for no values. For an even number of values it is the upper of the two middle ones.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Choosing rows of a benchmark by name.
+//! Selection of rows of a benchmark by name.
 
 use miette::miette;
 use std::path::Path;
@@ -6,21 +6,21 @@ use std::path::Path;
 /// Selection of rows.
 #[derive(clap::Args)]
 pub struct Only {
-    /// Name of the only row to run; if there is none, all rows whose names contain it [default: all rows].
+    /// Name of the row to run; if no row has this name, all rows whose names contain it [default: all rows].
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
 
 impl Only {
-    /// Words of this option on the command line.
+    /// Returns this option as command-line arguments.
     pub fn words(&self) -> Vec<String> {
         self.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]).collect()
     }
 
-    /// The rows to run; `file` returns the motion file of a row, whose name is the row's.
+    /// Returns the rows to run. `file` returns the motion file of a row, whose stem is the name of the row.
     ///
     /// # Errors
-    /// No row has such a name; the message lists those that there are.
+    /// Returns an error with the names of all rows if no name matches.
     pub fn choose<'a, T>(&self, rows: &'a [T], file: fn(&T) -> &str) -> miette::Result<Vec<&'a T>> {
         let Some(only) = &self.only else { return Ok(rows.iter().collect()) };
         let with = |fits: &dyn Fn(&str) -> bool| -> Vec<&'a T> {
@@ -33,15 +33,15 @@ impl Only {
         if chosen.is_empty() {
             let names: Vec<_> = rows.iter().map(|row| name(file(row))).collect();
             return Err(miette!(
-                help = format!("there are {}", names.join(", ")),
-                "no row is called `{only}`"
+                help = format!("give one of {}", names.join(", ")),
+                "there is no row `{only}`"
             ));
         }
         Ok(chosen)
     }
 }
 
-/// The name of a motion file's row.
+/// Name of the row of a motion file.
 fn name(file: &str) -> &str {
     Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file)
 }
@@ -69,6 +69,6 @@ mod tests {
         // Folders are no part of a name.
         let error = choose(Some("motions")).unwrap_err();
         assert!(error.to_string().contains("`motions`"), "{error}");
-        assert_eq!(error.help().unwrap().to_string(), "there are roll, walk_and_roll, walk");
+        assert_eq!(error.help().unwrap().to_string(), "give one of roll, walk_and_roll, walk");
     }
 }

@@ -1,5 +1,5 @@
-//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their numbers with the
-//! thesis's.
+//! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their results with the
+//! thesis.
 
 use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
 use crate::{Block, Findings, Verdict, table};
@@ -9,16 +9,16 @@ use rollwalk_planner::plot::chart::{self, Labels};
 use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
-/// Options.
+/// Options of the benchmark.
 #[derive(clap::Args)]
 #[command(after_long_help = list())]
 pub struct Args {
-    /// Experiments; all if none is named.
+    /// Experiments to run; all if none is named.
     #[arg(value_name = "NAME")]
     names: Vec<String>,
 }
 
-/// The experiments, a line for each.
+/// List of the experiments, with a line for each.
 fn list() -> String {
     let width = ALL.iter().map(|experiment| experiment.name.len()).max().unwrap_or(0);
     let line = |of: &Experiment| format!("  {:width$}  {} ({})", of.name, of.about, of.source);
@@ -31,7 +31,7 @@ struct Row {
     experiment: &'static str,
     source: &'static str,
     cpu_s: f64,
-    /// True if all requirements hold.
+    /// True if all requirements are met.
     holds: bool,
     #[serde(flatten)]
     outcome: Outcome,
@@ -72,12 +72,12 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         let cpu_s = begin.elapsed().as_secs_f64();
         let title = format!("{name} ({source}): {about}\n{}; {cpu_s:.1} s", outcome.setup);
         let mut reasons = Vec::new();
-        let mut cells = table(["", "reference", "asked", "found", "holds"]);
+        let mut cells = table(["", "reference", "required", "measured", "holds"]);
         for check in &outcome.checks {
             let holds = match check.holds {
                 Some(true) => "yes".to_owned(),
                 Some(false) => match check.known {
-                    Some(known) => format!("NO, known up to {known}"),
+                    Some(known) => format!("NO, known deviation up to {known}"),
                     None => "NO".to_owned(),
                 },
                 None => String::new(),
@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
             if check.fails {
                 verdict = Verdict::OutOfBounds;
                 failures.push(format!(
-                    "{name}: {}: {}, asked {}",
+                    "{name}: {}: {}, required {}",
                     check.what, check.found, check.asked
                 ));
             }

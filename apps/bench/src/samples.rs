@@ -1,4 +1,4 @@
-//! Cost against the number of samples: the same drive, sampled 12 to 240 times.
+//! Benchmark of the cost as a function of the number of samples: one walk with 12 to 240 samples.
 
 use crate::{Block, Findings, inputs, measure, table};
 use rollwalk_planner::Options;
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 pub const MOTION: &str = "motions/walk.toml";
 const SAMPLES: [usize; 7] = [12, 24, 48, 72, 96, 120, 240];
-/// Samples in one stride: longer motions repeat it.
+/// Number of samples in a stride. Longer motions repeat it.
 const STRIDE: usize = 12;
 
 /// Options of the benchmark.
@@ -23,11 +23,13 @@ pub struct Args {
 fn whole_strides(text: &str) -> Result<usize, String> {
     match text.trim().parse() {
         Ok(samples) if samples > 0 && samples % STRIDE == 0 => Ok(samples),
-        _ => Err(format!("a walk of whole strides has a multiple of {STRIDE} samples")),
+        _ => Err(format!(
+            "give a multiple of {STRIDE} samples, so that the walk consists of whole strides"
+        )),
     }
 }
 
-/// Measurements with one number of samples.
+/// Measurements for a number of samples.
 #[derive(Serialize)]
 struct Row {
     samples: usize,
@@ -80,7 +82,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     Ok(Some(Findings { charts, ..Findings::new("samples", blocks, &rows) }))
 }
 
-/// Slope of the least-squares line through the logarithms; of at least two different numbers.
+/// Slope of the least-squares line through the logarithms; `None` if all x are equal.
 fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;

@@ -1,5 +1,5 @@
-//! Robots in closed loop whose sensors break in the middle of a motion: whether they go on, come to rest on their feet, or fall
-//! (docs/tracking.md).
+//! Benchmark of sensor faults during motions in closed loop (docs/tracking.md). It counts robots that continue, come to rest on
+//! their feet, or fall.
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Number of motions, the first ones of the benchmark of tracking: their robots stay on their feet in closed loop with noisy
+/// Number of motions, which are the first ones of the tracking benchmark. Their robots do not fall in closed loop with noisy
 /// sensors.
 const COUNT: usize = 12;
 const KINDS: [(&str, SensorFaultKind); 16] = [
@@ -42,13 +42,15 @@ const KINDS: [(&str, SensorFaultKind); 16] = [
     ("switch open", SwitchStuck(0, false)),
     ("all switches open", AllSwitchesStuck(false)),
 ];
-/// Moments of the motion at which sensors break.
+/// Number of times in the motion at which sensors break.
 const PHASES: u32 = 4;
 const CYCLES: usize = 6;
-/// Falls that are known: of gaits on two feet with a bias that nothing contradicts for long (docs/tracking.md).
+/// Number of known falls. They occur in gaits on two feet with a bias that no measurement contradicts for long
+/// (docs/tracking.md).
 const FALLS: u32 = 3;
-/// Time before its end at which the speed of a run is taken, s, and largest speed of a robot at rest, m/s.
+/// Interval before the end of a run over which its speed is measured, s.
 const REST_S: f64 = 0.1;
+/// Largest speed of a robot at rest, m/s.
 const REST_M_S: f64 = 0.02;
 
 /// Options of the benchmark.
@@ -58,29 +60,29 @@ pub struct Args {
     only: Only,
 }
 
-/// A motion, and what became of it for every kind of fault.
+/// Outcomes of a motion for every kind of fault.
 #[derive(Serialize, Deserialize)]
 struct Row {
     motion: String,
     outcomes: Vec<Counts>,
 }
 
-/// Outcomes of runs with a fault.
+/// Numbers of runs with a fault, by outcome.
 #[derive(Default, Serialize, Deserialize)]
 struct Counts {
-    /// Tracked to the end.
+    /// Number of runs that were tracked to the end.
     went_on: u32,
-    /// Stopped, at rest on its feet.
+    /// Number of stopped robots at rest on their feet.
     stopped: u32,
-    /// Stopped, on its feet, and not at rest.
+    /// Number of stopped robots on their feet that still move.
     moves: u32,
     fell: u32,
 }
 
-/// The benchmark, a unit for each motion.
+/// Splits the benchmark into units, one for each motion.
 ///
 /// # Errors
-/// A row that does not exist.
+/// Returns an error if a selected row does not exist.
 pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = vec!["sensor-faults".to_owned()];
     words.extend(args.only.words());
@@ -114,7 +116,7 @@ fn row(file: &str) -> miette::Result<Option<Row>> {
 }
 
 impl Counts {
-    /// A run in which something breaks: in the second period, or while a motion that ends moves.
+    /// Adds a run with a fault, which begins in the second period, or while a finite motion moves.
     fn add(&mut self, plan: &Plan, kind: SensorFaultKind, phase: u32) -> miette::Result<()> {
         let period_s = plan.motion.duration_s;
         let begin_s = if plan.motion.ends == Ends::Periodic { period_s } else { 1.0 };
@@ -175,9 +177,10 @@ fn findings(rows: &[Row]) -> Findings {
     let fell: u32 = rows.iter().flat_map(|row| &row.outcomes).map(|counts| counts.fell).sum();
     let runs = rows.len() * KINDS.len() * PHASES as usize;
     let text = format!(
-        "{PHASES} runs for each fault, which comes at as many moments of the motion and stays, but for those of one sample; biases are on every axis. Tracking with gains and estimator, {RATE_HZ} ticks a second.\n\
-         goes on: tracked to the end; stops: at rest on its feet; moves: on its feet and not at rest.\n\
-         {fell} of {runs} runs end in a fall."
+        "{PHASES} runs for each fault, which starts at a different time in each run; all faults \
+         persist except those of one sample; biases act on every axis. Tracking with gains and \
+         estimator, {RATE_HZ} ticks a second.\ngoes on: tracked to the end; stops: at rest on its \
+         feet; moves: on its feet and not at rest.\n{fell} of {runs} runs end in a fall."
     );
     let blocks = vec![Block::Table(outcomes), Block::Text(text)];
     let verdict = if fell <= FALLS { Verdict::Passed } else { Verdict::OutOfBounds };

@@ -1,4 +1,4 @@
-//! Benchmarks of rows that know nothing of each other, so that they can be split over cores and machines.
+//! Benchmarks with independent rows, which can be split over cores and machines.
 
 use crate::Findings;
 use miette::{IntoDiagnostic, miette};
@@ -7,49 +7,49 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// A benchmark that is computed in units, by whom it may be.
+/// Benchmark that is computed in units, possibly by several processes.
 pub trait Split: Sync {
-    /// Words of the command line behind `bench`: the name, and all options. The same words ask for the same work.
+    /// Command-line arguments after `bench`: the name and all options. Equal arguments select equal work.
     fn words(&self) -> Vec<String>;
-    /// Texts of the user's own files on which the work depends.
+    /// Contents of the user's files that the work depends on.
     fn inputs(&self) -> Vec<String> {
         Vec::new()
     }
     fn units(&self) -> usize;
     /// Name of the units in messages.
     fn units_name(&self) -> &'static str;
-    /// True if it measures times, so that units must not disturb each other.
+    /// True if the benchmark measures times, so that units must not disturb each other.
     fn is_timed(&self) -> bool;
     /// Computes a unit; `None` after an interrupt.
     ///
     /// # Errors
-    /// An input that cannot be used, or what the computation reports.
+    /// Returns an error if an input cannot be used, or if the computation fails.
     fn unit(&self, index: usize) -> miette::Result<Option<Value>>;
-    /// Findings from the results of units, by number: of all units, or of those done before an interrupt.
+    /// Findings from the results of units, by index. After an interrupt some units may be missing.
     ///
     /// # Errors
-    /// They are not of this benchmark.
+    /// Returns an error if the results do not belong to this benchmark.
     fn findings(&self, units: &BTreeMap<usize, Value>) -> miette::Result<Findings>;
 }
 
-/// Computes a row of something; `None` after an interrupt.
+/// Function that computes a row; `None` after an interrupt.
 pub type Row<'a, T, R> = dyn Fn(&T) -> miette::Result<Option<R>> + Sync + 'a;
-/// Findings of rows.
+/// Function that computes the findings of rows.
 pub type Found<'a, R> = dyn Fn(&[R]) -> Findings + Sync + 'a;
 
-/// A benchmark of which each unit is a row.
+/// Benchmark whose units are rows.
 pub struct Rows<'a, T, R> {
-    /// [`Split::words`].
+    /// Command-line arguments that [`Split::words`] returns.
     pub words: Vec<String>,
-    /// [`Split::inputs`].
+    /// Contents of the user's files that [`Split::inputs`] returns.
     pub inputs: Vec<String>,
-    /// [`Split::is_timed`].
+    /// Timing flag that [`Split::is_timed`] returns.
     pub is_timed: bool,
     /// Inputs of the rows.
     pub rows: Vec<T>,
     /// Computation of a row.
     pub row: Box<Row<'a, T, R>>,
-    /// Findings of rows.
+    /// Computation of the findings.
     pub findings: Box<Found<'a, R>>,
 }
 
@@ -84,13 +84,13 @@ impl<T: Sync, R: Serialize + DeserializeOwned> Split for Rows<'_, T, R> {
     }
 }
 
-/// A result of a unit, as others read it.
+/// Converts the result of a unit to JSON.
 pub fn written(result: &impl Serialize) -> miette::Result<Value> {
     serde_json::to_value(result).into_diagnostic()
 }
 
-/// A result of a unit.
+/// Parses the result of a unit.
 pub fn read<R: DeserializeOwned>(value: &Value) -> miette::Result<R> {
     R::deserialize(value)
-        .map_err(|error| miette!("a journal has a result of something else: {error}"))
+        .map_err(|error| miette!("a journal contains a result of other work: {error}"))
 }

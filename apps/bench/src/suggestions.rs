@@ -1,7 +1,7 @@
-//! Requests beyond what robots can do, and whether the numbers that their diagnoses suggest work when tried.
+//! Benchmark of requests beyond the limits of robots, and of the feasibility of the values that their diagnoses suggest.
 //!
-//! Every case asks too much of a shipped motion in one way: too far, too fast, too high, with motors too weak or on ice.
-//! How much too much is drawn at random, so that some requests miss by little and a few are possible after all.
+//! Every case demands too much of a shipped motion in one respect: distance, speed, height, motor strength or friction. The
+//! excess is drawn at random, so that some requests miss narrowly and a few are feasible.
 
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, Outcome, Verdict, inputs, measure, table};
@@ -12,28 +12,32 @@ use rollwalk_robot::Robot;
 use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 
-/// Change of a motion or robot, by a number.
+/// Change of a motion or robot by a value.
 #[derive(Clone, Copy, Debug)]
 enum Change {
-    /// Goals and targets, times a number.
+    /// Factor on goals and targets.
     Farther,
-    /// `left_m` of the goal, m.
+    /// Value of `left_m` of the goal, m.
     Sideways,
-    /// `turn_rad` of the goal, rad.
+    /// Value of `turn_rad` of the goal, rad.
     Turn,
-    /// The duration, times a number.
+    /// Factor on the duration.
     Shorter,
-    /// The swing height, times a number.
+    /// Factor on the swing height.
     Higher,
-    /// Heights that the body stays below, times a number.
+    /// Factor on the height limits of the body.
     Lower,
-    /// Targets to the side, times a number.
+    /// Factor on sideways targets.
     Wider,
-    /// Speed limits of joints, of wheels, torque limits of joints, of wheels, and friction, times a number.
+    /// Factor on the speed limits of joints.
     SlowJoints,
+    /// Factor on the speed limits of wheels.
     SlowWheels,
+    /// Factor on the torque limits of joints.
     WeakJoints,
+    /// Factor on the torque limits of wheels.
     WeakWheels,
+    /// Factor on the friction.
     Ice,
 }
 
@@ -42,7 +46,7 @@ use Change::{
     WeakWheels, Wider,
 };
 
-/// Motion files, the change, and the range from which its number is drawn.
+/// Motion files, the change, and the range from which its value is drawn.
 const REQUESTS: [(&[&str], Change, [f64; 2]); 12] = [
     (
         &[
@@ -125,12 +129,12 @@ const REQUESTS: [(&[&str], Change, [f64; 2]); 12] = [
 ];
 
 impl Change {
-    /// The number that changes nothing, or nearly.
+    /// Value that changes nothing, or nearly nothing.
     fn none(self) -> f64 {
         if matches!(self, Sideways | Turn) { 0.0 } else { 1.0 }
     }
 
-    /// The request with the change.
+    /// Returns the changed robot and motion.
     fn apply(self, robot: &Robot, motion: &Motion, number: f64) -> (Robot, Motion) {
         let (mut robot, mut motion) = (robot.clone(), motion.clone());
         let joints = robot.joints.iter_mut().map(|joint| &mut joint.actuator);
@@ -163,29 +167,29 @@ impl Change {
     }
 }
 
-/// Share of a number by which a request misses that is impossible by little.
+/// Relative distance from a feasible value up to which an infeasible value counts as a narrow miss.
 const LITTLE: f64 = 0.04;
-/// Bisections in which such a request is sought.
+/// Maximum number of bisections to find a narrow miss.
 const BISECTIONS: usize = 7;
 
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Make the requests miss by little, and compare the time that takes with that of a request that is just possible.
+    /// Make requests that miss narrowly, and compare their computing time with that of requests that are just feasible.
     #[arg(long)]
     pub near: bool,
-    /// Plan every refused request again with this many other seeds: a plan that converges shows a false verdict.
+    /// Plan every refused request again with this number of other seeds. A plan that converges reveals a false verdict.
     #[arg(long, default_value_t = 0, value_name = "SEEDS")]
     harder: u64,
-    /// Seed of the numbers that requests are made with.
+    /// Seed of the values of the requests.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Part of the names of the requests to run, such as `walk` or `sideways` [default: all requests].
+    /// Substring of the names of the requests to run, such as `walk` or `sideways` [default: all requests].
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
 
-/// A number that a diagnosis suggests, tried.
+/// Suggested value of a diagnosis, with the result of a test.
 #[derive(Serialize, Deserialize)]
 struct Tried {
     field: String,
@@ -205,11 +209,11 @@ struct Row {
     iterations: usize,
     cpu_s: f64,
     tried: Vec<Tried>,
-    /// Seed from which a plan was found although the request was refused.
+    /// Seed with which a refused request was planned successfully.
     false_verdict: Option<u64>,
 }
 
-/// The benchmark, a unit for each request.
+/// Splits the benchmark into units, one for each request.
 pub fn split(args: &Args) -> Box<dyn Split + '_> {
     let mut words = vec!["suggestions".to_owned()];
     words.extend(["--harder".to_owned(), args.harder.to_string()]);
@@ -233,7 +237,7 @@ pub fn split(args: &Args) -> Box<dyn Split + '_> {
     })
 }
 
-/// Requests that miss by little, beside some that are just possible.
+/// Runs requests that miss narrowly, and requests that are just feasible.
 pub fn run_near(args: &Args) -> Outcome {
     let mut rows = Vec::new();
     for asked in requests(args) {
@@ -250,7 +254,7 @@ pub fn run_near(args: &Args) -> Outcome {
     Ok(Some(near_findings(&rows)))
 }
 
-/// A request of the table.
+/// Selected request.
 struct Asked {
     name: String,
     number: f64,
@@ -265,7 +269,7 @@ impl Asked {
     }
 }
 
-/// Selected requests with their numbers, which do not depend on the selection.
+/// Selected requests with their values, which do not depend on the selection.
 fn requests(args: &Args) -> Vec<Asked> {
     let mut random = fastrand::Rng::with_seed(args.seed);
     let mut all = Vec::new();
@@ -281,7 +285,7 @@ fn requests(args: &Args) -> Vec<Asked> {
     all
 }
 
-/// A shipped motion, and how it is changed.
+/// Shipped motion and its change.
 struct Request {
     name: String,
     change: Change,
@@ -289,13 +293,15 @@ struct Request {
     motion: Motion,
 }
 
-/// A request that is just possible, and one that misses by little.
+/// Results of a request that is just feasible, and of one that misses narrowly.
 #[derive(Serialize)]
 struct Near {
     request: String,
-    /// Numbers, iterations and CPU times of both.
+    /// Value of the feasible and of the infeasible request.
     number: [f64; 2],
+    /// Number of iterations of both requests.
     iterations: [usize; 2],
+    /// CPU time of both requests, s.
     cpu_s: [f64; 2],
     tried: Vec<Tried>,
 }
@@ -306,8 +312,9 @@ impl Near {
     }
 }
 
-/// Bisects between a number with which a request is possible and one with which it is not; `None` if that is possible
-/// too, or no request nearer than the first is, or the user wants no more.
+/// Bisects between a feasible and an infeasible value.
+///
+/// Returns `None` if `number` is feasible, if the bisection finds no narrow miss, or after an interrupt.
 fn near(request: &Request, number: f64) -> Option<Near> {
     let Request { name, change, robot, motion } = request;
     let solve = |number: f64| {
@@ -373,8 +380,8 @@ fn near_findings(rows: &[Near]) -> Findings {
     let within = rows.iter().filter(|row| row.ratio() <= 2.0).count();
     let median = measure::median(rows.iter().map(Near::ratio));
     let text = format!(
-        "{within} of {} requests that miss by little are refused within twice the time of one that is just possible; \
-         median ratio {median:.2}.\n{}",
+        "{within} of {} slightly infeasible requests are refused within twice the time of a \
+         request that is just feasible; median ratio {median:.2}.\n{}",
         rows.len(),
         tally(rows.iter().flat_map(|row| &row.tried)).0
     );
@@ -382,14 +389,14 @@ fn near_findings(rows: &[Near]) -> Findings {
     Findings::new("suggestions-near", blocks, &rows)
 }
 
-/// Number of suggestions that work, in words, and true if at least nine of ten do.
+/// Text with the number of feasible suggestions, and true if at least nine of ten are feasible.
 fn tally<'a>(tried: impl Iterator<Item = &'a Tried> + Clone) -> (String, bool) {
     let works = tried.clone().filter(|tried| tried.works).count();
     let all = tried.count();
-    (format!("{works} of {all} suggested numbers work."), 10 * works >= 9 * all)
+    (format!("{works} of {all} suggested values are feasible."), 10 * works >= 9 * all)
 }
 
-/// Plans every request that the diagnosis of another one suggests.
+/// Plans every request that the diagnosis of another request suggests.
 fn try_all(run: &measure::Run, robot: &Robot, motion: &Motion) -> Vec<Tried> {
     let diagnosis = run.plan().solve.diagnosis.as_ref();
     let culprits: &[Culprit] = diagnosis.map_or(&[], |why| &why.culprits);
@@ -452,13 +459,14 @@ fn line(row: &Row) -> Vec<String> {
 
 fn findings(rows: &[Row]) -> Findings {
     let mut table =
-        table(["request", "number", "outcome", "iterations", "CPU ms", "suggested", "false"]);
+        table(["request", "value", "outcome", "iterations", "CPU ms", "suggested", "false"]);
     table.extend(rows.iter().map(line));
     let refused = rows.iter().filter(|row| row.status != "Converged").count();
     let (tally, most) = tally(rows.iter().flat_map(|row| &row.tried));
     let helped = rows.iter().filter(|row| row.tried.iter().any(|tried| tried.works)).count();
     let text = format!(
-        "{} requests, {refused} of them not planned; {helped} of these with a number that works.\n{tally}",
+        "{} requests, {refused} of them not planned; {helped} of these have a feasible \
+         suggestion.\n{tally}",
         rows.len()
     );
     let blocks = vec![Block::Table(table), Block::Text(text)];

@@ -1,4 +1,4 @@
-//! Table 2.1 of the thesis: the motions of six robots.
+//! Table 2.1 of the thesis: motions of six robots.
 
 use crate::measure::{self, Run, median};
 use crate::only::Only;
@@ -7,15 +7,16 @@ use rollwalk_planner::{ACCEPTED_LEVEL, Options};
 use rollwalk_terminal::{interrupt, output};
 use serde::Serialize;
 
-/// Re-plans follow a goal that is this much of the first one.
+/// Factor on the goal for replanning.
 const EDIT: f64 = 0.9;
-/// Largest error of a goal, as a part of it.
+/// Largest relative error of a goal.
 const GOAL_ERROR: f64 = 1e-3;
-/// CPU time per second of motion, cold and planned again: what must hold and what we aim at, s.
+/// Limit of the CPU time per second of motion, s: planned from scratch and replanned.
 const MUST: [f64; 2] = [0.100, 0.020];
+/// Aim of the CPU time per second of motion, s: planned from scratch and replanned.
 const AIM: [f64; 2] = [0.040, 0.010];
 
-/// The rows: motion file and the thesis's time, s; it gives none for choreographed motions.
+/// Rows: motion file and the thesis's time, s. The thesis has no times of choreographed motions.
 pub const ROWS: &[(&str, Option<f64>)] = &[
     ("motions/table_2_1/swizzlebot_forward.toml", Some(4.5)),
     ("motions/table_2_1/swizzlebot_turn.toml", Some(3.4)),
@@ -35,7 +36,7 @@ pub const ROWS: &[(&str, Option<f64>)] = &[
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Starts of each motion.
+    /// Number of starts of each motion.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
@@ -76,9 +77,9 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         return Ok(None);
     }
     let legend = format!(
-        "iter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: planned \
-         again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second of motion. level: \
-         worst residual as a\npart of its tolerance. goal err: part of the goal."
+        "iter, max: iterations, median and worst seed. cold, max, cpu: CPU time, ms. again: \
+         planned again with\n{EDIT} of the goal, from the cold plan. /s: ms of CPU time per second \
+         of motion. level: worst residual /\ntolerance. goal err: error / goal."
     );
     let (targets, passed) = verdicts(targets(&rows));
     let blocks = vec![Block::Table(table(&rows)), Block::Text(legend), Block::Text(targets)];
@@ -154,7 +155,7 @@ fn table(rows: &[Row]) -> Table {
     table
 }
 
-/// The targets that must hold, each with whether it does.
+/// Required targets, and flags that are true if the target is met.
 fn targets(rows: &[Row]) -> [(String, bool); 6] {
     let every = |holds: fn(&Row) -> bool| rows.iter().all(holds);
     let cpu = |k: usize, what: &str, of: fn(&Row) -> f64| {
@@ -178,7 +179,7 @@ fn targets(rows: &[Row]) -> [(String, bool); 6] {
             every(|row| row.cold_cpu_s_max < row.horizon_s),
         ),
         (
-            format!("residuals are at most {ACCEPTED_LEVEL} of their levels"),
+            format!("residuals are at most {ACCEPTED_LEVEL} times their tolerances"),
             every(|row| row.worst_level <= ACCEPTED_LEVEL),
         ),
         (

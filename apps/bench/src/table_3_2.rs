@@ -1,4 +1,4 @@
-//! Table 3.2 of the thesis: SwizzleBots with two to five motors a leg at 0.3 m/s.
+//! Table 3.2 of the thesis: SwizzleBots with two to five motors per leg at 0.3 m/s.
 
 use crate::only::Only;
 use crate::split::{Rows, Split};
@@ -8,7 +8,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_terminal::interrupt;
 use serde::{Deserialize, Serialize};
 
-/// Motion file, motors a leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
+/// Motion file, motors per leg, and the thesis's mean joint speed, rad/s, and acceleration, rad/s².
 pub const ROWS: [(&str, usize, [f64; 2]); 4] = [
     ("motions/swizzlebot2_forward.toml", 2, [4.87, 4408.22]),
     ("motions/swizzlebot3_forward.toml", 3, [3.26, 2572.32]),
@@ -19,7 +19,7 @@ pub const ROWS: [(&str, usize, [f64; 2]); 4] = [
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Starts of each motion; the one of least energy counts, since strokes have several minima.
+    /// Number of starts of each motion. The one with the least energy counts, since strokes have several minima.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
@@ -39,10 +39,10 @@ struct Row {
     solved: usize,
 }
 
-/// The benchmark, a unit for each robot.
+/// Splits the benchmark into units, one for each robot.
 ///
 /// # Errors
-/// A row that does not exist.
+/// Returns an error if a selected row does not exist.
 pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["table-3-2", "--seeds"].map(str::to_owned).to_vec();
     words.push(args.seeds.to_string());
@@ -119,7 +119,7 @@ fn findings(rows: &[Row], seeds: u64) -> Findings {
     Findings { verdict, ..Findings::new("table-3-2", blocks, &rows) }
 }
 
-/// Mean joint speed and acceleration over a cycle, and the speed of the centre of mass, m/s.
+/// Mean joint speed, rad/s, and acceleration, rad/s², over a cycle, and speed of the centre of mass, m/s.
 fn means(plan: &Plan) -> [f64; 3] {
     let h = plan.sample_interval_s;
     let samples: Vec<_> =

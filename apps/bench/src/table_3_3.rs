@@ -1,4 +1,4 @@
-//! Table 3.3 of the thesis: top speeds, found by asking for more and more.
+//! Table 3.3 of the thesis: top speeds, found by increasing the goal step by step.
 
 use crate::measure::{self, Run};
 use crate::only::Only;
@@ -12,7 +12,7 @@ use rollwalk_robot::{EndEffector, Robot};
 use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 
-/// Motion file, name and measured speed in the thesis, m/s.
+/// Motion file, name, and measured speed in the thesis, m/s.
 pub const ROWS: [(&str, &str, f64); 5] = [
     ("motions/walk_held.toml", "AgileBot walking", 0.1483),
     ("motions/roll.toml", "AgileBot rolling", 0.3380),
@@ -20,25 +20,26 @@ pub const ROWS: [(&str, &str, f64); 5] = [
     ("motions/table_2_1/swizzlebot_forward.toml", "SwizzleBot", 0.6897),
     ("motions/skate.toml", "SkaterBot", 0.9677),
 ];
-/// Rolling resistance that grows with speed, given to passive wheels that have less, s/m: with a drag that does not
-/// grow the speed of a swizzle has no bound at all.
+/// Minimum increase of the rolling resistance of passive wheels with speed, s/m. With a constant resistance, the speed of a
+/// swizzle would have no bound.
 const DRAG_S_M: f64 = 0.02;
-/// Fewest samples of a cycle.
+/// Minimum number of samples of a cycle.
 const SAMPLES: usize = 24;
-/// Slip between samples that still counts as rolling, mm/s: the walk that replays well has 25 to 80.
+/// Largest slip between samples that counts as rolling, mm/s. The walk that replays well has 25 to 80 mm/s.
 const SLIP_MM_S: f64 = 100.0;
 /// Speed at which the search ends, m/s.
 const ENOUGH_M_S: f64 = 20.0;
-/// First step of the distance, as a factor, and the finest.
+/// First factor on the distance.
 const STEP: f64 = 1.25;
+/// Smallest factor on the distance, at which the search ends.
 const FINEST: f64 = 1.02;
-/// Seeds to try from nothing where planning again from the last speed fails.
+/// Number of seeds for planning from scratch if replanning from the previous speed fails.
 const SEEDS: u64 = 2;
 
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Maximum number of speeds to try for each motion; few give a quick lower bound.
+    /// Maximum number of speeds to try for each motion; a small number yields a quick lower bound.
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: usize,
     #[command(flatten)]
@@ -54,10 +55,10 @@ struct Row {
     stopped_by: String,
 }
 
-/// The benchmark, a unit for each motion.
+/// Splits the benchmark into units, one for each motion.
 ///
 /// # Errors
-/// A row that does not exist.
+/// Returns an error if a selected row does not exist.
 pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["table-3-3", "--steps"].map(str::to_owned).to_vec();
     words.push(args.steps.to_string());
@@ -107,15 +108,16 @@ fn findings(rows: &[Row]) -> Findings {
     Findings::new("table-3-3", blocks, &rows)
 }
 
-/// The motion with at least [`SAMPLES`] samples: fast plans on few samples cut corners between them.
+/// Returns the motion with at least [`SAMPLES`] samples, because fast plans with few samples violate limits between them.
 fn refined(motion: Motion) -> Motion {
     let times = SAMPLES.div_ceil(motion.stance.len());
     let stance = motion.stance.iter().flat_map(|flags| vec![flags.clone(); times]).collect();
     Motion { stance, ..motion }
 }
 
-/// True if a run solved its motion, also between the samples: limits of the motors, and slip. [`Report::judgement`] is stricter,
-/// because servos have to hold the motion; the table bounds the model.
+/// True if a run solved its motion, and motor limits and slip are also met between the samples.
+///
+/// [`Report::judgement`] is stricter, because servos have to follow the motion; the table bounds the model.
 fn holds(run: &Run) -> bool {
     let report = Report::new(run.plan());
     let of_motors = [Family::JointLimit, Family::JointSpeed, Family::WheelMotorSpeed];
@@ -132,7 +134,7 @@ fn drag_that_grows(end_effector: &mut EndEffector) {
     }
 }
 
-/// Top speed, m/s, and the worst constraint of the first distance that failed.
+/// Top speed, m/s, and worst constraint at the most recent distance that failed.
 fn top_speed(robot: &Robot, motion: &Motion, steps: usize) -> (f64, String) {
     let speed = |factor: f64| {
         let distance_m = motion.goal.forward_m.unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! Compares controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds
+//! Benchmark of controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds
 //! with other masses, friction, delay, noise or slope (docs/tracking.md).
 
 use crate::only::Only;
@@ -42,23 +42,25 @@ const CONTROLS: [(&str, Control); 4] = [
     ("tracking, tasks", Control::Tracking(Feedback::Tasks)),
     ("tracking, gains", Control::Tracking(Feedback::Gains)),
 ];
-/// Steps of the world and ticks of the controller per second, the same for all.
+/// Simulation steps and controller ticks per second, for all motions.
 pub const RATE_HZ: u32 = 500;
-/// Duration of a push, s; largest push, as a share of the robot's weight; and resolution of the largest push that is survived.
+/// Duration of a push, s.
 const PUSH_S: f64 = 0.1;
+/// Largest push, as a fraction of the robot's weight.
 const PUSH_MOST: f64 = 1.6;
+/// Resolution of the largest push without a fall, as a fraction of the robot's weight.
 const PUSH_STEP: f64 = 0.1;
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
 const SLOPE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// A world that is another than the planned one.
+/// World that differs from the planned one.
 struct World {
     name: &'static str,
     mismatch: Mismatch,
     slope_rad: f64,
 }
 
-/// The worlds, in the order of the columns.
+/// Worlds, in the order of the columns.
 fn worlds() -> [World; 9] {
     let as_planned = Mismatch::default();
     let world = |name, mismatch| World { name, mismatch, slope_rad: 0.0 };
@@ -80,20 +82,20 @@ fn worlds() -> [World; 9] {
 /// Options of the benchmark.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Motion files of your own, in place of the shipped ones.
+    /// Motion files of your own, instead of the shipped ones.
     #[arg(value_name = "MOTION.toml", conflicts_with = "only")]
     motions: Vec<PathBuf>,
-    /// Periods of motions that repeat.
+    /// Number of periods of motions that repeat.
     #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..=1000))]
     cycles: u32,
-    /// Moments of a period at which robots are pushed, in four directions; 0 leaves pushes out.
+    /// Number of times in a period at which robots are pushed, in four directions; 0 disables pushes.
     #[arg(long, value_name = "COUNT", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=100))]
     phases: u32,
     #[command(flatten)]
     only: Only,
 }
 
-/// A motion under a controller.
+/// Results of a motion with a controller.
 #[derive(Serialize, Deserialize)]
 struct Row {
     motion: String,
@@ -101,25 +103,25 @@ struct Row {
     control: String,
     /// Runs in every world.
     runs: Vec<Played>,
-    /// Largest push that is survived, as a part of the weight, for every phase and direction.
+    /// Largest push without a fall, as a fraction of the weight, for every phase and direction.
     pushes: Vec<f64>,
 }
 
-/// A run.
+/// Result of a run.
 #[derive(Serialize, Deserialize)]
 struct Played {
-    /// Achieved by planned, of the first goal.
+    /// Ratio of achieved to planned displacement for the first goal.
     ratio: Option<f64>,
     fell_at_s: Option<f64>,
-    /// A step of the world had no solution.
+    /// True if a step of the simulation had no solution.
     ended: bool,
     untracked: u32,
 }
 
-/// The benchmark, a unit for each motion.
+/// Splits the benchmark into units, one for each motion.
 ///
 /// # Errors
-/// A row that does not exist, or a motion that cannot be read.
+/// Returns an error if a selected row does not exist, or if a motion cannot be read.
 pub fn split(args: &Args) -> miette::Result<Box<dyn Split + '_>> {
     let mut words = ["tracking", "--cycles"].map(str::to_owned).to_vec();
     words.extend([args.cycles.to_string(), "--phases".into(), args.phases.to_string()]);
@@ -170,7 +172,7 @@ fn rows(robot: &Robot, motion: &Motion, args: &Args) -> miette::Result<Option<Ve
     Ok(Some(rows))
 }
 
-/// Runs of a plan under a controller.
+/// Runs of a plan with a controller.
 struct Bench<'a> {
     plan: &'a Plan,
     control: Control,
@@ -201,7 +203,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Largest pushes that are survived, found by halving: a push is one that the robot survives if it stands all the way.
+    /// Largest pushes without a fall, found by bisection.
     fn pushes(&self, phases: u32) -> Vec<f64> {
         let [as_planned, ..] = worlds();
         let mass_kg: f64 = self.plan.robot.links.iter().map(|link| link.mass_kg).sum();
@@ -268,10 +270,13 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
         }
     }
     let text = format!(
-        "Way or turn over plan, the mean of the periods. {RATE_HZ} ticks a second; exact state but where there is noise; contacts by the force of the ground.\n\
-         *: in some ticks the servos got the plan as in open loop, because the state was not known well enough or the robot was pushed beyond the edge of its support or stumbled. Delay and noise act on closed loops only.\n\
-         Pushes: for {PUSH_S} s at every phase of the second period, to the front, back, left and right; the largest after which the robot \
-         stands to the end, in weights, up to {:.1}.",
+        "Distance or turn / plan, mean of the periods. {RATE_HZ} ticks a second; exact state \
+         except where noise is listed; contacts by the force of the ground.\n*: in some ticks the \
+         servos received the plan in open loop, because the state was too uncertain, or because \
+         the robot stumbled or was pushed beyond its support. Delay and noise act on closed loops \
+         only.\nPushes: for {PUSH_S} s at every phase of the second period, to the front, back, \
+         left and right; the table has the largest force without a fall, in weights of the robot, \
+         up to {:.1}.",
         PUSH_MOST - PUSH_STEP
     );
     let blocks = vec![Block::Table(runs), Block::Table(pushes), Block::Text(text)];

@@ -1,14 +1,14 @@
-//! A robot's controller configuration as a Rust module: the images include it, so that they need neither a parser nor
-//! a crate of the host.
+//! Controller configuration of a robot as a Rust module. Images include the module, so that they need neither a parser nor a
+//! host crate.
 
 use rollwalk_protocol::config::Channel;
 use rollwalk_robot::Robot;
 use std::fmt::Write;
 
-/// The module for a robot from the file `name`.
+/// Generates the module for a robot from the file `name`.
 ///
 /// # Errors
-/// The robot breaks a rule of robot files.
+/// Returns an error if the robot breaks a rule of robot files.
 pub fn module(name: &str, robot: &Robot) -> Result<String, String> {
     let config = robot.controller_config().map_err(|error| format!("{name}: {error}"))?;
     let buses = robot.controller_buses();
@@ -71,7 +71,7 @@ pub fn module(name: &str, robot: &Robot) -> Result<String, String> {
     Ok(code)
 }
 
-/// Code between the rows and the body of `config`.
+/// Generated code between the channel rows and the body of `config`.
 const CHANNEL_FN: &str = "];
 
 const fn channel(

@@ -1,4 +1,4 @@
-//! QEMU with an image in it: with a script in its memory, or its UART 0 a TCP connection to this process.
+//! QEMU with an image: either with a script in its memory, or with its UART 0 as a TCP connection to this process.
 
 use object::{Object, ObjectSymbol};
 use std::io::{ErrorKind, Read};
@@ -12,25 +12,25 @@ use std::time::{Duration, Instant};
 const PROGRAM: &str = "qemu-system-arm";
 /// Longest wait for QEMU to connect its UART.
 const BOOT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Longest wait for an answer of the board.
+/// Longest wait for an answer from the board.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
-/// Longest replay, on a loaded machine.
+/// Timeout of a replay, sufficient on a loaded machine.
 const REPLAY_TIMEOUT: Duration = Duration::from_secs(600);
-/// An instruction takes 2 to the power of this many ns of virtual time: so long that the 25 MHz timer
-/// counts 25.6 times in each.
+/// Logarithm to base 2 of the virtual time of an instruction in ns. The 25 MHz timer counts 25.6 times per instruction.
 const ICOUNT_SHIFT: u32 = 10;
-/// The same for spans of up to 40 million instructions: the timer counts twice in five.
+/// Logarithm to base 2 of the virtual time of an instruction in ns, for spans of up to 40 million instructions. The timer
+/// counts twice in five instructions.
 const COARSE_SHIFT: u32 = 4;
 const TIMER_HZ: f64 = 25e6;
 /// Symbol of the image at the address of its script.
 const SCRIPT: &str = "_script_start";
 
-/// Instructions in a span of the board's timer during a [`replay`].
+/// Number of instructions in a span of timer counts during a [`replay`].
 pub fn instructions(counts: f64) -> f64 {
     instructions_at(ICOUNT_SHIFT, counts)
 }
 
-/// The same during [`measure`].
+/// Number of instructions in a span of timer counts during [`measure`].
 pub fn coarse_instructions(counts: f64) -> f64 {
     instructions_at(COARSE_SHIFT, counts)
 }
@@ -39,20 +39,20 @@ fn instructions_at(shift: u32, counts: f64) -> f64 {
     counts / (f64::from(1 << shift) * 1e-9 * TIMER_HZ)
 }
 
-/// Boots an image with a script in its memory, its time counting instructions, and returns what it wrote to the console.
+/// Boots an image with a script in its memory and returns its console output. Virtual time counts instructions.
 ///
 /// # Errors
-/// The board did not come to the end of its program.
+/// Returns an error if QEMU fails, or if the program on the board does not end successfully.
 pub fn replay(image: &Path, script: &Path) -> Result<Vec<u8>, String> {
     let address = script_address(image)?;
     let loader = format!("loader,file={},addr={address:#x},force-raw=on", script.display());
     console(command(image).args(["-device", &loader]), ICOUNT_SHIFT)
 }
 
-/// Boots an image that measures long spans, and returns what it wrote to the console.
+/// Boots an image that measures long spans and returns its console output.
 ///
 /// # Errors
-/// The board did not come to the end of its program.
+/// Returns an error if QEMU fails, or if the program on the board does not end successfully.
 pub fn measure(image: &Path) -> Result<Vec<u8>, String> {
     console(&mut command(image), COARSE_SHIFT)
 }
@@ -62,7 +62,7 @@ fn console(qemu: &mut Command, shift: u32) -> Result<Vec<u8>, String> {
     qemu.args(["-semihosting-config", "enable=on,target=native,chardev=console"]);
     qemu.args(["-icount", &format!("shift={shift},sleep=off")]);
     let mut running = Running::start(qemu.stdout(Stdio::piped()))?;
-    let mut output = running.0.stdout.take().ok_or("QEMU has no output")?;
+    let mut output = running.0.stdout.take().ok_or("the output of QEMU cannot be read")?;
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
         let mut bytes = Vec::new();
@@ -82,7 +82,8 @@ fn script_address(image: &Path) -> Result<u64, String> {
     let file =
         object::File::parse(&bytes[..]).map_err(|error| format!("{}: {error}", image.display()))?;
     let symbol = file.symbols().find(|symbol| symbol.name() == Ok(SCRIPT));
-    let symbol = symbol.ok_or_else(|| format!("{}: no symbol {SCRIPT}", image.display()))?;
+    let symbol =
+        symbol.ok_or_else(|| format!("{}: the symbol {SCRIPT} is missing", image.display()))?;
     Ok(symbol.address())
 }
 
@@ -93,7 +94,7 @@ fn command(image: &Path) -> Command {
     qemu
 }
 
-/// A QEMU that is stopped when dropped.
+/// Process of QEMU, which ends when dropped.
 struct Running(Child);
 
 impl Running {
@@ -111,7 +112,7 @@ impl Drop for Running {
     }
 }
 
-/// A running emulator with its UART; stops when dropped.
+/// Running emulator with its UART, which stops when dropped.
 pub struct Emulator {
     line: TcpStream,
     _running: Running,
@@ -121,9 +122,14 @@ impl Emulator {
     /// Boots an image.
     ///
     /// # Errors
-    /// QEMU did not start, or its message.
+    /// Returns an error if QEMU does not start, or does not connect its UART in time.
     pub fn boot(image: &Path) -> Result<Self, String> {
-        let failed = |error: std::io::Error| format!("no port for the board's UART: {error}");
+        let failed = |error: std::io::Error| {
+            format!(
+                "cannot open a port for the board's UART: \
+            {error}"
+            )
+        };
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         let port = listener.local_addr().map_err(failed)?.port();
@@ -137,10 +143,10 @@ impl Emulator {
         Ok(Self { line, _running: running })
     }
 
-    /// The UART.
+    /// Returns a handle of the UART.
     ///
     /// # Errors
-    /// The operating system's.
+    /// Returns an error if the operating system cannot duplicate the handle.
     pub fn line(&self) -> Result<TcpStream, String> {
         self.line.try_clone().map_err(|error| format!("the board's UART: {error}"))
     }

@@ -1,21 +1,21 @@
-//! Cost of commands to the emulated board when it insists on its link key, and of a library's signature.
+//! Measures the cost of commands to an emulated board that requires a link key, and of the signature of a library.
 
 use crate::emulator;
 use serde_json::json;
 use std::path::Path;
 
-/// Runs the image that measures it, and prints instructions as JSON.
+/// Runs the image that measures the cost, and prints numbers of instructions as JSON.
 ///
 /// # Errors
-/// The image failed, or does not report what it should.
+/// Returns an error if the image fails, or if its report has another size.
 pub fn run(image: &Path) -> Result<(), String> {
     let said = emulator::measure(image)?;
     let (numbers, []) = said.as_chunks::<4>() else {
-        return Err(format!("the image reported {} bytes", said.len()));
+        return Err(format!("the image reported {} bytes; expected a multiple of 4", said.len()));
     };
     let numbers: Vec<f64> = numbers.iter().map(|bytes| u32::from_le_bytes(*bytes).into()).collect();
     let &[plain, proven, forged, short, long, stack] = &numbers[..] else {
-        return Err(format!("the image reported {} numbers", numbers.len()));
+        return Err(format!("the image reported {} numbers; expected 6", numbers.len()));
     };
     println!(
         "{}",

@@ -1,5 +1,7 @@
-//! The bench for board images: writes the configuration that they hold, and runs the demo with the controller on a
-//! board and with the same firmware in this process, frame by frame.
+//! Bench for board images.
+//!
+//! The program generates the robot configuration that images contain. It also runs the demo with the controller on a board and
+//! with the same firmware in this process, and compares them frame by frame.
 //!
 //! ```text
 //! host session ── simulated buses and motors ── firmware in this process ──> script ──> board's memory: replay
@@ -33,7 +35,7 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "rollwalk-board-bench")]
 struct Cli {
-    /// The robot that the images are built for.
+    /// Robot that the images are built for.
     #[arg(long, default_value = "shipped/robots/agilebot.toml", global = true)]
     robot: PathBuf,
     #[command(subcommand)]
@@ -44,58 +46,58 @@ struct Cli {
 enum Task {
     /// Print the robot's controller configuration as the Rust module that the images include.
     Config,
-    /// Write that module for an image of a board, and print how the robot is connected to it.
+    /// Write the configuration module for an image of a board, and print the wiring of the robot.
     Image {
-        /// The board.
+        /// Name of the board.
         #[arg(value_parser = wiring::board)]
         board: &'static wiring::Board,
-        /// File for the module.
+        /// Output file for the module.
         #[arg(long)]
         out: PathBuf,
     },
-    /// Print, in hexadecimal digits, the block of keys that `cargo xtask image` fills into an image.
+    /// Print the key block that `cargo xtask image` inserts into an image, in hexadecimal digits.
     KeyBlock {
         /// File with the link key.
         #[arg(long)]
         link_key: Option<PathBuf>,
-        /// File with the public key of those who sign libraries.
+        /// File with the public key for signatures of libraries.
         #[arg(long)]
         library_key: Option<PathBuf>,
     },
-    /// Replay a library's scenario from the emulated board's memory; print what it cost as JSON.
+    /// Replay the scenario of a library from the memory of the emulated board, and print its cost as JSON.
     Replay {
-        /// Image with the replay.
+        /// Image with the replay program.
         image: PathBuf,
-        /// Library to flash and play; without one, a short motion made for this.
+        /// Library to flash and play; default: a short generated motion.
         #[arg(long)]
         library: Option<PathBuf>,
-        /// Folder for the script.
+        /// Output folder for the script.
         #[arg(long)]
         out: PathBuf,
     },
-    /// Print as JSON what keys cost on the emulated board.
+    /// Print the cost of keys on the emulated board as JSON.
     Keys {
-        /// Image that measures it.
+        /// Image that measures the cost.
         image: PathBuf,
     },
     /// Run a scenario on the emulated board over its UART and compare the logs of all buses.
     Uart {
         /// Image that answers over the UART.
         image: PathBuf,
-        /// Library to flash and play; without one, a short motion made for this.
+        /// Library to flash and play; default: a short generated motion.
         #[arg(long)]
         library: Option<PathBuf>,
-        /// The link key that the image has.
+        /// File with the link key of the image.
         #[arg(long)]
         link_key: Option<PathBuf>,
-        /// Private key whose public one the image has, to sign the library.
+        /// File with the private key that signs the library. The image contains its public key.
         #[arg(long)]
         signing_key: Option<PathBuf>,
-        /// Folder for the logs.
+        /// Output folder for the logs.
         #[arg(long)]
         out: PathBuf,
     },
-    /// Print the report of a board at a serial port and transfer a library; torque stays off.
+    /// Print the report of a board at a serial port and transfer a library. Torque stays off.
     Visit {
         /// Serial port.
         port: PathBuf,
@@ -146,7 +148,7 @@ fn run(cli: &Cli) -> Result<(), String> {
     }
 }
 
-/// The library of a file, or the short one of a robot.
+/// Reads a library, or generates the short one of a robot if there is no path.
 fn library_or_short(path: Option<&Path>, robot: &Robot) -> Result<Vec<u8>, String> {
     path.map_or_else(|| short_library::encoded(robot), read)
 }

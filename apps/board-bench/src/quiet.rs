@@ -1,23 +1,23 @@
-//! Detects steps that a board need not make: without an input, and with no free bus for which it may have a frame.
+//! Detection of steps that a board can skip: they have no input, and no free bus has a frame to send.
 
 use rollwalk_protocol::tunnel::{Buses, Step, Stepped};
 
-/// Transmit queues of a controller that are known to be empty since its last input.
+/// Transmit queues of a controller that are known to be empty since its previous input.
 #[derive(Default)]
 pub struct Quiet {
     playing: Option<(u8, u16, f32)>,
-    /// Buses with an empty transmit queue, which only an input fills.
+    /// Buses with an empty transmit queue. Only an input can fill it.
     silent: Buses,
 }
 
 impl Quiet {
-    /// The answer to a step that need not be made; `None` for one that must be.
+    /// Answer to a step that can be skipped; `None` if the step must be made.
     pub fn answer(&self, step: &Step) -> Option<Stepped> {
         let nothing = step.input.is_none() && step.free.without(self.silent).is_empty();
         nothing.then(|| Stepped { playing: self.playing, ..Stepped::default() })
     }
 
-    /// Records a step that was made.
+    /// Records an executed step.
     pub fn after(&mut self, step: &Step, stepped: &Stepped) {
         self.playing = stepped.playing;
         if step.input.is_some() {

@@ -1,7 +1,7 @@
-//! A controller on a board at the other end of a serial line, real or emulated.
+//! Controller on a real or emulated board at the other end of a serial line.
 //!
-//! The board only answers requests ([`rollwalk_protocol::tunnel`]): its time stands still while the host works, so every
-//! run is the same.
+//! The board only answers requests ([`rollwalk_protocol::tunnel`]). Its time stops while the host computes, so that runs are
+//! reproducible.
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
@@ -18,10 +18,10 @@ pub struct Remote<T> {
 }
 
 impl<T: Read + Write> Remote<T> {
-    /// Connects to the board at the other end and asks for its identity. The line needs a read timeout.
+    /// Connects to the board at the other end and requests its identity. The line needs a read timeout.
     ///
     /// # Errors
-    /// The line failed, or the answer is not that of a board with this protocol.
+    /// Returns an error if the line fails, or if the answer is not the identity of a board with this protocol.
     pub fn connect(line: T) -> Result<(Self, Hello), LinkError> {
         let mut remote = Self {
             line,
@@ -36,15 +36,15 @@ impl<T: Read + Write> Remote<T> {
         }
     }
 
-    /// Steps that crossed the line.
+    /// Number of steps that were sent over the line.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// Run time and stack usage of the steps.
+    /// Requests the run time and stack usage of the steps.
     ///
     /// # Errors
-    /// The line failed, or the board answered something else.
+    /// Returns an error if the line fails, or if the board sends another answer.
     pub fn figures(&mut self) -> Result<Figures, LinkError> {
         match self.ask(Request::Figures)? {
             Answer::Figures(figures) => Ok(figures),
@@ -56,15 +56,19 @@ impl<T: Read + Write> Remote<T> {
         let down = |error: std::io::Error| LinkError::Down(format!("serial line: {error}"));
         self.sequence = self.sequence.wrapping_add(1);
         let question = request.encode(self.sequence);
-        let question =
-            question.ok_or_else(|| LinkError::Down(format!("no packet for {request:?}")))?;
+        let question = question.ok_or_else(|| {
+            LinkError::Down(format!(
+                "the request {request:?} cannot be \
+                encoded"
+            ))
+        })?;
         self.line.write_all(&question).map_err(down)?;
         self.line.flush().map_err(down)?;
         loop {
             let mut bytes = [0; 256];
             let count = self.line.read(&mut bytes).map_err(down)?;
             if count == 0 {
-                return Err(LinkError::Down("serial line: the board hung up".into()));
+                return Err(LinkError::Down("serial line: the board closed the connection".into()));
             }
             for &byte in &bytes[..count] {
                 let packet = self.deframer.push(byte);

@@ -1,5 +1,5 @@
-//! Replay: the scenario's script in the emulated board's memory, every answer compared there with the firmware's in
-//! this process.
+//! Replay of the scenario's script from the memory of the emulated board. The board compares each of its answers with the
+//! answer of the firmware in this process.
 
 use crate::script::{Recording, Script};
 use crate::{emulator, scenario, write};
@@ -14,33 +14,32 @@ use std::time::Instant;
 
 /// Result of a replay.
 struct Replayed {
-    /// Identity of the image, with the steps that it made: up to the first wrong answer, that one included.
+    /// Identity of the image, with the number of its steps up to and including the first wrong answer.
     hello: Hello,
     figures: Figures,
     wrong: Option<Stepped>,
 }
 
-/// Records the scenario, replays it on an image, and prints steps and cost as JSON. Before that a script with a wrong
-/// frame must be found out.
+/// Records the scenario, replays it on an image, and prints steps and cost as JSON.
+///
+/// First checks that the replay detects a corrupted script.
 ///
 /// # Errors
-/// The first difference, or what failed.
+/// Returns an error if an answer of the board differs, if the corrupted script is not detected, or if recording or replay
+/// fails.
 pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<(), String> {
     let (script, robot_s) = record(robot, library)?;
     let frames = script.frames();
-    eprintln!(
-        "recorded {} steps, {frames} frames, {robot_s:.1} s of the robot's time",
-        script.len()
-    );
+    eprintln!("recorded {} steps, {frames} frames and {robot_s:.1} s of robot time", script.len());
 
-    let (number, corrupted) = script.corrupted().ok_or("no frame to corrupt in the script")?;
+    let (number, corrupted) = script.corrupted().ok_or("the script has no frame to corrupt")?;
     let replayed = replay(image, &corrupted, &out.join("corrupted.script"))?;
     match difference(&corrupted, &replayed) {
         Some(_) if replayed.hello.steps as usize == number => {}
         _ => {
             return Err(format!(
-                "one bit was wrong in step {number} of the script, and the replay ended after step \
-                 {} without finding it",
+                "one bit was wrong in step {number} of the script, but the replay ended after step \
+                 {} without reporting this bit",
                 replayed.hello.steps
             ));
         }
@@ -51,14 +50,14 @@ pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<()
     let config = robot.controller_config().map_err(|error| error.to_string())?;
     if replayed.hello.config_hash != config.hash() {
         let (image, robot) = (replayed.hello.config_hash, config.hash());
-        return Err(format!("the image is for robot {image:08x}, not {robot:08x}"));
+        return Err(format!("the image is for robot {image:08x}; expected robot {robot:08x}"));
     }
     if let Some(difference) = difference(&script, &replayed) {
         return Err(difference);
     }
     eprintln!(
-        "replayed in {:.1} s; every answer is the simulation's, byte by byte; a script with one wrong bit \
-         was found out",
+        "replayed in {:.1} s; all answers equal those of the simulation, and a script with one \
+         wrong bit was detected",
         start.elapsed().as_secs_f64()
     );
     let Figures { periods, start_stack_bytes, stack_bytes, .. } = replayed.figures;
@@ -82,7 +81,7 @@ pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<()
     Ok(())
 }
 
-/// Runs the scenario around the firmware in this process; the script and how long it takes the robot, s.
+/// Runs the scenario with the firmware in this process. Returns the script and the duration of the scenario in robot time, s.
 fn record(robot: &Robot, library: &[u8]) -> Result<(Script, f64), String> {
     let config = robot.controller_config().map_err(|error| error.to_string())?;
     let core = Local::new(config, robot.controller_buses(), Settings::default());
@@ -111,7 +110,7 @@ fn replay(image: &Path, script: &Script, path: &Path) -> Result<Replayed, String
     Ok(Replayed { hello, figures, wrong })
 }
 
-/// The first step in which board and script differ.
+/// Describes the first step in which board and script differ; `None` if they agree.
 fn difference(script: &Script, replayed: &Replayed) -> Option<String> {
     let steps = replayed.hello.steps as usize;
     if let Some(wrong) = replayed.wrong {
@@ -121,5 +120,5 @@ fn difference(script: &Script, replayed: &Replayed) -> Option<String> {
         ));
     }
     let all = script.len();
-    (steps != all).then(|| format!("the board made {steps} of {all} steps"))
+    (steps != all).then(|| format!("the board executed {steps} of {all} steps"))
 }

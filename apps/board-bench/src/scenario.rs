@@ -1,4 +1,4 @@
-//! The scenario: flash the library, arm, play every motion by its code there and back, return, disarm.
+//! Scenario: flash the library, arm, play every motion by its command code from SAFE and back, return, disarm.
 
 use crate::image_keys;
 use ed25519_dalek::SigningKey;
@@ -10,10 +10,10 @@ use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 use rollwalk_sim_host::core::Core;
 use rollwalk_sim_host::rig::Rig;
 
-/// Longest wait for a motion to begin: the one before may have to end first, µs.
+/// Longest wait for the start of a motion, because the previous motion may have to end first, µs.
 const START_TIMEOUT_US: u64 = 20_000_000;
 
-/// A motion of the library.
+/// Motion of the library.
 struct Motion {
     node: NodeId,
     name: String,
@@ -21,27 +21,27 @@ struct Motion {
     duration_us: u64,
 }
 
-/// Keys that the host has.
+/// Keys of the host.
 #[derive(Default)]
 pub struct HostKeys {
-    /// The robot's link key.
+    /// Link key of the robot.
     pub link: Option<[u8; LINK_KEY_LEN]>,
-    /// The key that libraries are signed with.
+    /// Private key for signatures of libraries.
     pub signing: Option<SigningKey>,
 }
 
-/// Runs the scenario on a robot that has just been switched on, without keys; `say` gets a line for each part.
+/// Runs the scenario without keys on a robot that has just been switched on. Calls `say` with a line for each part.
 ///
 /// # Errors
-/// The controller's refusal, or the motion that did not begin.
+/// Returns an error if the controller refuses a command, or if a motion does not start in time.
 pub fn run<C: Core>(rig: Rig<C>, library: &[u8], say: impl Fn(&str)) -> Result<Rig<C>, String> {
     run_with(&HostKeys::default(), rig, library, say)
 }
 
-/// The same with keys.
+/// Runs the scenario with keys on a robot that has just been switched on. Calls `say` with a line for each part.
 ///
 /// # Errors
-/// As for [`run`].
+/// Returns an error if the controller refuses a command, or if a motion does not start in time.
 pub fn run_with<C: Core>(
     keys: &HostKeys,
     rig: Rig<C>,
@@ -60,9 +60,13 @@ pub fn run_with<C: Core>(
 }
 
 fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<Motion>, String> {
-    let index =
-        validate(bytes, rig.config()).map_err(|reject| format!("the library: {reject:?}"))?;
-    let library = Library::open(bytes, &index).ok_or("the library is not the one of its index")?;
+    let index = validate(bytes, rig.config()).map_err(|reject| {
+        format!(
+            "the library is not valid: \
+            {reject:?}"
+        )
+    })?;
+    let library = Library::open(bytes, &index).ok_or("the library does not match its index")?;
     let motions = library.nodes().filter_map(|node| {
         let frames = library.clip(node.clip())?.frames;
         Some(Motion {
@@ -84,7 +88,7 @@ fn play<C: Core>(
 ) -> Result<Rig<C>, SessionError> {
     let mut session = session?;
     session.flash(library, |_| {})?;
-    say(&format!("flashed {} bytes, checked and taken into use", library.len()));
+    say(&format!("flashed {} bytes, checked and activated", library.len()));
     session.arm()?;
     say("armed, stands in SAFE");
     // There and back again: transitions between neighbours both ways, where the library has them.

@@ -1,4 +1,4 @@
-//! A scenario as the emulated board's memory holds it: every step with the answer of the firmware in this process.
+//! Script of a scenario for the memory of the emulated board: every step with the answer of the firmware in this process.
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
@@ -6,7 +6,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::{Answer, Request, Step, Stepped};
 use rollwalk_sim_host::core::Core;
 
-/// Steps of a controller, each with the expected answer.
+/// Steps of a controller with their expected answers.
 #[derive(Clone, Default)]
 pub struct Script {
     steps: Vec<(Step, Stepped)>,
@@ -25,16 +25,18 @@ impl Script {
         self.steps.iter().map(|(_, stepped)| frames(stepped)).sum()
     }
 
-    /// The expected answer to a step, counted from 1.
+    /// Expected answer to a step, counted from 1.
     pub fn expected(&self, step: usize) -> Option<&Stepped> {
         self.steps.get(step.checked_sub(1)?).map(|(_, stepped)| stepped)
     }
 
-    /// The bytes for the board's memory: their number (`u32`, little-endian), then request and answer of each step
-    /// as the UART would carry them.
+    /// Encodes the script for the memory of the board.
+    ///
+    /// The first four bytes are the number of steps (`u32`, little-endian). Request and answer of each step follow in their
+    /// UART encoding.
     ///
     /// # Errors
-    /// A step that no packet can hold.
+    /// Returns an error if a step does not fit into a packet.
     pub fn encode(&self) -> Result<Vec<u8>, String> {
         let mut bytes = vec![0; 4];
         for (number, &(step, stepped)) in self.steps.iter().enumerate() {
@@ -42,7 +44,7 @@ impl Script {
             let request = Request::Step(step).encode(sequence);
             let answer = Answer::Stepped(stepped).encode(sequence);
             let (Some(request), Some(answer)) = (request, answer) else {
-                return Err(format!("no packet for step {}: {step:?}", number + 1));
+                return Err(format!("step {} cannot be encoded: {step:?}", number + 1));
             };
             bytes.extend(request);
             bytes.extend(answer);
@@ -52,7 +54,8 @@ impl Script {
         Ok(bytes)
     }
 
-    /// The same script with one bit wrong in an expected frame, halfway through, and the number of that step.
+    /// Returns the number of a step halfway through, and a copy of the script with one bit flipped in an expected frame of this
+    /// step.
     pub fn corrupted(&self) -> Option<(usize, Self)> {
         let mut script = self.clone();
         let after = script.steps.iter_mut().enumerate().skip(self.len() / 2);
@@ -67,7 +70,7 @@ impl Script {
     }
 }
 
-/// A controller whose steps are recorded.
+/// Controller whose steps are recorded.
 pub struct Recording<C> {
     core: C,
     quiet: Quiet,
@@ -80,7 +83,7 @@ impl<C> Recording<C> {
         Self { core, quiet: Quiet::default(), script: Script::default() }
     }
 
-    /// The steps so far.
+    /// Script of the steps so far.
     pub fn script(&self) -> &Script {
         &self.script
     }
@@ -96,7 +99,10 @@ impl<C: Core> Core for Recording<C> {
             }
             Some(expected) if expected == stepped => {}
             Some(_) => {
-                let why = format!("{stepped:?} in a step that a board would not make: {step:?}");
+                let why = format!(
+                    "unexpected answer {stepped:?} in a step that a board does not \
+                    execute: {step:?}"
+                );
                 return Err(LinkError::Down(why));
             }
         }

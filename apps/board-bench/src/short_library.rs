@@ -1,23 +1,23 @@
-//! A library for the short scenario over the UART: the nominal pose as SAFE, and a bend of half a second.
+//! Library for the short scenario over the UART: the nominal pose as SAFE, and a bend of half a second.
 
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
 use rollwalk_robot::Robot;
 use std::f32::consts::TAU;
 
-/// Frames of the bend after its first, at 60 Hz.
+/// Number of frames of the bend after its first one, at 60 Hz.
 const BEND_FRAMES: u16 = 30;
 /// Bend of the joints, rad.
 const BEND_RAD: f32 = 0.15;
-/// Speed of the wheels in the middle of the bend, rad/s.
+/// Speed of the wheels at the middle of the bend, rad/s.
 const ROLL_RAD_S: f32 = 2.0;
-/// Frames of a transition, in which nothing moves.
+/// Number of frames of a transition, in which the robot stands still.
 const STILL_FRAMES: usize = 6;
 
-/// The library of a robot.
+/// Encodes the library of a robot.
 ///
 /// # Errors
-/// The robot breaks a rule of robot files, or its nominal pose does not make a library.
+/// Returns an error if the robot breaks a rule of robot files, or if its nominal pose is not valid in a library.
 pub fn encoded(robot: &Robot) -> Result<Vec<u8>, String> {
     let config = robot.controller_config().map_err(|error| error.to_string())?;
     let nominal = robot.joints.iter().map(|joint| joint.nominal_rad as f32);
@@ -43,7 +43,7 @@ pub fn encoded(robot: &Robot) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// A frame of the bend: every joint towards the middle of its range and back, every wheel a little forward.
+/// Frame of the bend, in which every joint moves towards the middle of its range and back, and every wheel rolls forward.
 fn bent(config: &RobotConfig, pose: &[f32], frame: u16) -> Vec<f32> {
     let part = 0.5 - 0.5 * (TAU * f32::from(frame) / f32::from(BEND_FRAMES)).cos();
     let value = |(channel, at): (&rollwalk_protocol::config::Channel, &f32)| match channel.kind {

@@ -1,4 +1,4 @@
-//! A scenario over the board's UART, the logs of all buses compared with those around the firmware in this process.
+//! Scenario over the board's UART. The logs of all buses are compared with the logs of the firmware in this process.
 
 use crate::emulator::Emulator;
 use crate::remote::Remote;
@@ -13,13 +13,13 @@ use rollwalk_sim_host::rig::Rig;
 use std::path::Path;
 use std::time::Instant;
 
-/// Most bytes of stack: three quarters of what real boards have.
+/// Limit of the stack, bytes: three quarters of the stack of real boards.
 const MAX_STACK: u32 = 24 << 10;
 
-/// Runs the scenario on both, with the keys of image and host, and compares.
+/// Runs the scenario on the board and in this process, with the keys of image and host, and compares the logs.
 ///
 /// # Errors
-/// Where the logs differ, or what failed.
+/// Returns an error if the logs differ, if the board exceeds the stack limit, or if a run fails.
 pub fn run(
     robot: &Robot,
     image: &Path,
@@ -32,13 +32,16 @@ pub fn run(
     let (remote, hello) = Remote::connect(emulator.line()?).map_err(|e| e.to_string())?;
     if hello.config_hash != config.hash() {
         return Err(format!(
-            "the image is for robot {:08x}, not {:08x}",
+            "the image is for robot {:08x}; expected robot {:08x}",
             hello.config_hash,
             config.hash()
         ));
     }
     if hello.steps != 0 {
-        return Err(format!("the board has already made {} steps: reset it", hello.steps));
+        return Err(format!(
+            "the board has already executed {} steps: reset the board",
+            hello.steps
+        ));
     }
     eprintln!("booted in QEMU; the image is for robot {:08x}", hello.config_hash);
 
@@ -46,7 +49,7 @@ pub fn run(
     let rig = Rig::with_core(robot, remote).map_err(|e| e.to_string())?;
     let mut board = scenario::run_with(keys, rig, library, |line| eprintln!("board: {line}"))?;
     eprintln!(
-        "board: {} steps over the UART for {:.1} s of the robot's time, in {:.1} s",
+        "board: {} steps over the UART for {:.1} s of robot time, in {:.1} s",
         board.core_mut().steps(),
         board.now().as_s(),
         start.elapsed().as_secs_f64()
@@ -55,7 +58,9 @@ pub fn run(
     let stack = figures.stack_bytes.max(figures.start_stack_bytes);
     eprintln!("board: deepest stack {stack} B");
     if stack > MAX_STACK {
-        return Err(format!("the board has used {stack} B of stack, at most {MAX_STACK}"));
+        return Err(format!(
+            "the board used {stack} B of stack; at most {MAX_STACK} B are allowed"
+        ));
     }
     drop(emulator);
 
@@ -78,24 +83,25 @@ pub fn run(
         ));
     }
     if board.records() != host.records() {
-        return Err("board and host simulation played other clips at the same time".into());
+        return Err("board and host simulation played different clips at the same time".into());
     }
     println!(
-        "{} frames on all buses, {} bytes of log: the board's are the host simulation's, byte by byte",
+        "{} frames on all buses, {} bytes of log: board and host simulation are equal, byte by \
+         byte",
         board.log().len(),
         board_log.len()
     );
     Ok(())
 }
 
-/// The log of every bus in candump's format.
+/// Log of all buses in candump's format.
 fn log<C: Core>(rig: &Rig<C>) -> Result<Vec<u8>, String> {
     let mut text = Vec::new();
     candump::write(rig.log(), &mut text).map_err(|error| error.to_string())?;
     Ok(text)
 }
 
-/// The first line in which two logs differ.
+/// Describes the first line in which two logs differ; `None` if they are equal.
 fn difference(board: &[u8], host: &[u8]) -> Option<String> {
     if board == host {
         return None;

@@ -1,4 +1,4 @@
-//! A flashed NUCLEO-G474RE at its serial port: prints its report and transfers a library. Torque stays off.
+//! Visit to a flashed NUCLEO-G474RE at its serial port: prints its report and transfers a library. Torque stays off.
 
 use rollwalk_bus::{port::Live, serial};
 use rollwalk_host::session::Session;
@@ -8,7 +8,7 @@ use rollwalk_robot::Robot;
 use std::path::Path;
 use std::time::Duration;
 
-/// Baud rate of the firmware's port.
+/// Baud rate of the firmware's serial port.
 const BAUD: u32 = 1_000_000;
 /// The firmware's address on the link (`Settings::default`).
 const NODE: u8 = 1;
@@ -20,14 +20,15 @@ const BROWN_OUT_LEVEL: u8 = 4;
 /// Checks the report of the board at `port` and transfers a library.
 ///
 /// # Errors
-/// A value of the report that is not acceptable, or a failure of the line.
+/// Returns an error if a value of the report is not acceptable, or if the line or the transfer fails.
 pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     let name = port.display();
     let mut link = Live::new(serial::open(port, BAUD).map_err(|error| error.to_string())?);
     let report = link.report(TIMEOUT).map_err(|error| format!("{name}: {error}"))?;
     let report = report.ok_or_else(|| {
         format!(
-            "{name}: no report within {TIMEOUT:?}. Is the image on the board, and is this its port?"
+            "{name}: no report within {TIMEOUT:?}; check that the image is on the board and that \
+             this is the board's port"
         )
     })?;
     print(&report);
@@ -35,23 +36,24 @@ pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     let config = robot.controller_config().map_err(|error| error.to_string())?;
     if report.config_hash != config.hash() {
         return Err(format!(
-            "the image is for robot {:08x}, not {:08x}: flash the image again",
+            "the image is for robot {:08x}; expected robot {:08x}: flash the image again",
             report.config_hash,
             config.hash()
         ));
     }
     if report.brown_out_level < BROWN_OUT_LEVEL {
         return Err(format!(
-            "brown-out reset level {}, must be {BROWN_OUT_LEVEL}: firmware/boards/nucleo-g474re/README.md, first run",
+            "the brown-out reset level is {}; set level {BROWN_OUT_LEVEL} as \
+             firmware/boards/nucleo-g474re/README.md describes under first run",
             report.brown_out_level
         ));
     }
 
-    let node = Node::new(NODE).ok_or("the firmware's node")?;
+    let node = Node::new(NODE).ok_or("the firmware's node number is invalid")?;
     let mut session = Session::connect(link, node).map_err(|error| error.to_string())?;
     println!("connected; {:?}", session.status().map(|status| status.state));
     session.flash(library, |_| {}).map_err(|error| error.to_string())?;
-    println!("library of {} bytes: transferred, checked, taken into use", library.len());
+    println!("library of {} bytes: transferred, checked and activated", library.len());
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! Connections of a robot's buses to a board; robots for which the board has too few ports are refused.
+//! Wiring of a robot's buses to a board. Robots for which the board has too few ports are refused.
 
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::hal::ports::{Transport, assigned};
@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 pub struct Port {
     /// Name of the peripheral.
     name: &'static str,
-    /// Pins, and parts between them and the bus.
+    /// Pins, and components between the pins and the bus.
     pins: &'static str,
 }
 
@@ -24,25 +24,25 @@ pub struct Board {
     name: &'static str,
     /// Ports for actuator buses on CAN, in the order in which they are assigned.
     can: &'static [Port],
-    /// The same for serial lines.
+    /// Ports for actuator buses on serial lines, in the order in which they are assigned.
     serial: &'static [Port],
-    /// Bits per second of its serial lines.
+    /// Bit rates of the serial lines, bit/s.
     serial_rates: RangeInclusive<u32>,
-    /// True if its CAN ports carry 29-bit identifiers.
+    /// True if the CAN ports support 29-bit identifiers.
     long_identifiers: bool,
-    /// True if the image contains simulated servos, which have the Rollwalk profile.
+    /// True if the image contains simulated servos, which use the Rollwalk profile.
     own_servos: bool,
-    /// The other pins: a name and a place each.
+    /// Other pins: name and location of each.
     others: &'static [[&'static str; 2]],
 }
 
-/// Ports of the emulator, in which all buses are on the UART.
+/// Ports of the emulator, which connects all buses to its UART.
 const UART: [Port; 4] = {
     const PORT: Port = Port { name: "UART 0", pins: "emulated" };
     [PORT; 4]
 };
 
-/// Boards with an image.
+/// Boards for which images exist.
 static BOARDS: [Board; 4] = [
     Board {
         name: "mps2-an386",
@@ -101,14 +101,14 @@ static BOARDS: [Board; 4] = [
     },
 ];
 
-/// The board that the command line names.
+/// Finds a board by its name on the command line.
 ///
 /// # Errors
-/// The names of all boards.
+/// Returns an error with the names of all boards if the name is unknown.
 pub fn board(name: &str) -> Result<&'static Board, String> {
     let found = BOARDS.iter().find(|board| board.name == name);
     found.ok_or_else(|| {
-        format!("boards are {}", BOARDS.each_ref().map(|board| board.name).join(", "))
+        format!("give one of the boards {}", BOARDS.each_ref().map(|board| board.name).join(", "))
     })
 }
 
@@ -121,10 +121,10 @@ impl Board {
     }
 }
 
-/// Describes the connections of the robot from the file `name` to a board: a line for each bus, and the motors on it.
+/// Describes the connections of the robot from the file `name` to a board, with a line for each bus and its motors.
 ///
 /// # Errors
-/// The first bus that the board has no port for, or that no controller can drive.
+/// Returns an error for the first bus that has no port on the board, or that no controller can drive.
 pub fn describe(name: &str, robot: &Robot, board: &Board) -> Result<String, String> {
     let config = robot.controller_config().map_err(|error| format!("{name}: {error}"))?;
     let buses = robot.controller_buses();
@@ -159,14 +159,15 @@ pub fn describe(name: &str, robot: &Robot, board: &Board) -> Result<String, Stri
         examine(&config, &buses, Settings::default().control_hz).find(|row| row.problem.is_some())
     {
         return Err(format!(
-            "{name}: bus {}: no controller can drive its actuators; `rollwalk robot check` says why",
+            "{name}: bus {}: no controller can drive its actuators; `rollwalk robot check` reports \
+             the reason",
             row.bus
         ));
     }
     Ok(text)
 }
 
-/// Error for a missing port, with the ports that the board has.
+/// Returns the error for a missing port, with the ports of the board.
 fn no_port(board: &Board, transport: Transport) -> String {
     let kind = match transport {
         Transport::Can => "on CAN",
@@ -174,23 +175,29 @@ fn no_port(board: &Board, transport: Transport) -> String {
     };
     let names: Vec<_> = board.ports(transport).iter().map(|port| port.name).collect();
     let offered = if names.is_empty() { "none".into() } else { names.join(", ") };
-    format!("{} has no port left for it; its ports for actuators {kind}: {offered}", board.name)
+    format!(
+        "{} has no port left for this bus; its ports for actuators {kind} are: {offered}",
+        board.name
+    )
 }
 
-/// Checks that a port of the board can be this bus.
+/// Checks that a port of the board supports a bus.
 fn check(board: &Board, bus: &Bus) -> Result<(), String> {
     let name = board.name;
     let rates = &board.serial_rates;
     if bus.protocol.is_serial() && !board.serial.is_empty() && !rates.contains(&bus.bit_rate) {
         let (rate, least, most) = (bus.bit_rate, rates.start(), rates.end());
-        return Err(format!("{rate} bit/s are not within the {least} to {most} of {name}"));
+        return Err(format!(
+            "the bit rate is {rate} bit/s, outside the {least} to {most} bit/s of \
+            {name}"
+        ));
     }
     if !board.long_identifiers && matches!(bus.protocol, Protocol::CyberGear(_)) {
-        return Err(format!("{name} carries no 29-bit identifiers"));
+        return Err(format!("{name} does not support 29-bit identifiers"));
     }
     if board.own_servos && *bus != Bus::default() {
         return Err(format!(
-            "{name} has simulated servos of the Rollwalk profile in its image, and no others"
+            "{name} supports only the simulated servos of the Rollwalk profile in its image"
         ));
     }
     Ok(())

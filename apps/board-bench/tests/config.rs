@@ -1,5 +1,5 @@
-//! Generated modules of robots hold the configuration and the buses of their files; robots that a board has not the ports for
-//! are refused.
+//! Tests that generated modules contain configuration and buses of the robot files, and that robots with too many buses for a
+//! board are refused.
 
 mod test_leg;
 
@@ -25,7 +25,7 @@ fn robot(file: &str) -> Robot {
     Robot::from_toml(file, &text).unwrap()
 }
 
-/// The generated module of a robot.
+/// Returns the generated module of a robot.
 fn module(file: &str) -> String {
     let output = bench(file, &["config"]);
     assert!(output.status.success(), "{output:?}");
@@ -59,7 +59,7 @@ fn a_robot_without_buses_in_its_file_has_none_in_its_module() {
     assert_eq!(module.matches("    channel(").count(), 20, "{module}");
 }
 
-/// The wiring of a robot, or why it is refused.
+/// Returns the wiring of a robot, or the error if it is refused.
 fn image(robot: &str, board: &str) -> Result<String, String> {
     let folder = tempfile::tempdir().unwrap();
     let module = folder.path().join("robot.rs");
@@ -74,7 +74,7 @@ fn image(robot: &str, board: &str) -> Result<String, String> {
     }
 }
 
-/// A robot file with changes, each of which must apply.
+/// Writes a robot file with changes, each of which must apply.
 fn changed(file: &str, changes: &[(&str, &str)]) -> tempfile::NamedTempFile {
     let mut text = std::fs::read_to_string(root().join(file)).unwrap();
     for (from, to) in changes {
@@ -142,12 +142,10 @@ fn a_bus_that_a_board_cannot_be_is_refused_with_what_it_offers() {
     let text = image(serial, "nucleo-g474re").unwrap();
     assert!(text.contains("XM430-W210, 1000 kbit/s  USART3: data PB10"), "{text}");
     let why = image(serial, "mps2-an386").unwrap_err();
-    let expected =
-        "mps2-an386 has no port left for it; its ports for actuators on serial lines: none";
+    let expected = "mps2-an386 has no port left for this bus; its ports for actuators on serial lines are: none";
     assert!(why.starts_with(&format!("{serial}: bus 1 (")) && why.contains(expected), "{why}");
     let why = image(serial, "pico2").unwrap_err();
-    let expected =
-        "bus 0 (AK80-9): pico2 has no port left for it; its ports for actuators on CAN: none";
+    let expected = "bus 0 (AK80-9): pico2 has no port left for this bus; its ports for actuators on CAN are: none";
     assert!(why.contains(expected), "{why}");
 
     let slow =
@@ -156,7 +154,13 @@ fn a_bus_that_a_board_cannot_be_is_refused_with_what_it_offers() {
     assert!(why.contains("bus 1: no controller can drive its actuators"), "{why}");
 
     let why = image("shipped/robots/test_leg.toml", "mps2-an386-slcan").unwrap_err();
-    assert!(why.contains("bus 0 (AK80-9): mps2-an386-slcan has simulated servos"), "{why}");
+    assert!(
+        why.contains("bus 0 (AK80-9): mps2-an386-slcan supports only the simulated servos"),
+        "{why}"
+    );
     let why = image("shipped/robots/agilebot.toml", "bluepill").unwrap_err();
-    assert!(why.contains("boards are mps2-an386, mps2-an386-slcan, nucleo-g474re, pico2"), "{why}");
+    assert!(
+        why.contains("give one of the boards mps2-an386, mps2-an386-slcan, nucleo-g474re, pico2"),
+        "{why}"
+    );
 }

@@ -1,4 +1,4 @@
-//! Blocks of keys are made of key files, and of nothing else.
+//! Tests that key blocks are made only from valid key files.
 
 use rollwalk_firmware::hal::key_block::{KEY_LEN, Keys, LEN};
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const LINK: [u8; KEY_LEN] = [0x5A; KEY_LEN];
-/// Made by `openssl pkey -pubout` of the private key whose bytes are 1, and that private key.
+/// Public key, made by `openssl pkey -pubout` from a private key whose bytes are all 1.
 const PUBLIC: &str = "-----BEGIN PUBLIC KEY-----\n\
                       MCowBQYDK2VwAyEAiojj3XQJ8ZX9UtstPLpdcspnCb8dlBIb83SIAbQPb1w=\n\
                       -----END PUBLIC KEY-----\n";
@@ -14,7 +14,7 @@ const PRIVATE: &str = "-----BEGIN PRIVATE KEY-----\n\
                        MC4CAQAwBQYDK2VwBCIEIAEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEB\n\
                        -----END PRIVATE KEY-----\n";
 
-/// Hexadecimal digits of a key block, or the error that refused it, and the other output of the command.
+/// Returns the hexadecimal digits of a key block and the other output of the command, or its error.
 fn block(options: &[(&str, &Path)]) -> Result<(String, String), String> {
     let mut bench = Command::new(env!("CARGO_BIN_EXE_rollwalk-board-bench"));
     bench
@@ -80,13 +80,13 @@ fn what_is_no_key_says_what_it_is_and_what_would_be_right() {
     let large = files.write("large", &"5".repeat(2000), 0o644);
     let none = files.0.path().join("none");
     for (option, path, expected) in [
-        ("--link-key", &cut, "is no link key: that is one line"),
-        ("--link-key", &public, "--library-key takes its public one"),
-        ("--link-key", &none, "`rollwalk keys new FILE` makes one"),
+        ("--link-key", &cut, "is not a link key; expected one line"),
+        ("--link-key", &public, "the public key of a pair for signing to --library-key"),
+        ("--link-key", &none, "make a link key with `rollwalk keys new FILE`"),
         ("--link-key", &large, "has more than 1024 bytes"),
-        ("--library-key", &link, "it is a link key, which --link-key takes"),
-        ("--library-key", &private, "it is a private key, which no robot must have"),
-        ("--library-key", &cut, "`rollwalk keys new-pair KEY.pem` makes one"),
+        ("--library-key", &link, "pass this link key to --link-key"),
+        ("--library-key", &private, "because no robot may have the private key"),
+        ("--library-key", &cut, "make a key pair with `rollwalk keys new-pair KEY.pem`"),
     ] {
         let why = block(&[(option, path)]).unwrap_err();
         assert!(why.contains(expected), "{why}");

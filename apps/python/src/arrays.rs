@@ -1,4 +1,4 @@
-//! Rows of numbers as NumPy arrays. Each array is a copy: writing into one changes no plan.
+//! Conversion of rows of values to NumPy arrays. Each array is a copy: writing into one does not change the plan.
 
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArray3};

@@ -1,4 +1,4 @@
-//! Designs: robots of which something may change, and how their plans change with it.
+//! Designs: robots with variable parameters, and the derivatives of their plans with respect to these parameters.
 
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
@@ -14,7 +14,7 @@ use rollwalk_planner::sensitivity::{Curvature, Feature, Objective};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// A robot with parameters and the motions that it is for, as a design file describes it.
+/// A robot with variable parameters and the motions that it must do, as a design file describes them.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Design {
     designed: Designed,
@@ -25,11 +25,11 @@ pub struct Design {
 pub struct Parameter {
     /// Name in the design file.
     name: String,
-    /// Value of the robot file, in `unit`.
+    /// Value in the robot file, in `unit`.
     value: f64,
-    /// Least value, in `unit`.
+    /// Minimum value, in `unit`.
     min: f64,
-    /// Largest value, in `unit`.
+    /// Maximum value, in `unit`.
     max: f64,
     /// `m`, `rad`, `rad/s`, `N·m`, `kg` or `s`.
     unit: &'static str,
@@ -47,32 +47,32 @@ impl Parameter {
 ///
 /// Objectives are those of `[goal]` in design files: `plan_cost`, `peak_joint_speed` (rad/s), `joint_torque` (root mean square,
 /// N·m), `peak_joint_torque` (N·m), `power` (W), `cost_of_transport`. Features are those of `rollwalk design keep`, at each of
-/// the plan's S samples: `pitch`, `tilt`, `joints` (rad), `height`, `body`, `feet` (m).
+/// the S samples of the plan: `pitch`, `tilt`, `joints` (rad), `height`, `body`, `feet` (m).
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Gradients {
-    /// Plan of the motion at these values of the parameters.
+    /// Plan of the motion for these parameter values.
     plan: Py<Plan>,
-    /// Names of the parameters, the last axis of all derivatives.
+    /// Names of the parameters, in the order of the last axis of all derivatives.
     parameter_names: Vec<String>,
-    /// Values at the optimum by name of the objective, in its unit.
+    /// Values at the optimum by name of the objective, in the unit of the objective.
     objectives: HashMap<&'static str, f64>,
-    /// Derivatives by name of the objective, per unit of each parameter, shape (P,). An objective that the motion does not have,
-    /// such as the cost of transport of one that goes nowhere, is left out.
+    /// Derivatives by name of the objective, per unit of each parameter, shape (P,). Undefined objectives are left out, such as
+    /// the cost of transport of a motion in place.
     gradients: HashMap<&'static str, Py<PyArray1<f64>>>,
-    /// Values at the optimum by name of the feature, shape (F,): sample after sample, all numbers of each.
+    /// Values at the optimum by name of the feature, shape (F,): sample after sample, all components of each.
     features: HashMap<&'static str, Py<PyArray1<f64>>>,
     /// Derivatives ∂feature/∂parameter by name of the feature, shape (F, P).
     jacobians: HashMap<&'static str, Py<PyArray2<f64>>>,
-    /// True if the derivatives are estimates with the Gauss-Newton curvature: no optimum near the plan was found at which the
-    /// second derivatives are positive.
+    /// True if the derivatives are estimates with the Gauss-Newton curvature, because no optimum with positive second
+    /// derivatives was found near the plan.
     estimated: bool,
 }
 
-/// The numbers of a motion's gradients.
+/// Values and derivatives of a motion, before their conversion to arrays.
 #[derive(Default)]
 struct Numbers {
     objectives: Vec<(Objective, f64, Vec<f64>)>,
-    /// Values, and changes with each parameter.
+    /// Values, and their derivatives with respect to each parameter.
     features: Vec<(Feature, Vec<f64>, Vec<Vec<f64>>)>,
     /// True if the derivatives are estimates.
     estimated: bool,
@@ -80,20 +80,20 @@ struct Numbers {
 
 #[pymethods]
 impl Design {
-    /// Read a design file (TOML), the robot and the motions that it names.
+    /// Read a design file (TOML), and the robot and motions that it names.
     ///
-    /// :param path: the file, such as `agilebot_legs.toml`.
-    /// :raises RollwalkError: everything that is wrong in one of them, and parameters that do not fit the robot.
-    /// :raises OSError: one of them cannot be read.
+    /// :param path: path of the file, such as `agilebot_legs.toml`.
+    /// :raises RollwalkError: all mistakes in one of the files, or parameters that do not fit the robot.
+    /// :raises OSError: a file cannot be read.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Ok(Self { designed: Source::Disk.design(&path)? })
     }
 
-    /// A design that ships with Rollwalk.
+    /// Load a design that ships with Rollwalk.
     ///
-    /// :param name: of its file, such as `agilebot_legs`.
-    /// :raises RollwalkError: there is none of this name; the message lists all.
+    /// :param name: name of its file, such as `agilebot_legs`.
+    /// :raises RollwalkError: no design has this name; the message lists all names.
     #[staticmethod]
     fn shipped(name: &str) -> PyResult<Self> {
         Ok(Self { designed: Source::Shipped.design(&shipped("designs", name))? })
@@ -119,25 +119,26 @@ impl Design {
         all.map(parameter).collect()
     }
 
-    /// The robot file at some values of the parameters, comments kept.
+    /// Return the robot file for some values of the parameters, comments kept.
     ///
-    /// :param values: parameters by name with their values, in their units; all others have those of the robot file.
-    /// :raises RollwalkError: a parameter that the design has not, or a robot that breaks a rule.
+    /// :param values: values of parameters by name, in their units; other parameters keep the values of the robot file.
+    /// :raises RollwalkError: the design lacks a parameter, or the robot breaks a rule.
     #[pyo3(signature = (values = HashMap::new()))]
     fn robot_toml(&self, values: HashMap<String, f64>) -> PyResult<String> {
         Ok(self.designed.at(&self.values(&values)?).map_err(wrong)?.text)
     }
 
-    /// Plan all motions of the design, and take derivatives of the optimal plans by all parameters (thesis 2.5.1).
+    /// Plan all motions of the design, and compute the derivatives of the optimal plans with respect to all parameters (thesis
+    /// 2.5.1).
     ///
-    /// :param objectives: names of what to differentiate, see `Gradients`.
-    /// :param features: names of curves to differentiate, see `Gradients`.
-    /// :param values: parameters by name with their values, in their units; all others have those of the robot file.
-    /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the work.
+    /// :param objectives: names of the objectives to differentiate, see `Gradients`.
+    /// :param features: names of the features to differentiate, see `Gradients`.
+    /// :param values: values of parameters by name, in their units; other parameters keep the values of the robot file.
+    /// :param progress: called with a `Progress`, at most ten times a second. An exception of the callback ends the work.
     /// :returns: the derivatives of each motion, in the order of the design file.
-    /// :raises RollwalkError: a name that there is not, or a plan that has no derivatives.
-    /// :raises NotConsistent: a motion that the robot cannot do.
-    /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
+    /// :raises RollwalkError: a name is unknown, or a plan has no derivatives.
+    /// :raises NotConsistent: the robot cannot do a motion.
+    /// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
     #[pyo3(signature = (objectives = Vec::new(), features = Vec::new(), *, values = HashMap::new(), progress = None))]
     fn gradients(
         &self,
@@ -202,7 +203,7 @@ impl Design {
 }
 
 impl Design {
-    /// Values of all parameters, of which some are given by name.
+    /// Values of all parameters: the given ones by name, all others from the robot file.
     fn values(&self, given: &HashMap<String, f64>) -> PyResult<Vec<f64>> {
         let parameters = &self.designed.file.parameters;
         let known = parameters.iter().map(|of| of.name.as_str()).collect::<Vec<_>>();
@@ -210,7 +211,7 @@ impl Design {
             let known = known.join(", ");
             let design = &self.designed.file.name;
             return Err(refused(format!(
-                "design `{design}` has no parameter `{name}`: it has {known}"
+                "design `{design}` has no parameter `{name}`: give one of {known}"
             )));
         }
         let both = parameters.iter().zip(self.designed.original());
@@ -244,7 +245,7 @@ impl Design {
     }
 }
 
-/// Values that names stand for.
+/// Looks up the values with these names.
 fn named<T: Copy>(what: &str, names: &[String], known: &[(&'static str, T)]) -> PyResult<Vec<T>> {
     let find = |name: &String| {
         let found = known.iter().find(|(known, _)| known == name).map(|(_, value)| *value);

@@ -1,4 +1,4 @@
-//! Files, and the files that they name, by paths relative to themselves.
+//! Reading of files, and of the files that they name by relative paths.
 
 use crate::error::{refused, refused_by_system, wrong};
 use pyo3::prelude::*;
@@ -15,7 +15,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most bytes of a file: that of a plan with the most samples of a robot with the most joints has a third of it.
+/// Maximum size of a file, bytes; the largest possible plan has a third of it.
 const BYTES_MAX: u64 = 32 << 20;
 
 /// Source of files.
@@ -23,12 +23,12 @@ const BYTES_MAX: u64 = 32 << 20;
 pub enum Source {
     /// The file system.
     Disk,
-    /// The files that ship with rollwalk, by their path in its repository.
+    /// Shipped files, by their path in the repository of Rollwalk.
     Shipped,
 }
 
 impl Source {
-    /// The text of a file. `what` is what it should be.
+    /// Reads the text of a file. `what` is the expected kind, for messages.
     pub fn text(self, path: &Path, what: &str) -> PyResult<NamedText> {
         let name = path.to_string_lossy().into_owned();
         let text = match self {
@@ -44,7 +44,7 @@ impl Source {
                 file.take(BYTES_MAX + 1).read_to_end(&mut bytes).map_err(failed)?;
                 if bytes.len() as u64 > BYTES_MAX {
                     return Err(refused(format!(
-                        "{name}: a {what} has at most {BYTES_MAX} bytes; is this the right file?"
+                        "{name}: a {what} has at most {BYTES_MAX} bytes; check the path"
                     )));
                 }
                 let not_text = |_| refused(format!("{name} is not a {what}: it is not UTF-8 text"));
@@ -54,13 +54,13 @@ impl Source {
         Ok(NamedText { name, text })
     }
 
-    /// A robot file.
+    /// Reads a robot file.
     pub fn robot(self, path: &Path) -> PyResult<Robot> {
         let NamedText { name, text } = self.text(path, "robot file")?;
         Robot::from_toml(&name, &text).map_err(wrong)
     }
 
-    /// A motion file with the robot that it names.
+    /// Reads a motion file and the robot file that it names.
     pub fn motion(self, path: &Path) -> PyResult<(Robot, Motion)> {
         let NamedText { name, text } = self.text(path, "motion file")?;
         let robot = Motion::robot_path_in_toml(&name, &text).map_err(wrong)?;
@@ -69,19 +69,19 @@ impl Source {
         Ok((robot, motion))
     }
 
-    /// A plan.
+    /// Reads a plan.
     pub fn plan(self, path: &Path) -> PyResult<Plan> {
         let NamedText { name, text } = self.text(path, "plan")?;
         Plan::from_json(&name, &text).map_err(wrong)
     }
 
-    /// A library file with everything that it names.
+    /// Reads a library file and all files that it names.
     pub fn library(self, path: &Path) -> PyResult<Contents> {
         let NamedText { name, text } = self.text(path, "library file")?;
         Contents::read(&name, &text, &mut Beside { source: self, path })
     }
 
-    /// A design file with the robot and the motions that it names.
+    /// Reads a design file, and the robot and motions that it names.
     pub fn design(self, path: &Path) -> PyResult<Designed> {
         let design = self.text(path, "design file")?;
         let file = DesignFile::from_toml(&design.name, &design.text).map_err(wrong)?;
@@ -93,14 +93,14 @@ impl Source {
         Designed::new(&design, robot, motions).map_err(wrong)
     }
 
-    /// A terrain file.
+    /// Reads a terrain file.
     pub fn terrain(self, path: &Path) -> PyResult<Arc<dyn Ground>> {
         let NamedText { name, text } = self.text(path, "terrain file")?;
         ground::file::from_toml(&name, &text).map_err(wrong)
     }
 }
 
-/// The files that a library file names.
+/// Reader of the files that a library file names.
 struct Beside<'l> {
     source: Source,
     path: &'l Path,
@@ -134,7 +134,8 @@ impl Shelf for Beside<'_> {
     }
 }
 
-/// The path of a file that another one names relative to itself. Without `x/..`, which names of files that ship have not.
+/// Resolves a path that the file at `path` contains relative to itself. Detours `x/..` are removed, because paths of shipped
+/// files have none.
 fn beside(path: &Path, named: &str) -> PathBuf {
     let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
     for part in Path::new(named).components() {
@@ -149,7 +150,7 @@ fn beside(path: &Path, named: &str) -> PathBuf {
     resolved
 }
 
-/// The path of a file that ships, in this folder and with this name.
+/// Path of a shipped file with this name in this folder.
 pub fn shipped(folder: &str, name: &str) -> PathBuf {
     Path::new(folder).join(name).with_extension("toml")
 }
@@ -161,14 +162,14 @@ fn unknown(what: &str, path: &Path) -> PyErr {
     let known = known.filter_map(|path| path.file_stem()?.to_str());
     let (name, known) = (path.file_stem().unwrap_or_default(), known.collect::<Vec<_>>());
     let name = name.to_string_lossy();
-    refused(format!("no {what} `{name}` ships with rollwalk: there are {}", known.join(", ")))
+    refused(format!("no {what} `{name}` ships with rollwalk: give one of {}", known.join(", ")))
 }
 
-/// Write the files that ship with Rollwalk into a folder: robots, motions, libraries and designs to begin with.
+/// Write the files that ship with Rollwalk into a folder: robots, motions, libraries and designs as starting points.
 ///
-/// Folders that are missing are made. Files that are there already are not touched, so that your changes stay.
+/// Missing folders are created. Existing files are not touched, so that your changes stay.
 ///
-/// :param folder: where to; the files are in `robots/`, `motions/` and `designs/` there.
+/// :param folder: destination; the files are written to `robots/`, `motions/` and `designs/` in it.
 /// :returns: the paths of the files that were written.
 /// :raises OSError: a folder or file cannot be written.
 #[pyfunction]

@@ -1,5 +1,5 @@
-//! Exceptions: their classes are in `rollwalk/_errors.py`, their words are those of the command line. Those of plans are in
-//! `plan`.
+//! Exceptions. The classes are in `rollwalk/_errors.py`, and the messages are those of the command line. Module `plan` has the
+//! exceptions about plans.
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::exceptions::PyOSError;
@@ -11,7 +11,7 @@ use std::path::Path;
 
 import_exception!(rollwalk._errors, RollwalkError);
 
-/// Error for a wrong input, as the command line shows it on a terminal without colours: message, place, help.
+/// Error for a wrong input, with the text that the command line prints on a terminal without colours: message, location, help.
 pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor());
     let handler = handler.with_links(false).with_wrap_lines(false);
@@ -22,12 +22,12 @@ pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
     refused(format!("\n{}", ShownLines(text.trim_end())))
 }
 
-/// Error for a request that cannot be met, in one sentence.
+/// Error for a request that cannot be fulfilled, as one sentence.
 pub fn refused(reason: impl Display) -> PyErr {
     RollwalkError::new_err(reason.to_string())
 }
 
-/// Error of the operating system, as the built-in exception for it, such as `FileNotFoundError`.
+/// Error of the operating system as the matching built-in exception, such as `FileNotFoundError`.
 pub fn refused_by_system(action: &str, path: &Path, error: &io::Error) -> PyErr {
     match error.raw_os_error() {
         Some(code) => {

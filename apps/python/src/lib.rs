@@ -1,23 +1,23 @@
-//! `rollwalk` for Python: robots, motions, plans, libraries, designs and runs as objects, numbers as NumPy arrays.
+//! `rollwalk` for Python: robots, motions, plans, libraries, designs and simulations as objects, values as NumPy arrays.
 //!
-//! A front end beside the command line, on the same crates and with no logic of its own. The package
+//! This is a front end like the command line, on the same crates and without logic of its own. The package
 //! `apps/python/python/rollwalk` re-exports these classes and functions, and defines the exceptions and the type stubs.
-//! `docs/python.md` is its tutorial.
+//! `docs/python.md` is the tutorial.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | `arrays` | rows of numbers as NumPy arrays |
-//! | `design` | designs, and how plans change with their parameters |
+//! | `arrays` | rows of values as NumPy arrays |
+//! | `design` | designs, and derivatives of their plans |
 //! | `documents` | files, and the files that they name |
-//! | `error` | the exceptions, in the words of the command line |
+//! | `error` | exceptions, with the messages of the command line |
 //! | `library` | motion libraries |
 //! | `motion` | motion goals |
 //! | `robot` | robots, with forward kinematics |
-//! | `plan` | plans, and how they are found |
+//! | `plan` | planning of motions, and plans |
 //! | `report` | residuals of plans |
-//! | `samples` | plans at any rate |
+//! | `samples` | plans sampled at any rate |
 //! | `simulate` | plans on the simulated ground |
-//! | `watch` | long work: progress, Ctrl-C, other threads |
+//! | `watch` | long operations: progress, Ctrl-C, other threads |
 
 mod arrays;
 mod design;

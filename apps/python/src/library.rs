@@ -1,4 +1,4 @@
-//! Motion libraries.
+//! Building of motion libraries.
 
 use crate::documents::Source;
 use crate::error::refused;
@@ -14,17 +14,18 @@ use std::borrow::Cow;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-/// Plan every motion and transition of a library file, and pack them into a motion library, as `rollwalk library build` does:
-/// the same bytes on the same machine.
+/// Plan every motion and transition of a library file, and pack them into a motion library.
 ///
-/// :param path: the library file (TOML). It names robot, motions and their codes.
-/// :param threads: on which starts of a motion are tried; as many as there are cores if it is `None`.
-/// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the work.
-/// :returns: the bytes of the library: write them to a `.rwl` file for `rollwalk flash`.
-/// :raises RollwalkError: everything that is wrong in one of the files, or a motion that no library can hold.
+/// The bytes are those of `rollwalk library build` on the same machine.
+///
+/// :param path: path of the library file (TOML). The file names the robot, the motions and their codes.
+/// :param threads: number of threads that try starts of a motion; the number of cores if it is `None`.
+/// :param progress: called with a `Progress`, at most ten times a second. An exception of the callback ends the work.
+/// :returns: the bytes of the library; write them to a `.rwl` file for `rollwalk flash`.
+/// :raises RollwalkError: all mistakes in one of the files, or a motion that the library format cannot represent.
 /// :raises OSError: a file cannot be read.
-/// :raises NotConsistent: plans that are not consistent; the exception has the first.
-/// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
+/// :raises NotConsistent: plans are not consistent; the exception contains the first.
+/// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
 #[pyfunction]
 #[pyo3(signature = (path, *, threads = None, progress = None))]
 pub fn build_library(
@@ -43,12 +44,12 @@ pub fn build_library(
     }
 }
 
-/// Result of building.
+/// Result of a build.
 enum Built {
     Library(Vec<u8>),
     /// Plans that are not consistent.
     Failed(Vec<Plan>),
-    /// Reason for which there is no library.
+    /// Reason why the library cannot be packed.
     Refused(String),
 }
 
@@ -75,7 +76,7 @@ fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
     }
 }
 
-/// Solves with progress, until it is stopped.
+/// Solver with progress that ends when it is stopped.
 struct Watched<'w> {
     threads: Option<NonZeroUsize>,
     watch: &'w Watch<Progress>,

@@ -1,4 +1,4 @@
-//! Motions: what a robot is to do.
+//! Motions that a robot can be asked to do.
 
 use crate::arrays::matrix;
 use crate::documents::{Source, shipped};
@@ -14,9 +14,9 @@ use std::sync::Arc;
 /// Motion of a robot, as a motion file describes it: footfalls, goal, duration.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Motion {
-    /// The robot.
+    /// Robot of the motion.
     pub robot: Arc<robot::Robot>,
-    /// The motion.
+    /// Motion in the planner's form.
     pub inner: motion::Motion,
 }
 
@@ -30,20 +30,20 @@ impl Motion {
 impl Motion {
     /// Read a motion file (TOML) and the robot file that it names.
     ///
-    /// :param path: the file, such as `walk.toml`.
-    /// :raises RollwalkError: everything that is wrong in one of them, with line, field and what would be right.
-    /// :raises OSError: one of them cannot be read.
+    /// :param path: path of the file, such as `walk.toml`.
+    /// :raises RollwalkError: all mistakes in one of the files, with line, field and valid values.
+    /// :raises OSError: a file cannot be read.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Source::Disk.motion(&path).map(Self::of)
     }
 
-    /// Read the text of a motion file, for a robot.
+    /// Read the text of a motion file, for a given robot.
     ///
-    /// :param text: what the file says. Its `robot`, which motion files need, is not read.
+    /// :param text: text of the file. Its field `robot`, which motion files must have, is ignored.
     /// :param robot: the robot that does the motion.
-    /// :param name: how errors name the text.
-    /// :raises RollwalkError: everything that is wrong in it.
+    /// :param name: name of the text in error messages.
+    /// :raises RollwalkError: all mistakes in the text.
     #[staticmethod]
     #[pyo3(signature = (text, robot, name = "<motion>"))]
     fn from_toml(text: &str, robot: &Bound<'_, Robot>, name: &str) -> PyResult<Self> {
@@ -52,10 +52,10 @@ impl Motion {
         Ok(Self { robot, inner })
     }
 
-    /// A motion that ships with Rollwalk, with its robot.
+    /// Load a motion that ships with Rollwalk, with its robot.
     ///
-    /// :param name: of its file, such as `walk`.
-    /// :raises RollwalkError: there is none of this name; the message lists all.
+    /// :param name: name of its file, such as `walk`.
+    /// :raises RollwalkError: no motion has this name; the message lists all names.
     #[staticmethod]
     fn shipped(name: &str) -> PyResult<Self> {
         Source::Shipped.motion(&shipped("motions", name)).map(Self::of)
@@ -67,13 +67,13 @@ impl Motion {
         &self.inner.name
     }
 
-    /// The robot that does it.
+    /// Robot that does the motion.
     #[getter]
     fn robot(&self) -> Robot {
         Robot { inner: Arc::clone(&self.robot) }
     }
 
-    /// Duration, s; of a motion that repeats, its period.
+    /// Duration, s; the period of a periodic motion.
     #[getter]
     fn duration_s(&self) -> f64 {
         self.inner.duration_s
@@ -85,7 +85,7 @@ impl Motion {
         self.inner.ends.to_string()
     }
 
-    /// Goal of the motion: forward, m, to the left, m, and turned to the left, rad; `None` where it has no goal.
+    /// Goal of the motion: forward, m, left, m, and turn to the left, rad; `None` for components without a goal.
     #[getter]
     fn goal(&self) -> (Option<f64>, Option<f64>, Option<f64>) {
         let motion::Goal { forward_m, left_m, turn_rad } = self.inner.goal;

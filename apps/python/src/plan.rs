@@ -1,4 +1,4 @@
-//! Plans, and how they are found.
+//! Planning of motions, and plans.
 
 use crate::documents::Source;
 use crate::error::{refused, refused_by_system};
@@ -20,18 +20,18 @@ use std::thread;
 import_exception!(rollwalk._errors, NotConsistent);
 import_exception!(rollwalk._errors, Infeasible);
 
-/// Progress of a solve, as callbacks get it.
+/// Progress of a solve, passed to callbacks.
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Progress {
     /// Name of the motion that is planned.
     motion: String,
-    /// Iterations so far, from the present start.
+    /// Number of iterations so far, from the current start.
     iteration: usize,
     /// Worst constraint residual as a fraction of its tolerance: 0.2 is accepted.
     worst_level: f64,
-    /// Name of that constraint.
+    /// Name of the constraint with the worst residual.
     worst_constraint: &'static str,
-    /// Costs and violations, as the optimiser weighs them.
+    /// Weighted sum of costs and constraint violations.
     energy: f64,
 }
 
@@ -58,7 +58,7 @@ impl Progress {
     }
 }
 
-/// Diagnosis of a request that cannot be met: the constraints that contradict each other.
+/// Diagnosis of an infeasible request: the constraints that contradict each other.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Diagnosis {
     /// Strength of the evidence: `contradiction`, `far_off` or `stuck`.
@@ -85,7 +85,7 @@ impl Diagnosis {
 
 #[pymethods]
 impl Diagnosis {
-    /// The constraints: what the motion asks for first, then what stands against it.
+    /// Contradicting constraints: those of the requested motion first, then the limits that oppose them.
     #[getter]
     fn culprits(&self) -> Vec<Culprit> {
         self.culprits.iter().map(Culprit::of).collect()
@@ -96,13 +96,13 @@ impl Diagnosis {
     }
 }
 
-/// A constraint that takes part in a contradiction.
+/// Constraint that takes part in a contradiction.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Culprit {
     /// Name of the constraint.
     #[pyo3(get)]
     constraint: &'static str,
-    /// End effector, joint or direction that it is about; `None` for the whole robot.
+    /// End effector, joint or direction of the constraint; `None` for the whole robot.
     #[pyo3(get)]
     subject: Option<String>,
     /// First and last time at which the constraint contributes to the violation, s.
@@ -111,22 +111,22 @@ pub struct Culprit {
     /// Largest residual, in `unit`.
     #[pyo3(get)]
     worst: f64,
-    /// Unit of `worst`, `given` and `would_do`; a `duration_s` is in s whatever this says.
+    /// Unit of `worst`, `given` and `would_do`; a `duration_s` is always in s.
     #[pyo3(get)]
     unit: String,
-    /// Share of the violation, 0 to 1.
+    /// Fraction of the total violation, 0 to 1.
     #[pyo3(get)]
     share: f64,
-    /// Field of the motion or robot file that sets the constraint, where it is one number.
+    /// Field of the motion or robot file that sets the constraint, if a single value sets it.
     #[pyo3(get)]
     field: Option<String>,
-    /// Number in that field.
+    /// Value of that field.
     #[pyo3(get)]
     given: Option<f64>,
-    /// A number with which a plan was found, all else as it is.
+    /// Feasible value of the field: a plan was found with it, everything else unchanged.
     #[pyo3(get)]
     would_do: Option<f64>,
-    /// Advice: the change that would help.
+    /// Advice: the change that would make the request feasible.
     #[pyo3(get)]
     advice: String,
     words: String,
@@ -158,10 +158,10 @@ impl Culprit {
     }
 }
 
-/// A planned motion with the robot and the goal that it was planned for.
+/// A planned motion, with its robot and its goal.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Plan {
-    /// The plan.
+    /// Plan in the planner's form.
     pub inner: planned::Plan,
 }
 
@@ -171,7 +171,7 @@ impl Plan {
         Self { inner: plan }
     }
 
-    /// A plan that is consistent.
+    /// Wraps a plan that is consistent; raises `NotConsistent` for another one.
     fn good(py: Python<'_>, plan: planned::Plan) -> PyResult<Self> {
         match py.detach(|| planner::report::Report::new(&plan).judgement.is_good()) {
             true => Ok(Self::of(plan)),
@@ -182,36 +182,38 @@ impl Plan {
 
 #[pymethods]
 impl Plan {
-    /// Read a plan (JSON), also one that `rollwalk plan` wrote, whether it is consistent or not.
+    /// Read a plan (JSON) of this package or of `rollwalk plan`, consistent or not.
     ///
-    /// :param path: the file, such as `walk.plan.json`.
-    /// :raises RollwalkError: it is no plan of this version, or has a value that no plan can have.
-    /// :raises OSError: it cannot be read.
+    /// :param path: path of the file, such as `walk.plan.json`.
+    /// :raises RollwalkError: the file is not a plan of this version, or contains an invalid value.
+    /// :raises OSError: the file cannot be read.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         Source::Disk.plan(&path).map(Self::of)
     }
 
-    /// Write the plan (JSON), the same bytes as `rollwalk plan` writes. All commands that take a plan read it.
+    /// Write the plan (JSON), with the same bytes as `rollwalk plan`. All commands that take a plan can read the file.
     ///
-    /// :param path: the file. What was there is replaced.
-    /// :raises OSError: it cannot be written.
+    /// :param path: path of the file. An existing file is replaced.
+    /// :raises OSError: the file cannot be written.
     fn save(&self, path: PathBuf) -> PyResult<()> {
         let text = self.inner.to_json();
         fs::write(&path, text).map_err(|error| refused_by_system("cannot write", &path, &error))
     }
 
-    /// Plan another motion from this plan: the same one with another goal, duration or footfalls, or of a robot with other
-    /// measures. That takes a few iterations where `plan` takes many.
+    /// Plan another motion, starting from this plan.
     ///
-    /// :param motion: what to plan. It has the joints, end effectors and kind of ends of this plan.
-    /// :param iterations: at most so many, from each start.
-    /// :param samples_fixed: keep the samples of the motion file, also if the plan then is not consistent as it is played.
-    /// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
+    /// The other motion may have a different goal, duration or footfalls, or a robot with different dimensions. This takes a
+    /// few iterations, and `plan` takes many.
+    ///
+    /// :param motion: motion to plan. It must have the joints, end effectors and kind of ends of this plan.
+    /// :param iterations: maximum number of iterations from each start.
+    /// :param samples_fixed: keep the number of samples of the motion file, even if the plan is then not consistent as played.
+    /// :param progress: called with a `Progress`, at most ten times a second. An exception of the callback ends the solve.
     /// :raises RollwalkError: the motion is too different.
-    /// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
+    /// :raises Infeasible: the request is infeasible; the exception contains a diagnosis and the best plan found.
     /// :raises NotConsistent: the plan that was found is not consistent.
-    /// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
+    /// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
     #[pyo3(signature = (motion, *, iterations = None, samples_fixed = false, progress = None))]
     fn replan(
         &self,
@@ -236,13 +238,13 @@ impl Plan {
         &self.inner.motion.name
     }
 
-    /// The robot that it is for.
+    /// Robot of the plan.
     #[getter]
     fn robot(&self) -> Robot {
         Robot::of(self.inner.robot.clone())
     }
 
-    /// Duration, s; of a motion that repeats, its period.
+    /// Duration, s; the period of a periodic motion.
     #[getter]
     fn duration_s(&self) -> f64 {
         self.inner.motion.duration_s
@@ -254,33 +256,33 @@ impl Plan {
         self.inner.solve.status.to_string()
     }
 
-    /// Iterations of the solve.
+    /// Number of iterations of the solve.
     #[getter]
     fn iterations(&self) -> usize {
         self.inner.solve.iterations
     }
 
-    /// Costs of the plan, as the optimiser weighs them.
+    /// Weighted costs of the plan.
     #[getter]
     fn energy(&self) -> f64 {
         self.inner.solve.energy
     }
 
-    /// Displacement by the motion: forward, m, to the left, m, and turned to the left, rad; of its period if it repeats.
+    /// Displacement by the motion: forward, m, left, m, and turn to the left, rad; for one period of a periodic motion.
     #[getter]
     fn reached(&self) -> (f64, f64, f64) {
         self.inner.reached().into()
     }
 
-    /// Recompute every residual of the plan from its numbers alone, as `rollwalk report` does.
+    /// Recompute every residual from the values of the plan alone, as `rollwalk report` does.
     fn report(&self, py: Python<'_>) -> Report {
         py.detach(|| Report::of(&self.inner))
     }
 
-    /// The motion at any rate, with the values of `rollwalk export`.
+    /// Sample the motion at any rate, with the values of `rollwalk export`.
     ///
     /// :param rate_hz: rows per second, above 0 and up to 10,000.
-    /// :raises RollwalkError: another rate.
+    /// :raises RollwalkError: the rate is out of range.
     #[pyo3(signature = (rate_hz = 60.0))]
     fn sample(&self, py: Python<'_>, rate_hz: f64) -> PyResult<Samples> {
         Samples::of(py, &self.inner, rate_hz)
@@ -292,19 +294,19 @@ impl Plan {
     }
 }
 
-/// Plan a motion, as `rollwalk plan` does: the same bytes on the same machine.
+/// Plan a motion, with the same bytes as `rollwalk plan` on the same machine.
 ///
-/// Other threads of the program run meanwhile.
+/// Other threads of the program continue to run.
 ///
-/// :param motion: what to plan.
-/// :param seed: of everything random in the start; the same seed gives the same plan.
-/// :param iterations: at most so many, from each start.
-/// :param samples_fixed: keep the samples of the motion file, also if the plan then is not consistent as it is played.
-/// :param threads: on which starts are tried; as many as there are cores if it is `None`. The plan does not depend on it.
-/// :param progress: called with a `Progress`, at most ten times a second. What it raises ends the solve.
-/// :raises Infeasible: the request cannot be met, with a diagnosis and the best that was found.
+/// :param motion: motion to plan.
+/// :param seed: seed of the random numbers in the start; the same seed gives the same plan.
+/// :param iterations: maximum number of iterations from each start.
+/// :param samples_fixed: keep the number of samples of the motion file, even if the plan is then not consistent as played.
+/// :param threads: number of threads that try starts; the number of cores if it is `None`. The plan does not depend on it.
+/// :param progress: called with a `Progress`, at most ten times a second. An exception of the callback ends the solve.
+/// :raises Infeasible: the request is infeasible; the exception contains a diagnosis and the best plan found.
 /// :raises NotConsistent: the plan that was found is not consistent.
-/// :raises KeyboardInterrupt: Ctrl-C, within an iteration.
+/// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within an iteration.
 #[pyfunction]
 #[pyo3(signature = (motion, *, seed = 0, iterations = None, samples_fixed = false, threads = None, progress = None))]
 pub fn plan(
@@ -323,7 +325,7 @@ pub fn plan(
     Plan::good(py, plan)
 }
 
-/// Plans that are not consistent, in the words of the command line. The exception carries the first of them.
+/// Exception for plans that are not consistent, with the message of the command line and the first of the plans.
 pub fn not_consistent(py: Python<'_>, plans: &[&planned::Plan]) -> PyErr {
     let words = |plan: &&planned::Plan| {
         let report = planner::report::Report::new(plan);

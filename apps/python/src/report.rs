@@ -1,24 +1,24 @@
-//! Reports on plans.
+//! Residual reports of plans.
 
 use pyo3::prelude::*;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report as reported;
 
-/// Residuals of a plan, recomputed from its numbers as by `rollwalk report`.
+/// Residuals of a plan, recomputed from its values as by `rollwalk report`.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Report {
     rows: Vec<reported::Row>,
     /// True if the plan is consistent: every residual is within its tolerance, or the motion is marked as needing feedback.
     #[pyo3(get)]
     consistent: bool,
-    /// The verdict in words, with the residual that decides.
+    /// Verdict as a sentence, with the decisive residual.
     #[pyo3(get)]
     verdict: String,
     table: String,
 }
 
 impl Report {
-    /// Report on a validated plan.
+    /// Computes the report of a validated plan.
     pub fn of(plan: &Plan) -> Self {
         let report = reported::Report::new(plan);
         Self {
@@ -32,7 +32,7 @@ impl Report {
 
 #[pymethods]
 impl Report {
-    /// The residuals: at the samples first, then in between, as the motion is played.
+    /// Residuals: at the samples first, then between the samples, as the motion is played.
     #[getter]
     fn residuals(&self) -> Vec<Residual> {
         self.rows.iter().map(Residual::of).collect()
@@ -43,31 +43,31 @@ impl Report {
     }
 }
 
-/// The worst of one kind of residual over the whole motion.
+/// Worst value of one kind of residual over the whole motion.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Residual {
     /// Name of the constraint.
     #[pyo3(get)]
     name: &'static str,
-    /// Number of its equation in the thesis, or a description.
+    /// Number of the equation in the thesis, or a description.
     #[pyo3(get)]
     equation: &'static str,
     /// Times of evaluation: `at the samples`, `as played, 60 Hz`, `as played, 500 Hz`.
     #[pyo3(get)]
     grid: String,
-    /// Worst value, in `unit`. Of limits the excess, 0 within the limit.
+    /// Worst value, in `unit`. For limits, the excess over the limit, or 0 within the limit.
     #[pyo3(get)]
     worst: f64,
     /// Unit of `worst` and `tolerance`.
     #[pyo3(get)]
     unit: &'static str,
-    /// Bound up to which motions hold in an independent simulator; `None` for residuals without one.
+    /// Tolerance below which motions pass in an independent simulator; `None` for residuals without a tolerance.
     #[pyo3(get)]
     tolerance: Option<f64>,
-    /// Time of the worst value, s; `None` if it is 0 everywhere.
+    /// Time of the worst value, s; `None` if the residual is 0 everywhere.
     #[pyo3(get)]
     time_s: Option<f64>,
-    /// Joint, end effector or links that it belongs to.
+    /// Joint, end effector or links with the worst value.
     #[pyo3(get)]
     subject: Option<String>,
     /// True if the residual is within its tolerance.

@@ -1,4 +1,4 @@
-//! Robots.
+//! Robots, with their kinematics.
 
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
@@ -17,7 +17,7 @@ type Poses = (Py<PyArray2<f64>>, Py<PyArray2<f64>>);
 /// A robot with legs and wheels, as its robot file describes it. Frames: x forward, y left, z up; the first link is the body.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Robot {
-    /// The robot.
+    /// Robot in the planner's form.
     pub inner: Arc<robot::Robot>,
 }
 
@@ -27,7 +27,7 @@ impl Robot {
         Self { inner: Arc::new(robot) }
     }
 
-    /// A value of each joint, as an array of shape (J,).
+    /// Returns a value for each joint, as an array of shape (J,).
     fn of_joints(&self, py: Python<'_>, of: impl Fn(&robot::Joint) -> f64) -> Py<PyArray1<f64>> {
         vector(py, self.inner.joints.iter().map(of).collect())
     }
@@ -37,9 +37,9 @@ impl Robot {
 impl Robot {
     /// Read a robot file (TOML).
     ///
-    /// :param path: the file, such as `pup.toml`.
-    /// :raises RollwalkError: everything that is wrong in it, with line, field and what would be right.
-    /// :raises OSError: it cannot be read.
+    /// :param path: path of the file, such as `pup.toml`.
+    /// :raises RollwalkError: all mistakes in the file, with line, field and valid values.
+    /// :raises OSError: the file cannot be read.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Source::Disk.robot(&path).map(Self::of)
@@ -47,19 +47,19 @@ impl Robot {
 
     /// Read the text of a robot file.
     ///
-    /// :param text: what the file says.
-    /// :param name: how errors name it.
-    /// :raises RollwalkError: everything that is wrong in it.
+    /// :param text: text of the file.
+    /// :param name: name of the text in error messages.
+    /// :raises RollwalkError: all mistakes in the text.
     #[staticmethod]
     #[pyo3(signature = (text, name = "<robot>"))]
     fn from_toml(text: &str, name: &str) -> PyResult<Self> {
         robot::Robot::from_toml(name, text).map(Self::of).map_err(wrong)
     }
 
-    /// A robot that ships with Rollwalk.
+    /// Load a robot that ships with Rollwalk.
     ///
-    /// :param name: of its file, such as `agilebot`.
-    /// :raises RollwalkError: there is none of this name; the message lists all.
+    /// :param name: name of its file, such as `agilebot`.
+    /// :raises RollwalkError: no robot has this name; the message lists all names.
     #[staticmethod]
     fn shipped(name: &str) -> PyResult<Self> {
         Source::Shipped.robot(&shipped("robots", name)).map(Self::of)
@@ -83,13 +83,13 @@ impl Robot {
         self.inner.links.iter().map(|link| link.name.as_str()).collect()
     }
 
-    /// Names of the J joints, in the order of all arrays that have a number for each.
+    /// Names of the J joints, in the order of all arrays with a value for each joint.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         self.inner.joints.iter().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Names of the E end effectors (feet, wheels, blades), in the order of all arrays that have a number for each.
+    /// Names of the E end effectors (feet, wheels, blades), in the order of all arrays with a value for each end effector.
     #[getter]
     fn end_effector_names(&self) -> Vec<&str> {
         self.inner.end_effectors.iter().map(|of| of.name.as_str()).collect()
@@ -101,13 +101,13 @@ impl Robot {
         self.of_joints(py, |joint| joint.nominal_rad)
     }
 
-    /// Smallest joint angles, rad, shape (J,).
+    /// Minimum joint angles, rad, shape (J,).
     #[getter]
     fn joint_min_rad(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         self.of_joints(py, |joint| joint.position_min_rad)
     }
 
-    /// Largest joint angles, rad, shape (J,).
+    /// Maximum joint angles, rad, shape (J,).
     #[getter]
     fn joint_max_rad(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         self.of_joints(py, |joint| joint.position_max_rad)
@@ -125,13 +125,13 @@ impl Robot {
         self.of_joints(py, |joint| joint.actuator.torque_max_nm)
     }
 
-    /// Poses of all links in the world.
+    /// Compute the poses of all links in the world.
     ///
     /// :param joint_rad: J joint angles, rad.
     /// :param base_position_m: origin of the body in the world, m.
-    /// :param base_orientation_wxyz: world-from-body rotation, a quaternion with w first; it is normalised.
+    /// :param base_orientation_wxyz: world-from-body rotation, a quaternion with w first; normalised by this function.
     /// :returns: origins of the links, m, shape (L, 3), and their world-from-link quaternions with w first, shape (L, 4).
-    /// :raises RollwalkError: as many angles as joints are needed, and all numbers must be finite.
+    /// :raises RollwalkError: the number of angles differs from the number of joints, or a value is not finite.
     #[pyo3(signature = (joint_rad, base_position_m = [0.0; 3], base_orientation_wxyz = [1.0, 0.0, 0.0, 0.0]))]
     fn link_poses(
         &self,
@@ -143,7 +143,9 @@ impl Robot {
         let joints = self.inner.joints.len();
         if joint_rad.len() != joints {
             let (name, given) = (&self.inner.name, joint_rad.len());
-            return Err(refused(format!("{given} joint angles; `{name}` has {joints} joints")));
+            return Err(refused(format!(
+                "{given} joint angles; expected {joints}, one for each joint of `{name}`"
+            )));
         }
         let all = joint_rad.iter().chain(&base_position_m).chain(&base_orientation_wxyz);
         if let Some(wrong) = all.into_iter().find(|number| !number.is_finite()) {
@@ -162,14 +164,15 @@ impl Robot {
         Ok(poses(py, &Frames::new(&Tree::new(&self.inner), &at)))
     }
 
-    /// Poses of all links as the robot stands with its nominal joint angles on level ground.
+    /// Compute the poses of all links while the robot stands on level ground with its nominal joint angles.
     ///
-    /// :returns: as `link_poses`.
-    /// :raises RollwalkError: the robot cannot stand like that.
+    /// :returns: origins and quaternions, as from `link_poses`.
+    /// :raises RollwalkError: the robot cannot stand with these angles.
     fn standing_link_poses(&self, py: Python<'_>) -> PyResult<Poses> {
         let standing = Standing::new(&Tree::new(&self.inner));
-        let standing = standing
-            .ok_or_else(|| refused(format!("`{}` does not stand by itself", self.inner.name)))?;
+        let standing = standing.ok_or_else(|| {
+            refused(format!("`{}` cannot stand with its nominal joint angles", self.inner.name))
+        })?;
         Ok(poses(py, &standing.frames))
     }
 
@@ -188,7 +191,7 @@ fn poses(py: Python<'_>, frames: &Frames) -> Poses {
     )
 }
 
-/// A rotation as a quaternion with w first.
+/// Converts a rotation matrix to a quaternion with w first.
 pub fn wxyz(rotation: &Matrix3<f64>) -> [f64; 4] {
     let rotation = Rotation3::from_matrix_unchecked(*rotation);
     let turned = UnitQuaternion::from_rotation_matrix(&rotation);

@@ -1,4 +1,4 @@
-//! Plans at any rate: the columns of `rollwalk export` as arrays.
+//! Plans sampled at any rate: the columns of `rollwalk export` as arrays.
 
 use crate::arrays::{matrix, vector, vectors};
 use crate::error::refused;
@@ -7,9 +7,10 @@ use pyo3::prelude::*;
 use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::plan::Plan;
 
-/// A plan at a rate: T rows of J joints and E end effectors. World frame throughout, z up; the motion begins near the origin.
+/// A plan sampled at a rate: T rows of J joints and E end effectors, in the world frame with z up. The motion begins near the
+/// origin.
 ///
-/// A motion that repeats ends before the row that is its first again; any other has both of its ends.
+/// The last row of a periodic motion is the one before the period repeats; other motions include both ends.
 #[pyclass(frozen, get_all, module = "rollwalk")]
 pub struct Samples {
     /// Rows per second.
@@ -24,7 +25,7 @@ pub struct Samples {
     base_position_m: Py<PyArray2<f64>>,
     /// World-from-body rotation, quaternions with w first, shape (T, 4).
     base_orientation_wxyz: Py<PyArray2<f64>>,
-    /// The same as intrinsic z-y-x angles, rad, shape (T, 3); yaw is not wrapped.
+    /// World-from-body rotation as intrinsic z-y-x angles, rad, shape (T, 3); yaw is not wrapped.
     base_yaw_pitch_roll_rad: Py<PyArray2<f64>>,
     /// Centre of mass, m, shape (T, 3).
     com_m: Py<PyArray2<f64>>,
@@ -32,35 +33,35 @@ pub struct Samples {
     base_velocity_m_s: Py<PyArray2<f64>>,
     /// Angular velocity of the body in world axes, rad/s, shape (T, 3).
     base_angular_velocity_rad_s: Py<PyArray2<f64>>,
-    /// Setpoints of the joints' angles, rad, shape (T, J).
+    /// Set-points of the joint angles, rad, shape (T, J).
     joint_rad: Py<PyArray2<f64>>,
-    /// Setpoints of the joints' speeds, rad/s, shape (T, J).
+    /// Set-points of the joint speeds, rad/s, shape (T, J).
     joint_speed_rad_s: Py<PyArray2<f64>>,
-    /// Torques of the joints' motors that the motion takes, N·m, shape (T, J).
+    /// Joint motor torques that the motion requires, N·m, shape (T, J).
     joint_torque_nm: Py<PyArray2<f64>>,
     /// True for each end effector in stance, shape (T, E).
     contact: Py<PyArray2<bool>>,
-    /// Contact point of each end effector, of wheels the lowest point of the rim, m, shape (T, E, 3).
+    /// Contact point of each end effector, m, shape (T, E, 3); the lowest point of the rim for wheels.
     contact_point_m: Py<PyArray3<f64>>,
-    /// Force of the ground on each end effector, N, shape (T, E, 3).
+    /// Ground force on each end effector, N, shape (T, E, 3).
     contact_force_n: Py<PyArray3<f64>>,
-    /// Spin of each wheel about its axis relative to the ground, rad/s, shape (T, E); NaN for what does not roll.
+    /// Spin of each wheel about its axis relative to the ground, rad/s, shape (T, E); NaN for end effectors that do not roll.
     wheel_speed_rad_s: Py<PyArray2<f64>>,
-    /// Speed of each wheel's motor, rad/s, shape (T, E); NaN for what does not roll.
+    /// Speed of each wheel's motor, rad/s, shape (T, E); NaN for end effectors that do not roll.
     motor_speed_rad_s: Py<PyArray2<f64>>,
     /// Torque of each wheel's motor, N·m, shape (T, E); NaN without a motor.
     motor_torque_nm: Py<PyArray2<f64>>,
 }
 
-/// Columns of a table, one after the other in the order of docs/formats/plan-format.md: what names begin with is not certain,
-/// because no two columns have one name.
+/// Iterator over the columns of a table in the order of docs/formats/plan-format.md. Columns are checked by the ends of their
+/// names, because the beginnings contain names of joints.
 struct Columns<'t> {
     table: &'t Table,
     next: usize,
 }
 
 impl Columns<'_> {
-    /// Indices of the next columns, whose names end like this.
+    /// Indices of the next columns; panics if their names do not end with `endings`.
     fn next<const N: usize>(&mut self, endings: [&str; N]) -> [usize; N] {
         endings.map(|ending| {
             let column = self.next;
@@ -72,7 +73,7 @@ impl Columns<'_> {
 }
 
 impl Samples {
-    /// Samples of a validated plan.
+    /// Samples a validated plan.
     pub fn of(py: Python<'_>, plan: &Plan, rate_hz: f64) -> PyResult<Self> {
         let rate = Rate::new(rate_hz).map_err(refused)?;
         let table = py.detach(|| Table::new(plan, rate));

@@ -1,4 +1,4 @@
-//! Plans on the simulated ground.
+//! Simulation of plans on the ground.
 
 use crate::arrays::{matrix, vector, vectors};
 use crate::documents::Source;
@@ -14,20 +14,22 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-/// Ranges of the arguments: steps of the world per second, periods, masses over the planned ones and coefficients of friction.
+/// Range of the simulation rate, steps per second.
 const RATES_HZ: RangeInclusive<u32> = 30..=10_000;
+/// Range of the number of periods.
 const CYCLES: RangeInclusive<u32> = 1..=10_000;
+/// Range of the mass ratio and of the coefficient of friction.
 const RATIOS: RangeInclusive<f64> = 0.01..=10.0;
 
-/// Simulation of a plan on the ground, at N steps, of J joints and E end effectors. World frame, z up; the robot begins at the
-/// origin.
+/// Simulation of a plan on the ground: N steps of a robot with J joints and E end effectors. World frame, z up; the robot
+/// begins at the origin.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Simulation {
     outcome: Outcome,
     /// Simulated time at the end of each step, s, shape (N,).
     #[pyo3(get)]
     time_s: Py<PyArray1<f64>>,
-    /// Time of the motion then, s, shape (N,): 0 before it, its duration after it.
+    /// Time of the motion at the end of each step, s, shape (N,): 0 before the motion, its duration afterwards.
     #[pyo3(get)]
     motion_time_s: Py<PyArray1<f64>>,
     /// Origin of the body, m, shape (N, 3).
@@ -48,19 +50,19 @@ pub struct Simulation {
     /// Torques of the joints' motors, N·m, shape (N, J).
     #[pyo3(get)]
     joint_torque_nm: Py<PyArray2<f64>>,
-    /// Force of the ground on each end effector, N, shape (N, E, 3).
+    /// Ground force on each end effector, N, shape (N, E, 3).
     #[pyo3(get)]
     contact_force_n: Py<PyArray3<f64>>,
 }
 
-/// The state at the end of a step.
+/// State at the end of a step.
 struct Step {
     time_s: f64,
     motion_s: f64,
     base_m: [f64; 3],
     turned: [f64; 4],
     com_m: [f64; 3],
-    /// Angle, speed and torque.
+    /// Angle, speed and torque of each joint.
     joints: Vec<[f64; 3]>,
     force_n: Vec<[f64; 3]>,
 }
@@ -85,7 +87,7 @@ impl Step {
 
 #[pymethods]
 impl Simulation {
-    /// True if the robot stayed on its feet and reached, on the mean of its periods, 95 % to 105 % of every goal.
+    /// True if the robot did not fall and reached, in the mean of its periods, 95 % to 105 % of every goal.
     #[getter]
     fn holds(&self) -> bool {
         self.outcome.holds()
@@ -97,20 +99,20 @@ impl Simulation {
         self.outcome.fell_at_s
     }
 
-    /// Planned way of the motion, or of a period: forward, m, to the left, m, turned to the left, rad, shape (3,).
+    /// Planned displacement of the motion, or of one period: forward, m, left, m, turn to the left, rad, shape (3,).
     #[getter]
     fn planned_way(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         vector(py, self.outcome.planned.way.values().to_vec())
     }
 
-    /// Way of the motion, or of each of its C periods: as `planned_way`, shape (C, 3).
+    /// Simulated displacement of the motion, or of each of its C periods, with the components of `planned_way`, shape (C, 3).
     #[getter]
     fn ways(&self, py: Python<'_>) -> Py<PyArray2<f64>> {
         let ways: Vec<_> = self.outcome.cycles.iter().map(|way| way.values()).collect();
         matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of])
     }
 
-    /// Difference of each way from the planned one, m, m, rad, shape (C, 3).
+    /// Difference of each displacement from the planned one, m, m, rad, shape (C, 3).
     #[getter]
     fn drift(&self, py: Python<'_>) -> Py<PyArray2<f64>> {
         let planned = self.outcome.planned.way.values();
@@ -118,13 +120,13 @@ impl Simulation {
         matrix(py, [ways.len(), 3], |cycle, of| ways[cycle][of] - planned[of])
     }
 
-    /// Achieved by planned, on the mean of the periods, of forward, left and turn; `None` where the motion has no goal.
+    /// Ratios of achieved to planned displacement, in the mean of the periods: forward, left and turn; `None` without a goal.
     #[getter]
     fn ratios(&self) -> [Option<f64>; 3] {
         [0, 1, 2].map(|of| self.outcome.ratio(of))
     }
 
-    /// Way that end effectors in contact slid, m, all together.
+    /// Total sliding distance of end effectors in contact, m.
     #[getter]
     fn slid_m(&self) -> f64 {
         self.outcome.totals.slid_m
@@ -136,7 +138,8 @@ impl Simulation {
         self.outcome.totals.work_j
     }
 
-    /// Steps in which the robot was not tracked and the servos got setpoints of the plan in open loop; 0 without `tracking`.
+    /// Number of steps in which the robot was not tracked and the servos received set-points of the plan in open loop; 0
+    /// without `tracking`.
     #[getter]
     fn untracked_steps(&self) -> u32 {
         self.outcome.untracked
@@ -146,7 +149,7 @@ impl Simulation {
         let how = match self.outcome.fell_at_s {
             Some(time_s) => format!("fell after {time_s:.2} s"),
             None if self.outcome.holds() => "holds".to_owned(),
-            None => "does not come where the plan does".to_owned(),
+            None => "misses the goals of the plan".to_owned(),
         };
         format!("<Simulation of {:.2} s: {how}>", self.outcome.time_s)
     }
@@ -154,18 +157,20 @@ impl Simulation {
 
 /// Play a plan on the simulated ground, as `rollwalk simulate` does.
 ///
-/// Open loop the servos of the robot file play it, with the planned torques on top. Other threads of the program run meanwhile.
+/// In open loop the servos of the robot file play the plan, with the planned torques as feed-forward. Other threads of the
+/// program continue to run.
 ///
-/// :param plan: what is played.
-/// :param cycles: periods of a motion that repeats, 1 to 10,000.
-/// :param feed_forward: with the planned torques; without, the servos have their own only.
-/// :param tracking: let a controller of the whole body track the plan: it sees the robot at each step.
-/// :param rate_hz: steps of the simulation per second, 30 to 10,000; 480 if it is `None`, 500 with `tracking`.
-/// :param mass_ratio: masses of the simulated robot over those of the plan's, 0.01 to 10.
-/// :param friction: coefficient of friction of all feet, wheels and blades, 0.01 to 10; those of the plan's robot if it is
-/// `None`. :param terrain: a terrain file (TOML); level ground without. :param progress: called with the share that is done, 0
-/// to 1, at most ten times a second. What it raises ends the run. :raises RollwalkError: a number out of its range, a wrong
-/// terrain file, or a step of the world without a solution. :raises KeyboardInterrupt: Ctrl-C, within a step.
+/// :param plan: plan to play.
+/// :param cycles: number of periods of a periodic motion, 1 to 10,000.
+/// :param feed_forward: feed the planned torques forward; otherwise the servos apply only their own.
+/// :param tracking: track the plan with a whole-body controller, which reads the state of the robot at each step.
+/// :param rate_hz: simulation steps per second, 30 to 10,000; 480 if it is `None`, 500 with `tracking`.
+/// :param mass_ratio: ratio of the masses of the simulated robot to those of the plan's robot, 0.01 to 10.
+/// :param friction: friction coefficient of all feet, wheels and blades, 0.01 to 10; `None` keeps those of the plan's robot.
+/// :param terrain: path of a terrain file (TOML); level ground if it is `None`.
+/// :param progress: called with the completed fraction, 0 to 1, at most ten times a second. Its exceptions end the run.
+/// :raises RollwalkError: a value is out of range, the terrain file is wrong, or a step of the world has no solution.
+/// :raises KeyboardInterrupt: Ctrl-C was pressed; takes effect within a step.
 #[pyfunction]
 #[pyo3(signature = (
     plan, *, cycles = 5, feed_forward = true, tracking = false, rate_hz = None,
@@ -229,7 +234,7 @@ pub fn simulate(
     })
 }
 
-/// Refuses a number outside its range.
+/// Refuses a value outside its range.
 fn within<T: PartialOrd + Display>(
     name: &str,
     value: T,

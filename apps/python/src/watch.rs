@@ -1,7 +1,7 @@
-//! Long work: off Python's thread and without its lock, so that other threads run, with progress and Ctrl-C.
+//! Long operations outside of Python's global lock, so that other threads run, with progress and Ctrl-C.
 //!
-//! The work has a thread of its own and looks, between two iterations, whether it shall stop. The thread that was called waits
-//! for it, looks for signals and calls back ten times a second.
+//! The work has its own thread and polls between iterations for a request to stop. The calling thread waits for it, checks for
+//! signals and calls back ten times a second.
 
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
@@ -18,18 +18,18 @@ const TICK: Duration = Duration::from_millis(100);
 /// State shared by the work and the thread that waits for it.
 pub struct Watch<P> {
     stop: AtomicBool,
-    /// The latest state, until the callback has seen it.
+    /// Latest state; `None` after it was passed to the callback.
     latest: Mutex<Option<P>>,
 }
 
 impl<P> Watch<P> {
-    /// Stores the state of the work; breaks if the work shall stop.
+    /// Stores the state of the work; breaks if a stop was requested.
     pub fn at(&self, state: P) -> ControlFlow<()> {
         *self.latest() = Some(state);
         if self.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// True if the work shall stop.
+    /// True if the work should stop.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -38,7 +38,7 @@ impl<P> Watch<P> {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Calls back, if there is news.
+    /// Calls the callback if there is a new state.
     fn tell(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()>
     where
         P: for<'py> IntoPyObject<'py>,
@@ -51,11 +51,11 @@ impl<P> Watch<P> {
     }
 }
 
-/// Does `work`, which notes its progress and ends early when the watch is stopped. `progress` is called with the latest note at
-/// most ten times a second, and with the last one at the end.
+/// Runs `work` with progress. `progress` is called with the latest state at most ten times a second, and with the final state
+/// at the end.
 ///
 /// # Errors
-/// What `progress` raises, and `KeyboardInterrupt`; the work is stopped first.
+/// Stops the work and returns the exception of `progress`, or `KeyboardInterrupt` after Ctrl-C.
 pub fn watched<P, T>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
@@ -86,7 +86,7 @@ where
     Ok(done.expect("work that did not panic has a result"))
 }
 
-/// Waits for the result; `None` if there will be none.
+/// Waits for the result; returns `None` if the work ended without one.
 fn wait<P, T>(
     watch: &Watch<P>,
     progress: Option<&Py<PyAny>>,

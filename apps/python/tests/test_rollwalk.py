@@ -182,7 +182,7 @@ class Robots(unittest.TestCase):
         robot = rollwalk.Robot.shipped("pup")
         q = robot.nominal_joint_rad
         for words, pose in [
-            ("3 joint angles; `pup` has", ([0.0] * 3,)),
+            ("3 joint angles; expected [0-9]+, one for each joint of `pup`", ([0.0] * 3,)),
             ("NaN in a pose", (q, [np.nan, 0.0, 0.0])),
             ("base_orientation_wxyz is 0", (q, [0.0] * 3, [0.0] * 4)),
         ]:
@@ -399,7 +399,7 @@ class Designs(unittest.TestCase):
         for words, work in [
             ("no objective `speed`: give one of .*power", lambda: self.design.gradients(["speed"])),
             ("no feature `gait`: give one of .*height", lambda: self.design.gradients([], ["gait"])),
-            ("no parameter `leg`: it has wheel", lambda: self.design.robot_toml({"leg": 1.0})),
+            ("no parameter `leg`: give one of wheel", lambda: self.design.robot_toml({"leg": 1.0})),
         ]:
             with self.assertRaisesRegex(rollwalk.RollwalkError, words):
                 work()

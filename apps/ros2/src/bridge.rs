@@ -1,8 +1,10 @@
-//! The node's loop: frames of the robot and messages of ROS in, frames and messages out, in one thread with the bus.
+//! Loop of the node, in one thread with the bus: receives frames of the robot and messages of ROS, and sends frames and
+//! messages.
 //!
-//! The node is the robot's host, as a console is. While the loop turns it sends heartbeats; when it ends in any other way than by
-//! [`leaving`](Bridge::run), or stands still, the robot returns to SAFE by itself and turns torque off. What may be commanded when
-//! is the operator's to know (`rollwalk_host::operator`): the node passes requests on and answers with its words.
+//! The node is the robot's host, like a console. It sends heartbeats while the loop runs. If the loop stalls, or ends in any
+//! other way than by [`leaving`](Bridge::run), the robot returns to SAFE by itself and turns torque off. The operator
+//! (`rollwalk_host::operator`) decides which requests are permitted; the node passes requests to it and answers with its
+//! messages.
 
 use crate::convert::{self, Diagnosed};
 use crate::driving::Driving;
@@ -23,16 +25,16 @@ use ros2_client::builtin_interfaces::Time;
 use ros2_client::log::LogLevel;
 use std::collections::BTreeMap;
 
-/// Interval between looks at what has changed, µs.
+/// Interval between publications of the robot's state, µs.
 const LOOK_US: u64 = 20_000;
 /// Interval between diagnostics, µs.
 const DIAGNOSE_US: u64 = 1_000_000;
-/// Characters of a stranger's text that a message repeats.
+/// Maximum length of an untrusted name that a message repeats, characters.
 const NAME_CHARS: usize = 64;
-/// Time after which the caller of an emergency stop hears that the robot has not acknowledged it, µs.
+/// Time after which a call of the emergency stop is answered with a failure if the robot has not acknowledged it, µs.
 const STOPPED_US: u64 = 1_000_000;
 
-/// A call that waits for the robot's answer.
+/// Call that waits for the robot's answer.
 struct Waiting {
     call: Call,
     outcome: Outcome,
@@ -42,43 +44,43 @@ struct Waiting {
 /// Event that answers a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// A message about the intent with this number.
+    /// Message about the intent with this number.
     Message(u64),
-    /// The acknowledgement of an emergency stop.
+    /// Acknowledgement of an emergency stop.
     Stopped,
-    /// The robot follows velocities.
+    /// Start of following velocities.
     Driven,
-    /// A driven robot has stopped and is in this state.
+    /// Arrival of a driven robot in this state, after it has stopped.
     Home(State),
 }
 
-/// A robot and a node.
+/// Node with its robot.
 pub struct Bridge<'a> {
     operated: Operated<'a>,
     link: &'a LinkArgs,
-    /// Reason for which ROS can no longer be reached.
+    /// Reason why ROS can no longer be reached.
     lost: Option<Lost>,
     graph: Graph,
     bus: String,
     names: &'a NamesArgs,
-    /// Configuration and library that the names are of.
+    /// Configuration and library for which names were looked up.
     named: Option<(u32, Option<u32>)>,
     catalog: Option<Catalog>,
-    /// Names of joints in the URDF, by channel.
+    /// Names of the joints in the URDF, by channel.
     joints: Vec<String>,
-    /// Last telemetry of each channel since joints were published.
+    /// Most recent telemetry of each channel since joints were published.
     round: BTreeMap<u8, JointTelemetry>,
     urdf: Option<String>,
     driving: Option<Driving>,
     waiting: Vec<Waiting>,
-    /// Number of the last message of the operator that was passed on.
+    /// Number of the most recent operator message that was published.
     said: u64,
     look_us: u64,
     diagnose_us: u64,
 }
 
 impl<'a> Bridge<'a> {
-    /// A node for the robot on an open bus; with `driving` it can be driven.
+    /// Creates a node for the robot on an open bus; with `driving` the robot can follow velocities.
     pub fn new(
         link: &'a LinkArgs,
         names: &'a NamesArgs,
@@ -107,8 +109,8 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Serves until a signal asks the process to end, or ROS is lost; the robot has then returned to SAFE and is disarmed, or
-    /// there is no contact with it.
+    /// Serves until a signal requests the end, or ROS is lost. On return the robot is in SAFE and disarmed, or there is no
+    /// contact with it.
     pub fn run(&mut self) -> Exit {
         loop {
             let heard = self.operated.heard();
@@ -139,7 +141,7 @@ impl<'a> Bridge<'a> {
         if let Err(report) = self.look_names() {
             // Of a file that has changed since the start. The robot may be moving: it goes on without names.
             let now_us = self.operated.now_us();
-            let text = format!("names are not known: {report}");
+            let text = format!("the names of motions and joints cannot be read: {report}");
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
         // Before the calls, which may stop the robot.
@@ -155,7 +157,7 @@ impl<'a> Bridge<'a> {
         heard.iter().try_for_each(|frame| self.on_frame(frame))
     }
 
-    /// Publishes joints once every one of them, by its name, has reported since they were last published.
+    /// Collects joint telemetry, and publishes it when every joint has reported since the previous publication.
     fn on_frame(&mut self, frame: &Frame) -> Result<(), Lost> {
         let Ok((node, FromController::JointTelemetry(joint))) = FromController::decode(frame)
         else {
@@ -194,7 +196,7 @@ impl<'a> Bridge<'a> {
         self.lost = Some(error);
     }
 
-    /// Passes on what has changed.
+    /// Publishes the changes of the robot's state.
     fn publish(&mut self, view: &View) -> Result<(), Lost> {
         let motion = convert::motion(view, self.catalog.as_ref());
         let motions = convert::motions(self.library());
@@ -212,7 +214,7 @@ impl<'a> Bridge<'a> {
         Ok(())
     }
 
-    /// Passes on messages of the operator, and answers calls.
+    /// Publishes messages of the operator, and answers the calls that they are about.
     fn pass_on_messages(&mut self, view: &View) {
         let said = self.said;
         for message in view.messages.iter().filter(|message| message.number > said) {
@@ -239,7 +241,7 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Answers calls whose outcome no message is about.
+    /// Answers calls whose outcome is not in a message.
     fn answer_others(&mut self, view: &View) {
         let (graph, operator) = (&self.graph, &self.operated.operator);
         let phase = self.driving.as_ref().map_or(Phase::Off, Driving::phase);
@@ -247,19 +249,26 @@ impl<'a> Bridge<'a> {
             let waited_us = view.now_us.saturating_sub(*since_us);
             let (success, text) = match outcome {
                 Outcome::Message(wish) if operator.is_asking(*wish) => return true,
-                Outcome::Message(_) => (false, "it was given up; /rosout says why".into()),
+                Outcome::Message(_) => {
+                    (false, "the command was dropped; see /rosout for the reason".into())
+                }
                 Outcome::Stopped if !view.stopping => (true, "stopped: torque is off".into()),
                 Outcome::Stopped if waited_us > STOPPED_US => {
-                    let text = "the robot has not acknowledged the emergency stop; it is sent again until it does";
+                    let text = "the robot has not acknowledged the emergency stop; the stop is \
+                        repeated until it is acknowledged";
                     (false, text.into())
                 }
                 Outcome::Stopped => return true,
                 Outcome::Driven => match phase {
                     Phase::Beginning => return true,
-                    Phase::Steered => {
-                        (true, format!("it follows {}", graph.followed().unwrap_or_default()))
-                    }
-                    _ => (false, "it does not follow velocities; /rosout says why".into()),
+                    Phase::Steered => (
+                        true,
+                        format!("the robot follows {}", graph.followed().unwrap_or_default()),
+                    ),
+                    _ => (
+                        false,
+                        "the robot does not follow velocities; see /rosout for the reason".into(),
+                    ),
                 },
                 Outcome::Home(state) => {
                     let reached = view.status.map(|status| status.state);
@@ -273,7 +282,7 @@ impl<'a> Bridge<'a> {
                     if !is_there && !barred && waited_us <= END_US {
                         return true;
                     }
-                    let words = reached.map_or("not heard", state_name);
+                    let words = reached.map_or("not in contact", state_name);
                     (is_there, format!("the robot is {words}"))
                 }
             };
@@ -313,7 +322,7 @@ impl<'a> Bridge<'a> {
         self.waiting.push(Waiting { call, outcome, since_us: now_us });
     }
 
-    /// True if the robot follows velocities, is about to, or is about to stop.
+    /// True if the robot follows velocities, or is about to start or stop doing so.
     fn is_driven(&self) -> bool {
         self.driving.as_ref().is_some_and(|driving| driving.phase() != Phase::Off)
     }
@@ -322,7 +331,11 @@ impl<'a> Bridge<'a> {
         let now_us = self.operated.now_us();
         let begun = match &mut self.driving {
             Some(driving) => driving.begin(now_us, &self.operated.operator),
-            None => Err("start the node with --library LIB.rwl: the robot is driven from the library's SAFE pose".into()),
+            None => {
+                Err("start the node with --library LIB.rwl, because driving begins at the SAFE \
+                pose of the library"
+                    .into())
+            }
         };
         match begun {
             Ok(()) => {
@@ -332,7 +345,7 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Stops a driven robot on all its feet, then sends it to SAFE: in the middle of a step it would not stand.
+    /// Stops a driven robot with all feet on the ground, then sends it to SAFE; stopping within a step would make it fall.
     fn stop_driving(&mut self, call: Call, after: After, state: State) {
         let now_us = self.operated.now_us();
         if let Some(driving) = &mut self.driving {
@@ -341,7 +354,7 @@ impl<'a> Bridge<'a> {
         self.waiting.push(Waiting { call, outcome: Outcome::Home(state), since_us: now_us });
     }
 
-    /// Names of the library that the controller has said to have: with those of another one a name would play something else.
+    /// Names of the controller's library. Names of another library would select the wrong motions.
     fn library(&self) -> Option<&Catalog> {
         let library = self.operated.operator.hello()?.library?;
         self.catalog.as_ref().filter(|catalog| catalog.library == library)
@@ -351,7 +364,7 @@ impl<'a> Bridge<'a> {
     fn on_play(&mut self, name: &str) {
         let now_us = self.operated.now_us();
         if self.is_driven() {
-            let text = "not sent, to play a motion: the robot is driven; ~/return ends that";
+            let text = "motion not played, because the robot is driven: end driving with ~/return";
             return self.operated.operator.say(now_us, Weight::Refused, text);
         }
         let by_name = self.library().and_then(|catalog| catalog.motion(name));
@@ -363,21 +376,22 @@ impl<'a> Bridge<'a> {
         let name = Shown(&cut);
         let text = match self.library() {
             Some(catalog) if !catalog.motions.is_empty() => format!(
-                "not sent: the library has no motion `{name}`, but {}",
+                "not sent: the library has no motion `{name}`; give one of {}",
                 convert::motions(Some(catalog)).replace('\n', ", ")
             ),
-            _ if self.operated.operator.hello().is_none() => format!(
-                "not sent, to play `{name}`: the controller has not said yet which library it has"
-            ),
+            _ if self.operated.operator.hello().is_none() => {
+                format!("`{name}` not played: the controller has not reported its library yet")
+            }
             _ => format!(
-                "not sent, to play `{name}`: the names of the controller's library are not known on this computer; \
-                 start the node with --library LIB.rwl, or publish the motion's code"
+                "`{name}` not played: the motion names of the controller's library are unknown on \
+                 this computer; start the node with --library LIB.rwl, or publish the code of the \
+                 motion"
             ),
         };
         self.operated.operator.say(now_us, Weight::Refused, text);
     }
 
-    /// Takes the robot home and leaves, a driven one when it has stopped; at once where there is no contact with it.
+    /// Returns the robot to SAFE and leaves. A driven robot stops first; without contact the node leaves at once.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();
         let operator = &mut self.operated.operator;
@@ -392,7 +406,7 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Looks up names and the URDF once the controller has said which robot and library it has.
+    /// Looks up names and the URDF when the controller has reported its robot and library.
     fn look_names(&mut self) -> miette::Result<()> {
         let Some(hello) = self.operated.operator.hello().copied() else { return Ok(()) };
         let wanted = Some((hello.config_hash, hello.library));
@@ -410,11 +424,12 @@ impl<'a> Bridge<'a> {
         self.catalog = self.names.look_up(Some(&hello))?;
         self.operated.operator.set_catalog(self.catalog.clone());
         if hello.library.is_none() {
-            let text = "the controller has no library: `rollwalk flash LIB.rwl` gives it one";
+            let text = "the controller has no library: flash one with `rollwalk flash LIB.rwl`";
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
         let Some((robot, parts)) = self.names.robot(hello.config_hash)? else {
-            let text = "the robot is none that ships with rollwalk: without --robot ROBOT.toml there is no robot_description";
+            let text = "the robot does not ship with rollwalk: to publish robot_description, give \
+                --robot ROBOT.toml";
             self.operated.operator.say(now_us, Weight::Warning, text);
             self.joints = self.catalog.as_ref().map_or_else(Vec::new, |c| c.channels.clone());
             return Ok(());

@@ -1,17 +1,17 @@
-//! The velocity that is commanded on `cmd_vel`: messages and the time in, steering out. A command counts until it is too old,
-//! so that a robot stops whose commands no longer come.
+//! Velocity that is commanded on `cmd_vel`: converts messages and time to steering. A command expires after a timeout, so that
+//! the robot stops when commands cease.
 
 use crate::messages::Twist;
 use rollwalk_pilot::{Fastest, Steering};
 
-/// Shortest time between two refusals that are said, µs: commands come many times a second.
+/// Minimum interval between two reported refusals, µs; commands arrive many times a second.
 const SAID_AGAIN_US: u64 = 5_000_000;
 
-/// A velocity and how old it was when it came.
+/// Velocity command with its age on arrival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velocity {
     pub twist: Twist,
-    /// Age by its stamp, ns; 0 without one. It is negative where the sender's clock is ahead.
+    /// Age according to the stamp, ns; 0 without a stamp, negative if the sender's clock is ahead.
     pub age_ns: i64,
 }
 
@@ -19,31 +19,31 @@ pub struct Velocity {
 pub struct Commanded {
     fastest: Fastest,
     timeout_us: u64,
-    /// The steering, and when it becomes too old, µs.
+    /// Current steering, and the time at which it expires, µs.
     last: Option<(Steering, u64)>,
-    /// Time from which a refusal may be reported again, µs.
+    /// Time from which the next refusal is reported, µs.
     said_again_us: u64,
 }
 
 impl Commanded {
-    /// Begins without a command.
+    /// Creates the state without a command.
     pub fn new(fastest: Fastest, timeout_s: f64) -> Self {
         Self { fastest, timeout_us: (timeout_s * 1e6) as u64, last: None, said_again_us: 0 }
     }
 
-    /// Takes a command in place of the one before. One that cannot be followed is a command to stop.
+    /// Replaces the command. A command that cannot be followed stops the robot.
     ///
     /// # Errors
-    /// Why it cannot, in words for the log.
+    /// Returns the reason for the log if the command cannot be followed.
     pub fn command(&mut self, now_us: u64, velocity: Velocity) -> Result<(), String> {
         let Velocity { twist, age_ns } = velocity;
         let parts = [twist.linear.x, twist.linear.y, twist.angular.z];
         let age_us = u64::try_from(age_ns / 1_000).unwrap_or(0);
         let why = if parts.iter().any(|part| !part.is_finite()) {
-            "a part of it is not a finite number".to_owned()
+            "a component is not a finite number".to_owned()
         } else if age_us > self.timeout_us {
             format!(
-                "its stamp is {:.1} s old, and the clocks of both computers have to agree",
+                "its stamp is {:.1} s old; synchronise the clocks of both computers",
                 age_us as f64 * 1e-6
             )
         } else {
@@ -58,10 +58,10 @@ impl Commanded {
             return Ok(());
         }
         self.said_again_us = now_us + SAID_AGAIN_US;
-        Err(format!("a velocity is not followed, the robot stops: {why}"))
+        Err(format!("a velocity is ignored, and the robot stops: {why}"))
     }
 
-    /// The steering now: rest, where the last command is too old.
+    /// Current steering; rest if the command has expired.
     pub fn steering(&self, now_us: u64) -> Steering {
         let last = self.last.filter(|(_, until_us)| now_us < *until_us);
         last.map(|(steering, _)| steering).unwrap_or_default()
@@ -120,7 +120,7 @@ mod tests {
             let mut commanded = commanded();
             commanded.command(0, velocity(0.1, 0.0, 0.0)).unwrap();
             let why = commanded.command(MS, broken).unwrap_err();
-            assert!(why.starts_with("a velocity is not followed, the robot stops: "), "{why}");
+            assert!(why.starts_with("a velocity is ignored, and the robot stops: "), "{why}");
             assert_eq!(commanded.steering(MS), Steering::default(), "{why}");
             assert_eq!(commanded.command(2 * MS, broken), Ok(()));
             assert!(commanded.command(6_000 * MS, broken).is_err());

@@ -1,4 +1,4 @@
-//! Conversion of the host's view of a robot to messages of ROS: values in, messages out.
+//! Conversion of the host's view of a robot to messages of ROS, as pure functions.
 
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, JointState, KeyValue, Level};
 use rollwalk_host::actuators::Actuators;
@@ -9,7 +9,7 @@ use rollwalk_protocol::faults::Severity;
 use rollwalk_protocol::wire::{JointTelemetry, State, Status, Torque};
 use ros2_client::builtin_interfaces::Time;
 
-/// Joints and driven wheels as their motors report them, with their names of the URDF.
+/// States of joints and driven wheels as reported by their motors, with their names of the URDF.
 pub fn joint_state<'a>(
     stamp: Time,
     joints: impl IntoIterator<Item = (&'a String, &'a JointTelemetry)>,
@@ -30,17 +30,17 @@ pub fn joint_state<'a>(
     state
 }
 
-/// The name of a state for programs, as `rollwalk monitor --json` has it.
+/// Name of a state for programs, as in `rollwalk monitor --json`.
 pub fn state(view: &View) -> String {
     heard(view).map_or_else(|| "Unknown".to_owned(), |status| format!("{:?}", status.state))
 }
 
-/// The last status, of a controller that is heard.
+/// Most recent status of a controller in contact.
 fn heard(view: &View) -> Option<Status> {
     view.status.filter(|_| view.link.contact)
 }
 
-/// The motion or transition that is played; empty where none is, or without contact.
+/// Name of the playing motion or transition; empty if nothing plays, or without contact.
 pub fn motion(view: &View, catalog: Option<&Catalog>) -> String {
     let playing = heard(view).filter(|status| status.state.torque() == Torque::Driven);
     let Some(clip) = playing.and_then(|status| status.clip) else { return String::new() };
@@ -48,7 +48,7 @@ pub fn motion(view: &View, catalog: Option<&Catalog>) -> String {
     name.unwrap_or_else(|| format!("clip {clip}"))
 }
 
-/// Motions of a library that can be played, one in each line.
+/// Names of the playable motions of a library, one per line.
 pub fn motions(catalog: Option<&Catalog>) -> String {
     let playable = catalog.into_iter().flat_map(|catalog| &catalog.motions);
     let names: Vec<_> =
@@ -60,15 +60,15 @@ pub fn motions(catalog: Option<&Catalog>) -> String {
 pub struct Diagnosed<'a> {
     /// State, faults and link.
     pub view: &'a View,
-    /// The bus, as it was typed.
+    /// Bus, as the user typed it.
     pub bus: &'a str,
-    /// Name of the node, before those of its parts.
+    /// Name of the node, which prefixes the names of its parts.
     pub node: &'a str,
     /// Names of motions and channels.
     pub catalog: Option<&'a Catalog>,
 }
 
-/// The controller and its link, as an operator would look at them.
+/// Diagnostics of the controller and its link.
 pub fn diagnostics(stamp: Time, of: &Diagnosed<'_>) -> DiagnosticArray {
     let robot = of.catalog.map_or("robot", |catalog| &*catalog.robot);
     let hardware_id = format!("{robot}, node {}", of.view.node);

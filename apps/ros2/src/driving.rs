@@ -1,5 +1,5 @@
-//! A robot that is driven: the velocity that is commanded goes to the pilot, which plans and streams (`rollwalk_pilot`),
-//! between a call of `~/drive` and one that stops it.
+//! Driving by velocities, between a call of `~/drive` and a call that stops it. The pilot (`rollwalk_pilot`) plans and streams
+//! motion for the commanded velocity.
 
 use crate::commanded::{Commanded, Velocity};
 use rollwalk_host::describe::state_name;
@@ -9,19 +9,19 @@ use rollwalk_protocol::wire::State;
 use rollwalk_terminal::link::steering::Prepared;
 use std::time::Duration;
 
-/// The pilot of a node.
+/// Pilot of the node.
 #[derive(Debug)]
 pub struct Driving {
     steered: Steered,
     commanded: Commanded,
-    /// The library in whose SAFE pose the robot begins.
+    /// Library whose SAFE pose the robot starts in.
     library: u32,
     /// Time at which the robot was ordered to stop because the node ends, µs.
     left_us: Option<u64>,
 }
 
 impl Driving {
-    /// A pilot of a robot that does not follow it yet. A plan takes `budget` at most, and a velocity counts for `timeout_s`.
+    /// Creates a pilot at rest. `budget` is the time limit of a plan, and `timeout_s` is the lifetime of a velocity.
     pub fn new(prepared: Prepared, budget: Duration, timeout_s: f64) -> Self {
         let Prepared { route, fastest, catalog } = prepared;
         let mut pilot = Pilot::new(false);
@@ -39,17 +39,17 @@ impl Driving {
         self.steered.pilot.phase()
     }
 
-    /// Takes a velocity; one that cannot be followed is said.
+    /// Accepts a velocity, or reports the reason why it cannot be followed.
     pub fn command(&mut self, now_us: u64, velocity: Velocity, operator: &mut Operator) {
         if let Err(why) = self.commanded.command(now_us, velocity) {
             operator.say(now_us, Weight::Warning, why);
         }
     }
 
-    /// Follows the velocities from now on.
+    /// Starts following velocities.
     ///
     /// # Errors
-    /// Why the robot cannot, in words.
+    /// Returns the reason as a message if the robot cannot follow velocities.
     pub fn begin(&mut self, now_us: u64, operator: &Operator) -> Result<(), String> {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else {
@@ -58,17 +58,21 @@ impl Driving {
         match self.phase() {
             Phase::Off => {}
             Phase::Beginning | Phase::Steered => return Ok(()),
-            Phase::Stopping | Phase::Homeward => return Err("it is stopping".into()),
+            Phase::Stopping | Phase::Homeward => return Err("the robot is stopping".into()),
         }
         if status.state != State::Ready {
             let state = state_name(status.state);
             return Err(format!(
-                "the robot is {state}: it is driven from SAFE, which ~/arm and ~/return take it to"
+                "the robot is {state}: driving begins at SAFE, so call ~/arm or ~/return first"
             ));
         }
         let has = operator.hello().and_then(|hello| hello.library);
         if has != Some(self.library) {
-            return Err("the controller has another library than that of --library, whose SAFE pose may differ".into());
+            return Err(
+                "the library of the controller differs from --library, so the SAFE pose may be \
+                another one"
+                    .into(),
+            );
         }
         self.steered.pilot.rise();
         Ok(())
@@ -79,8 +83,8 @@ impl Driving {
         self.steered.pilot.stop(now_us, after, operator);
     }
 
-    /// Stops a driven robot before the node ends. Returns whether it is about to; otherwise it is not driven, not heard, or
-    /// does not stop.
+    /// Stops a driven robot before the node ends. Returns true while the robot is stopping. Returns false if it is not driven,
+    /// if there is no contact, or if it does not stop in time.
     pub fn leave(&mut self, now_us: u64, operator: &mut Operator) -> bool {
         if self.phase() == Phase::Off || !operator.view(now_us).link.contact {
             return false;
@@ -91,7 +95,7 @@ impl Driving {
         now_us < *self.left_us.get_or_insert(now_us) + END_US
     }
 
-    /// Gives commands, takes plans and asks for plans; call often.
+    /// Sends commands, collects plans and requests new ones; call often.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator) {
         self.steered.steer(self.commanded.steering(now_us));
         self.steered.turn(now_us, operator, |_| {});

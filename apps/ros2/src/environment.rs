@@ -4,17 +4,18 @@ use miette::miette;
 use ros2_client::ServiceMapping;
 use ros2_client::distributions::{COMPILED_ROS_DISTRO, RosDistro};
 
-/// Domains that have UDP ports.
+/// Maximum domain ID; higher ones have no UDP ports.
 const DOMAIN_MAX: u16 = 232;
 
-/// A node's place among others.
+/// Environment of a node in the ROS network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Environment {
     /// `ROS_DOMAIN_ID`.
     pub domain: u16,
-    /// True if only programs on this computer see the node: `ROS_AUTOMATIC_DISCOVERY_RANGE`, or `ROS_LOCALHOST_ONLY` before Iron.
+    /// True if discovery is limited to this computer: by `ROS_AUTOMATIC_DISCOVERY_RANGE`, or by `ROS_LOCALHOST_ONLY` before
+    /// Iron.
     pub loopback: bool,
-    /// Mapping of services to DDS, by `RMW_IMPLEMENTATION`. DDS implementations differ in where the number of a request goes.
+    /// Mapping of services to DDS, by `RMW_IMPLEMENTATION`. DDS implementations put the request number into different fields.
     pub mapping: ServiceMapping,
 }
 
@@ -22,7 +23,7 @@ impl Environment {
     /// Reads the variables of this process.
     ///
     /// # Errors
-    /// A variable has a value that this node cannot follow.
+    /// Returns an error if a variable has a value that this node does not support.
     pub fn read() -> miette::Result<Self> {
         Self::of(|name| std::env::var(name).ok().filter(|value| !value.is_empty()))
     }
@@ -32,23 +33,21 @@ impl Environment {
             None => 0,
             Some(text) => {
                 text.parse().ok().filter(|domain| *domain <= DOMAIN_MAX).ok_or_else(|| {
-                    miette!(
-                        "ROS_DOMAIN_ID is `{text}`: a domain is a number from 0 to {DOMAIN_MAX}"
-                    )
+                    miette!("ROS_DOMAIN_ID is `{text}`; expected a number from 0 to {DOMAIN_MAX}")
                 })?
             }
         };
         let only = match value("ROS_LOCALHOST_ONLY").as_deref() {
             None | Some("0") => false,
             Some("1") => true,
-            Some(other) => return Err(miette!("ROS_LOCALHOST_ONLY is `{other}`: it is 0 or 1")),
+            Some(other) => return Err(miette!("ROS_LOCALHOST_ONLY is `{other}`; expected 0 or 1")),
         };
         let near = match value("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
             None | Some("SUBNET" | "SYSTEM_DEFAULT") => false,
             Some("LOCALHOST") => true,
             Some(other) => {
                 return Err(miette!(
-                    "ROS_AUTOMATIC_DISCOVERY_RANGE is `{other}`: this node knows SUBNET and LOCALHOST"
+                    "ROS_AUTOMATIC_DISCOVERY_RANGE is `{other}`; expected SUBNET or LOCALHOST"
                 ));
             }
         };
@@ -59,8 +58,9 @@ impl Environment {
             Some("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
             Some(other) => {
                 return Err(miette!(
-                    help = "the other nodes must run with one of these, too",
-                    "RMW_IMPLEMENTATION is `{other}`: this node speaks as rmw_fastrtps_cpp and as rmw_cyclonedds_cpp"
+                    help = "set RMW_IMPLEMENTATION to one of these, for the other nodes as well",
+                    "RMW_IMPLEMENTATION is `{other}`; expected rmw_fastrtps_cpp or \
+                     rmw_cyclonedds_cpp"
                 ));
             }
         };
@@ -68,16 +68,16 @@ impl Environment {
     }
 }
 
-/// A warning where `ROS_DISTRO` is a distribution whose graph of nodes has another wire format than this build.
+/// Warning if `ROS_DISTRO` is a distribution whose node graph has another wire format than this build.
 pub fn other_distribution() -> Option<String> {
     let distribution = std::env::var("ROS_DISTRO").ok()?;
     let (old, is_old) = (distribution == "humble", COMPILED_ROS_DISTRO < RosDistro::Iron);
     (old != is_old).then(|| {
         let features = if old { " with --no-default-features" } else { "" };
         format!(
-            "ROS_DISTRO is {distribution}, and this build is for {}: topics and services work, `ros2 node list` does not \
-             show the node; build it{features} for {distribution}",
-            if is_old { "humble" } else { "iron and later ones" }
+            "ROS_DISTRO is {distribution}, but this build is for {}, so `ros2 node list` does not \
+             show the node (topics and services work): build the node{features} for {distribution}",
+            if is_old { "humble" } else { "iron and later" }
         )
     })
 }

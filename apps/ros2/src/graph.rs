@@ -1,5 +1,5 @@
-//! The node in the graph of ROS: its topics and services. No call blocks: the thread that sends heartbeats to the robot makes
-//! them, and a subscriber that does not keep up loses messages.
+//! Topics and services of the node in the ROS graph. No call blocks, because the calling thread also sends heartbeats to the
+//! robot; slow subscribers lose messages.
 
 use crate::commanded::Velocity;
 use crate::environment::Environment;
@@ -25,31 +25,31 @@ use std::fmt;
 use std::net::Ipv4Addr;
 use thiserror::Error;
 
-/// Messages that a subscriber or service may be behind.
+/// Queue length of topics and services, messages.
 const DEPTH: usize = 10;
 
-/// A service without arguments: a command of the operator, by the name that `rollwalk` has for it.
+/// Service without arguments: an operator command, with its name in `rollwalk`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
-    /// Turns torque on and goes to SAFE.
+    /// Turn torque on and move to SAFE.
     Arm,
-    /// Follows the velocities that are commanded.
+    /// Follow commanded velocities.
     Drive,
-    /// Returns to SAFE and turns torque off.
+    /// Return to SAFE and turn torque off.
     Disarm,
     Return,
-    /// Halts the motion where it is.
+    /// Hold the current pose of the motion.
     Pause,
     Resume,
-    /// Turns torque off at once.
+    /// Turn torque off at once.
     Estop,
-    /// Leaves an emergency stop or a latched fault.
+    /// Clear an emergency stop or a latched fault.
     Clear,
 }
 
 impl Service {
-    /// Services in the order in which calls of one pass are handled, because the order of their arrival is not known. Calls that
-    /// stop the robot are last, so that nothing else takes their place.
+    /// Services in the order in which simultaneous calls are handled, because their order of arrival is unknown. Calls that
+    /// stop the robot are last, so that no other call overrides them.
     const ALL: [Self; 8] = [
         Self::Clear,
         Self::Arm,
@@ -77,19 +77,19 @@ impl fmt::Display for Service {
     }
 }
 
-/// A call of a service that has to be answered.
+/// Service call that must be answered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Call {
     pub service: Service,
     id: RmwRequestId,
 }
 
-/// DDS has stopped working in this process.
+/// Failure of DDS in this process.
 #[derive(Clone, Debug, Error)]
 #[error("the node can no longer reach ROS: {0}")]
 pub struct Lost(String);
 
-/// A topic whose last value new subscribers get at once.
+/// Topic whose most recent value is sent to new subscribers.
 struct Latched {
     publisher: Publisher<String>,
     published: Option<String>,
@@ -104,13 +104,13 @@ impl Latched {
     }
 }
 
-/// The topic of velocities, with one of its two types.
+/// Velocity topic, with one of its two types.
 enum Velocities {
     Plain(Subscription<Twist>),
     Stamped(Subscription<TwistStamped>),
 }
 
-/// Name of the topic of velocities.
+/// Name of the velocity topic.
 const VELOCITIES: &str = "cmd_vel";
 
 pub struct Graph {
@@ -129,17 +129,17 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Joins the graph. `steers` says whether velocities are followed; without, their topic is not there.
+    /// Joins the ROS graph. If `steers` is false, the velocity topic is not created.
     ///
     /// # Errors
-    /// DDS finds no socket, or a name is not allowed.
+    /// Returns an error if DDS finds no socket, or if a name is not allowed.
     pub fn join(environment: &Environment, names: &Names, steers: bool) -> miette::Result<Self> {
         let mut participant = DomainParticipantBuilder::new(environment.domain);
         if environment.loopback {
             participant = participant.with_only_networks([Ipv4Addr::LOCALHOST]);
         }
         let domain = environment.domain;
-        let failed = || format!("no node in ROS domain {domain}");
+        let failed = || format!("cannot create a node in ROS domain {domain}");
         let participant = participant.build().into_diagnostic().wrap_err_with(failed)?;
         let context = Context::from_domain_participant(participant);
         let context = context.into_diagnostic().wrap_err_with(failed)?;
@@ -179,15 +179,15 @@ impl Graph {
         })
     }
 
-    /// The node's name with its namespace.
+    /// Fully qualified name of the node.
     pub fn name(&self) -> String {
         self.node.fully_qualified_name()
     }
 
-    /// Publishes joints.
+    /// Publishes joint states.
     ///
     /// # Errors
-    /// As for every publication, DDS has stopped working.
+    /// Returns an error if DDS has stopped working.
     pub fn joint_states(&self, message: JointState) -> Result<(), Lost> {
         publish(&self.joint_states, message).map(drop)
     }
@@ -195,23 +195,23 @@ impl Graph {
     /// Publishes diagnostics.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn diagnostics(&self, message: DiagnosticArray) -> Result<(), Lost> {
         publish(&self.diagnostics, message).map(drop)
     }
 
-    /// Publishes the URDF, if it has changed.
+    /// Publishes the URDF if it has changed.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn robot_description(&mut self, urdf: &str) -> Result<(), Lost> {
         self.robot_description.set(urdf)
     }
 
-    /// Publishes the state, the motion that is played and those that can be, where they have changed.
+    /// Publishes the changes of the state, of the playing motion, and of the playable motions.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn robot(&mut self, state: &str, motion: &str, motions: &str) -> Result<(), Lost> {
         self.state.set(state)?;
         self.motion.set(motion)?;
@@ -223,19 +223,19 @@ impl Graph {
         rosout!(self.node, level, "{text}");
     }
 
-    /// The newest motion to play that was published since the last call. As for calls, more than [`DEPTH`] messages wait for
-    /// the next one: heartbeats do, too.
+    /// Returns the newest motion that was requested since the previous call. Messages beyond [`DEPTH`] wait for the next call,
+    /// so that heartbeats are not delayed.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn play(&self) -> Result<Option<String>, Lost> {
         self.newest(&self.play, "~/play")
     }
 
-    /// The newest velocity that was commanded since the last call.
+    /// Returns the newest velocity that was commanded since the previous call.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn velocity(&self) -> Result<Option<Velocity>, Lost> {
         Ok(match &self.velocities {
             None => None,
@@ -255,12 +255,12 @@ impl Graph {
         })
     }
 
-    /// Type and topic of the velocity commands; `None` where none are followed.
+    /// Type and topic of the velocity commands; `None` if the node does not follow velocities.
     pub fn followed(&self) -> Option<&str> {
         self.followed.as_deref()
     }
 
-    /// The newest message of a topic since the last call.
+    /// Returns the newest message of a topic since the previous call.
     fn newest<M: DeserializeOwned + 'static>(
         &self,
         topic: &Subscription<M>,
@@ -274,10 +274,10 @@ impl Graph {
         Ok(newest)
     }
 
-    /// Calls since the last call of this, those that stop the robot last.
+    /// Returns the service calls since the previous call; those that stop the robot are last.
     ///
     /// # Errors
-    /// As [`joint_states`](Self::joint_states).
+    /// Returns the error of [`joint_states`](Self::joint_states).
     pub fn calls(&self) -> Result<Vec<Call>, Lost> {
         let mut calls = Vec::new();
         for (service, server) in &self.services {
@@ -290,15 +290,15 @@ impl Graph {
         Ok(calls)
     }
 
-    /// The message that was read, if one had come. A malformed message is logged and dropped; any other error ends the node's
-    /// use of DDS.
+    /// Returns the message that was read, or `None` if none has arrived. A malformed message is logged and dropped; any other
+    /// error means that DDS has stopped working.
     fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
         match outcome {
             Ok(value) => Ok(value),
             Err(ReadError::Deserialization { .. } | ReadError::Malformed) => {
                 let text = format!(
-                    "ignored, on {of}: what is no message of its type; does its sender run with this node's \
-                     RMW_IMPLEMENTATION?"
+                    "ignored a malformed message on {of}: run its sender with the \
+                     RMW_IMPLEMENTATION of this node"
                 );
                 self.log(LogLevel::Warn, &text);
                 output::say(text);
@@ -316,7 +316,7 @@ impl Graph {
     }
 }
 
-/// A node whose topics and services are being made.
+/// Node whose topics and services are being created.
 struct Making<'a> {
     node: Node,
     names: &'a Names,
@@ -335,7 +335,7 @@ impl Making<'_> {
         let publisher = topic.and_then(|topic| {
             self.node.create_publisher(&topic, Some(qos.clone())).into_diagnostic()
         });
-        publisher.wrap_err_with(|| format!("no topic {resolved}"))
+        publisher.wrap_err_with(|| format!("cannot create topic {resolved}"))
     }
 
     fn latched(&mut self, name: &str) -> miette::Result<Latched> {
@@ -362,7 +362,7 @@ impl Making<'_> {
         let subscription = topic.and_then(|topic| {
             self.node.create_subscription(&topic, Some(streamed())).into_diagnostic()
         });
-        subscription.wrap_err_with(|| format!("no topic {resolved}"))
+        subscription.wrap_err_with(|| format!("cannot create topic {resolved}"))
     }
 
     fn server(
@@ -374,11 +374,14 @@ impl Making<'_> {
         let kind = ServiceTypeName::new("std_srvs", "Trigger");
         let mapping = environment.mapping;
         let server = self.node.create_server(mapping, &name, &kind, streamed(), streamed());
-        Ok((service, server.into_diagnostic().wrap_err_with(|| format!("no service {name}"))?))
+        Ok((
+            service,
+            server.into_diagnostic().wrap_err_with(|| format!("cannot create service {name}"))?,
+        ))
     }
 }
 
-/// Reliable, because subscribers that insist on it would not be served otherwise.
+/// Reliable quality of service, because subscribers that require it cannot connect otherwise.
 fn reliable(depth: usize) -> QosProfile {
     QosProfile::publisher_default()
         .reliability_reliable(WhenFull::Fail)
@@ -389,7 +392,7 @@ fn streamed() -> QosProfile {
     reliable(DEPTH)
 }
 
-/// Publishes a message; whether there was room for it.
+/// Publishes a message. Returns false if the queue is full.
 fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) -> Result<bool, Lost> {
     match publisher.publish(message) {
         Ok(()) => Ok(true),
@@ -405,7 +408,7 @@ mod tests {
     use std::thread;
     use std::time::{Duration, Instant};
 
-    /// Tests the mapping of Fast DDS, which is that of ROS by default; `tests/ros2/` has the one of Cyclone DDS.
+    /// Tests the mapping of Fast DDS, the default of ROS; `tests/ros2/` tests the mapping of Cyclone DDS.
     #[test]
     fn a_call_is_answered_with_the_number_of_its_request() {
         // Ports of higher domains are among those that Linux gives away.

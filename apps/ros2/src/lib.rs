@@ -1,20 +1,19 @@
-//! `rollwalk-ros2`: a robot as a node of ROS 2, beside `rollwalk` and `rollwalk-sim` at the end of the data flow.
+//! `rollwalk-ros2`: a robot as a node of ROS 2, a program beside `rollwalk` and `rollwalk-sim`.
 //!
-//! The node is a host of the robot with messages and services for a screen and keys: joint states, URDF and diagnostics go out,
-//! the commands of an operator come in. The robot plays whole motions from its own library, and its firmware keeps all limits;
-//! so the node passes on which motion, not angles of joints. A robot that is driven by velocities follows plans that the node
-//! makes as it goes.
+//! The node is a host of the robot whose interface is ROS. It publishes joint states, URDF and diagnostics, and receives
+//! operator commands. The robot plays whole motions from its own library, and its firmware enforces all limits; so the node
+//! sends motion codes, not joint angles. If the robot is driven by velocities, the node plans its motion continuously.
 //!
 //! The package for colcon, with its launch file, is in `apps/packaging/rollwalk_ros2/`.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | `environment`, `names`, `parameters` | what ROS says to a node by variables and arguments |
+//! | `environment`, `names`, `parameters` | environment variables and arguments of ROS |
 //! | `messages` | messages of ROS |
-//! | `convert` | what the host knows, as messages |
+//! | `convert` | conversion of the host's view to messages |
 //! | `graph` | topics and services |
-//! | `commanded` | the velocity that counts now |
-//! | `driving` | the pilot that follows it |
+//! | `commanded` | the velocity command in force |
+//! | `driving` | the pilot that follows velocities |
 //! | `bridge` | the loop |
 
 mod bridge;
@@ -45,14 +44,14 @@ use rollwalk_terminal::{Exit, end, interrupt, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// A robot as a node of ROS 2: joint states, URDF and diagnostics out, commands of an operator in.
+/// A robot as a node of ROS 2: publishes joint states, URDF and diagnostics, and receives operator commands.
 ///
-/// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only when its service `arm`
-/// is called, and follows velocities only when its service `drive` is. Ctrl-C and SIGTERM return the robot to SAFE and disarm
-/// it; when the node ends in any other way, the robot does so by itself.
+/// The node is the robot's only host: it sends the heartbeat that keeps an armed robot armed. It arms only after a call of its
+/// service `arm`, and follows velocities only after a call of its service `drive`. Ctrl-C and SIGTERM return the robot to SAFE
+/// and disarm it; if the node ends in any other way, the robot does so by itself.
 ///
-/// It needs no installation of ROS. ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and RMW_IMPLEMENTATION
-/// (rmw_fastrtps_cpp or rmw_cyclonedds_cpp) are followed, and after --ros-args what names the node and its topics.
+/// The node does not need an installation of ROS. It uses ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and
+/// RMW_IMPLEMENTATION (rmw_fastrtps_cpp or rmw_cyclonedds_cpp), and the names of node and topics after --ros-args.
 #[derive(Parser)]
 #[command(name = "rollwalk-ros2", version, max_term_width = 100)]
 #[command(after_long_help = "\
@@ -75,15 +74,15 @@ struct Cli {
     names: NamesArgs,
     #[command(flatten)]
     steering: SteeringArgs,
-    /// Write the manual page into this folder, and end.
+    /// Write the manual page into this folder, then exit.
     #[arg(long, value_name = "FOLDER", exclusive = true)]
     man: Option<PathBuf>,
-    /// Print a completion script for this shell, and end.
+    /// Print a completion script for this shell, then exit.
     #[arg(long, value_name = "SHELL", exclusive = true)]
     completions: Option<Shell>,
 }
 
-/// The command line; its long help ends with the exit codes.
+/// Command line; its long help ends with the exit codes.
 pub fn command_line() -> clap::Command {
     with_common_help(Cli::command(), &|_| &[Exit::NotDone])
 }
@@ -113,8 +112,9 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
         Some(library) => Some(cli.steering.prepare(library, cli.names.robot.as_deref())?),
         None if cli.steering.gait.is_some() => {
             return Err(miette!(
-                help = "the robot begins and ends in its SAFE pose: --library LIB.rwl",
-                "--gait needs the motion library of the controller"
+                help = "add --library LIB.rwl, because driving begins and ends at the SAFE pose of \
+                    the library",
+                "--gait requires the motion library of the controller"
             ));
         }
         None => None,

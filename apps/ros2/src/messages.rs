@@ -1,5 +1,4 @@
-//! The messages of ROS 2 that the node speaks, field by field as their packages define them: their order is what goes over the
-//! wire.
+//! Messages of ROS 2 that the node uses. Fields are in the order of their packages, which is the order on the wire.
 
 use ros2_client::Message;
 use ros2_client::builtin_interfaces::Time;
@@ -10,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Header {
     /// Time of the measurement.
     pub stamp: Time,
-    /// Frame of the values; empty where they have none.
+    /// Frame of the values; empty for values without a frame.
     pub frame_id: String,
 }
 
@@ -18,7 +17,7 @@ pub struct Header {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
     pub header: Header,
-    /// Joints, as in the URDF.
+    /// Joint names, as in the URDF.
     pub name: Vec<String>,
     /// Angles, rad.
     pub position: Vec<f64>,
@@ -65,9 +64,9 @@ pub struct DiagnosticArray {
 pub struct DiagnosticStatus {
     /// Severity of the status.
     pub level: Level,
-    /// The part, after the name of the node.
+    /// Name of the node, then of its part.
     pub name: String,
-    /// The status in words.
+    /// Status as a sentence.
     pub message: String,
     pub hardware_id: String,
     pub values: Vec<KeyValue>,
@@ -83,7 +82,7 @@ pub enum Level {
     Warn,
     /// `ERROR`.
     Error,
-    /// `STALE`: it is not known.
+    /// `STALE`: unknown.
     Stale,
 }
 
@@ -114,16 +113,16 @@ pub struct KeyValue {
 /// Request of `std_srvs/Trigger`. A structure without members has one byte on the wire.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriggerRequest {
-    /// 0.
+    /// Always 0.
     pub structure_needs_at_least_one_member: u8,
 }
 
 /// Answer of `std_srvs/Trigger`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriggerResponse {
-    /// True if it was done.
+    /// True if the command was executed.
     pub success: bool,
-    /// Result, or the reason for a refusal.
+    /// Result, or the reason of a refusal.
     pub message: String,
 }
 

@@ -1,25 +1,24 @@
-//! Names of the node, its topics and its services: as they are by default, and as `--ros-args` changes them; and what else
-//! stands there.
+//! Names of the node, its topics and its services, with their remapping by `--ros-args`; also the parameters of `--ros-args`.
 
 use crate::parameters::Parameters;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use ros2_client::{Name, NodeName};
 use std::ffi::OsString;
 
-/// Arguments after `--ros-args` on a command line.
+/// Parsed arguments after `--ros-args`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Names {
     pub node: NodeName,
-    /// Fully qualified names, and what stands for them.
+    /// Fully qualified names, each with its replacement.
     replaced: Vec<(String, String)>,
     pub parameters: Parameters,
 }
 
 impl Names {
-    /// Takes the arguments for ROS out of a command line, as `ros2 run` and `ros2 launch` add them.
+    /// Separates the arguments for ROS, as `ros2 run` and `ros2 launch` add them, from the rest of a command line.
     ///
     /// # Errors
-    /// An argument that this node does not have, or a name that ROS does not allow.
+    /// Returns an error if this node does not support an argument, or if ROS does not allow a name.
     pub fn split(
         arguments: impl IntoIterator<Item = OsString>,
     ) -> miette::Result<(Self, Vec<OsString>)> {
@@ -40,8 +39,9 @@ impl Names {
                 }
                 (_, true) => {
                     return Err(miette!(
-                        help = "after --ros-args it takes `-r __node:=NAME`, `-r __ns:=/NAMESPACE`, `-r TOPIC:=OTHER` and `-p PARAMETER:=VALUE`",
-                        "the node has no argument `{}` for ROS",
+                        help = "after --ros-args, give `-r __node:=NAME`, `-r __ns:=/NAMESPACE`, \
+                            `-r TOPIC:=OTHER` or `-p PARAMETER:=VALUE`",
+                        "the node does not support the ROS argument `{}`",
                         argument.display()
                     ));
                 }
@@ -54,25 +54,25 @@ impl Names {
         let of = |keys: &[&str]| rules.iter().rev().find(|(from, _)| keys.contains(&from.as_str()));
         let name = of(&["__node", "__name"]).map_or("rollwalk", |(_, to)| to);
         let namespace = of(&["__ns"]).map_or("/", |(_, to)| to);
-        let node = NodeName::new(namespace, name)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("`{namespace}` and `{name}` name no node"))?;
+        let node = NodeName::new(namespace, name).into_diagnostic().wrap_err_with(|| {
+            format!("`{namespace}` and `{name}` are not a valid namespace and name of a node")
+        })?;
         let mut names = Self { node, replaced: Vec::new(), parameters };
         let topics = rules.iter().filter(|(from, _)| !from.starts_with("__"));
         names.replaced = topics.map(|(from, to)| (names.expand(from), names.expand(to))).collect();
         Ok(names)
     }
 
-    /// A name as ROS resolves it: `~/play`, `joint_states`, `/diagnostics`.
+    /// Resolves a name by the rules of ROS, such as `~/play`, `joint_states` or `/diagnostics`.
     ///
     /// # Errors
-    /// A rule of `--ros-args` replaces it by a name that ROS does not allow.
+    /// Returns an error if `--ros-args` replaces the name by one that ROS does not allow.
     pub fn resolve(&self, name: &str) -> miette::Result<Name> {
         let full = self.expand(name);
         let replaced = self.replaced.iter().find(|(from, _)| *from == full);
         let full = replaced.map_or(full, |(_, to)| to.clone());
         let parsed = Name::parse(&full).into_diagnostic();
-        parsed.wrap_err_with(|| format!("`{full}` is no name of a topic or service"))
+        parsed.wrap_err_with(|| format!("`{full}` is not a valid name of a topic or service"))
     }
 
     fn expand(&self, name: &str) -> String {
@@ -85,12 +85,12 @@ impl Names {
     }
 }
 
-/// A rule `FROM:=TO`.
+/// Parses a rule `FROM:=TO`.
 fn rule(text: Option<OsString>) -> miette::Result<(String, String)> {
     let text = text.unwrap_or_default();
     let text = text.to_string_lossy();
     let halves = text.split_once(":=").filter(|(from, to)| !from.is_empty() && !to.is_empty());
-    let (from, to) = halves.ok_or_else(|| miette!("`-r {text}`: a rule is FROM:=TO"))?;
+    let (from, to) = halves.ok_or_else(|| miette!("`-r {text}`: give a rule as FROM:=TO"))?;
     Ok((from.to_owned(), to.to_owned()))
 }
 
@@ -147,18 +147,24 @@ mod tests {
     #[test]
     fn what_ros_would_refuse_is_refused_with_its_words() {
         for (line, words) in [
-            ("node --ros-args --params-file x", "no argument `--params-file`"),
+            (
+                "node --ros-args --params-file x",
+                "does not support the ROS argument `--params-file`",
+            ),
             ("node --ros-args -p rate:=3", "no parameter `rate`"),
-            ("node --ros-args -p", "a parameter is set by NAME:=VALUE"),
-            ("node --ros-args -r a", "`-r a`: a rule is FROM:=TO"),
-            ("node --ros-args -r", "a rule is FROM:=TO"),
-            ("node --ros-args -r __node:=a-b", "`/` and `a-b` name no node"),
+            ("node --ros-args -p", "give a parameter as NAME:=VALUE"),
+            ("node --ros-args -r a", "`-r a`: give a rule as FROM:=TO"),
+            ("node --ros-args -r", "give a rule as FROM:=TO"),
+            (
+                "node --ros-args -r __node:=a-b",
+                "`/` and `a-b` are not a valid namespace and name of a node",
+            ),
         ] {
             let error = split(line).unwrap_err().to_string();
             assert!(error.contains(words), "{line}: {error}");
         }
         let (names, _) = split("node --ros-args -r joint_states:=/1st").unwrap();
         let error = names.resolve("joint_states").unwrap_err().to_string();
-        assert!(error.contains("`/1st` is no name"), "{error}");
+        assert!(error.contains("`/1st` is not a valid name"), "{error}");
     }
 }

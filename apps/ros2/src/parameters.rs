@@ -1,18 +1,17 @@
-//! Parameters of the node, as `-p NAME:=VALUE` after `--ros-args` sets them. They are read when it starts.
+//! Parameters of the node, set at the start by `-p NAME:=VALUE` after `--ros-args`.
 
 use miette::miette;
 use std::ops::RangeInclusive;
 
-/// Times after which a velocity no longer counts, s: shorter than a publisher's jitter it would halt the robot between two
-/// commands.
+/// Range of the velocity timeout, s. A timeout below a publisher's jitter would halt the robot between two commands.
 const TIMEOUT_S: RangeInclusive<f64> = 0.1..=10.0;
 
-/// The parameters, with the names and meanings that ros2_control's `diff_drive_controller` gives them.
+/// Parameters with the names and meanings of ros2_control's `diff_drive_controller`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// `use_stamped_vel`: velocities come as TwistStamped, not as Twist.
+    /// `use_stamped_vel`: true if velocities are TwistStamped, false if they are Twist.
     pub use_stamped_vel: bool,
-    /// `cmd_vel_timeout`: time after which a velocity no longer counts, s.
+    /// `cmd_vel_timeout`: time after which a velocity expires, s.
     pub cmd_vel_timeout_s: f64,
 }
 
@@ -23,32 +22,32 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// Sets one, from the text `NAME:=VALUE`.
+    /// Sets a parameter from the text `NAME:=VALUE`.
     ///
     /// # Errors
-    /// There is no such parameter, or it has no such value.
+    /// Returns an error if the parameter does not exist, or if the value is invalid.
     pub fn set(&mut self, text: &str) -> miette::Result<()> {
         let (name, value) = text
             .split_once(":=")
-            .ok_or_else(|| miette!("`-p {text}`: a parameter is set by NAME:=VALUE"))?;
+            .ok_or_else(|| miette!("`-p {text}`: give a parameter as NAME:=VALUE"))?;
         match name {
             "use_stamped_vel" => {
                 self.use_stamped_vel = match value {
                     "true" | "True" => true,
                     "false" | "False" => false,
-                    _ => return Err(miette!("{name} is `{value}`: it is true or false")),
+                    _ => return Err(miette!("{name} is `{value}`; expected true or false")),
                 }
             }
             "cmd_vel_timeout" => {
                 let seconds = value.parse().ok().filter(|seconds| TIMEOUT_S.contains(seconds));
                 self.cmd_vel_timeout_s = seconds.ok_or_else(|| {
                     let (least, most) = (TIMEOUT_S.start(), TIMEOUT_S.end());
-                    miette!("{name} is `{value}`: it is a time from {least} to {most} seconds")
+                    miette!("{name} is `{value}`; expected a time from {least} to {most} s")
                 })?;
             }
             _ => {
                 return Err(miette!(
-                    help = "it has `use_stamped_vel` and `cmd_vel_timeout`",
+                    help = "give `use_stamped_vel` or `cmd_vel_timeout`",
                     "the node has no parameter `{name}`"
                 ));
             }
@@ -75,9 +74,9 @@ mod tests {
     fn what_cannot_be_set_is_refused_by_name_and_value() {
         for (text, words) in [
             ("rate:=3", "no parameter `rate`"),
-            ("use_stamped_vel", "`-p use_stamped_vel`: a parameter is set by NAME:=VALUE"),
-            ("use_stamped_vel:=1", "use_stamped_vel is `1`: it is true or false"),
-            ("cmd_vel_timeout:=0", "cmd_vel_timeout is `0`: it is a time from 0.1 to 10 seconds"),
+            ("use_stamped_vel", "`-p use_stamped_vel`: give a parameter as NAME:=VALUE"),
+            ("use_stamped_vel:=1", "use_stamped_vel is `1`; expected true or false"),
+            ("cmd_vel_timeout:=0", "cmd_vel_timeout is `0`; expected a time from 0.1 to 10 s"),
             ("cmd_vel_timeout:=NaN", "cmd_vel_timeout is `NaN`"),
             ("cmd_vel_timeout:=soon", "cmd_vel_timeout is `soon`"),
         ] {

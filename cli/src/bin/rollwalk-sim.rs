@@ -1,4 +1,4 @@
-//! The `rollwalk-sim` binary; everything it does is in the library beside it.
+//! Entry point of the `rollwalk-sim` binary; the code is in the library of this package.
 
 use std::process::ExitCode;
 

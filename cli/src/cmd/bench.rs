@@ -3,9 +3,10 @@
 use crate::apps::{BENCH, Words};
 use rollwalk_terminal::Exit;
 
-/// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
+/// Reproduce the tables and figures of the thesis, measure the library format, and run the fault campaign.
 ///
-/// The program rollwalk-bench, which lies beside rollwalk, does it; `rollwalk bench --help` prints its help.
+/// This command runs the program rollwalk-bench, which must be in the same folder as rollwalk or on the path. `rollwalk bench
+/// --help` prints its help.
 #[derive(clap::Args)]
 #[command(
     disable_help_flag = true,
@@ -19,7 +20,7 @@ pub struct Args {
     words: Words,
 }
 
-/// Becomes the program.
+/// Replaces this process by the program.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     BENCH.run(args.words.words.iter().cloned())
 }

@@ -14,19 +14,19 @@ Examples:
   rollwalk completions fish > ~/.config/fish/completions/rollwalk.fish
   rollwalk completions fish --of rollwalk-sim > ~/.config/fish/completions/rollwalk-sim.fish")]
 pub struct Args {
-    /// The shell.
+    /// Shell to complete for.
     shell: Shell,
-    /// The program whose command line is completed.
+    /// Program whose command line is completed.
     #[arg(long, value_name = "PROGRAM", default_value = "rollwalk")]
     of: Program,
 }
 
-/// A program of ours.
+/// Program of this package.
 #[derive(Clone, Copy, ValueEnum)]
 enum Program {
-    /// The tools.
+    /// Command-line tools.
     Rollwalk,
-    /// The simulated robot.
+    /// Simulated robot.
     RollwalkSim,
 }
 

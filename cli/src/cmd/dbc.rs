@@ -1,4 +1,4 @@
-//! `rollwalk dbc`: the frames of a bus as a DBC file, for cantools, SavvyCAN, Wireshark and their like.
+//! `rollwalk dbc`: writes the frames of a bus as a DBC file, for cantools, SavvyCAN, Wireshark and similar programs.
 
 use rollwalk_host::dbc::{ChannelName, Database, RobotNames};
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
@@ -12,10 +12,10 @@ use std::path::PathBuf;
 
 /// Write the frames of the link or of an actuator bus as a DBC file.
 ///
-/// Without a robot file the DBC file describes controllers at all addresses of the link, or servos of the Rollwalk
-/// profile at all addresses of an actuator bus. With one, messages and signals are named after its joints and wheels:
-/// JOINT then has position, velocity and torque of each by name. Link and actuator buses use the same identifiers for
-/// different frames, so each needs a file of its own.
+/// Without a robot file the DBC file describes controllers at all addresses of the link, or servos of the Rollwalk profile at
+/// all addresses of an actuator bus. With a robot file, messages and signals are named after its joints and wheels: JOINT then
+/// contains position, velocity and torque of each by name. Link and actuator buses use the same identifiers for different
+/// frames, so each needs a separate file.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -30,14 +30,14 @@ pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
-    /// `link`, `actuators` for all addresses of an actuator bus, or the number of a bus of the robot.
+    /// Bus: `link`, `actuators` for all addresses of an actuator bus, or the number of a bus of the robot.
     #[arg(long, value_name = "BUS", default_value = "link", value_parser = bus)]
     bus: Bus,
     /// Address of the robot's controller on the link, 0 to 14.
     #[arg(long, value_name = "NODE", default_value_t = 1, requires = "robot",
           value_parser = clap::value_parser!(u8).range(0..15))]
     node: u8,
-    /// File to write; without this option the database is printed.
+    /// Output file; without this option the database is printed.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -54,17 +54,14 @@ fn bus(name: &str) -> Result<Bus, String> {
         ("link", _) => Ok(Bus::Link),
         ("actuators", _) => Ok(Bus::Actuators),
         (_, Ok(number)) if usize::from(number) < MAX_BUSES => Ok(Bus::Number(number)),
-        _ => Err(format!(
-            "`link`, `actuators`, or the number of a bus of the robot, 0 to {}",
-            MAX_BUSES - 1
-        )),
+        _ => Err(format!("give `link`, `actuators`, or a bus number from 0 to {}", MAX_BUSES - 1)),
     }
 }
 
 /// Runs the subcommand.
 ///
 /// # Errors
-/// The robot does not have the bus, or it has actuators of another maker.
+/// Returns an error if the robot does not have the bus, or if its actuators use another protocol than the Rollwalk profile.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let robot = args.robot.as_ref().map(|path| Source::Disk.robot(path)).transpose()?;
     let names = robot.as_ref().map(names);
@@ -77,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (Bus::Actuators, _) => Database::actuators(),
         (Bus::Number(_), None) => {
             return Err(miette::miette!(
-                "--bus with a number takes a robot file: whose bus is it?"
+                "--bus with a number requires a robot file: add ROBOT.toml"
             ));
         }
         (Bus::Number(bus), Some(names)) => {
@@ -86,7 +83,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 let has: BTreeSet<u8> = names.channels.iter().map(|channel| channel.bus).collect();
                 let has: Vec<_> = has.iter().map(ToString::to_string).collect();
                 return Err(miette::miette!(
-                    help = format!("its buses are {}", has.join(", ")),
+                    help = format!("give one of its buses: {}", has.join(", ")),
                     "{robot} has no actuators on bus {bus}"
                 ));
             }
@@ -94,8 +91,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             if let Some(kind) = kind.filter(|kind| !kind.protocol.has_dbc()) {
                 let (robot, protocol) = (&names.robot, kind.protocol.name());
                 return Err(miette::miette!(
-                    help = "its frames are in docs/actuators.md, or in its maker's own DBC file",
-                    "bus {bus} of {robot} speaks {protocol}: only the Rollwalk profile is written"
+                    help = "use the DBC file of the manufacturer; docs/actuators.md describes the \
+                        frames",
+                    "bus {bus} of {robot} uses {protocol}, but DBC files are written for the \
+                     Rollwalk profile only"
                 ));
             }
             Database::actuators_of(bus, names)

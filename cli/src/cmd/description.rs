@@ -1,4 +1,4 @@
-//! Text about a robot: tree, joints and end effectors.
+//! Text description of a robot: tree, joints and end effectors.
 
 use rollwalk_robot::{Actuator, Robot};
 use rollwalk_terminal::output::Table;

@@ -1,4 +1,4 @@
-//! `rollwalk discover`: which buses this computer has, and which controllers are on one.
+//! `rollwalk discover`: lists the controllers on a bus.
 
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
@@ -13,7 +13,7 @@ use rollwalk_terminal::output::Table;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
-/// Time for controllers to answer, µs.
+/// Time that controllers have to answer, µs.
 const WAIT_US: u64 = 600_000;
 
 /// List the controllers on a bus: address, serial number, protocol, robot and library.
@@ -36,7 +36,7 @@ struct Found {
     node: u8,
     uid: String,
     protocol_major: u8,
-    /// Null when the controller does not answer the request for its identity.
+    /// Configuration hash; null if the controller does not answer the identity request.
     config_hash: Option<String>,
     library: Option<String>,
 }
@@ -80,8 +80,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     if found.is_empty() {
-        let why =
-            bus.complaint().unwrap_or_else(|| "is a controller powered, and on this bus?".into());
+        let why = bus
+            .complaint()
+            .unwrap_or_else(|| "check power, cable and bus of the controller".into());
         output::say(format_args!("no controller answers on {}: {why}", args.bus));
         return Ok(Exit::NotDone);
     }

@@ -1,4 +1,4 @@
-//! `rollwalk doctor`: why a robot does not do what it should, and how to clear it.
+//! `rollwalk doctor`: diagnoses a robot and suggests remedies.
 
 use crate::system;
 use miette::miette;
@@ -18,19 +18,19 @@ use rollwalk_terminal::output::Table;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
-/// Listening time, µs: twice the interval at which a controller repeats a fault report.
+/// Listening time, µs: twice the repetition interval of fault reports.
 const LISTEN_US: u64 = 2_000_000;
-/// Default bitrate of a bus, bit/s.
+/// Bit rate of a bus that does not report one, bit/s.
 const BITRATE: u32 = 1_000_000;
 
-/// Diagnose a robot: why it cannot be armed, why it stopped, which motors do not answer, how loaded the bus is, and
-/// which commands help. With --system: whether this computer is ready for robots.
+/// Diagnose a robot: why it cannot be armed, why it stopped, which motors do not answer, how high the bus load is, and which
+/// commands help. With --system: check whether this computer is ready for robots.
 ///
-/// Listens for two seconds, then reads the controller's identity and log. It sends no command to the robot. Exit code 5
-/// when it finds a fault.
+/// The command listens for two seconds, then reads the controller's identity and log. It sends no commands to the robot. The
+/// exit code is 5 if it finds a fault.
 ///
-/// With --system it looks at this computer alone: SocketCAN and CAN interfaces, access to serial devices and how long
-/// adapters keep bytes back, real-time priority, gamepads, and programs that make pictures. It opens no bus.
+/// With --system it checks only this computer: SocketCAN and CAN interfaces, access to serial devices and their latency timers,
+/// real-time priority, gamepads, and programs that convert pictures. It opens no bus.
 #[derive(clap::Args)]
 // No bus is opened then, but one belongs to the arguments of a link.
 #[command(mut_arg("bus", |bus| bus
@@ -50,10 +50,10 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Robot file (TOML) that the controller's firmware should have been built from.
+    /// Robot file (TOML) for which the controller's firmware should have been built.
     #[arg(long = "expect", value_name = "ROBOT.toml")]
     expected: Option<std::path::PathBuf>,
-    /// Look at this computer in place of a robot.
+    /// Check this computer instead of a robot.
     #[arg(long, conflicts_with_all = ["node", "expected", "robot", "library"])]
     system: bool,
     /// Print as JSON.
@@ -76,7 +76,7 @@ struct SystemReport {
     findings: Vec<Finding>,
 }
 
-/// An entry of the controller's log.
+/// Entry of the controller's log.
 #[derive(Serialize)]
 struct Entry {
     seconds_ago: f64,
@@ -85,7 +85,7 @@ struct Entry {
     after: &'static str,
 }
 
-/// Frames with an identifier.
+/// Frames with the same identifier.
 #[derive(Serialize)]
 struct Load {
     id: String,
@@ -149,7 +149,7 @@ fn judge(findings: &[Finding]) -> Exit {
     if is_wrong { Exit::NotDone } else { Exit::Ok }
 }
 
-/// Listens to the bus: its traffic, one frame of each identifier, and other hosts of the controller.
+/// Listens to the bus. Returns its traffic, one frame of each identifier, and the listener that detects other hosts.
 fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<Frame>, Listener)> {
     output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
@@ -173,7 +173,8 @@ fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<
     Ok((traffic, samples, listener))
 }
 
-/// True if a request would not disturb another host's transfer; waits up to [`listener::PAUSE_TIMEOUT_US`] for its end.
+/// Waits up to [`listener::PAUSE_TIMEOUT_US`] for a pause in another host's transfer. Returns true if a request would not
+/// disturb it.
 fn may_ask(bus: &mut Interruptible, listener: Listener) -> bool {
     listener::find_pause(bus, listener, listener::PAUSE_TIMEOUT_US)
         .is_ok_and(|listener| listener.may_ask(bus.now_us()))
@@ -216,12 +217,12 @@ fn report(
     Report { findings, log: log.collect(), load_percent, load }
 }
 
-/// Name of a state in the log, whose events say what caused it.
+/// Name of a state in the log. The log event already contains the cause of a stop.
 fn logged(state: State) -> &'static str {
     if state == State::EStopped { "stopped" } else { state_name(state) }
 }
 
-/// Findings, each with what to do below it.
+/// Formats findings, each with its remedy below.
 fn lines(findings: &[Finding]) -> Vec<String> {
     let mut lines = Vec::new();
     for Finding { gravity, what, help } in findings {
@@ -241,7 +242,7 @@ fn lines(findings: &[Finding]) -> Vec<String> {
 fn text(report: &Report) -> String {
     let mut lines = lines(&report.findings);
     if !report.log.is_empty() {
-        let mut table = Table::new(["what the controller remembers", "s ago", "", ""]);
+        let mut table = Table::new(["log of the controller", "s ago", "", ""]);
         for entry in &report.log {
             table.row([
                 entry.event.clone(),
@@ -261,7 +262,7 @@ fn text(report: &Report) -> String {
         for load in &report.load {
             table.row([
                 load.id.clone(),
-                load.message.unwrap_or("not ours").to_owned(),
+                load.message.unwrap_or("other").to_owned(),
                 format!("{:.1}", load.per_second),
                 format!("{:.2}", load.percent),
             ]);

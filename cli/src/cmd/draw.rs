@@ -1,4 +1,4 @@
-//! `rollwalk robot draw`: a robot file as a picture.
+//! `rollwalk robot draw`: draws a robot file as a picture.
 
 use crate::picture;
 use miette::miette;
@@ -8,7 +8,7 @@ use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 
-/// Draw a robot as it stands, with the names of its joints and end effectors.
+/// Draw a robot in its nominal pose, with the names of its joints and end effectors.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -18,7 +18,7 @@ pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Picture to write: .svg or .png.
+    /// Output picture: .svg or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -29,8 +29,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let robot = Source::Disk.robot(&args.robot)?;
     let svg = plot::robot(&robot).ok_or_else(|| {
         miette!(
-            help = "`rollwalk studio` shows robots in any pose",
-            "{} cannot be drawn as it stands: a wheel lies flat in its nominal pose",
+            help = "show the robot in another pose with `rollwalk studio`",
+            "{} cannot be drawn in its nominal pose, because a wheel lies flat",
             args.robot.display()
         )
     })?;

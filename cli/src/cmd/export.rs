@@ -1,4 +1,4 @@
-//! `rollwalk export`: a plan at any rate, for other programs.
+//! `rollwalk export`: writes a plan at any rate, for other programs.
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic, miette};
@@ -10,8 +10,8 @@ use std::path::PathBuf;
 
 /// Write a plan at any rate: as a table (CSV, JSON), for MuJoCo, Foxglove or ROS.
 ///
-/// Values are instantaneous and come from the splines that the motion library is sampled from; every
-/// column of a table carries its unit in its name.
+/// Values are instantaneous and come from the splines from which the motion library is sampled. Every column of a table has its
+/// unit in its name.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -29,30 +29,30 @@ pub struct Args {
     /// Rows or frames per second.
     #[arg(long, value_name = "HZ", default_value_t = 60.0)]
     rate: f64,
-    /// Format [default: that of the ending of FILE, else csv].
+    /// Format [default: by the extension of FILE, else csv].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// File to write: .csv, .json, .mcap, or .xml for MJCF.
+    /// Output file: .csv, .json, .mcap, or .xml for MJCF.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// A table as comma-separated values with a header line.
+    /// Table as comma-separated values with a header line.
     Csv,
-    /// A table as one JSON object: names of the columns, then one array for each row.
+    /// Table as one JSON object: names of the columns, then one array for each row.
     Json,
-    /// A recording for Foxglove and Lichtblick: frames, solids, joint states, ground forces.
+    /// Recording for Foxglove and Lichtblick: frames, solids, joint states, ground forces.
     Mcap,
-    /// A model for MuJoCo with the plan as keyframes, whose controls play it.
+    /// Model for MuJoCo with the plan as keyframes; their controls play the plan.
     Mjcf,
-    /// A moveit_msgs/RobotTrajectory as JSON: joints, driven wheels and body.
+    /// Message moveit_msgs/RobotTrajectory as JSON: joints, driven wheels and body.
     Ros,
 }
 
 impl Format {
-    /// Formats in the order of preference: an ending selects the first format that has it.
+    /// Formats in order of preference. An extension selects the first format that uses it.
     const ALL: [Self; 5] = [Self::Csv, Self::Json, Self::Mcap, Self::Mjcf, Self::Ros];
 
     fn ending(self) -> &'static str {
@@ -102,23 +102,23 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// A rate at which a table would have one row.
+/// Report of a rate that is so low that the table would have a single row.
 fn too_slow(plan: &Plan) -> miette::Report {
     let duration_s = plan.motion.duration_s;
     miette!(
-        help = "60 Hz is what robots play",
+        help = "give --rate 60, the rate at which robots play",
         "--rate is too low: a motion of {duration_s} s would have fewer than two rows"
     )
 }
 
-/// Format of the file: that of `--format`, otherwise that of its ending.
+/// Format of the output: that of `--format`, or else that of the file extension.
 fn format(args: &Args) -> miette::Result<Format> {
     let ending = files::ending(&args.output, "a plan", &["csv", "json", "mcap", "xml"])?;
     let by_ending = Format::ALL.into_iter().find(|format| Some(format.ending()) == ending);
     match (args.format, ending) {
         (Some(format), Some(ending)) if format.ending() != ending => Err(miette!(
-            help = format!("leave --format out, or let the name end in .{}", format.ending()),
-            "the name {} is not that of the --format",
+            help = format!("leave out --format, or give a name that ends in .{}", format.ending()),
+            "the extension of {} does not match --format",
             args.output.display()
         )),
         (format, _) => Ok(format.or(by_ending).unwrap_or(Format::Csv)),

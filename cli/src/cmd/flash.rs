@@ -1,4 +1,4 @@
-//! `rollwalk flash`: a motion library to the controller, verified and taken into use.
+//! `rollwalk flash`: transfers a motion library to the controller, which verifies and activates it.
 
 use crate::signing::{self, Fingerprint};
 use crate::tour::transfer_bar;
@@ -16,12 +16,12 @@ use std::time::Instant;
 
 /// Transfer a motion library to the controller, which checks and activates it.
 ///
-/// The library is first validated on this computer, by the controller's rules. The controller must be disarmed. It
-/// checks every block and then the whole library; until then its previous library stays active. A transfer that was
-/// interrupted resumes where it stopped.
+/// The library is first validated on this computer, by the controller's rules. The controller must be disarmed. It checks every
+/// block and then the whole library; until then its previous library stays active. An interrupted transfer resumes where it
+/// stopped.
 ///
-/// A controller that was built with a key takes only libraries that `rollwalk library sign` has signed with it. One without a
-/// key takes signed libraries, too; it is sent them without the signature.
+/// A controller with a built-in key accepts only libraries that `rollwalk library sign` has signed with it. A controller
+/// without a key also accepts signed libraries, which are sent to it without the signature.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -34,7 +34,7 @@ pub struct Args {
     library: PathBuf,
     #[command(flatten)]
     link: LinkArgs,
-    /// Robot file (TOML) of the robot that the library is for, if it does not ship with rollwalk.
+    /// Robot file (TOML) of the library's robot, if it does not ship with rollwalk.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     /// Print the outcome as JSON.
@@ -46,7 +46,7 @@ pub struct Args {
 #[derive(Serialize)]
 struct Outcome {
     robot: String,
-    /// CRC-32C of the body, with which a controller identifies the library.
+    /// CRC-32C of the body, by which a controller identifies the library.
     library: String,
     bytes: usize,
     time_s: f64,
@@ -59,9 +59,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let (ours, theirs) = (packed.library().index().config_hash(), session.hello().config_hash);
     if ours != theirs {
         return Err(miette!(
-            help = "the firmware is made for one robot: build it for this one, or build the library from \
-                    the robot file that the firmware was built for",
-            "{} is for {} (configuration {ours:08x}), the controller is for configuration {theirs:08x}",
+            help = "build the firmware for this robot, or build the library from the robot file \
+                    that the firmware was built for",
+            "{} is for {} (configuration {ours:08x}), but the controller is for configuration \
+             {theirs:08x}",
             args.library.display(),
             packed.robot.name,
         ));
@@ -72,7 +73,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let trailing = Why::TrailingBytes { len: 0, expected: 0 }.code();
     if signer.is_some() && outcome.as_ref().err().and_then(refused_for) == Some(trailing) {
         output::say(
-            "The controller checks no signatures; once more, without the one of this library.",
+            "The controller does not check signatures; the library is sent again without its \
+             signature.",
         );
         outcome = flash(&mut session, packed.library().bytes());
     }
@@ -83,7 +85,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     report(args, &packed.robot.name, &packed.library(), packed.file.len(), start)
 }
 
-/// Transfers a file, with a bar that shows how far it is.
+/// Transfers a file with a progress bar.
 fn flash<B: LinkBus>(session: &mut Session<B>, file: &[u8]) -> Result<(), SessionError> {
     let bar = transfer_bar(file.len());
     let outcome = session.flash(file, |progress| bar.set_position(progress.done as u64));
@@ -95,7 +97,7 @@ fn flash<B: LinkBus>(session: &mut Session<B>, file: &[u8]) -> Result<(), Sessio
     outcome
 }
 
-/// Code of the reason for which the controller rejected the library.
+/// Rejection code of the controller; `None` for other errors.
 fn refused_for(error: &SessionError) -> Option<u8> {
     match error {
         SessionError::LibraryRefused { reply } if reply.result == TransferResult::Rejected => {
@@ -111,7 +113,8 @@ fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) ->
         let path = args.library.display();
         output::say(match signer {
             Some(key) => format!(
-                "{path} is signed with key {key}, or was changed afterwards: `rollwalk library verify` tells."
+                "{path} is signed with key {key}, or was changed afterwards: check it with \
+                 `rollwalk library verify`."
             ),
             None => format!("{path} is not signed."),
         });
@@ -119,7 +122,7 @@ fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) ->
     if interrupt::requested()
         || matches!(error, SessionError::Link(_) | SessionError::Silent { .. })
     {
-        output::say("The same command again goes on where this stopped.");
+        output::say("Run the same command again to resume the transfer.");
     }
     exit
 }

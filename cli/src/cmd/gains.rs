@@ -1,5 +1,4 @@
-//! `rollwalk gains`: stiffness, damping and torque limits of the servos, and the share of the library's torques that
-//! is fed forward, at run time.
+//! `rollwalk gains`: reads and sets stiffness, damping, torque limits and the fraction of torque feed-forward at run time.
 
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, channel_name};
@@ -14,8 +13,8 @@ use serde::Serialize;
 
 /// Show or set stiffness, damping and torque limit of every servo.
 ///
-/// A new value takes effect at once, or within half a second while the robot moves, and lasts until the controller loses
-/// power; `gains save` stores all values permanently. The robot file limits them.
+/// A new value takes effect at once, or within half a second while the robot moves, and lasts until the controller loses power;
+/// `gains save` stores all values permanently. The robot file sets their limits.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -26,7 +25,7 @@ Examples:
   rollwalk gains save --bus can:can0
   rollwalk gains reset --bus can:can0       # values of the robot file
 
-docs/parameters.md says what the values do and how they are kept.")]
+docs/parameters.md describes the values and how they are stored.")]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -47,9 +46,9 @@ struct Show {
 enum Action {
     /// Show all values.
     Show(Show),
-    /// Set values of one channel, or of all.
+    /// Set values of one channel or of all channels.
     Set(Set),
-    /// Set the share of the library's torques that is fed forward, for all channels.
+    /// Set the fraction of the library's torques that is fed forward, for all channels.
     FeedForward(FeedForward),
     /// Set all values to those of the robot file, and feed-forward to 1.
     Reset(Link),
@@ -59,7 +58,7 @@ enum Action {
 
 #[derive(clap::Args)]
 struct FeedForward {
-    /// Share of the planned torques, from 0 (none) to 1 (all).
+    /// Fraction of the planned torques, from 0 (no feed-forward) to 1 (full feed-forward).
     #[arg(value_name = "SHARE", value_parser = share)]
     share: f32,
     #[command(flatten)]
@@ -74,7 +73,7 @@ struct Link {
 
 #[derive(clap::Args)]
 struct Set {
-    /// A joint or wheel by name or number, or `all`.
+    /// Joint or wheel by name or number, or `all`.
     #[arg(value_name = "CHANNEL")]
     channel: String,
     #[command(flatten)]
@@ -101,15 +100,15 @@ struct Values {
 
 fn share(text: &str) -> Result<f32, String> {
     let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "the share is a number from 0 to 1".into())
+    share.ok_or_else(|| "give a number from 0 to 1".into())
 }
 
 fn gain(text: &str) -> Result<f32, String> {
     let gain = text.parse().ok().filter(|gain: &f32| gain.is_finite() && *gain >= 0.0);
-    gain.ok_or_else(|| "a number that is 0 or more".into())
+    gain.ok_or_else(|| "give a number of at least 0".into())
 }
 
-/// Option of a parameter, and its unit.
+/// Command-line option of a parameter, and its unit.
 fn words(parameter: Parameter) -> (&'static str, &'static str) {
     match parameter {
         Parameter::Kp => ("--kp", " N·m/rad"),
@@ -131,7 +130,7 @@ impl Values {
     }
 }
 
-/// Channel in the output of `--json`; null is a parameter that its actuator does not have.
+/// Channel in the output of `--json`; null for a parameter that its actuator does not have.
 #[derive(Serialize)]
 struct Row {
     channel: u8,
@@ -144,9 +143,9 @@ struct Row {
 /// Output of `--json`.
 #[derive(Serialize)]
 struct Shown {
-    /// Origin of the values in force after power-on.
+    /// Source of the values in force after power-on.
     origin: String,
-    /// Share of the library's torques that is fed forward.
+    /// Fraction of the library's torques that is fed forward.
     feed_forward: Option<f32>,
     channels: Vec<Row>,
 }
@@ -158,15 +157,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Action::Set(args) => set(args),
         Action::FeedForward(FeedForward { share, link }) => {
             let outcome = link.visit()?.set_parameter(Parameter::FeedForward, 0, *share);
-            told(link, outcome, "set, until the next power cycle; `gains save` keeps it")
-        }
-        Action::Reset(Link { link }) => {
-            let outcome = link.visit()?.reset_parameters();
             told(
                 link,
                 outcome,
-                "all values are those of the robot file, until the next power cycle",
+                "set until the next power cycle; to keep the value, type `rollwalk gains save`",
             )
+        }
+        Action::Reset(Link { link }) => {
+            let outcome = link.visit()?.reset_parameters();
+            told(link, outcome, "all values are reset to the robot file until the next power cycle")
         }
         Action::Save(Link { link }) => {
             let outcome = link.visit()?.save_parameters();
@@ -216,7 +215,7 @@ fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, S
     Ok(Shown { origin: origin.to_owned(), feed_forward, channels })
 }
 
-/// Reads a value; `None` when the actuator has no such parameter.
+/// Reads a value; returns `None` if the actuator does not have the parameter.
 fn value(
     session: &mut LiveSession,
     parameter: Parameter,
@@ -247,7 +246,7 @@ fn table(shown: &Shown) -> String {
     let share = number(shown.feed_forward);
     let table = table.render();
     format!(
-        "{table}\n\nTorque feed-forward: {share}\n\nAfter power-on they were from {}.",
+        "{table}\n\nTorque feed-forward: {share}\n\nAfter power-on, the values came from {}.",
         shown.origin
     )
 }
@@ -275,7 +274,8 @@ fn set(args: &Set) -> miette::Result<Exit> {
                     let before = match set {
                         0 => "nothing was changed".to_owned(),
                         set => format!(
-                            "{} set before; `rollwalk gains reset` sets all to the robot file's",
+                            "{} set before; to reset all values to the robot file, type `rollwalk \
+                             gains reset`",
                             values(set)
                         ),
                     };
@@ -293,7 +293,7 @@ fn set(args: &Set) -> miette::Result<Exit> {
     }
     if !without.is_empty() {
         output::say(format_args!(
-            "left out, since they have no such value: {}",
+            "skipped, because they do not have this value: {}",
             without.join(", ")
         ));
     }
@@ -303,13 +303,13 @@ fn set(args: &Set) -> miette::Result<Exit> {
         return Ok(Exit::NotDone);
     }
     output::print(&format!(
-        "{} set, until the next power cycle; `gains save` keeps them",
+        "{} set until the next power cycle; to keep them, type `rollwalk gains save`",
         values(set)
     ))?;
     Ok(Exit::Ok)
 }
 
-/// Number of values in words.
+/// Formats a number of values.
 fn values(count: usize) -> String {
     if count == 1 { "1 value".to_owned() } else { format!("{count} values") }
 }
@@ -325,29 +325,30 @@ fn has_none(error: &SessionError) -> bool {
     }
 }
 
-/// Reason for which a value is not allowed; `None` for other errors. `what` names channel and value.
+/// Reason why a value is not allowed; `None` for other errors. `what` is the channel and parameter in the message.
 fn refusal(error: &SessionError, what: &str, value: f32, unit: &str) -> Option<String> {
     let SessionError::ParameterRefused { result, value: limit, .. } = error else { return None };
     match result {
         ParameterResult::NotSupported => Some(format!(
-            "{what}: its drive does not take it from the controller, but keeps its own (docs/actuators.md)"
+            "{what}: the drive uses its own value, not that of the controller (docs/actuators.md)"
         )),
-        _ if has_none(error) => {
-            Some(format!("{what}: it has no such value, as wheels have no stiffness"))
-        }
+        _ if has_none(error) => Some(format!(
+            "{what}: this channel does not have this value (wheels have no stiffness)"
+        )),
         ParameterResult::OutOfRange if value > *limit => Some(format!(
-            "{what} is too much: its robot file allows up to {}{unit}",
+            "{what} is too high: the robot file allows at most {}{unit}",
             Limit::AtMost(*limit)
         )),
         ParameterResult::OutOfRange => Some(format!(
-            "{what} is too little: at least {}{unit}; while torque is on, half of the robot file's",
+            "{what} is too low: give at least {}{unit} (while torque is on, half of the value in \
+             the robot file)",
             Limit::AtLeast(*limit)
         )),
         _ => None,
     }
 }
 
-/// Numbers of the channels that `text` selects.
+/// Returns the numbers of the channels that `text` selects.
 fn chosen(text: &str, count: u8, catalog: Option<&Catalog>) -> miette::Result<Vec<u8>> {
     if text == "all" {
         return Ok((0..count).collect());
@@ -355,20 +356,23 @@ fn chosen(text: &str, count: u8, catalog: Option<&Catalog>) -> miette::Result<Ve
     if let Ok(channel) = text.parse::<u8>() {
         let known = channel < count;
         return known.then(|| vec![channel]).ok_or_else(|| {
-            miette!("there is no channel {channel}: the robot has 0 to {}", count.saturating_sub(1))
+            miette!(
+                "there is no channel {channel}: give a channel from 0 to {}",
+                count.saturating_sub(1)
+            )
         });
     }
     let Some(catalog) = catalog else {
         return Err(miette!(
-            help = "name the robot's file, --robot ROBOT.toml, or give the channel's number",
-            "`{text}`: the names of the robot's joints are not known on this computer"
+            help = "give the robot file with --robot ROBOT.toml, or the number of the channel",
+            "`{text}`: the joint names of this robot are unknown on this computer"
         ));
     };
     let found = (0..).zip(&catalog.channels).find(|(_, name)| *name == text);
     let found = found.map(|(channel, _)| vec![channel]);
     found.ok_or_else(|| {
         miette!(
-            help = format!("it has {}", catalog.channels.join(", ")),
+            help = format!("give one of {}", catalog.channels.join(", ")),
             "{} has no joint or wheel `{text}`",
             catalog.robot
         )

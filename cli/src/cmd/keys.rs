@@ -1,4 +1,4 @@
-//! `rollwalk keys`: secrets of a robot.
+//! `rollwalk keys`: creates keys of a robot.
 
 use crate::signing;
 use rollwalk_terminal::{Exit, keys, output};
@@ -13,9 +13,9 @@ pub enum Action {
 
 /// Make a link key, the secret that a robot shares with its hosts.
 ///
-/// A controller that was built with the key obeys only hosts that have it: commands, heartbeats, gains and libraries of
-/// others are refused. Emergency stops need no key. The file is readable by its user only, and never
-/// overwritten. Keep a copy where the robot's image is built: without the file the robot needs a new image.
+/// A controller with a built-in key accepts only hosts that have it: commands, heartbeats, gains and libraries of other hosts
+/// are refused. Emergency stops need no key. Only the user can read the file, and it is never overwritten. Keep a copy where
+/// the robot's image is built: if the file is lost, the robot needs a new image.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -23,17 +23,17 @@ Examples:
   rollwalk-sim robots/agilebot.toml --bus sim --link-key robot.key
   ROLLWALK_LINK_KEY=robot.key rollwalk send --arm walk --bus sim")]
 pub struct New {
-    /// File to make.
+    /// File to create.
     #[arg(value_name = "FILE")]
     file: PathBuf,
 }
 
 /// Make a key pair for signing motion libraries.
 ///
-/// Writes the private key to KEY.pem, readable by its user only, and the public key to KEY.pub.pem. Neither is ever
-/// overwritten. A controller that was built with the public key plays only libraries that were signed with the private
-/// one. Without the private key no library can be signed for it: keep a copy in a safe place, and on no robot.
-/// The keys are Ed25519 in PEM, as OpenSSL reads and writes them.
+/// Writes the private key to KEY.pem, readable only by the user, and the public key to KEY.pub.pem. Neither is ever
+/// overwritten. A controller with the built-in public key plays only libraries that were signed with the private key. Without
+/// the private key no library can be signed for the controller: keep a copy in a safe place, and on no robot. The keys are
+/// Ed25519 in PEM, as used by OpenSSL.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -41,7 +41,7 @@ Examples:
   rollwalk library sign agilebot.rwl --key owner.pem -o agilebot.signed.rwl
   rollwalk-sim robots/agilebot.toml --bus sim --library-key owner.pub.pem")]
 pub struct NewPair {
-    /// File of the private key to make.
+    /// File of the new private key.
     #[arg(value_name = "KEY.pem")]
     file: PathBuf,
 }
@@ -52,13 +52,13 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
         Action::New(New { file }) => {
             keys::new_link_key(file)?;
             let file = file.display();
-            output::print(&format!("wrote {file}; --link-key {file} uses it"))?;
+            output::print(&format!("wrote {file}; use the key with --link-key {file}"))?;
         }
         Action::NewPair(NewPair { file }) => {
             let pair = signing::new_pair(file)?;
             output::print(&format!(
-                "wrote {}, which signs libraries: keep it secret, and a copy of it\n\
-                 wrote {}, which controllers have: key {}\n{}",
+                "wrote {}, the private key for signing libraries: keep the file secret, and make a \
+                 copy\nwrote {}, the public key for controllers: key {}\n{}",
                 file.display(),
                 pair.public.display(),
                 pair.fingerprint,

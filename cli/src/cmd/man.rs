@@ -4,14 +4,14 @@ use crate::sim;
 use rollwalk_terminal::{Exit, generated, output};
 use std::path::{Path, PathBuf};
 
-/// Write the manual pages of all commands: one for each, and that of rollwalk-sim.
+/// Write the manual pages of all commands and of rollwalk-sim, one page for each.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk man --out ~/.local/share/man/man1     for `man rollwalk-plan`
   rollwalk man --out man                         `man man/rollwalk.1` shows the first of them")]
 pub struct Args {
-    /// Folder to write to.
+    /// Output folder.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
 }
@@ -34,7 +34,7 @@ mod tests {
     use crate::command_line;
     use std::fs;
 
-    /// Names of the pages of a command and of those below it.
+    /// Collects the names of the pages of a command and its subcommands.
     fn pages(command: &clap::Command, above: &str, into: &mut Vec<String>) {
         let name = format!("{above}{}", command.get_name());
         command.get_subcommands().for_each(|below| pages(below, &format!("{name}-"), into));

@@ -1,4 +1,4 @@
-//! The subcommands, one file each.
+//! Subcommands, one file each.
 
 mod bench;
 mod completions;
@@ -65,7 +65,8 @@ pub enum Command {
     Drive(drive::Args),
     #[command(subcommand)]
     Keys(keys::Action),
-    /// Emergency stop: torque off at once. Sent until the controller acknowledges it, or Ctrl-C; `clear` ends it.
+    /// Emergency stop: turn torque off at once. Sent until the controller acknowledges it, or until Ctrl-C; `clear` ends the
+    /// stop.
     #[command(after_long_help = "Examples:\n  rollwalk estop --bus can:can0")]
     Estop(orders::Args),
     /// Clear an emergency stop, or a fault whose cause is gone; the robot can then be armed again.
@@ -93,7 +94,7 @@ impl Command {
     /// Runs the subcommand; `root` is the whole command line, for completion scripts and manual pages.
     ///
     /// # Errors
-    /// Bad input and files that cannot be read or written, as reports for the terminal.
+    /// Returns a report for the terminal if an input is bad, or if a file cannot be read or written.
     pub fn run(&self, root: &mut clap::Command) -> miette::Result<Exit> {
         match self {
             Command::Demo(args) => demo::run(args),

@@ -1,4 +1,4 @@
-//! Short orders to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
+//! Short commands to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::describe::condition;
@@ -9,29 +9,29 @@ use rollwalk_terminal::{Exit, interrupt, output};
 use std::thread;
 use std::time::Duration;
 
-/// Longest wait for a STATUS, µs.
+/// Maximum wait for a STATUS, µs.
 const STATUS_US: u64 = 200_000;
-/// Longest wait for a robot that is let down with damped joints, µs: twice what that takes.
+/// Maximum wait while a robot is let down with damped joints, µs: twice the usual time.
 const LET_DOWN_US: u64 = 3_000_000;
 /// Interval between attempts to open a bus that was lost during a stop.
 const REOPEN: Duration = Duration::from_millis(200);
 
-/// Order to a controller; [`stop`] handles the emergency stop.
+/// Command to a controller; [`stop`] handles the emergency stop.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
-    /// Leave a latched stop.
+    /// Clear a latched stop.
     Clear,
-    /// Back to SAFE, then torque off.
+    /// Return to SAFE, then turn torque off.
     Disarm,
-    /// Hold where the motion is.
+    /// Hold the current pose of the motion.
     Pause,
-    /// Go on.
+    /// Resume a paused motion.
     Resume,
-    /// Back to SAFE.
+    /// Return to SAFE.
     Return,
 }
 
-/// Arguments of every order.
+/// Arguments of every command.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -59,7 +59,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-/// Clears a latched stop; a robot with nothing to clear is no error, and one that is still let down is waited for.
+/// Clears a latched stop. Waits while the robot is still being let down; a robot without a stop is not an error.
 fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     let mut waited_us = 0;
     loop {
@@ -80,21 +80,23 @@ fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
     }
 }
 
-/// Runs `estop`. The frame is sent at once, without any request before it, and again until it is acknowledged or
-/// Ctrl-C ends it.
+/// Runs `estop`. Sends the frame at once, without a preceding request, and repeats it until it is acknowledged or Ctrl-C is
+/// pressed.
 pub fn stop(args: &Args) -> miette::Result<Exit> {
     let link = &args.link;
     let mut bus = link.open()?;
     loop {
         let unanswered = |error| {
-            output::say(format_args!("{error}\nThe stop goes on being sent; Ctrl-C ends that."))
+            output::say(format_args!(
+                "{error}\nThe stop is sent until it is acknowledged; Ctrl-C ends the program."
+            ))
         };
         match Session::estop_at(bus, link.node, unanswered) {
             Ok(()) => {
                 return output::print("emergency stop: torque is off").map(|()| Exit::Ok);
             }
             Err(SessionError::Link(error)) if !interrupt::requested() => {
-                output::say(format_args!("{error}; it is opened again, Ctrl-C ends that"));
+                output::say(format_args!("{error}; reopening the bus, Ctrl-C ends the program"));
             }
             Err(error) => return Ok(ended(link, &error)),
         }

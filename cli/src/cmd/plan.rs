@@ -21,16 +21,16 @@ use serde::Serialize;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
-/// Times that the samples of a plan are doubled because it misses its goals in simulation.
+/// Maximum number of times that the samples of a plan are doubled because it misses its goals in simulation.
 const FINER: usize = 2;
 
 /// Optimise a motion and write the plan.
 ///
 /// The motion file names its robot. A plan is consistent if it meets every equation, at its samples and as played. A consistent
-/// plan is then simulated as the controller plays it, open loop: the motion holds in simulation if the robot stays on its feet
-/// and comes to 0.95 to 1.05 of its goals, on contacts of half, once and twice the usual stiffness. The exit code is 3 if
-/// either fails; the plan is written all the same, so that it can be examined. After Ctrl-C nothing is written, unless a plan
-/// had converged and was being refined.
+/// plan is then simulated as the controller plays it, in open loop. The motion passes if the robot does not fall and reaches 95
+/// % to 105 % of its goals, with contacts of half, normal and double stiffness. The exit code is 3 if either check fails; the
+/// plan is written anyway, so that it can be examined. After Ctrl-C nothing is written, unless a plan had converged and was
+/// being refined.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -44,10 +44,10 @@ Examples:
 
 The format is described in docs/motion-files.md.")]
 pub struct Args {
-    /// Motion file (TOML), or a problem file (JSON) that `--dump` wrote, to repeat that solve.
+    /// Motion file (TOML), or a problem file (JSON) of `--dump` to repeat its solve.
     #[arg(value_name = "MOTION.toml")]
     motion: PathBuf,
-    /// Plan to write.
+    /// Output plan.
     #[arg(short, long, value_name = "PLAN.json")]
     output: PathBuf,
     /// Starting point of the optimisation.
@@ -56,25 +56,24 @@ pub struct Args {
     /// Random seed of the starting point; the same seed gives the same plan [default: 0].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Start from this plan of a similar motion, such as the same one before an edit.
+    /// Plan of a similar motion to start from, such as of the same motion before an edit.
     #[arg(long, value_name = "PLAN.json", conflicts_with_all = ["start", "seed"])]
     from: Option<PathBuf>,
-    /// Optimisation method; those of the thesis are for comparison, and much slower.
+    /// Optimisation method; the methods of the thesis are for comparison, and much slower.
     #[arg(long, value_enum)]
     method: Option<MethodChoice>,
     /// Maximum number of iterations from each starting point [default: 300].
     #[arg(long, value_name = "N")]
     iterations: Option<NonZeroU32>,
-    /// Keep the number of samples of the motion file. By default `plan` doubles it when a residual between the samples
-    /// exceeds its tolerance, up to as many as a motion file may have, and up to twice when the motion misses its goals by little
-    /// in simulation.
+    /// Keep the number of samples of the motion file. By default `plan` doubles it if a residual between the samples exceeds
+    /// its tolerance, up to the maximum of a motion file, and up to twice if the motion misses its goals by a small amount in
+    /// simulation.
     #[arg(long)]
     samples_fixed: bool,
-    /// Leave the simulation out.
+    /// Skip the simulation.
     #[arg(long)]
     no_simulation: bool,
-    /// Before solving, write all inputs to one file, for a bug report: motion, robot, neighbouring plan and
-    /// options.
+    /// File for all inputs of the solve, written before it begins, for a bug report: motion, robot, starting plan and options.
     #[arg(long, value_name = "PROBLEM.json")]
     dump: Option<PathBuf>,
     /// Print every iteration to stderr.
@@ -94,16 +93,16 @@ struct Outcome<'a> {
     interrupted: bool,
     judgement: Judgement,
     consistent: bool,
-    /// Null if the plan is not consistent, and with `--no-simulation`.
+    /// Verdict of the simulation; null if the plan is not consistent, and with `--no-simulation`.
     simulation: Option<Verdict>,
     samples: usize,
     refinements: &'a [Refinement],
     robot: &'a str,
     energy: f64,
     start: Started,
-    /// Null unless the request is infeasible.
+    /// Diagnosis; null unless the request is infeasible.
     diagnosis: Option<&'a Diagnosis>,
-    /// Null after an interrupt.
+    /// Path of the written plan; null after an interrupt.
     plan: Option<&'a PathBuf>,
 }
 
@@ -159,10 +158,11 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
         output::say(match &args.dump {
             Some(path) => format!(
-                "if the motion should be possible, report it: {} has all that the solve needs",
+                "if the motion should be possible, report a bug with {}, which contains the whole \
+                 problem",
                 path.display()
             ),
-            None => "if the motion should be possible, report it with the file that `--dump \
+            None => "if the motion should be possible, report a bug with the file that `--dump \
                      PROBLEM.json` writes"
                 .to_owned(),
         });
@@ -175,7 +175,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     })
 }
 
-/// The problem to solve, and the file that carries it if it comes from one.
+/// Returns the problem to solve, and the path of the problem file if it was read from one.
 fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
     let file = inputs::motion_or_problem(&args.motion)?;
     if Kind::is_problem(&file.text) {
@@ -189,14 +189,16 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
         ];
         if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
             return Err(miette!(
-                help = "leave it out, or change `options` in a copy of the file",
-                "{} brings its own options: it does not go with {option}",
+                help = "leave out this option, or change `options` in a copy of the file",
+                "{} contains its own options, so {option} is not allowed",
                 file.path
             ));
         }
         let problem = Problem::from_json(&file.path, &file.text)?;
         if let Some(other) = problem.other_program() {
-            output::say(format_args!("written by {other}, which may plan differently"));
+            output::say(format_args!(
+                "the problem was written by {other}, which may plan differently"
+            ));
         }
         return Ok((problem, Some(&args.motion)));
     }
@@ -212,7 +214,7 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
     Ok((Problem::new(texts, from, options), None))
 }
 
-/// Plays a plan as the controller does; `None` after Ctrl-C.
+/// Simulates a plan as the controller plays it; returns `None` after Ctrl-C.
 fn simulated(plan: &Plan) -> Option<Verdict> {
     let bar = ProgressBar::new(1000).with_style(
         ProgressStyle::with_template("{spinner} simulation {wide_bar} {percent} %")
@@ -226,8 +228,10 @@ fn simulated(plan: &Plan) -> Option<Verdict> {
     verdict
 }
 
-/// A plan with more samples that holds in simulation where this one does not, its verdict, and the wall time of its solves, s:
-/// between samples that are far apart the body moves otherwise than planned.
+/// Plans again with more samples, because between coarse samples the body deviates from the plan.
+///
+/// Returns the plan, its verdict and the wall time of the solves, s. Returns `None` if no such plan passes its checks in
+/// simulation.
 fn refined(
     plan: &Plan,
     verdict: Verdict,
@@ -243,7 +247,7 @@ fn refined(
             return None;
         }
         output::say(format_args!(
-            "with {} samples {}: planning with twice as many",
+            "with {} samples {}; planning again with twice as many samples",
             finer.samples.len(),
             verdict
         ));
@@ -254,7 +258,8 @@ fn refined(
         verdict = simulated(&finer)?;
         if verdict.holds() {
             output::say(format_args!(
-                "give samples = {} in the motion file: libraries are planned with what it says",
+                "give samples = {} in the motion file, because libraries are planned with that \
+                 number",
                 finer.samples.len()
             ));
             return Some((finer, verdict, more_s));
@@ -263,7 +268,7 @@ fn refined(
     None
 }
 
-/// Result of a command: a plan, its report and its simulation.
+/// Result of the command: a plan, its report and its simulation.
 struct End<'a> {
     plan: &'a Plan,
     report: &'a Report,
@@ -299,7 +304,7 @@ impl<'a> End<'a> {
         let status = match written {
             Some(_) if interrupted => {
                 format!(
-                    "converged, interrupted while more than {} samples were tried",
+                    "converged; interrupted while trying more than {} samples",
                     plan.samples.len()
                 )
             }
@@ -327,13 +332,13 @@ impl<'a> End<'a> {
         if let Some(verdict) = simulation {
             text += &format!("{verdict}\n");
             if let Some(why) = plan.motion.needs_feedback.as_ref().filter(|_| !verdict.holds()) {
-                text += &format!("the motion needs feedback, as its file says: {why}\n");
+                text += &format!("the motion needs feedback according to its file: {why}\n");
             }
         }
         let holds = simulation.is_none_or(|verdict| verdict.is_good(plan));
         text += &match written {
             Some(path) if !report.judgement.is_good() => format!(
-                "wrote {0}; `rollwalk report {0}` shows where it fails{1}",
+                "wrote {0}; find where the plan fails with `rollwalk report {0}`{1}",
                 path.display(),
                 if solve.diagnosis.is_some() {
                     ""
@@ -342,8 +347,9 @@ impl<'a> End<'a> {
                 }
             ),
             Some(path) if !holds => format!(
-                "wrote {0}; `rollwalk simulate {0} --world-log RUN.csv` shows what becomes of it. More samples, a longer duration, \
-                 a larger `duty` or stiffer servos may help, or feedback (`rollwalk simulate {0} --tracking`)",
+                "wrote {0}; record the simulated motion with `rollwalk simulate {0} --world-log \
+                 RUN.csv`. More samples, a longer duration, a larger `duty` or stiffer servos may \
+                 help, or feedback (`rollwalk simulate {0} --tracking`)",
                 path.display(),
             ),
             Some(path) => format!("wrote {}", path.display()),
@@ -353,7 +359,7 @@ impl<'a> End<'a> {
     }
 }
 
-/// Starting point of a solve, in words.
+/// Starting point of a solve, as a phrase.
 fn beginning(solve: &SolveSummary, is_given: bool) -> String {
     let start = solve.start;
     let kind = match start.kind {
@@ -365,7 +371,7 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
             return "its plan with fewer samples".to_owned();
         }
         StartKind::Neighbour if is_given => return "the given plan".to_owned(),
-        StartKind::Neighbour => return "the plan of a motion that asks for less".to_owned(),
+        StartKind::Neighbour => return "the plan of an easier motion".to_owned(),
         StartKind::Joined => return "the motions it joins".to_owned(),
     };
     format!("{kind}, seed {}", start.seed)

@@ -1,4 +1,4 @@
-//! `rollwalk report`: deviation of a plan from its physical model.
+//! `rollwalk report`: recomputes the residuals of a plan.
 
 use rollwalk_planner::plan::{Plan, SolveSummary};
 use rollwalk_planner::report::Report;
@@ -6,11 +6,11 @@ use rollwalk_terminal::{Exit, inputs, output};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Recompute every residual of a plan and print the worst of each, with place and unit.
+/// Recompute every residual of a plan and print the worst of each kind, with location and unit.
 ///
-/// Nothing is taken from the optimiser: the equations are evaluated once more from the plan's own
-/// numbers, at its samples and between them, as servos will play it. The exit code is 3 if the plan is not consistent. Whether
-/// the motion holds in simulation, `rollwalk plan` and `rollwalk simulate` tell.
+/// Nothing is taken from the optimiser: the equations are evaluated again from the values of the plan, at its samples and
+/// between them, as servos will play it. The exit code is 3 if the plan is not consistent. `rollwalk plan` and `rollwalk
+/// simulate` check the motion in simulation.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:

@@ -1,4 +1,4 @@
-//! `rollwalk robot export`: a robot file for other tools.
+//! `rollwalk robot export`: writes a robot file for other tools.
 
 use miette::{IntoDiagnostic, miette};
 use rollwalk_terminal::Exit;
@@ -6,9 +6,9 @@ use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source;
 use std::path::PathBuf;
 
-/// Write a robot file as URDF, as an MJCF model for MuJoCo, or as parameters of the controllers of ros2_control.
+/// Write a robot file as URDF, as an MJCF model for MuJoCo, or as parameters for the controllers of ros2_control.
 ///
-/// Wheels that spin are bodies of their own there; meshes are the solids of the robot file.
+/// Spinning wheels become separate bodies; meshes are the solids of the robot file.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -17,20 +17,20 @@ Examples:
   rollwalk robot export robots/agilebot.toml --ros2-control -o agilebot.urdf
   rollwalk robot export robots/agilebot.toml -o agilebot.yaml    its controllers
 
-What each format has, and what it cannot say, is in docs/exports.md.")]
+docs/exports.md describes the content and the limits of each format.")]
 pub struct Args {
     /// Robot file (TOML).
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// File to write: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
+    /// Output file: .urdf, .xml for MJCF, or .yaml for controllers of ros2_control.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Add a section for ros2_control to a URDF, with this plugin for the hardware; without a name one that plays the robot.
+    /// Add a section for ros2_control to a URDF, with this hardware plugin; without a name, a plugin that mocks the hardware.
     #[arg(long, value_name = "PLUGIN", num_args = 0..=1, default_missing_value = rollwalk_interchange::MOCK, value_parser = plugin)]
     ros2_control: Option<String>,
 }
 
-/// The name of a plugin as pluginlib has it, and not a robot file that was meant as one.
+/// Parses the name of a plugin in pluginlib's form. Rejects a robot file given by mistake.
 fn plugin(name: &str) -> Result<String, String> {
     let is_word = |text: &str| {
         !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
@@ -40,7 +40,8 @@ fn plugin(name: &str) -> Result<String, String> {
         return Ok(name.to_owned());
     }
     Err(format!(
-        "a plugin is called PACKAGE/CLASS or NAMESPACE::CLASS, such as {}; to leave it out, put the option behind the robot file",
+        "give a plugin as PACKAGE/CLASS or NAMESPACE::CLASS, such as {}; for the default plugin, \
+         put --ros2-control after the robot file",
         rollwalk_interchange::MOCK
     ))
 }
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (Some("xml" | "yaml"), Some(_)) => {
             return Err(miette!(
                 help = "give -o a name that ends in .urdf",
-                "--ros2-control is a section of a URDF, and {} is none",
+                "--ros2-control requires a URDF file, but {} is not a URDF file",
                 args.output.display()
             ));
         }

@@ -1,4 +1,4 @@
-//! Standing of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
+//! Statics of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
 //! `rollwalk robot check`.
 
 use rollwalk_multibody::{Standing, Tree, doubts};
@@ -7,28 +7,29 @@ use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Share of its torque limit above which a joint is too weak: on two of four legs, as in a trot, it needs twice as much.
+/// Ratio of torque to torque limit above which a joint is too weak. On two of four legs, as in a trot, it needs twice the
+/// torque.
 const SHARE_MAX: f64 = 0.6;
-/// Distance below which contacts are in the same place, m.
+/// Distance below which two contacts count as coincident, m.
 const SAME_PLACE_M: f64 = 1e-3;
-/// Closest pairs of shapes in the table.
+/// Number of closest pairs of shapes in the table.
 const PAIRS_SHOWN: usize = 5;
 
-/// A robot in its nominal pose, with its body level, on level ground. Static, without feed-forward torque.
+/// Static equilibrium of a robot in its nominal pose, with its body level, on level ground, without torque feed-forward.
 #[derive(Debug, Serialize)]
 pub struct StandingReport {
-    /// Height of the body's origin, m.
+    /// Height of the origin of the body, m.
     body_height_m: f64,
-    /// Centre of mass from the body's origin, forward and left, m, and above the ground, m.
+    /// Centre of mass: forward and left of the origin of the body, and above the ground, m.
     com_m: [f64; 3],
     contacts: Vec<Contact>,
     joints: Vec<Joint>,
     clearance_margin_m: f64,
-    /// Distances between shapes of links, the closest first.
+    /// Distances between shapes of links, closest first.
     clearances: Vec<Clearance>,
     /// Heights of links with shapes above the ground.
     heights: Vec<Height>,
-    /// The first of the warnings: numbers that no robot of its size has.
+    /// Warnings about implausible values for a robot of this size; `warnings` begins with them.
     #[serde(skip)]
     doubts: Vec<String>,
     warnings: Vec<String>,
@@ -37,10 +38,10 @@ pub struct StandingReport {
 #[derive(Debug, Serialize)]
 struct Contact {
     name: String,
-    /// Position forward and left of the body's origin, and above the ground, m.
+    /// Position: forward and left of the origin of the body, and above the ground, m.
     position_m: [f64; 3],
     force_n: f64,
-    /// Sag of the body here as joints yield by torque / stiffness, m.
+    /// Sag of the body at this contact due to joint deflection, m.
     sag_m: f64,
 }
 
@@ -49,9 +50,9 @@ struct Joint {
     name: String,
     torque_nm: f64,
     torque_max_nm: f64,
-    /// |torque| / limit.
+    /// `|torque| / limit`.
     share: f64,
-    /// torque / stiffness.
+    /// Deflection: torque / stiffness.
     yields_rad: f64,
 }
 
@@ -65,12 +66,12 @@ struct Clearance {
 struct Height {
     link: String,
     height_m: f64,
-    /// Least height that is right, m: the margin, or 0 for a link with a foot or wheel.
+    /// Minimum height, m: the clearance margin, or 0 for a link with a foot or wheel.
     least_m: f64,
 }
 
 impl StandingReport {
-    /// Examines a valid robot; `None` if it has a wheel that lies flat.
+    /// Examines a valid robot; returns `None` if one of its wheels lies flat.
     pub fn new(robot: &Robot) -> Option<Self> {
         let tree = Tree::new(robot);
         let standing = Standing::new(&tree)?;
@@ -128,19 +129,20 @@ impl StandingReport {
         &self.warnings
     }
 
-    /// Numbers that no robot of its size has, and what would explain them.
+    /// Warnings about implausible values for a robot of this size, with their likely causes.
     pub fn doubts(&self) -> &[String] {
         &self.doubts
     }
 
-    /// The pairs of links that overlap as they stand, as one warning.
+    /// Warning about the pairs of links that overlap in the nominal pose; `None` without overlaps.
     pub fn overlaps(&self) -> Option<String> {
         let overlapping = self.clearances.iter().filter(|near| near.distance_m < 0.0);
         let mut pairs: Vec<_> = overlapping.map(|near| near.links.join(" – ")).collect();
         pairs.dedup();
         (!pairs.is_empty()).then(|| {
             format!(
-                "shapes of {} overlap in the nominal pose, so motions do not keep them apart: smaller `shapes` in the robot file would",
+                "shapes of {} overlap in the nominal pose, so motions do not keep them apart: make \
+                 these `shapes` smaller in the robot file",
                 pairs.join(", ")
             )
         })
@@ -151,7 +153,8 @@ impl StandingReport {
         for contact in self.contacts.iter().filter(|contact| contact.force_n == 0.0) {
             let height_mm = 1e3 * contact.position_m[2];
             warnings.push(format!(
-                "end effector `{}` hangs {height_mm:.0} mm above the ground in the nominal pose: change `nominal_rad` of its joints if it is to stand",
+                "end effector `{}` is {height_mm:.0} mm above the ground in the nominal pose: \
+                 change `nominal_rad` of its joints if it should touch the ground",
                 contact.name
             ));
         }
@@ -167,7 +170,8 @@ impl StandingReport {
                 let names: Vec<_> =
                     same.iter().map(|contact| format!("`{}`", contact.name)).collect();
                 warnings.push(format!(
-                    "end effectors {} touch the ground in the same place: check where their limbs are mounted",
+                    "end effectors {} touch the ground at the same point: check the mounting \
+                     points of their limbs",
                     names.join(" and ")
                 ));
             }
@@ -175,12 +179,14 @@ impl StandingReport {
         if !balanced {
             let [x, y, _] = self.com_m.map(fixed::<3>);
             warnings.push(format!(
-                "the robot tips: its centre of mass, {x} m forward and {y} m left of the body's origin, is beyond the contacts that stand"
+                "the robot tips, because its centre of mass is outside its support, {x} m forward \
+                 and {y} m left of the body origin: change `nominal_rad` or the masses"
             ));
         }
         for joint in self.joints.iter().filter(|joint| joint.share > SHARE_MAX) {
             warnings.push(format!(
-                "joint `{}` needs {:.2} N·m to stand, {:.0} % of `torque_max_nm` {}: at most {:.0} % leaves room for motion; a stronger actuator, a lighter robot or straighter legs",
+                "joint `{}` needs {:.2} N·m to stand, {:.0} % of `torque_max_nm` {}; expected at \
+                 most {:.0} %: use a stronger actuator, a lighter robot or straighter legs",
                 joint.name,
                 joint.torque_nm.abs(),
                 100.0 * joint.share,
@@ -196,7 +202,7 @@ impl StandingReport {
             let so = if near.distance_m < 0.0 {
                 "motions do not keep them apart"
             } else {
-                "motions may bring them as near"
+                "motions may bring them equally close"
             };
             warnings.push(format!(
                 "links `{first}` and `{second}` {apart} in the nominal pose; at least {margin_mm:.1} mm are needed, and {so}: check `shapes`, `nominal_rad` or `clearance_margin_m`"
@@ -205,7 +211,9 @@ impl StandingReport {
         for Height { link, height_m, least_m } in &self.heights {
             if height_m < least_m {
                 warnings.push(format!(
-                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed, and motions may bring it as low: check its `shapes`, which end above the contact",
+                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed, and \
+                     motions may bring it equally low: check its `shapes`, which must end above \
+                     the contact",
                     1e3 * height_m,
                     1e3 * least_m
                 ));
@@ -218,7 +226,7 @@ impl StandingReport {
         warnings
     }
 
-    /// Shows it as text.
+    /// Formats the report as text.
     pub fn show(&self) -> String {
         let [x, y, z] = self.com_m.map(fixed::<3>);
         let height = fixed::<3>(self.body_height_m);
@@ -239,7 +247,7 @@ impl StandingReport {
         }
         let _ = writeln!(text, "{}", contacts.render());
         if !self.joints.is_empty() {
-            let mut joints = Table::new(["joint", "standing N·m", "of limit", "yields rad"]);
+            let mut joints = Table::new(["joint", "standing N·m", "of limit", "deflection rad"]);
             for joint in &self.joints {
                 joints.row([
                     joint.name.clone(),

@@ -1,4 +1,4 @@
-//! `rollwalk studio`: the studio in a browser, planned for by this program.
+//! `rollwalk studio`: opens the studio in a browser, with this program as its planner.
 
 use crate::studio::Server;
 use crate::studio::desk::{self, Desk};
@@ -8,33 +8,33 @@ use rollwalk_terminal::{Exit, output};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Open the studio in a browser: see a robot move, edit its motions and measures.
+/// Open the studio in a browser: watch a robot move, edit its motions and dimensions.
 ///
-/// The page comes from this program and plans with it; nothing leaves this computer. The address that is printed has a token
-/// that page and engine ask for: keep it to yourself. Files are changed when you save in the page, and only those that were
-/// opened here. With --bus the page can play a robot on that bus, once you press Connect there. Ctrl-C ends the studio.
+/// This program serves the page and plans for it; nothing leaves this computer. The printed address contains a token that page
+/// and engine require: keep it to yourself. Files are changed only when you save in the page, and only those that were opened
+/// here. With --bus the page can play a robot on that bus, after you press Connect there. Ctrl-C ends the studio.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
   rollwalk studio                                  the robots and motions that ship
   rollwalk studio motions/walk.toml                a motion, with the robot that it names
   rollwalk studio robots/pup.toml                  a robot, with a first motion
-  rollwalk studio my_robot.urdf                    the same of a URDF
+  rollwalk studio my_robot.urdf                    a URDF, with a first motion
   rollwalk studio my_library.toml --port 8080 --no-open
   rollwalk studio motions/agilebot_library.toml --bus can:can0    # a robot on a bus of this computer
 
-docs/studio.md describes what it does and who can reach it.")]
+docs/studio.md describes the studio and who can reach it.")]
 pub struct Args {
-    /// Motion, library, robot and design files (TOML), URDFs and plans (JSON) to open, with what they name.
+    /// Motion, library, robot and design files (TOML), URDFs and plans (JSON) to open, with the files that they name.
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Port on 127.0.0.1 [default: any that is free].
+    /// Port on 127.0.0.1 [default: any free port].
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// A robot's link that the page may use: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
+    /// Bus of a robot's link that the page may use: sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0.
     #[arg(long, value_name = "BUS")]
     bus: Option<BusName>,
-    /// Print the address, and open no browser.
+    /// Print the address, and do not open a browser.
     #[arg(long)]
     no_open: bool,
 }
@@ -47,13 +47,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let address = server.address();
     output::print(&format!("the studio is at {address}"))?;
     if !args.no_open && !browse(&address) {
-        output::say("no browser could be started: open the address in one");
+        output::say("no browser could be started: open this address in a browser");
     }
     server.run();
     Ok(Exit::Ok)
 }
 
-/// Opens an address in the user's browser; whether there is a program for that.
+/// Opens an address in the user's browser. Returns true if the program that opens browsers was started.
 fn browse(address: &str) -> bool {
     let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
     let mut browser = Command::new(program);

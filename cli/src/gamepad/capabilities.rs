@@ -1,10 +1,10 @@
-//! Buttons of a device according to sysfs, also without permission to read the device.
+//! Buttons of a device according to sysfs, which needs no permission to read the device.
 
 use evdev::KeyCode;
 use std::fs;
 use std::path::Path;
 
-/// A device with one of these is a gamepad.
+/// Buttons that identify a gamepad; one of them suffices.
 pub(super) const BUTTONS: [KeyCode; 2] = [KeyCode::BTN_SOUTH, KeyCode::BTN_TRIGGER];
 /// Folder of input devices in sysfs.
 const FOLDER: &str = "/sys/class/input";
@@ -16,12 +16,12 @@ pub fn has_buttons(device: &Path) -> Option<bool> {
     fs::read_to_string(file).ok().map(|keys| is_gamepad(&keys))
 }
 
-/// True if these are the keys of a gamepad.
+/// True if these key capabilities are those of a gamepad.
 fn is_gamepad(keys: &str) -> bool {
     BUTTONS.iter().any(|button| is_set(keys, usize::from(button.0)))
 }
 
-/// A bit of words in hexadecimal digits, the most significant word first, of a `long` each and without leading zeros.
+/// Returns one bit of a sysfs bit mask: hexadecimal words of one `long` each, most significant first, without leading zeros.
 fn is_set(words: &str, bit: usize) -> bool {
     let bits = usize::BITS as usize;
     let word = words.split_whitespace().rev().nth(bit / bits);

@@ -1,4 +1,4 @@
-//! Gamepads of this computer by Linux's evdev: discovery, and a reader thread that survives a disconnection.
+//! Gamepads of this computer over Linux evdev: discovery, and a reader thread that reconnects after a disconnection.
 
 use super::capabilities::{self, BUTTONS};
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// Interval between attempts to find a disconnected gamepad.
 const RETRY: Duration = Duration::from_secs(1);
-/// Group of the users who may read them.
+/// User group with read access to gamepads.
 pub const GROUP: &str = "input";
 const FOLDER: &str = "/dev/input";
 
@@ -26,10 +26,10 @@ pub struct Found {
     pub path: PathBuf,
 }
 
-/// The gamepad that is meant: the only one for `auto`, else that of a device.
+/// Finds the gamepad: the only one for `auto`, or that of a device path.
 ///
 /// # Errors
-/// There is none, or several, or it may not be read: with what to type.
+/// Returns an error with the command to type if there is no gamepad, if there are several, or if it cannot be read.
 pub fn find(wanted: &str) -> miette::Result<Found> {
     if wanted != "auto" {
         let path = Path::new(wanted);
@@ -37,12 +37,12 @@ pub fn find(wanted: &str) -> miette::Result<Found> {
             Ok(device) if is_gamepad(&device) => Ok(found(path, &device)),
             Ok(device) => Err(miette!(
                 help = listed(&gamepads().0),
-                "{} is no gamepad: {}",
+                "{} is not a gamepad: {}",
                 path.display(),
                 name(&device)
             )),
             Err(error) if is_denied(&error) && capabilities::has_buttons(path) == Some(false) => {
-                Err(miette!(help = listed(&gamepads().0), "{} is no gamepad", path.display()))
+                Err(miette!(help = listed(&gamepads().0), "{} is not a gamepad", path.display()))
             }
             Err(error) if is_denied(&error) => Err(denied(path)),
             Err(error) => Err(miette!(help = listed(&gamepads().0), "{}: {error}", path.display())),
@@ -53,10 +53,10 @@ pub fn find(wanted: &str) -> miette::Result<Found> {
         (1, _) => Ok(all.remove(0)),
         (0, Some(path)) => Err(denied(&path)),
         (0, None) => Err(miette!(
-            help = "plug one in or pair it; `ls /dev/input/by-id` lists what Linux has found",
+            help = "plug in or pair a gamepad; `ls /dev/input/by-id` lists the detected devices",
             "there is no gamepad"
         )),
-        _ => Err(miette!(help = listed(&all), "there are several gamepads: which one?")),
+        _ => Err(miette!(help = listed(&all), "there are several gamepads: give one of them")),
     }
 }
 
@@ -65,18 +65,18 @@ fn is_denied(error: &io::Error) -> bool {
 }
 
 fn denied(path: &Path) -> miette::Report {
-    miette!(help = join(GROUP), "{} may not be read by this user", path.display())
+    miette!(help = join(GROUP), "this user may not read {}", path.display())
 }
 
 fn listed(all: &[Found]) -> String {
     if all.is_empty() {
-        return "no gamepad was found".into();
+        return "plug in a gamepad: none was found".into();
     }
     let line = |found: &Found| format!("--gamepad {}   {}", found.path.display(), found.name);
     all.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Readable gamepads, and one that is not readable. Keyboards are never readable, on purpose, and left out.
+/// Readable gamepads, and the path of an unreadable one. Keyboards are never readable, on purpose, and are left out.
 pub fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
@@ -112,7 +112,7 @@ fn found(path: &Path, device: &Device) -> Found {
     Found { name: name(device), path: path.to_owned() }
 }
 
-/// Starts reading its events; after a disconnection it is found again by its path or name.
+/// Starts a thread that reads the gamepad's events. After a disconnection it is found again by its path or name.
 pub fn listen(found: Found) -> Receiver<Event> {
     let (sender, events) = channel();
     thread::spawn(move || {
@@ -123,7 +123,7 @@ pub fn listen(found: Found) -> Receiver<Event> {
                     Ok(()) => return,
                     Err(error) => error.to_string(),
                 },
-                Ok(_) => "another device is in its place".into(),
+                Ok(_) => "another device has the same path".into(),
                 Err(error) => error.to_string(),
             };
             if sender.send(Event::Gone(why)).is_err() {

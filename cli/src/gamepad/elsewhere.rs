@@ -1,4 +1,4 @@
-//! Gamepads on systems without evdev: none.
+//! Gamepads on systems without evdev, where none is supported.
 
 use miette::miette;
 use rollwalk_gamepads::pad::Event;
@@ -11,15 +11,15 @@ pub struct Found {
     pub path: PathBuf,
 }
 
-/// Finds a gamepad.
+/// Returns an error.
 ///
 /// # Errors
-/// Always: gamepads need evdev.
+/// Returns an error on every call, because gamepads need evdev.
 pub fn find(_: &str) -> miette::Result<Found> {
-    Err(miette!(help = "steer with keys: leave --gamepad out", "gamepads need Linux (evdev)"))
+    Err(miette!(help = "leave out --gamepad, and use keys", "gamepads require Linux (evdev)"))
 }
 
-/// Starts reading its events.
+/// Returns a channel without events.
 pub fn listen(_: Found) -> Receiver<Event> {
     std::sync::mpsc::channel().1
 }

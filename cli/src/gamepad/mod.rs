@@ -1,9 +1,9 @@
-//! Gamepads of this computer, and the mapping that goes with one (docs/gamepad.md). What events mean is in [`rollwalk_gamepads`].
+//! Gamepads of this computer and their mappings (docs/gamepad.md). [`rollwalk_gamepads`] interprets the events.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
 //! | [`device`] | events of Linux (evdev) |
-//! | [`reader`] | a gamepad at work |
+//! | [`reader`] | an open gamepad and its operator requests |
 //! | `capabilities` | buttons of a device without read permission |
 
 #[cfg(target_os = "linux")]
@@ -20,10 +20,10 @@ use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
 use std::path::Path;
 
-/// The mapping to use with a device: the file that is named, else the shipped one that is made for it.
+/// Returns the mapping of a device: the file that the user named, or else the shipped mapping for this device.
 ///
 /// # Errors
-/// The file is missing or wrong, or no shipped one is made for the device.
+/// Returns an error if the file is missing or wrong, or if no shipped mapping matches the device.
 pub fn mapping(named: Option<&Path>, device: &Found) -> miette::Result<Mapping> {
     if let Some(path) = named {
         let text = files::read_text(path, Kind::Gamepad)?;
@@ -33,10 +33,10 @@ pub fn mapping(named: Option<&Path>, device: &Found) -> miette::Result<Mapping> 
         let paths: Vec<_> = shipped().map(|(path, _)| path).collect();
         miette!(
             help = format!(
-                "take one of these as a start, and give it with --mapping: {}",
+                "change a copy of one of these, and give the copy with --mapping: {}",
                 paths.join(", ")
             ),
-            "no mapping that ships is made for `{}`",
+            "there is no shipped mapping for `{}`",
             device.name
         )
     })

@@ -1,4 +1,4 @@
-//! A gamepad of this computer at work: its events as what the operator wants.
+//! Open gamepad of this computer: converts its events to operator requests.
 
 use super::{device, mapping};
 use rollwalk_gamepads::inputs::Push;
@@ -7,39 +7,39 @@ use rollwalk_host::operator::Deadman;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-/// A gamepad and its events.
+/// Gamepad with its mapping and events.
 pub struct Gamepad {
     pad: Pad,
     events: Receiver<pad::Event>,
 }
 
 impl Gamepad {
-    /// Finds a gamepad and its mapping, and listens.
+    /// Finds a gamepad and its mapping, and starts reading events.
     ///
     /// # Errors
-    /// There is none, it may not be read, or nothing says what its buttons do.
+    /// Returns an error if no gamepad is found, if it cannot be read, or if it has no mapping.
     pub fn open(device: &str, file: Option<&Path>) -> miette::Result<Self> {
         let found = device::find(device)?;
         let pad = Pad::new(mapping(file, &found)?);
         Ok(Self { pad, events: device::listen(found) })
     }
 
-    /// The deadman is not held: the first wish.
+    /// Initial request: the deadman switch is released.
     pub fn released(&self) -> Deadman {
         self.pad.released()
     }
 
-    /// The gamepad in a few words.
+    /// Short description of the gamepad.
     pub fn words(&self) -> String {
         self.pad.words()
     }
 
-    /// Deflection of an axis, 0 to 1; 0 while the deadman is not held.
+    /// Deflection of an axis, 0 to 1; 0 while the deadman switch is released.
     pub fn pushed(&self, push: Push) -> f32 {
         self.pad.pushed(push)
     }
 
-    /// Operator requests from the events since the last call.
+    /// Operator requests from the events since the previous call.
     pub fn wishes(&mut self, now_us: u64) -> Vec<Wish> {
         let mut wishes = Vec::new();
         loop {
@@ -47,7 +47,7 @@ impl Gamepad {
                 Ok(event) => wishes.extend(self.pad.on_event(now_us, event)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
-                    let gone = pad::Event::Gone("its reader has ended".into());
+                    let gone = pad::Event::Gone("its reader thread has ended".into());
                     wishes.extend(self.pad.on_event(now_us, gone));
                     break;
                 }

@@ -1,11 +1,11 @@
-//! Net ways of a library's motions: from SAFE, and back to it.
+//! Net displacement of a library's motions, from SAFE and back to SAFE.
 
 use rollwalk_planner::motion::Ends;
 use rollwalk_simulate::PlannedWay;
 use rollwalk_terminal::planning::Plans;
 
-/// Goals of motions at rest that the way from SAFE and back does not leave: the body shifts over contacts that stay, and the
-/// transitions shift it back.
+/// Messages about goals of motions at rest that are undone on the path from SAFE and back to SAFE. Such a motion shifts the
+/// body over fixed contacts, and its transitions shift the body back.
 pub fn taken_back(plans: &Plans) -> Vec<String> {
     const NAMES: [&str; 3] = ["forward_m", "left_m", "turn_rad"];
     let joined = |from: usize, to: usize| {
@@ -28,8 +28,8 @@ pub fn taken_back(plans: &Plans) -> Vec<String> {
             let (wanted, left) = (way.values()[of], net[of]);
             if !(0.95..=1.05).contains(&(left / wanted)) {
                 found.push(format!(
-                    "{}: of its {} = {wanted:.3}, {left:.3} are left after SAFE, the motion and SAFE again: it shifts the body over contacts that stay, \
-                     and its transitions shift it back",
+                    "{}: from SAFE to SAFE, its {} = {wanted:.3} becomes {left:.3}, because the \
+                     transitions shift the body back over the fixed contacts",
                     plan.motion.name, NAMES[of]
                 ));
             }
@@ -38,7 +38,7 @@ pub fn taken_back(plans: &Plans) -> Vec<String> {
     found
 }
 
-/// A way, and another one after it, each in the heading in which it begins.
+/// Adds a second displacement, given in the final heading of the first.
 fn then([x_m, y_m, turned_rad]: [f64; 3], [forward_m, left_m, turn_rad]: [f64; 3]) -> [f64; 3] {
     let (sine, cosine) = turned_rad.sin_cos();
     [

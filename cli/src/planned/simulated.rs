@@ -1,4 +1,4 @@
-//! A library played on level ground over every transition, judged against its plans.
+//! Simulation of a library on level ground over every transition, compared with its plans.
 
 use super::{Judged, Planned};
 use crate::terrain::FEET_MIN;
@@ -11,17 +11,17 @@ use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
 
-/// Periods of a motion that repeats.
+/// Number of periods of a periodic motion.
 const CYCLES: u32 = 5;
 
 /// Simulated run of a library.
 #[derive(Debug, Serialize)]
 pub struct Simulation {
-    /// Motions and transitions in the order in which they were played.
+    /// Motions and transitions in the order of playing.
     clips: Vec<Clip>,
-    /// Time of the fall, s, and the clip that played.
+    /// Time of the fall, s, and the clip during which it happened.
     fell: Option<(f64, String)>,
-    /// Reason why the tour was cut short.
+    /// Reason why the tour ended early.
     stopped: Option<String>,
 }
 
@@ -33,18 +33,18 @@ struct Clip {
     judged: Judged,
 }
 
-/// Plays a library on level ground, over every transition; `None` for a robot that stands on a stand, and if SAFE itself needs
-/// feedback.
+/// Plays a library on level ground, over every transition. Returns `None` for a robot with too few feet to stand, and if SAFE
+/// itself needs feedback.
 ///
 /// # Errors
-/// The controller refused the library.
+/// Returns an error if the controller refused the library.
 pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<Simulation>> {
     let catalog = packed.catalog();
     let safe_needs = planned.get(catalog.safe).is_some_and(|safe| safe.needs_feedback.is_some());
     if packed.robot.end_effectors.len() < FEET_MIN || safe_needs {
         return Ok(None);
     }
-    output::say("simulation on level ground, as the controller plays it:");
+    output::say("simulation of the library on level ground:");
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let options = Options {
         ground: Some(&ground),
@@ -69,7 +69,7 @@ pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<S
 }
 
 impl Simulation {
-    /// Motions that do not hold, with the reason, a line each.
+    /// Motions that failed their checks, one line each with the reason.
     pub fn misses(&self) -> Vec<String> {
         let motions = self.clips.iter().filter(|clip| !clip.judged.needs_feedback);
         let astray = motions.filter_map(|Clip { name, judged }| {
@@ -98,10 +98,12 @@ impl fmt::Display for Simulation {
         match (self.misses().is_empty(), ratios.is_empty()) {
             (true, true) => f.write_str("holds in simulation"),
             (true, false) => {
-                write!(f, "holds in simulation; of their plans: {}", ratios.join(", "))
+                write!(f, "holds in simulation; fraction of the plan: {}", ratios.join(", "))
             }
             (false, true) => f.write_str("in simulation"),
-            (false, false) => write!(f, "in simulation, of their plans: {}", ratios.join(", ")),
+            (false, false) => {
+                write!(f, "in simulation, fraction of the plan: {}", ratios.join(", "))
+            }
         }
     }
 }

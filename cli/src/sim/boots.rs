@@ -1,5 +1,5 @@
-//! Count of the boots of simulated controllers with a link key, kept in the user's state folder. Numbers of sessions begin with
-//! it: a recorded session must not be one again after a restart.
+//! Boot counts of simulated controllers with a link key, kept in the user's state folder. Session numbers start with the count,
+//! so that a recorded session is not valid after a restart.
 
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -8,19 +8,19 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// Session that no controller offers: its tag names the key without telling it.
+/// Session that no controller offers. Its tag identifies a key without revealing it.
 const NO_SESSION: LinkSession = LinkSession { number: u64::MAX, nonce: 0 };
 
-/// Counts a boot of a controller with a key: a number above that of every boot before; `None` where there is no folder to keep
-/// it in.
+/// Counts a boot of a controller with a key, and returns a number above that of every previous boot. Returns `None` if the user
+/// has no state folder.
 ///
 /// # Errors
-/// The file is not what this function wrote, or the operating system refuses.
+/// Returns an error if the file was not written by this function, or if the operating system refuses.
 pub fn count(key: &LinkKey) -> miette::Result<Option<u32>> {
     place(key).map(|path| count_in(&path)).transpose()
 }
 
-/// A file for each key: the same key may be that of several robots, and of files in several places.
+/// Path of the count for a key. Several robots and files may share a key, so the path depends only on the key.
 fn place(key: &LinkKey) -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
     let folder = folders.state_dir().unwrap_or(folders.data_local_dir());
@@ -53,8 +53,9 @@ fn count_in(path: &Path) -> miette::Result<u32> {
     };
     let next = last.and_then(|last| last.checked_add(1)).ok_or_else(|| {
         miette!(
-            help = "remove it, and give the robot and its hosts a new key: sessions that were recorded with this one may be repeated otherwise",
-            "{} is no count of boots below {}",
+            help = "remove the file, and give the robot and its hosts a new key; otherwise \
+                sessions recorded with the old key could be replayed",
+            "{} does not contain a boot count below {}",
             path.display(),
             u32::MAX
         )
@@ -82,7 +83,7 @@ mod tests {
         for damaged in ["4294967295\n", "-1", "12 13", "x"] {
             fs::write(&path, damaged).unwrap();
             let error = format!("{:?}", count_in(&path).unwrap_err());
-            assert!(error.contains("no count of boots"), "{damaged}: {error}");
+            assert!(error.contains("does not contain a boot count"), "{damaged}: {error}");
         }
     }
 

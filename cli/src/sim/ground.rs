@@ -5,10 +5,10 @@ use rollwalk_sim_host::ground::{Grounded, Travel};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_terminal::output::{self, fixed};
 
-/// Shortest motion that is reported, s.
+/// Minimum duration of a reported motion, s.
 const SHORTEST_S: f64 = 0.2;
 
-/// Prints the way of each motion, falls, and what the hoist does, to stderr.
+/// Prints the displacement of each motion, falls and hoist actions to stderr.
 pub struct Printer {
     falls: usize,
     is_held: bool,
@@ -21,7 +21,7 @@ impl Default for Printer {
 }
 
 impl Printer {
-    /// Prints the motions that ended and the falls since the last call.
+    /// Prints the motions that ended and the falls since the previous call.
     pub fn print(&mut self, rig: &mut Rig) {
         for travel in rig.take_travels().iter().filter(|travel| travel.duration_s() >= SHORTEST_S) {
             // Transitions have no names.
@@ -35,13 +35,13 @@ impl Printer {
         }
     }
 
-    /// Prints falls and what the hoist has done since the last call.
+    /// Prints falls and hoist actions since the previous call.
     pub fn print_ground(&mut self, ground: &Grounded) {
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
             output::say(format_args!(
-                "{:9.3} s  fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; the hoist picks it up when its torque has \
-                 been off for 3 s",
+                "{:9.3} s  fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; \
+                 the hoist lifts the robot after 3 s without torque",
                 fall.at.as_s(),
                 fall.how.tilt_rad.to_degrees(),
                 fall.how.height_m
@@ -50,7 +50,7 @@ impl Printer {
         self.falls = falls.len();
         if ground.is_held() != self.is_held {
             self.is_held = ground.is_held();
-            let what = if self.is_held { "picks the robot up" } else { "lets go" };
+            let what = if self.is_held { "lifts the robot" } else { "releases the robot" };
             let at_s = ground.world().system().time_s();
             output::say(format_args!("{at_s:9.3} s  the hoist {what}"));
         }
@@ -60,8 +60,8 @@ impl Printer {
 fn say(name: &str, travel: &Travel) {
     let (way, totals) = (travel.way(), travel.totals());
     output::say(format_args!(
-        "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt to {:.1}°, slid {:.3} m, \
-         at most {:.1} N on a foot or wheel, {} J of work by the motors",
+        "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt up to \
+         {:.1}°, slid {:.3} m, at most {:.1} N on a foot or wheel, {} J of work by the motors",
         travel.to.as_s(),
         fixed::<3>(way.forward_m),
         fixed::<3>(way.left_m),

@@ -1,29 +1,29 @@
-//! Notices that this computer is too slow for the simulated robot: the robot's time then runs slower than a clock, so that no
-//! host loses it, and what an operator sees is slow motion.
+//! Detection of a computer that is too slow for the simulated robot. The robot's time then runs slower than real time, so that
+//! hosts do not lose it, and operators see slow motion.
 
 use std::time::{Duration, Instant};
 
-/// Time over which the two clocks are compared.
+/// Interval over which the two clocks are compared.
 const WINDOW: Duration = Duration::from_secs(5);
-/// Share of real time below which it is said.
+/// Ratio of robot time to real time below which a warning is printed.
 const SLOW: f64 = 0.9;
-/// Shortest interval between two messages.
+/// Minimum interval between two warnings.
 const QUIET: Duration = Duration::from_secs(60);
 
-/// Compares the robot's time with this computer's.
+/// Comparison of the robot's time with real time.
 pub struct LagWatch {
-    /// Beginning of the window, on both clocks.
+    /// Start of the interval, on both clocks.
     since: (Instant, f64),
     said: Option<Instant>,
 }
 
 impl LagWatch {
-    /// Begins where both clocks are.
+    /// Starts the comparison at these times.
     pub fn new(now: Instant, robot_s: f64) -> Self {
         Self { since: (now, robot_s), said: None }
     }
 
-    /// Share of real time at which the robot's time has run lately, if it is to be reported now.
+    /// Ratio of robot time to real time in the past interval, if a warning is due.
     pub fn look(&mut self, now: Instant, robot_s: f64) -> Option<f64> {
         let (since, robot_since_s) = self.since;
         let real = now - since;

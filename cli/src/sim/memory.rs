@@ -1,4 +1,4 @@
-//! The file that keeps the library of a simulated controller while it is switched off.
+//! File that stores the library of a simulated controller between runs.
 
 use crate::signing;
 use miette::{Report, miette};
@@ -12,24 +12,25 @@ use std::time::{Duration, Instant};
 /// Interval at which the controller's library is compared with the file.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Library in the controller's flash, and the file that has it too.
+/// Library in the controller's flash, and the file with its copy.
 pub struct Memory {
     path: PathBuf,
     output: Output,
     library: Option<Vec<u8>>,
-    /// The file is as it was found: its user may have no other copy of it.
+    /// True until the file found at the start is overwritten. The user may have no other copy of it.
     found: bool,
     compared: Instant,
-    /// Reason for which the last library could not be kept.
+    /// Reason why the most recent library could not be stored.
     failed: Option<Report>,
 }
 
 impl Memory {
-    /// Reads the library, if there is one, and makes sure that another can be written. A controller without a key
-    /// has no use for its signature, and gets the library alone, as `rollwalk flash` sends it.
+    /// Reads the library, if there is one, and checks that another can be written. For a controller without a key the signature
+    /// is removed, as in `rollwalk flash`.
     ///
     /// # Errors
-    /// The library is for another robot, damaged or not signed with `key`; no file can be written there.
+    /// Returns an error if the library is for another robot, is damaged or is not signed with `key`, or if the file cannot be
+    /// written.
     pub fn open(path: &Path, robot: &Path, key: Option<&VerifyingKey>) -> miette::Result<Self> {
         // In this order: what has been read is no output for any other purpose.
         let output = Output::of_source(path)?;
@@ -38,7 +39,8 @@ impl Memory {
         if let (Some(packed), Some(key)) = (&packed, key)
             && let Err(why) = signing::check(&packed.file, key)
         {
-            let help = "`rollwalk library sign` signs it; or name a file that is not there yet, and flash a signed library";
+            let help = "sign the library with `rollwalk library sign`, or give a file that does \
+                not exist yet and flash a signed library";
             return Err(miette!(help = help, "{} {why}", path.display()));
         }
         let library = packed.map(|packed| match key {
@@ -47,7 +49,8 @@ impl Memory {
         });
         if let Some(bytes) = library.as_ref().map(Vec::len).filter(|bytes| *bytes > LIBRARY_MAX) {
             return Err(miette!(
-                "{} has {bytes} bytes; the memory of a simulated controller has {LIBRARY_MAX}",
+                "{} has {bytes} bytes, but the memory of a simulated controller has {LIBRARY_MAX} \
+                 bytes",
                 path.display()
             ));
         }
@@ -55,22 +58,22 @@ impl Memory {
         Ok(Self { path, output, library, found, compared, failed: None })
     }
 
-    /// The library that the file has, with its signature if the controller checks it.
+    /// Library of the file, with its signature if the controller checks it.
     pub fn library(&self) -> Option<&[u8]> {
         self.library.as_deref()
     }
 
-    /// Keeps a library that has become active, before its host has an answer; returns whether it is on the disk. [`watch`](Self::watch)
-    /// returns the reason if it is not.
+    /// Stores a library that has become active, before the host receives an answer. Returns true on success; after a failure
+    /// [`watch`](Self::watch) returns the reason.
     pub fn keep_first(&mut self, library: &[u8]) -> bool {
         self.failed = self.keep(Some(library)).err();
         self.failed.is_none()
     }
 
-    /// Compares the controller's library with the file's, now and then, and keeps another one.
+    /// Periodically compares the controller's library with the file, and stores a new one.
     ///
     /// # Errors
-    /// As [`keep`](Self::keep).
+    /// Returns the errors of [`keep`](Self::keep).
     pub fn watch(&mut self, library: Option<&[u8]>) -> miette::Result<()> {
         if let Some(error) = self.failed.take() {
             return Err(error);
@@ -82,10 +85,10 @@ impl Memory {
         self.keep(library)
     }
 
-    /// Keeps the controller's library. The one that was found goes to a file of its own.
+    /// Stores the controller's library. The library found at the start is copied to another file first.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn keep(&mut self, library: Option<&[u8]>) -> miette::Result<()> {
         let Some(library) = library.filter(|library| self.library() != Some(library)) else {
             return Ok(());
@@ -93,9 +96,9 @@ impl Memory {
         let before = std::mem::take(&mut self.found).then(|| self.put_aside()).transpose()?;
         self.output.write(library)?;
         self.library = Some(library.to_vec());
-        let before = before.map(|path| format!("; the one before is in {}", path.display()));
+        let before = before.map(|path| format!("; the previous library is in {}", path.display()));
         output::say(format_args!(
-            "{} has the library that was flashed{}",
+            "{} now contains the flashed library{}",
             self.path.display(),
             before.unwrap_or_default()
         ));

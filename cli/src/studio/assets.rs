@@ -1,8 +1,8 @@
-//! The page of the studio, carried in the program: what `studio/dist/` has.
+//! Page of the studio, embedded in the program: the files of `studio/dist/`.
 
 use rollwalk_bus::name::BusName;
 
-/// A file of the page.
+/// File of the page, with its media type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asset<'a> {
     pub kind: &'static str,
@@ -30,16 +30,16 @@ assets! {
 }
 
 const PAGE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../studio/dist/index.html"));
-/// First element of the page's head. The elements that describe the engine follow it.
+/// First element of the page's head; the elements that describe the engine are inserted after it.
 const CHARSET: &str = "<meta charset=\"utf-8\">";
 
-/// A file of the page by its name.
+/// File of the page with this name.
 pub fn file(name: &str) -> Option<Asset<'static>> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, asset)| *asset)
 }
 
-/// The page itself. Two elements in its head say that its engine is this program, and which bus it may use. The policy for its
-/// scripts and connections is a header of the answer, because it names this port.
+/// HTML of the page. Inserted elements in its head select this program as the engine, with the token and the permitted bus. The
+/// content security policy is a header of the response instead, because it contains this port.
 pub fn page(token: &str, bus: Option<&BusName>) -> String {
     let lines =
         PAGE.lines().filter(|line| !line.contains("http-equiv=\"Content-Security-Policy\""));

@@ -1,8 +1,8 @@
-//! The files that the studio was opened with, and what they name: read at the start, written when the user saves.
+//! Files that the studio opened, and the files that they name: read at the start, written when the user saves.
 //!
-//! Nothing else is read, and nothing else is written. Files may be a stranger's: what they name is opened if it is a document
-//! of ours, and written if it lies beside a file that the user named, or below. A file that another program has changed since
-//! is not overwritten.
+//! Nothing else is read or written. Files may be untrusted. A file that they name is opened if it is a document or plan of
+//! ours, and written only if it is in the folder of a file that the user named, or below. A file that another program has
+//! changed since is not overwritten.
 
 mod edits;
 mod opening;
@@ -18,7 +18,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Files on the desk.
+/// Open files of the studio.
 pub struct Desk {
     sheets: Mutex<Vec<Sheet>>,
     desired: Desired,
@@ -26,17 +26,17 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// Opens files with all that they name. Edits of the files that were not saved are kept in `folder` of the user's state.
+    /// Opens files and all files that they name. Unsaved edits of them are kept in `folder`, which is in the user's state.
     ///
     /// # Errors
-    /// A file that the user named cannot be read, or is none that the studio opens.
+    /// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.
     pub fn open(paths: &[PathBuf], folder: Option<PathBuf>) -> miette::Result<Self> {
         let (sheets, desired) = opening::open(paths)?;
         let edits = folder.map(|folder| Edits::of(paths, &folder));
         Ok(Self { sheets: Mutex::new(sheets), desired, edits })
     }
 
-    /// The answer to a request that is about files; `None` for those of the engine.
+    /// Answers a request about files; returns `None` for requests to the engine.
     pub fn answer(&self, request: &str) -> Option<Value> {
         let request: Value = serde_json::from_str(request).ok()?;
         let seq = &request["seq"];
@@ -76,7 +76,7 @@ impl Desk {
         }
     }
 
-    /// Writes a file that is on the desk.
+    /// Writes an open file.
     fn save(&self, name: &str, text: &str) -> Result<(), (String, &'static str)> {
         let mut sheets = self.sheets();
         let Some(sheet) = sheets.iter_mut().find(|sheet| sheet.name == name) else {
@@ -90,13 +90,16 @@ impl Desk {
             let help = "save a copy from the page, or start `rollwalk studio` with this file, too";
             return Err((
                 format!(
-                    "`{name}` lies elsewhere than the files that the studio was opened with, one of which names it"
+                    "`{name}` is named in an open file, but was not given to `rollwalk studio`"
                 ),
                 help,
             ));
         }
         if text.len() as u64 > Kind::Motion.max_bytes() {
-            return Err((format!("`{name}` would have {} bytes", text.len()), "shorten it"));
+            return Err((
+                format!("`{name}` would have {} bytes, more than 1 MiB", text.len()),
+                "shorten the file",
+            ));
         }
         if fs::read_to_string(&sheet.path).is_ok_and(|now| now != sheet.text) {
             let help = "save a copy from the page, and open the studio again";
@@ -116,7 +119,7 @@ impl Desk {
     }
 }
 
-/// Digest of the files as they were read or written last.
+/// Digest of the files as they were most recently read or written.
 fn digest(sheets: &[Sheet]) -> u32 {
     sheets.iter().fold(0, |before, sheet| {
         let named = file_digest_append(before, sheet.name.as_bytes());
@@ -125,5 +128,5 @@ fn digest(sheets: &[Sheet]) -> u32 {
 }
 
 fn no_folder() -> String {
-    "edits that are not saved cannot be kept: this user has no folder for it (HOME or XDG_STATE_HOME)".to_owned()
+    "unsaved edits cannot be kept without a state folder: set HOME or XDG_STATE_HOME".to_owned()
 }

@@ -1,8 +1,8 @@
-//! Access of each request, decided from its head alone.
+//! Access control of requests, from their head alone.
 //!
-//! A page of another site can make the user's browser send requests here. It can neither leave out nor choose `Origin`, and after
-//! rebinding its own name to 127.0.0.1 `Host` still has that name. Other programs on this computer can send anything, but do not
-//! have the token. A program that can read it from this user's memory or browser needs no studio.
+//! A page of another site can make the user's browser send requests here. It can neither omit nor choose `Origin`. After
+//! rebinding its own name to 127.0.0.1, `Host` still contains that name. Other programs on this computer can send anything, but
+//! do not have the token. A program that can read the token from this user's memory or browser does not need the studio.
 
 use super::assets::{self, Asset};
 use super::http::Head;
@@ -10,22 +10,22 @@ use super::http::Head;
 /// Port and token of this server.
 pub struct Gate {
     pub port: u16,
-    /// 32 hexadecimal digits.
+    /// Token of 32 hexadecimal digits.
     pub token: String,
 }
 
-/// The answer to a request.
+/// Answer to a request.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Reply {
     Page,
-    /// A file of the page.
+    /// File of the page.
     File(Asset<'static>),
-    /// A WebSocket to an engine, with the browser's key.
+    /// WebSocket to an engine, with the browser's key.
     Engine {
         /// `Sec-WebSocket-Key`.
         key: String,
     },
-    /// A WebSocket to the bus, with the browser's key.
+    /// WebSocket to the bus, with the browser's key.
     Link {
         /// `Sec-WebSocket-Key`.
         key: String,
@@ -40,7 +40,7 @@ impl Gate {
         format!("http://127.0.0.1:{}/?token={}", self.port, self.token)
     }
 
-    /// The answer to a request.
+    /// Decides the answer to a request.
     pub fn reply(&self, head: &Head) -> Reply {
         let hosts = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
         if !head.host.as_ref().is_some_and(|host| hosts.contains(host)) {
@@ -72,7 +72,7 @@ impl Gate {
         }
     }
 
-    /// True if a query has the token. The time depends only on the length of the query's token.
+    /// True if the query contains the token. The comparison time depends only on the length of the query's token.
     fn knows_token(&self, query: &str) -> bool {
         let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         let given = given.unwrap_or_default().as_bytes();

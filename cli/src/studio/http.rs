@@ -1,4 +1,4 @@
-//! Subset of HTTP/1.1 that one page needs: the head of a GET, and an answer after which the connection is closed.
+//! Subset of HTTP/1.1 that the page needs: the head of a GET request, and a response that closes the connection.
 
 use super::assets::Asset;
 use std::io::{self, Read, Write};
@@ -6,15 +6,16 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 use tungstenite::handshake::derive_accept_key;
 
-/// Most bytes of a head, and most fields.
+/// Maximum size of a head, bytes.
 const HEAD_MAX: usize = 8 * 1024;
+/// Maximum number of fields in a head.
 const FIELDS_MAX: usize = 64;
-/// Longest wait for a whole head: the browser is on the same computer.
+/// Timeout for a complete head; the browser is on the same computer.
 const HEAD: Duration = Duration::from_secs(2);
-/// Longest wait for a browser to take in an answer.
+/// Timeout for a browser that does not read a response.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The head of a request.
+/// Head of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Head {
     pub method: String,
@@ -29,10 +30,10 @@ pub struct Head {
     pub rest: Vec<u8>,
 }
 
-/// Reads a head; `None` if it is none, or too long.
+/// Reads a head; returns `None` if it is invalid or too long.
 ///
 /// # Errors
-/// The connection ends, or is slow.
+/// Returns an error if the connection ends or is too slow.
 pub fn read(stream: &mut TcpStream) -> io::Result<Option<Head>> {
     stream.set_write_timeout(Some(PATIENCE))?;
     let begun = Instant::now();
@@ -96,7 +97,7 @@ fn parse(bytes: &[u8]) -> Parsed {
 /// Sends a file of the page.
 ///
 /// # Errors
-/// The connection ends.
+/// Returns an error if the connection ends.
 pub fn send(mut stream: TcpStream, asset: &Asset<'_>, port: u16) -> io::Result<()> {
     // The page loads nothing from elsewhere and talks to this server alone.
     let policy = format!(
@@ -118,7 +119,7 @@ pub fn send(mut stream: TcpStream, asset: &Asset<'_>, port: u16) -> io::Result<(
 /// Refuses a request.
 ///
 /// # Errors
-/// The connection ends.
+/// Returns an error if the connection ends.
 pub fn refuse(mut stream: TcpStream, status: u16) -> io::Result<()> {
     let reason = match status {
         400 => "Bad Request",
@@ -128,7 +129,7 @@ pub fn refuse(mut stream: TcpStream, status: u16) -> io::Result<()> {
         _ => "Method Not Allowed",
     };
     let body = match status {
-        403 => "open the studio by the address that `rollwalk studio` has printed\n",
+        403 => "open the address that `rollwalk studio` printed\n",
         _ => "",
     };
     let length = body.len();
@@ -138,10 +139,10 @@ pub fn refuse(mut stream: TcpStream, status: u16) -> io::Result<()> {
     stream.write_all(head.as_bytes())
 }
 
-/// Turns a connection into a WebSocket.
+/// Upgrades a connection to a WebSocket.
 ///
 /// # Errors
-/// The connection ends.
+/// Returns an error if the connection ends.
 pub fn upgrade(stream: &mut TcpStream, key: &str) -> io::Result<()> {
     let accept = derive_accept_key(key.as_bytes());
     let head = format!(

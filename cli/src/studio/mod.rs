@@ -1,9 +1,9 @@
-//! The studio's server: the page of the studio and the native engine, for this computer alone.
+//! Server of the studio: the page and the native engine, for this computer alone.
 //!
-//! It listens on 127.0.0.1. Who wants the page or the engine must know a token that only the printed address has, and requests
-//! that another site makes in the user's browser are refused by their `Host` and `Origin` ([`gate`]). Every connection has a
-//! thread; every WebSocket to the engine a session of its own ([`socket`]). Files are those of the command line ([`desk`]). A bus
-//! of the command line is one page's at a time ([`relay`]).
+//! The server listens on 127.0.0.1. Page and engine require a token that only the printed address contains. Requests that
+//! another site makes in the user's browser are refused by their `Host` and `Origin` ([`gate`]). Every connection has a thread;
+//! every WebSocket to the engine has a session ([`socket`]). Files are those of the command line ([`desk`]). The bus of the
+//! command line serves one page at a time ([`relay`]).
 
 mod assets;
 pub mod desk;
@@ -26,12 +26,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Most connections at a time: a page has five engines and a bus, and loads four files.
+/// Maximum number of simultaneous connections. A page has five engines and a bus, and loads four files.
 const CONNECTIONS_MAX: usize = 32;
-/// Most connections of whose request the head is not there yet. They keep no page away.
+/// Maximum number of connections with an incomplete head. They are not counted by `CONNECTIONS_MAX`.
 const PENDING_MAX: usize = 256;
 
-/// A server that has not begun.
+/// Server that has not started.
 pub struct Server {
     listener: TcpListener,
     shared: Arc<Shared>,
@@ -46,10 +46,10 @@ struct Shared {
 }
 
 impl Server {
-    /// Takes a port, any free one for 0. With a relay, a page can talk to its bus.
+    /// Binds a port, any free one for 0. With a relay, a page can use its bus.
     ///
     /// # Errors
-    /// The port is taken.
+    /// Returns an error if the port is in use.
     pub fn bind(port: u16, desk: Desk, relay: Option<Relay>) -> miette::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
             .into_diagnostic()
@@ -118,11 +118,11 @@ impl Shared {
     }
 }
 
-/// A connection that counts while it is open, also when the engine panics.
+/// Open connection. Counts from creation to drop, even if the engine panics.
 struct Open<'c>(&'c AtomicUsize);
 
 impl<'c> Open<'c> {
-    /// Counts a connection; `None` if there are as many as may be.
+    /// Counts a connection; returns `None` if the maximum is reached.
     fn below(most: usize, count: &'c AtomicUsize) -> Option<Self> {
         let open = Self(count);
         (count.fetch_add(1, Ordering::Relaxed) < most).then_some(open)

@@ -1,7 +1,7 @@
-//! An engine behind a WebSocket: requests come and answers go as text, bytes follow where the text says `"binary": true`.
+//! Engine behind a WebSocket. Requests and answers are text; binary data follows if the text contains `"binary": true`.
 //!
-//! While a solve runs, the socket is looked at between two iterations: `{"kind":"cancel"}` ends the solve, and so does a browser
-//! that goes away; other requests wait.
+//! During a solve the socket is polled between iterations. `{"kind":"cancel"}` ends the solve, and so does a closed connection;
+//! other requests wait.
 
 use super::desk::Desk;
 use rollwalk_studio::Session;
@@ -14,12 +14,12 @@ use std::ops::ControlFlow;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-/// Most bytes of a message: documents, or the solution of a long motion.
+/// Maximum size of a message, bytes: documents, or the solution of a long motion.
 const MESSAGE_MAX: usize = 32 * 1024 * 1024;
-/// Most requests that wait for a solve.
+/// Maximum number of requests that wait for a solve.
 const WAITING_MAX: usize = 64;
 
-/// Serves a browser until it goes away.
+/// Serves a browser until it disconnects.
 pub fn serve(stream: TcpStream, rest: Vec<u8>, desk: &Desk) {
     let config = WebSocketConfig::default()
         .max_message_size(Some(MESSAGE_MAX))
@@ -46,7 +46,7 @@ struct Line {
 }
 
 impl Line {
-    /// The next request and its bytes; `None` if the browser has gone, or does not keep to the protocol.
+    /// Returns the next request and its bytes; `None` if the browser has disconnected or violates the protocol.
     fn request(&mut self) -> Option<(String, Vec<u8>)> {
         let json = loop {
             match self.next()? {
@@ -74,7 +74,7 @@ impl Line {
         self.waiting.pop_front().map_or_else(|| self.socket.read().ok(), Some)
     }
 
-    /// Sends an answer; breaks off the solve if the browser wants that, or has gone.
+    /// Sends an answer. Breaks if the browser cancels the solve or has disconnected.
     fn tell(&mut self, json: &str, bytes: &[u8]) -> ControlFlow<()> {
         let mut sent = self.socket.send(Message::text(json));
         if sent.is_ok() && !bytes.is_empty() {
@@ -83,7 +83,7 @@ impl Line {
         if sent.is_err() { ControlFlow::Break(()) } else { self.look() }
     }
 
-    /// Looks at what has come, without waiting.
+    /// Reads received messages without waiting.
     fn look(&mut self) -> ControlFlow<()> {
         let waits = |line: &Self, wait: bool| line.socket.get_ref().set_nonblocking(!wait).is_ok();
         if !waits(self, false) {

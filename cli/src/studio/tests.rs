@@ -1,4 +1,4 @@
-//! The server as browsers, other sites and other programs meet it.
+//! Tests of the server with requests of browsers, other sites and other programs.
 
 mod relayed;
 
@@ -41,7 +41,7 @@ impl Running {
         TcpStream::connect(format!("127.0.0.1:{}", self.port)).unwrap()
     }
 
-    /// The whole answer to some bytes.
+    /// Sends bytes and returns the complete answer.
     fn say(&self, bytes: &[u8]) -> String {
         let mut stream = self.connect();
         // A server that has heard enough may hang up before all is said.
@@ -51,7 +51,7 @@ impl Running {
         String::from_utf8_lossy(&answer).into_owned()
     }
 
-    /// Status of a request with these fields.
+    /// Returns the status of a request with these fields.
     fn status(&self, line: &str, fields: &[&str]) -> u16 {
         let answer =
             self.say(format!("{line} HTTP/1.1\r\n{}\r\n\r\n", fields.join("\r\n")).as_bytes());
@@ -83,7 +83,7 @@ impl Running {
     }
 }
 
-/// The last answer to a request, and its bytes.
+/// Returns the final answer to a request, with its bytes.
 fn ask(socket: &mut WebSocket<TcpStream>, request: Value) -> (Value, Vec<u8>) {
     socket.send(Message::text(request.to_string())).unwrap();
     answer(socket)
@@ -291,7 +291,7 @@ fn a_document_with_faults_is_opened_to_be_mended() {
     }
 }
 
-/// The README shows robot and motion files, and is none.
+/// Checks that files which are not documents are refused, such as the README, although it quotes robot and motion files.
 #[test]
 fn what_is_no_document_is_refused_with_what_would_be() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -316,7 +316,7 @@ fn libraries_for_controllers_folders_and_plans_of_unknown_motions_are_refused_wi
     for (path, words) in [
         ("pup.rwl", ["library for a controller", "the library file (TOML)"]),
         ("", ["is a folder", "hop.json"]),
-        ("plans/hop.json", ["plan of the motion `hop` of the robot `pup`", "MOTION.toml"]),
+        ("plans/hop.json", ["plan of motion `hop` of robot `pup`", "MOTION.toml"]),
     ] {
         let said = refused(at(path)).replace(['\n', ' ', '│'], "");
         assert!(words.iter().all(|word| said.contains(&word.replace(' ', ""))), "{path}: {said}");

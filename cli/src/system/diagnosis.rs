@@ -1,4 +1,4 @@
-//! Findings about a computer: which facts keep robots from working on it, and the command that mends each.
+//! Findings about a computer: obstacles to operating robots, each with the command that removes it.
 
 use crate::gamepad::device;
 use crate::picture::Tool;
@@ -9,48 +9,48 @@ use rollwalk_bus::tty::Latency;
 use rollwalk_host::doctor::{Finding, Gravity};
 use std::path::PathBuf;
 
-/// Interface that is proposed to a computer without one.
+/// Name of the interface in the advice for a computer without CAN interfaces.
 const VIRTUAL: &str = "vcan0";
 
-/// Facts about a computer that matter for robots.
+/// Facts about a computer that affect robots.
 #[derive(Clone, Debug)]
 pub struct System {
-    /// Reason for which SocketCAN cannot be used.
+    /// Reason why SocketCAN cannot be used.
     pub no_can: Option<OpenError>,
-    /// True if the kernel has virtual CAN interfaces, loaded or to be loaded; `None` where its modules are not visible.
+    /// True if the kernel has virtual CAN interfaces, loaded or available; `None` if its modules are not visible.
     pub has_vcan: Option<bool>,
     pub interfaces: Vec<Interface>,
-    /// Serial adapters and boards.
+    /// Serial adapters and serial boards.
     pub serial: Vec<SerialDevice>,
     pub user: User,
-    /// The finding about real-time priority, if it is refused.
+    /// Finding about refused real-time priority.
     pub no_priority: Option<Finding>,
-    /// Highest real-time priority of this login; `None` without a limit.
+    /// Maximum real-time priority of this login; `None` without a limit.
     pub priority_limit: Option<u32>,
     /// Names of gamepads that can be read.
     pub gamepads: Vec<String>,
-    /// A gamepad that cannot be read.
+    /// Gamepad without read permission.
     pub unreadable_gamepad: Option<PathBuf>,
-    /// Programs of others that are not installed.
+    /// Optional programs that are not installed.
     pub missing_tools: Vec<Tool>,
 }
 
-/// A serial adapter or board.
+/// Serial adapter or serial board.
 #[derive(Clone, Debug)]
 pub struct SerialDevice {
-    /// `/dev/ttyUSB0`.
+    /// Path such as `/dev/ttyUSB0`.
     pub path: String,
-    /// True if this user may read and write it.
+    /// True if this user may read and write the device.
     pub is_accessible: bool,
-    /// Name of the group that may; its number if it has none.
+    /// Name of the group with access, or its number if it has no name.
     pub group: String,
-    /// FTDI latency timer, if it has one.
+    /// FTDI latency timer; `None` for other devices.
     pub latency: Option<Latency>,
 }
 
 #[derive(Clone, Debug, Default)]
 pub struct User {
-    /// True if the user is root, who may do everything.
+    /// True if the user is root, who has all permissions.
     pub is_root: bool,
     /// Groups of this login.
     pub groups: Vec<String>,
@@ -59,18 +59,18 @@ pub struct User {
 }
 
 impl User {
-    /// Advice that gives access to the devices of a group.
+    /// Advice for getting access to the devices of a group.
     fn enter(&self, group: &str) -> String {
         let has = |groups: &[String]| groups.iter().any(|one| one == group);
         if has(&self.joined) && !has(&self.groups) {
-            format!("log in again: you are in the group `{group}`, but were not when you logged in")
+            format!("log in again, because you joined the group `{group}` after you had logged in")
         } else {
             join(group)
         }
     }
 }
 
-/// Findings in the order in which they should be mended.
+/// Findings in the order in which they should be resolved.
 pub fn diagnose(system: &System) -> Vec<Finding> {
     let parts =
         [can(system), serial_devices(system), priority(system), gamepads(system), tools(system)];
@@ -97,13 +97,16 @@ fn can(system: &System) -> Vec<Finding> {
         found.push(match system.has_vcan {
             Some(false) => finding(
                 Gravity::Note,
-                format!("{what}, and this kernel has no virtual ones (vcan)"),
-                "plug an adapter in; a robot on this computer needs none: `--bus sim`",
+                format!("{what}, and this kernel lacks virtual interfaces (vcan)"),
+                "plug in an adapter, or use `--bus sim` for a robot on this computer",
             ),
             _ => finding(
                 Gravity::Note,
                 what,
-                format!("plug an adapter in, or make a virtual one: {}", create_virtual(VIRTUAL)),
+                format!(
+                    "plug in an adapter, or make a virtual interface: {}",
+                    create_virtual(VIRTUAL)
+                ),
             ),
         });
     }
@@ -116,7 +119,8 @@ fn interface(interface: &Interface) -> Finding {
     if *is_bus_off {
         let what = format!("the CAN interface {name} is bus-off: too many of its frames failed");
         let help = format!(
-            "look after wiring, termination and bitrate, then: sudo ip link set {name} down; {set_up}"
+            "check wiring, termination and bitrate, then type sudo ip link set {name} down; \
+             {set_up}"
         );
         return finding(Gravity::Wrong, what, help);
     }
@@ -141,13 +145,15 @@ fn serial_devices(system: &System) -> Vec<Finding> {
             // Nothing to use, and nothing to mend: no tick.
             finding(
                 Gravity::Note,
-                format!("{what}; this user may use those with the group `{group}`"),
+                format!("{what}; this user may use devices with the group `{group}`"),
                 "",
             )
         } else {
             finding(
                 Gravity::Note,
-                format!("{what}; this user is not in the group `{group}`, which may use them"),
+                format!(
+                    "{what}; this user is not in the group `{group}`, which may use such devices"
+                ),
                 user.enter(group),
             )
         });
@@ -164,7 +170,7 @@ fn serial_device(device: &SerialDevice, user: &User) -> Vec<Finding> {
     }];
     if let Some(latency) = device.latency.as_ref().filter(|latency| latency.is_long()) {
         let what = format!(
-            "{path} keeps answers back for up to {} ms: poses of servos come too late",
+            "the FTDI latency timer of {path} is {} ms, so poses of servos arrive too late",
             latency.ms
         );
         found.push(finding(Gravity::Note, what, latency.shorten()));
@@ -178,7 +184,7 @@ fn priority(system: &System) -> Vec<Finding> {
         None => "this login has no limit".into(),
     };
     vec![match &system.no_priority {
-        None => fine("rollwalk gets real-time priority"),
+        None => fine("rollwalk can use real-time priority"),
         Some(Finding { gravity, what, help }) => {
             finding(*gravity, format!("{what} ({limit})"), help)
         }
@@ -188,12 +194,12 @@ fn priority(system: &System) -> Vec<Finding> {
 fn gamepads(system: &System) -> Vec<Finding> {
     let mut found = Vec::new();
     if let Some(path) = &system.unreadable_gamepad {
-        let what = format!("the gamepad {} may not be read by this user", path.display());
+        let what = format!("this user may not read the gamepad {}", path.display());
         found.push(finding(Gravity::Wrong, what, system.user.enter(device::GROUP)));
     }
     found.extend(system.gamepads.iter().map(|name| fine(format!("gamepad: {name}"))));
     if found.is_empty() {
-        found.push(finding(Gravity::Note, "no gamepad is plugged in; none is needed", ""));
+        found.push(finding(Gravity::Note, "no gamepad is plugged in; gamepads are optional", ""));
     }
     found
 }
@@ -231,7 +237,7 @@ mod tests {
         }
     }
 
-    /// A computer with nothing to mend.
+    /// Returns a computer without problems.
     fn ready() -> System {
         System {
             no_can: None,
@@ -251,7 +257,7 @@ mod tests {
         }
     }
 
-    /// The only finding that is not fine, after a change to a computer with nothing to mend.
+    /// Returns the only problem after a change to a computer without problems.
     fn after(change: impl FnOnce(&mut System)) -> Finding {
         let mut system = ready();
         change(&mut system);
@@ -278,7 +284,7 @@ mod tests {
                 "the kernel has SocketCAN",
                 "the CAN interface can0 is up at 500000 bit/s",
                 "/dev/ttyUSB0 can be read and written",
-                "rollwalk gets real-time priority",
+                "rollwalk can use real-time priority",
                 "gamepad: Xbox Wireless Controller",
             ]
         );
@@ -307,7 +313,7 @@ mod tests {
         assert_is(&vcan(Some(true)), Gravity::Note, "no CAN interface", command);
         assert_is(&vcan(None), Gravity::Note, "no CAN interface", command);
         let finding = vcan(Some(false));
-        assert_is(&finding, Gravity::Note, "no virtual ones", "--bus sim");
+        assert_is(&finding, Gravity::Note, "lacks virtual interfaces", "--bus sim");
         assert!(!finding.help.contains("modprobe"), "{finding:?}");
     }
 
@@ -348,7 +354,12 @@ mod tests {
             "sudo usermod -aG uucp $USER",
         );
         let finding = refused("dialout", &["dialout"]);
-        assert_is(&finding, Gravity::Wrong, what, "log in again: you are in the group `dialout`");
+        assert_is(
+            &finding,
+            Gravity::Wrong,
+            what,
+            "log in again, because you joined the group `dialout`",
+        );
     }
 
     #[test]

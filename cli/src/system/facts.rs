@@ -1,5 +1,5 @@
-//! The facts about this computer, from the kernel's files and calls and from the files of users and groups. Nothing is opened
-//! that a robot might be at.
+//! Facts about this computer, from the kernel's files and calls, and from the files of users and groups. Devices that may
+//! belong to a robot are not opened.
 
 use super::diagnosis::{SerialDevice, System, User};
 use super::priority_note;
@@ -30,12 +30,12 @@ pub fn gather() -> System {
     }
 }
 
-/// A file; empty if it cannot be read.
+/// Reads a text file; empty if it cannot be read.
 fn text(path: impl AsRef<Path>) -> String {
     fs::read_to_string(path).unwrap_or_default()
 }
 
-/// True if the kernel has virtual CAN interfaces, built in, loaded or to be loaded; `None` if its modules are not visible.
+/// True if the kernel has virtual CAN interfaces, built in, loaded or available; `None` if its modules are not visible.
 fn has_vcan() -> Option<bool> {
     if Path::new("/sys/module/vcan").exists() {
         return Some(true);
@@ -76,7 +76,7 @@ fn user(groups: &Groups) -> User {
     }
 }
 
-/// Numbers of a line of `/proc/self/status`.
+/// Numbers in a line of `/proc/self/status`.
 fn numbers(status: &str, key: &str) -> Vec<u32> {
     let line = status.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default();
     line.split_whitespace().filter_map(|word| word.parse().ok()).collect()
@@ -89,13 +89,13 @@ fn user_name(passwd: &str, uid: u32) -> Option<String> {
     Some(user[0].to_owned())
 }
 
-/// The highest real-time priority in `/proc/self/limits`; `None` without a limit.
+/// Maximum real-time priority in `/proc/self/limits`; `None` without a limit.
 fn priority_limit(limits: &str) -> Option<u32> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max realtime priority"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// `/etc/group`.
+/// Content of `/etc/group`.
 struct Groups(String);
 
 impl Groups {
@@ -103,7 +103,7 @@ impl Groups {
         Self(text("/etc/group"))
     }
 
-    /// Name, number and members of each.
+    /// Name, number and members of each group.
     fn all(&self) -> impl Iterator<Item = (&str, u32, &str)> {
         self.0.lines().filter_map(|line| {
             let mut fields = line.split(':');
@@ -112,7 +112,7 @@ impl Groups {
         })
     }
 
-    /// Name of a group; its number if it has none.
+    /// Name of a group, or its number if it has no name.
     fn name(&self, gid: u32) -> String {
         let found = self.all().find(|&(_, number, _)| number == gid);
         found.map_or_else(|| gid.to_string(), |(name, ..)| name.to_owned())

@@ -1,4 +1,4 @@
-//! Choices of a solve, on the command line and in problem files.
+//! Solver choices, as command-line options and as fields of problem files.
 
 use rollwalk_planner::start::{Start, WarmStart};
 use rollwalk_planner::{Method, Options};
@@ -9,16 +9,16 @@ use std::num::NonZeroU32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StartChoice {
-    /// Chosen for the motion; several starting points at once if there are cores for them (default)
+    /// Chosen automatically for the motion; several starting points in parallel if there are several cores (default)
     #[default]
     Auto,
-    /// Standing, carried along the way to the goal
+    /// Standing pose, moved along the path to the goal
     Standing,
-    /// Standing with a smooth random swing of every joint
+    /// Standing pose with a smooth random oscillation of every joint
     Sinusoid,
-    /// The plan of the same motion with half the samples
+    /// Plan of the same motion with half the samples
     Coarse,
-    /// The thesis's warm start: stand, sway, step in place
+    /// Warm start of the thesis: stand, sway, step in place
     Warm,
 }
 
@@ -38,10 +38,10 @@ impl From<StartChoice> for Start {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MethodChoice {
-    /// Gauss-Newton with multipliers (default)
+    /// Gauss-Newton with Lagrange multipliers (default)
     #[default]
     GaussNewton,
-    /// Thesis: Newton with a penalty of 10000, without the second derivatives of consistency constraints
+    /// Thesis: Newton with a penalty of 10000, without second derivatives of the consistency constraints
     NewtonFiltered,
     /// Thesis: Newton with a penalty of 10000 and the true Hessian
     NewtonTrue,
@@ -60,24 +60,24 @@ impl From<MethodChoice> for Method {
     }
 }
 
-/// Everything that can be chosen about a solve.
+/// Choices of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choices {
     /// Starting point.
     pub start: StartChoice,
-    /// Seed of everything random in the start.
+    /// Seed of the random numbers of the starting point.
     pub seed: u64,
     /// Optimisation method.
     pub method: MethodChoice,
-    /// Most iterations of each start.
+    /// Maximum number of iterations of each starting point.
     pub iterations: NonZeroU32,
-    /// True if the samples stay those of the motion file.
+    /// True if the number of samples in the motion file must not be changed.
     #[serde(default)]
     pub samples_fixed: bool,
 }
 
-/// Most iterations of a solve that does not say otherwise.
+/// Maximum number of iterations of a solve that does not set one.
 pub fn default_iterations() -> NonZeroU32 {
     let usual = Options::default().settings.iterations;
     u32::try_from(usual).ok().and_then(NonZeroU32::new).unwrap_or(NonZeroU32::MAX)

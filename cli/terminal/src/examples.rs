@@ -1,7 +1,7 @@
-//! Examples in help texts, for the tests of programs: each must be a command line that the program understands.
+//! Examples in help texts. Tests parse each of them with the program's own command line.
 
-/// The commands of a help text: what follows two blanks or a `#` explains, what follows a `|`, `<` or `>` is the
-/// shell's.
+/// Extracts the command lines of a help text, without explanations (after two blanks or `#`) and without pipes and
+/// redirections.
 fn commands(help: &str) -> Vec<Vec<String>> {
     let help: String = help.split("\\\n").map(|part| part.trim_start_matches(' ')).collect();
     let lines = help.lines().filter_map(|line| line.strip_prefix("  "));
@@ -26,21 +26,22 @@ fn words(line: &str) -> Vec<String> {
     words
 }
 
-/// Help texts of a command and of those below it.
+/// Collects the help texts of a command and its subcommands.
 fn helps(command: &clap::Command, into: &mut Vec<String>) {
     into.extend(command.get_after_long_help().map(ToString::to_string));
     command.get_subcommands().for_each(|below| helps(below, into));
 }
 
-/// Examples in the help texts of a command and of those below it.
+/// Returns the examples in the help texts of a command and its subcommands, as lists of words.
 pub fn of(command: &clap::Command) -> Vec<Vec<String>> {
     let mut texts = Vec::new();
     helps(command, &mut texts);
     texts.iter().flat_map(|text| commands(text)).collect()
 }
 
-/// Commands below `command`, which users begin with the words `typed`, that have no example in their help or in that of the
-/// command that they are a part of.
+/// Returns the subcommands of `command` without an example, neither in their own help nor in the help of their parent.
+///
+/// `typed` is the command line that selects `command`.
 pub fn missing(command: &clap::Command, typed: &str) -> Vec<String> {
     without(command, typed, "")
 }

@@ -1,22 +1,22 @@
-//! Results of runs, with exit codes for scripts.
+//! Results of runs, with their exit codes for scripts.
 
 use rollwalk_planner::report::Judgement;
 use std::process::ExitCode;
 
-/// Exit codes at the end of a help text: those of every command, and `exits` of this one.
+/// Exit codes for the end of a help text: the codes that all commands share, and `exits` of this command.
 pub(crate) fn help(exits: &[Exit]) -> String {
     let has = |exit| exits.contains(&exit);
-    let done = if has(Exit::DoesNotHold) { "done; a plan holds" } else { "done" };
+    let done = if has(Exit::DoesNotHold) { "done, and every plan holds" } else { "done" };
     let mut text = format!(
         "Exit codes:\n  0    {done}\n  1    bad input, or a file that cannot be read or written\n  2    wrong command line"
     );
     for (exit, meaning) in [
         (
             Exit::DoesNotHold,
-            "a plan does not hold: the optimiser did not converge, or the motion fails as it is played",
+            "a plan does not hold: the optimiser did not converge, or the simulated motion fails",
         ),
-        (Exit::OutOfBounds, "a measured error or count exceeds its stated bound"),
-        (Exit::NotDone, "the robot refused a command, stopped, or does not answer"),
+        (Exit::OutOfBounds, "a measured error or count exceeds its limit"),
+        (Exit::NotDone, "the robot refused a command, stopped, or did not answer"),
     ] {
         if has(exit) {
             text += &format!("\n  {}    {meaning}", exit.code());
@@ -28,17 +28,17 @@ pub(crate) fn help(exits: &[Exit]) -> String {
 /// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// Done; a plan holds.
+    /// Success; a plan passed its checks.
     Ok,
     /// Bad input, or a file that cannot be read or written.
     BadInput,
-    /// A plan does not hold: the optimiser did not converge, or a residual between the samples exceeds its tolerance.
+    /// A plan failed its checks: the optimiser did not converge, or a residual between the samples exceeds its tolerance.
     DoesNotHold,
-    /// A measured error or count exceeds its stated bound, such as a rule of the fault campaign.
+    /// A measured error or count exceeds its limit, such as a rule of the fault campaign.
     OutOfBounds,
-    /// The robot refused, stopped, or does not answer.
+    /// The robot refused, stopped or did not answer.
     NotDone,
-    /// Interrupted: Ctrl-C, SIGTERM, SIGHUP.
+    /// Interrupted by Ctrl-C, SIGTERM or SIGHUP.
     Interrupted,
 }
 

@@ -1,4 +1,4 @@
-//! Files that installations generate from a command line: manual pages, and completions of shells.
+//! Files generated from a command line for installation: manual pages and shell completions.
 
 use crate::{files, output};
 use clap::Command;
@@ -6,10 +6,10 @@ use std::path::Path;
 
 pub use clap_complete::Shell;
 
-/// Writes the manual pages of a program and its subcommands into a folder, which is made if it is missing.
+/// Writes the manual pages of a program and its subcommands into a folder, which is created if it is missing.
 ///
 /// # Errors
-/// The folder cannot be written to.
+/// Returns an error if the folder cannot be written to.
 pub fn manual(program: Command, folder: &Path) -> miette::Result<()> {
     files::make_folder(folder)?;
     clap_mangen::generate_to(program, folder)
@@ -17,10 +17,10 @@ pub fn manual(program: Command, folder: &Path) -> miette::Result<()> {
     Ok(())
 }
 
-/// Prints the script with which a shell completes the words of a program.
+/// Prints the completion script of a program for a shell.
 ///
 /// # Errors
-/// Standard output is closed.
+/// Returns an error if standard output is closed.
 pub fn completions(program: &mut Command, shell: Shell) -> miette::Result<()> {
     let name = program.get_name().to_owned();
     let mut script = Vec::new();

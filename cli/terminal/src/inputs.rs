@@ -1,7 +1,7 @@
-//! Input files to validated values, with one hint for each kind of file.
+//! Reading and validation of input files, with a hint for each kind of file.
 //!
-//! Motion and library files name other files relative to themselves. They come from the disk or from
-//! the binary, which carries the shipped robots and motions so that the demo runs in any folder.
+//! Motion and library files contain paths relative to themselves. Files come from the disk or from the program itself, which
+//! contains the shipped robots and motions, so that the demo runs in any folder.
 
 use crate::files::{self, Named};
 use crate::kind::Kind;
@@ -26,24 +26,24 @@ use std::sync::Arc;
 /// Source of input files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The file system; where it has nothing at a path, the shipped file of that path ([`files`]).
+    /// File system. If no file exists at a path, the shipped file of that path is read ([`files`]).
     Disk,
-    /// The files inside the binary, by their path in the checkout.
+    /// Files inside the program, by their path in the checkout.
     Shipped,
 }
 
-/// The text of a file.
+/// Text of a file, with its name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextFile {
     /// Name of the file in messages.
     pub path: String,
-    /// Content of the file; problem files have a string for each line, so that people can read them.
+    /// Content of the file. Problem files store an array of lines, for readability.
     #[serde(rename = "lines", with = "lines")]
     pub text: String,
 }
 
-/// Texts as lists of lines.
+/// Serialisation of texts as arrays of lines.
 mod lines {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -56,17 +56,17 @@ mod lines {
     }
 }
 
-/// The texts of a motion file and the robot file that it names.
+/// Texts of a motion file and of the robot file that it names.
 pub struct MotionTexts {
     pub motion: TextFile,
     pub robot: TextFile,
 }
 
 impl MotionTexts {
-    /// Reads and validates both.
+    /// Parses and validates both files.
     ///
     /// # Errors
-    /// Everything that is wrong in one of them.
+    /// Returns all mistakes in the robot file, or else all mistakes in the motion file.
     pub fn parse(&self) -> miette::Result<(Robot, Motion)> {
         let robot = robot(&self.robot)?;
         let TextFile { path, text } = &self.motion;
@@ -76,12 +76,12 @@ impl MotionTexts {
     }
 }
 
-/// Reads and validates the text of a robot file.
+/// Parses and validates the text of a robot file.
 fn robot(TextFile { path, text }: &TextFile) -> miette::Result<Robot> {
     Robot::from_toml(path, text).map_err(Kind::Robot.explain(Path::new(path), text))
 }
 
-/// A library file with everything that it names.
+/// Library file with all files that it names.
 pub struct Library {
     /// The robot of the library.
     pub robot: Robot,
@@ -105,7 +105,7 @@ impl Library {
     }
 }
 
-/// The files that a library file names.
+/// Reader of the files that a library file names.
 struct Beside<'l> {
     source: Source,
     path: &'l Path,
@@ -162,42 +162,42 @@ impl Source {
     /// Reads and validates a robot file.
     ///
     /// # Errors
-    /// The file is missing, or everything that is wrong in it.
+    /// Returns an error if the file is missing, or all mistakes in it.
     pub fn robot(self, path: &Path) -> miette::Result<Robot> {
         Ok(self.robot_and_text(path)?.0)
     }
 
-    /// Reads and validates a robot file; its text comes, too.
+    /// Reads and validates a robot file, and returns its text, too.
     ///
     /// # Errors
-    /// As [`robot`](Self::robot).
+    /// Returns the errors of [`robot`](Self::robot).
     pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
         let text = self.text(path, Named::ByUser, Kind::Robot)?;
         Ok((robot(&text)?, text))
     }
 
-    /// Reads and validates a robot file, with the parts of every link.
+    /// Reads and validates a robot file, and returns the solids of every link, too.
     ///
     /// # Errors
-    /// As [`robot`](Self::robot).
+    /// Returns the errors of [`robot`](Self::robot).
     pub fn robot_and_parts(self, path: &Path) -> miette::Result<(Robot, Vec<Vec<Solid>>)> {
         let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Robot)?;
         let explain = Kind::Robot.explain(Path::new(&name), &text);
         Robot::with_parts_from_toml(&name, &text).map_err(explain)
     }
 
-    /// Reads and validates a motion file and the robot that it names.
+    /// Reads and validates a motion file and the robot file that it names.
     ///
     /// # Errors
-    /// A file is missing, or everything that is wrong in it.
+    /// Returns an error if a file is missing, or all mistakes in the first file that has any.
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
         self.beside_motion(self.text(path, Named::ByUser, Kind::Motion)?)?.parse()
     }
 
-    /// A motion file's text with that of the robot file that it names.
+    /// Reads the robot file that a motion file names, and returns both texts.
     ///
     /// # Errors
-    /// The motion file names no robot file, or that is missing.
+    /// Returns an error if the motion file does not name a robot file, or if the robot file is missing.
     pub fn beside_motion(self, motion: TextFile) -> miette::Result<MotionTexts> {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
@@ -210,7 +210,7 @@ impl Source {
     /// Reads and validates a library file, its robot and its motions.
     ///
     /// # Errors
-    /// A file is missing, or everything that is wrong in it, or motions that do not fit together.
+    /// Returns an error if a file is missing or has mistakes, or if the motions do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
         let text = self.text(path, Named::ByUser, Kind::Library)?;
         let mut beside = Beside { source: self, path, text: &text.text, robot: None };
@@ -223,12 +223,12 @@ impl Source {
     /// Reads and validates a design file, its robot and its motions.
     ///
     /// # Errors
-    /// A file is missing, or everything that is wrong in it, or parameters that do not fit the robot.
+    /// Returns an error if a file is missing or has mistakes, or if a parameter does not fit the robot.
     pub fn design(self, path: &Path) -> miette::Result<Designed> {
         Ok(self.design_and_texts(path, Named::ByUser)?.0)
     }
 
-    /// Reads and validates a design file with what it names; the texts of all come, too.
+    /// Reads and validates a design file and the files that it names. Returns the texts of all of them, too.
     fn design_and_texts(
         self,
         path: &Path,
@@ -250,10 +250,11 @@ impl Source {
         Ok((Designed::new(&design.into(), robot, motions).map_err(Report::new)?, texts))
     }
 
-    /// Reads and validates a sweep file with what it names, and a catalogue; also all texts, from which a digest can be made.
+    /// Reads and validates a sweep file, the files that it names, and a servo catalogue. Returns all texts, too, from which
+    /// callers compute a digest.
     ///
     /// # Errors
-    /// A file is missing, or everything that is wrong in it, or axes that do not fit.
+    /// Returns an error if a file is missing or has mistakes, or if an axis does not fit.
     pub fn sweep(self, path: &Path, servos: Option<&Path>) -> miette::Result<(Ready, Vec<String>)> {
         let file = self.text(path, Named::ByUser, Kind::Sweep)?;
         let sweep = Sweep::from_toml(&file.path, &file.text)
@@ -286,10 +287,10 @@ impl Source {
         Ok((ready, texts))
     }
 
-    /// Reads and validates a catalogue of servos.
+    /// Reads and validates a servo catalogue.
     ///
     /// # Errors
-    /// The file is missing, or everything that is wrong in it.
+    /// Returns an error if the file is missing, or all mistakes in it.
     pub fn catalog(self, path: &Path) -> miette::Result<Catalog> {
         let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Servos)?;
         Catalog::from_toml(&name, &text).map_err(Kind::Servos.explain(path, &text))
@@ -298,7 +299,7 @@ impl Source {
     /// Reads and validates a terrain file.
     ///
     /// # Errors
-    /// The file is missing, or everything that is wrong in it.
+    /// Returns an error if the file is missing, or all mistakes in it.
     pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
         let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Terrain)?;
         ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
@@ -309,7 +310,7 @@ impl Source {
             Source::Disk => text(path, named, |_| kind),
             Source::Shipped => {
                 let text = shipped::text(path);
-                let missing = || miette!("the binary carries no {kind} called {}", path.display());
+                let missing = || miette!("rollwalk ships no {kind} named {}", path.display());
                 Ok(TextFile::new(path, text.ok_or_else(missing)?.to_owned()))
             }
         }
@@ -333,10 +334,10 @@ fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::R
     Ok(TextFile::new(path, text))
 }
 
-/// The text of a motion file or of a problem file.
+/// Reads the text of a motion file or a problem file.
 ///
 /// # Errors
-/// The file is missing, too large or no text.
+/// Returns an error if the file is missing, too large or not text.
 pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
     text(path, Named::ByUser, Kind::of_motion_or_problem)
 }
@@ -344,33 +345,33 @@ pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
 /// Reads and validates a plan.
 ///
 /// # Errors
-/// The file is missing or is not a plan that this version reads.
+/// Returns an error if the file is missing, or is not a plan that this version can read.
 pub fn plan(path: &Path) -> miette::Result<Plan> {
     let TextFile { path: name, text } = plan_text(path)?;
     Plan::from_json(&name, &text).map_err(Kind::Plan.explain(path, &text))
 }
 
-/// The text of a plan.
+/// Reads the text of a plan.
 ///
 /// # Errors
-/// The file is missing, too large or no text.
+/// Returns an error if the file is missing, too large or not text.
 pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
     text(path, Named::ByUser, |_| Kind::Plan)
 }
 
-/// The number of an option, within a range.
+/// Parses the numeric value of an option.
 ///
 /// # Errors
-/// It is no number, or not in the range.
+/// Returns an error if the text is not a number or is outside `range`.
 pub fn number_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    let value: f64 = text.parse().map_err(|_| "is not a number".to_owned())?;
     match range.contains(&value) {
         true => Ok(value),
         false => Err(format!("must be from {} to {}", range.start(), range.end())),
     }
 }
 
-/// The path of a file that `path` names relative to itself, without `x/..` detours.
+/// Resolves a path that the file at `path` contains relative to itself, without `x/..` detours.
 pub fn beside(path: &Path, named: &str) -> PathBuf {
     let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
     for part in Path::new(named).components() {

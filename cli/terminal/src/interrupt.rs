@@ -1,5 +1,5 @@
-//! The request to end, as a value that a solve can look at between two iterations: Ctrl-C, SIGTERM (`kill`, `timeout`, a
-//! service that is stopped) and SIGHUP (a terminal that is closed).
+//! Requests to end the program: Ctrl-C, SIGTERM (`kill`, `timeout`, a stopped service) and SIGHUP (a closed terminal). The
+//! solver polls the request between iterations.
 
 use crate::output;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -10,13 +10,13 @@ use std::sync::{Arc, LazyLock, Once};
 static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static LISTENING: Once = Once::new();
 
-/// Installs the signal handler: the first signal requests an orderly end, which the running command polls; a second signal
+/// Installs the signal handler. The first signal requests an orderly end, which the running command polls; a second signal
 /// kills the process.
 pub fn listen() {
     LISTENING.call_once(install);
 }
 
-/// Requests the end, as a signal does: of what else runs in this program.
+/// Requests an orderly end from another thread of this program, as a signal does.
 pub fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
 }
@@ -28,12 +28,15 @@ fn install() {
         let installed = flag::register_conditional_shutdown(signal, 130, requested())
             .and_then(|_| flag::register(signal, requested()));
         if let Err(error) = installed {
-            output::say(format_args!("signal {signal} will end the process at once: {error}"));
+            output::say(format_args!(
+                "cannot handle signal {signal}, which will therefore end the \
+                process at once: {error}"
+            ));
         }
     }
 }
 
-/// SIGHUP, unless it is ignored: `nohup` lets a program outlive its terminal.
+/// SIGHUP, or `None` if it is ignored: `nohup` lets a program outlive its terminal.
 #[cfg(target_os = "linux")]
 fn hang_up() -> Option<i32> {
     use signal_hook::consts::SIGHUP;
@@ -43,13 +46,13 @@ fn hang_up() -> Option<i32> {
     (ignored >> (SIGHUP - 1) & 1 == 0).then_some(SIGHUP)
 }
 
-/// Returns `None`: other systems do not report whether it is ignored.
+/// Returns `None`, because other systems do not report whether SIGHUP is ignored.
 #[cfg(not(target_os = "linux"))]
 fn hang_up() -> Option<i32> {
     None
 }
 
-/// True if the end was requested since [`listen`].
+/// True if an end was requested since [`listen`].
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

@@ -1,4 +1,4 @@
-//! Key files: the secret that a robot shares with its hosts, made and read ([`key_file`] is what they look like).
+//! Link keys: the secret that a robot shares with its hosts. [`key_file`] is the file format.
 
 use crate::kind::Kind;
 use crate::{files, output};
@@ -8,10 +8,10 @@ use rollwalk_host::key_file;
 use rollwalk_protocol::wire::authentication::LinkKey;
 use std::path::Path;
 
-/// Makes a file with a new link key.
+/// Creates a file with a new link key.
 ///
 /// # Errors
-/// The file exists, or cannot be written.
+/// Returns an error if the file exists or cannot be written.
 pub fn new_link_key(path: &Path) -> miette::Result<()> {
     files::write_secret(path, &key_file::text(&random()?))
 }
@@ -19,12 +19,12 @@ pub fn new_link_key(path: &Path) -> miette::Result<()> {
 /// Reads a link key.
 ///
 /// # Errors
-/// The file cannot be read, or holds no link key.
+/// Returns an error if the file cannot be read or does not contain a link key.
 pub fn link_key(path: &Path) -> miette::Result<LinkKey> {
     let text = files::read_text(path, Kind::LinkKey)?;
     let key = key_file::parse(&text).ok_or_else(|| {
         miette!(
-            help = "`rollwalk keys new FILE` makes one",
+            help = "make a link key with `rollwalk keys new FILE`",
             "{} {}",
             path.display(),
             key_file::refusal()
@@ -34,32 +34,33 @@ pub fn link_key(path: &Path) -> miette::Result<LinkKey> {
     Ok(LinkKey::new(&key))
 }
 
-/// Reads a link key for sessions.
+/// Reads a link key and draws a nonce, for a session.
 ///
 /// # Errors
-/// As [`link_key`], or the operating system has no random numbers.
+/// Returns the errors of [`link_key`], and an error if the operating system provides no random numbers.
 pub fn credentials(path: &Path) -> miette::Result<Credentials> {
     Ok(Credentials { key: link_key(path)?, nonce: u64::from_le_bytes(random()?) })
 }
 
-/// Random bytes of the operating system.
+/// Returns random bytes from the operating system.
 ///
 /// # Errors
-/// It has none.
+/// Returns an error if the operating system provides none.
 pub fn random<const N: usize>() -> miette::Result<[u8; N]> {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes)
         .into_diagnostic()
-        .wrap_err("the operating system gave no random numbers")?;
+        .wrap_err("the operating system returned no random numbers")?;
     Ok(bytes)
 }
 
-/// Says that a file with a secret can be read by others.
+/// Warns if other users can read a file that contains a secret.
 pub fn warn_if_readable_by_others(path: &Path) {
     if key_file::is_open_to_others(path) {
         let path = path.display();
         output::say(format_args!(
-            "other users of this computer can read the key in {path}: chmod 600 {path}"
+            "other users of this computer can read the key in {path}; to prevent that, type chmod \
+             600 {path}"
         ));
     }
 }
@@ -97,7 +98,7 @@ mod tests {
         fs::write(&path, "x").unwrap();
         let error = link_key(&path).unwrap_err().to_string();
         assert!(
-            error.contains("x is no link key: that is one line, `rollwalk-link-key-1`"),
+            error.contains("x is not a link key; expected one line with `rollwalk-link-key-1`"),
             "{error}"
         );
     }

@@ -1,5 +1,5 @@
-//! The kinds of files that are read: their names, their bounds, and what a text is. Giving one kind where another belongs
-//! is an easy slip, and deserves better than a list of unknown keys.
+//! Kinds of input files: their names, size limits and detection. A file of the wrong kind is reported as such, not by a list of
+//! unknown keys.
 
 use miette::{Diagnostic, Report, miette};
 use rollwalk_multibody::ground::file as terrain;
@@ -9,41 +9,41 @@ use std::fmt;
 use std::path::Path;
 use toml_edit::Document;
 
-/// Word in the field `format` of problem files.
+/// Value of the field `format` in problem files.
 pub const PROBLEM_FORMAT: &str = "rollwalk-problem";
 
-/// The kinds of files that commands read.
+/// Kinds of files that commands read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Robot,
     Motion,
     Library,
     Design,
-    /// A catalogue of servos.
+    /// Servo catalogue.
     Servos,
     /// A sweep over designs.
     Sweep,
     Plan,
     Problem,
-    /// A URDF, or an MJCF model.
+    /// URDF or MJCF model.
     Urdf,
-    /// A side file of a URDF.
+    /// Side file of a URDF or MJCF model.
     Side,
-    /// A mapping of a gamepad.
+    /// Gamepad mapping.
     Gamepad,
     Terrain,
-    /// A log of the simulated world.
+    /// Log of the simulated world.
     WorldLog,
-    /// A recorded run: a table, telemetry, or a log of buses.
+    /// Recorded run: a table, telemetry, or a bus log.
     Run,
     Packed,
-    /// Names of a library's motions, in the user's cache.
+    /// Cached motion names of a library.
     Names,
-    /// The secret of a robot and its hosts.
+    /// Secret that a robot shares with its hosts.
     LinkKey,
-    /// The half of a key pair that signs libraries.
+    /// Private key that signs libraries.
     PrivateKey,
-    /// The half of a key pair that controllers have.
+    /// Public key that controllers store to verify libraries.
     PublicKey,
 }
 
@@ -55,7 +55,7 @@ impl fmt::Display for Kind {
             Self::Motion => "motion file (TOML)",
             Self::Library => "library file (TOML)",
             Self::Design => "design file (TOML)",
-            Self::Servos => "catalogue of servos (TOML)",
+            Self::Servos => "servo catalogue (TOML)",
             Self::Sweep => "sweep file (TOML)",
             Self::Plan => "plan (JSON)",
             Self::Problem => "problem file (JSON)",
@@ -63,8 +63,8 @@ impl fmt::Display for Kind {
             Self::Side => "side file (TOML)",
             Self::Gamepad => "gamepad mapping (TOML)",
             Self::Terrain => "terrain file (TOML)",
-            Self::WorldLog => "log of a world (CSV)",
-            Self::Run => "recorded run (CSV, MCAP, or a log of candump)",
+            Self::WorldLog => "world log (CSV)",
+            Self::Run => "recorded run (CSV, MCAP or candump log)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
             Self::LinkKey => "link key",
@@ -75,7 +75,7 @@ impl fmt::Display for Kind {
 }
 
 impl Kind {
-    /// Kind of a text, by words that only one kind has.
+    /// Detects the kind of a text by strings that only one kind contains.
     pub fn of(text: &str) -> Option<Self> {
         if text.trim_start().starts_with('{') {
             // A problem may carry a plan; the quotes of that are escaped.
@@ -99,12 +99,12 @@ impl Kind {
         mark.or_else(|| is_terrain().then_some(Self::Terrain))
     }
 
-    /// True if a text that can be a motion or a problem is meant to be a problem.
+    /// True if a text, given as a motion or a problem, is a problem.
     pub fn is_problem(text: &str) -> bool {
         text.trim_start().starts_with('{') && Self::of(text) != Some(Self::Plan)
     }
 
-    /// Most bytes of such a file; the bounds are a hundred times what robots need.
+    /// Maximum size of a file of this kind, bytes; about a hundred times what robots need.
     pub fn max_bytes(self) -> u64 {
         match self {
             Self::Robot
@@ -132,32 +132,38 @@ impl Kind {
     pub fn hint(self) -> &'static str {
         match self {
             Self::Robot => "give the path of a robot file, such as robots/agilebot.toml",
-            Self::Motion => "docs/motion-files.md shows how to write one",
-            Self::Library => "give the path of a library file; docs/motion-files.md describes them",
-            Self::Design => "docs/design.md shows how to write one",
-            Self::Servos => {
-                "leave --servos out for the catalogue that ships; docs/design.md has the format"
+            Self::Motion => "write a motion file as docs/motion-files.md describes",
+            Self::Library => {
+                "give the path of a library file; docs/motion-files.md describes library files"
             }
-            Self::Sweep => "docs/design.md shows how to write one",
+            Self::Design => "write such a file as docs/design.md describes",
+            Self::Servos => {
+                "leave out --servos to use the shipped catalogue; docs/design.md describes the \
+                 format"
+            }
+            Self::Sweep => "write such a file as docs/design.md describes",
             Self::Plan => "make one with `rollwalk plan MOTION.toml -o PLAN.json`",
             Self::Problem => {
                 "make one with `rollwalk plan MOTION.toml -o PLAN.json --dump PROBLEM.json`"
             }
             Self::Urdf => "give the path of a URDF file",
             Self::Side => "make one with `rollwalk robot import ROBOT.urdf --template SIDE.toml`",
-            Self::Gamepad => "docs/gamepad.md shows how to write one",
-            Self::Terrain => "docs/terrain-files.md shows how to write one",
+            Self::Gamepad => "write a gamepad mapping as docs/gamepad.md describes",
+            Self::Terrain => "write a terrain file as docs/terrain-files.md describes",
             Self::WorldLog => "make one with `rollwalk simulate PLAN --world-log RUN.csv`",
-            Self::Run => "docs/identification.md says how to record one",
+            Self::Run => "record a run as docs/identification.md describes",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
-            Self::Names => "every build and flash of a library makes one",
+            Self::Names => "build or flash the library again, which writes this list",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
             Self::PrivateKey => "make one with `rollwalk keys new-pair KEY.pem`",
-            Self::PublicKey => "`rollwalk keys new-pair KEY.pem` makes one, KEY.pub.pem",
+            Self::PublicKey => {
+                "make a key pair with `rollwalk keys new-pair KEY.pem`; the public \
+                key is KEY.pub.pem"
+            }
         }
     }
 
-    /// The kind of a text where a motion or a problem may be given, by its beginning.
+    /// Kind of a text that is either a motion or a problem, from its first bytes.
     pub fn of_motion_or_problem(start: &[u8]) -> Self {
         let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
         if first == Some(&b'{') { Self::Problem } else { Self::Motion }
@@ -169,7 +175,7 @@ impl Kind {
             Self::Motion => "a motion file",
             Self::Library => "a library file",
             Self::Design => "a design file",
-            Self::Servos => "a catalogue of servos",
+            Self::Servos => "a servo catalogue",
             Self::Sweep => "a sweep file",
             Self::Plan => "a plan",
             Self::Problem => "a problem file",
@@ -177,7 +183,7 @@ impl Kind {
             Self::Side => "a side file",
             Self::Gamepad => "a gamepad mapping",
             Self::Terrain => "a terrain file",
-            Self::WorldLog => "a log of a world",
+            Self::WorldLog => "a world log",
             Self::Run => "a recorded run",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
@@ -190,35 +196,43 @@ impl Kind {
     fn use_for(self) -> &'static str {
         match self {
             Self::Robot => {
-                "`rollwalk robot check` reads it; motion and library files name it as `robot`"
+                "use a robot file with `rollwalk robot check`, or as `robot` in motion and library \
+                 files"
             }
-            Self::Motion => "`rollwalk plan` reads it; library files name it in [[motion]]",
-            Self::Library => "`rollwalk library build` and `rollwalk demo --library` read it",
-            Self::Design => "`rollwalk design check` reads it",
-            Self::Servos => "`rollwalk design limits --servos` reads it",
-            Self::Sweep => "`rollwalk design explore` reads it",
-            Self::Plan => "`rollwalk report`, `plot` and `export` read it",
-            Self::Problem => "`rollwalk plan` solves it again",
-            Self::Urdf => "`rollwalk robot import` makes a robot file of it",
-            Self::Side => "`rollwalk robot import --with` reads it",
-            Self::Gamepad => "`rollwalk console --mapping` reads it",
+            Self::Motion => {
+                "use a motion file with `rollwalk plan`, or in [[motion]] of a library file"
+            }
+            Self::Library => {
+                "use a library file with `rollwalk library build` or `rollwalk demo --library`"
+            }
+            Self::Design => "use a design file with `rollwalk design check`",
+            Self::Servos => "use a servo catalogue with `rollwalk design limits --servos`",
+            Self::Sweep => "use a sweep file with `rollwalk design explore`",
+            Self::Plan => "use a plan with `rollwalk report`, `plot` or `export`",
+            Self::Problem => "solve a problem file again with `rollwalk plan`",
+            Self::Urdf => "convert a URDF to a robot file with `rollwalk robot import`",
+            Self::Side => "use a side file with `rollwalk robot import --with`",
+            Self::Gamepad => "use a gamepad mapping with `rollwalk console --mapping`",
             Self::Terrain => {
-                "`--terrain` of `rollwalk-sim`, `rollwalk demo` and `rollwalk simulate` reads it"
+                "use a terrain file with `--terrain` of `rollwalk-sim`, `rollwalk demo` or \
+                 `rollwalk simulate`"
             }
-            Self::WorldLog => "`rollwalk plot` draws it",
-            Self::Run => "`rollwalk identify` reads it",
-            Self::Packed => "`rollwalk library inspect` and `rollwalk flash` read it",
-            Self::Names => "rollwalk keeps it for itself",
-            Self::LinkKey => "--link-key takes it",
-            Self::PrivateKey => "`rollwalk library sign --key` takes it",
-            Self::PublicKey => "`rollwalk library verify --key` takes it",
+            Self::WorldLog => "draw a world log with `rollwalk plot`",
+            Self::Run => "use a recorded run with `rollwalk identify`",
+            Self::Packed => {
+                "use a motion library with `rollwalk library inspect` or `rollwalk flash`"
+            }
+            Self::Names => "give another file: rollwalk keeps lists of names for its own use",
+            Self::LinkKey => "use a link key with --link-key",
+            Self::PrivateKey => "use a private key with `rollwalk library sign --key`",
+            Self::PublicKey => "use a public key with `rollwalk library verify --key`",
         }
     }
 
     /// Rejects a text that looks like another kind.
     ///
     /// # Errors
-    /// It does.
+    /// Returns an error if the text is recognised as another kind.
     pub fn expect(self, path: &Path, text: &str) -> miette::Result<()> {
         Self::of(text).filter(|found| *found != self).map_or(Ok(()), |found| {
             let path = path.display();
@@ -227,10 +241,11 @@ impl Kind {
         })
     }
 
-    /// Rejects a text that is none of the documents that the studio edits. A TOML file that cannot be parsed may be one.
+    /// Rejects a text that the studio cannot edit. A TOML file that cannot be parsed is accepted, because it may be a document
+    /// with a mistake.
     ///
     /// # Errors
-    /// It is something else.
+    /// Returns an error if the text is recognised as something else.
     pub fn expect_document(path: &Path, text: &str) -> miette::Result<()> {
         const DOCUMENTS: [Kind; 4] = [Kind::Robot, Kind::Motion, Kind::Library, Kind::Design];
         // Keys that only these have, also where no table has the name.
@@ -246,19 +261,19 @@ impl Kind {
             Some(kind) if !DOCUMENTS.contains(&kind) => (kind.name(), kind.use_for()),
             None if is_toml && parsed.map_or(true, is_document) => return Ok(()),
             _ => (
-                "something else",
-                "without a file, `rollwalk studio` has the robots and motions that ship",
+                "a file of another kind",
+                "open the shipped robots and motions with `rollwalk studio` without a file",
             ),
         };
         let path = path.display();
         Err(miette!(
             help = help,
-            "the studio opens robot, motion, library and design files (TOML), and {path} is {what}"
+            "{path} is {what}; the studio opens robot, motion, library and design files (TOML)"
         ))
     }
 
-    /// Turns the error of a reader of this kind into a report: that the file is of another kind, if it
-    /// looks so, else everything that is wrong in it.
+    /// Converts a parse error of this kind into a report. If the text is recognised as another kind, the report names that kind
+    /// instead.
     pub fn explain<E>(self, path: &Path, text: &str) -> impl FnOnce(E) -> Report
     where
         E: Diagnostic + Send + Sync + 'static,

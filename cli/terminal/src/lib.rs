@@ -1,7 +1,8 @@
-//! Terminal side of Rollwalk's programs: files, terminal, clock and Ctrl-C, which the other libraries must not touch.
+//! Terminal side of Rollwalk's programs. Only this crate and the programs access files, the terminal, the clock and Ctrl-C; the
+//! other libraries do not.
 //!
-//! `rollwalk`, `rollwalk-sim`, `rollwalk-bench` and `rollwalk-ros2` share the same exit codes, messages, input files and bus
-//! options. Results go to stdout, progress to stderr; a run ends with an [`Exit`].
+//! `rollwalk`, `rollwalk-sim`, `rollwalk-bench` and `rollwalk-ros2` share exit codes, messages, input files and bus options.
+//! Results are written to stdout, progress to stderr; a run ends with an [`Exit`].
 //!
 //! | modules | content |
 //! |---|---|
@@ -32,7 +33,7 @@ pub use exit::Exit;
 
 use std::process::ExitCode;
 
-/// Reports a failed run and converts its end into the exit code for the shell.
+/// Prints the report of a failed run, and converts the outcome to the exit code of the process.
 pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     match outcome {
         Ok(exit) => exit.into(),
@@ -48,11 +49,11 @@ pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     }
 }
 
-/// Command line with exit codes at the end of every long help, and negative numbers allowed as values. `exits` returns the
-/// codes that a command can have beside 0, 1, 2 and 130, by its name with those of the commands above it; a command with
-/// subcommands has theirs.
+/// Adds exit codes to the end of every long help, and allows negative numbers as values.
 ///
-/// A negative number outside a range is then refused with the range, not as an unknown option.
+/// `exits` returns the additional codes of a command by its full name, beside 0, 1, 2 and 130. A command with subcommands lists
+/// the codes of its subcommands, too. Negative numbers are allowed so that a value outside its range is refused with the range,
+/// not as an unknown option.
 pub fn with_common_help(
     command: clap::Command,
     exits: &dyn Fn(&str) -> &'static [Exit],

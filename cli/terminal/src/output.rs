@@ -1,7 +1,6 @@
-//! Results on stdout as text or JSON, messages on stderr; ends quietly when the reader has closed the pipe.
+//! Results on stdout as text or JSON, and messages on stderr. The program ends quietly if the reader closes the pipe.
 //!
-//! All that is printed passes through here, and what a terminal would obey is written out: names in files come from
-//! others.
+//! All output passes through this module, which escapes control characters, because names in files may be untrusted.
 
 use miette::{
     Diagnostic, LabeledSpan, MietteHandlerOpts, Report, ReportHandler, Severity, SourceCode,
@@ -12,27 +11,26 @@ use std::fmt::{self, Display};
 use std::io::{self, Write};
 use thiserror::Error;
 
-/// Most characters of a line of a message.
+/// Maximum length of a line of a message, characters.
 const LINE_MAX: usize = 2000;
 
-/// The reader of our output closed it (`rollwalk ... | head`).
+/// Error if the reader of our output has closed it (`rollwalk ... | head`).
 #[derive(Debug, Error, Diagnostic)]
 #[error("the output was closed")]
 pub struct PipeClosed;
 
-/// Prints a result, followed by a line break. A reader that has seen enough (`| head`) changes nothing about it: the exit
-/// code is that of the command.
+/// Prints a result, followed by a line break. A reader that closes the pipe (`| head`) does not change the exit code.
 ///
 /// # Errors
-/// Those of the operating system.
+/// Returns an error if the operating system cannot write.
 pub fn print(text: &str) -> miette::Result<()> {
     line(text).or_else(|error| if error.is::<PipeClosed>() { Ok(()) } else { Err(error) })
 }
 
-/// Prints a line of a stream that ends with its reader.
+/// Prints a line of a stream that ends when its reader closes it.
 ///
 /// # Errors
-/// [`PipeClosed`], or an error of the operating system.
+/// Returns [`PipeClosed`], or an error of the operating system.
 pub fn line(text: &str) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
     let outcome = writeln!(stdout, "{}", ShownLines(text.trim_end())).and_then(|()| stdout.flush());
@@ -42,8 +40,7 @@ pub fn line(text: &str) -> miette::Result<()> {
     })
 }
 
-/// Prints a line on stderr and ignores that stderr is closed, which is no reason to end a run: `eprintln!` would
-/// panic.
+/// Prints a line on stderr. A closed stderr is ignored, because it is no reason to end a run; `eprintln!` would panic.
 pub fn say(text: impl Display) {
     // A failure could only be reported in the same place.
     let _ = writeln!(io::stderr().lock(), "{}", shown(text));
@@ -56,12 +53,12 @@ pub fn say_warnings(warnings: &[String]) {
     }
 }
 
-/// Prints why a run failed on stderr, with colours of ours where the terminal has them.
+/// Prints the error of a failed run on stderr, with colours if the terminal supports them.
 pub fn say_report(report: &Report) {
     let _ = writeln!(io::stderr().lock(), "{}", Reported(report));
 }
 
-/// A report as text.
+/// Adapter that formats a report as text.
 struct Reported<'r>(&'r Report);
 
 impl Display for Reported<'_> {
@@ -72,7 +69,7 @@ impl Display for Reported<'_> {
     }
 }
 
-/// A diagnostic whose words are safe to print. Its excerpt of a file is so already.
+/// Diagnostic with control characters escaped. Its source excerpt is escaped elsewhere.
 struct Plain<'d> {
     of: &'d dyn Diagnostic,
     message: String,
@@ -81,7 +78,7 @@ struct Plain<'d> {
     cause: Option<Cause>,
 }
 
-/// Cause of an error: its message, and its own cause.
+/// Cause of an error: its message, and the next cause.
 #[derive(Debug, Error)]
 #[error("{message}")]
 struct Cause {
@@ -96,7 +93,7 @@ impl Cause {
     }
 }
 
-/// A message as it is safe to print, its lines of a bounded length: they quote files of others.
+/// Escapes control characters in a message and shortens long lines, because messages quote untrusted files.
 fn shown(text: impl Display) -> String {
     let text = text.to_string();
     let cut = |line: &str| match line.char_indices().nth(LINE_MAX) {
@@ -166,14 +163,14 @@ impl Diagnostic for Plain<'_> {
 /// Prints a result as JSON.
 ///
 /// # Errors
-/// As [`print()`].
+/// Returns the errors of [`print()`].
 pub fn print_json(value: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|error| miette::miette!("cannot write JSON: {error}"))?;
     print(&text)
 }
 
-/// A number without the sign of a zero: `0.00` for `-0.00`. Other text is left as it is.
+/// Removes the minus sign of a zero, such as `-0.00`. Other text stays unchanged.
 pub fn unsigned_zero(number: String) -> String {
     let zero = number.strip_prefix('-').filter(|digits| digits.starts_with('0'));
     match zero.filter(|digits| digits.bytes().all(|byte| byte == b'0' || byte == b'.')) {
@@ -182,17 +179,17 @@ pub fn unsigned_zero(number: String) -> String {
     }
 }
 
-/// A number with so many decimals, and no minus in front of zeros.
+/// Formats a value with `DECIMALS` decimals, without a minus sign for zero.
 pub fn fixed<const DECIMALS: usize>(value: f64) -> String {
     unsigned_zero(format!("{value:.DECIMALS$}"))
 }
 
-/// A table with aligned columns: the first column to the left, numbers to the right.
+/// Table with aligned columns: the first column to the left, numbers to the right.
 pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
-/// Table from rows; the first row has the titles.
+/// Creates a table from rows; the first row contains the titles.
 impl From<Vec<Vec<String>>> for Table {
     fn from(rows: Vec<Vec<String>>) -> Self {
         Self { rows }
@@ -200,7 +197,7 @@ impl From<Vec<Vec<String>>> for Table {
 }
 
 impl Table {
-    /// A table with these column titles.
+    /// Creates a table with these column titles.
     pub fn new<const N: usize>(titles: [&str; N]) -> Self {
         Self { rows: vec![titles.map(str::to_owned).to_vec()] }
     }
@@ -209,7 +206,7 @@ impl Table {
         self.rows.push(cells.map(unsigned_zero).to_vec());
     }
 
-    /// The table as text, columns two blanks apart, a rule below the titles.
+    /// Formats the table as text, with two blanks between columns and a rule below the titles.
     pub fn render(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |column: usize| {

@@ -1,4 +1,4 @@
-//! Motion libraries from the disk, validated as a controller does, with the robot that they are for.
+//! Motion libraries from the disk, validated as on a controller, each with its robot.
 
 use crate::inputs::Source;
 use crate::kind::Kind;
@@ -10,21 +10,20 @@ use rollwalk_protocol::library::{Index, Library, Reject, SignedFile, Why, valida
 use rollwalk_robot::Robot;
 use std::path::Path;
 
-/// A validated motion library.
+/// Validated motion library.
 pub struct Packed {
-    /// The robot that it is for.
+    /// Robot of the library.
     pub robot: Robot,
-    /// The file, with its signature if it has one.
+    /// Bytes of the file, with the signature if it has one.
     pub file: Vec<u8>,
     index: Index,
 }
 
 impl Packed {
-    /// Reads a library and validates it for the robot of a robot file, or else for the one that it is for of
-    /// those that ship with rollwalk.
+    /// Reads a library and validates it for the robot of `robot`, or else for the shipped robot with its configuration.
     ///
     /// # Errors
-    /// A file is missing or wrong, or the library is for no robot that is known.
+    /// Returns an error if a file is missing or wrong, or if the robot of the library is unknown.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
         let file = files::read(path, Kind::Packed)?;
         // What a library is built from is text.
@@ -48,25 +47,26 @@ impl Packed {
             }
         }
         Err(miette!(
-            help = "give its robot file: --robot ROBOT.toml",
-            "{}: its robot is none of those that ship with rollwalk",
+            help = "give the robot file of the library: --robot ROBOT.toml",
+            "{} is for a robot that does not ship with rollwalk",
             path.display()
         ))
     }
 
-    /// Itself, if operators can tell its motions by their names.
+    /// Returns the library if its motion names are printable, distinct and not confusable.
     fn named(self, path: &Path) -> miette::Result<Self> {
-        let help = "no `rollwalk library build` makes such a library: where does it come from?";
+        let help = "build the library again with `rollwalk library build`, which refuses such \
+            names";
         match check_names(&self.library()) {
             Ok(()) => Ok(self),
             Err(fault) => Err(miette!(help = help, "{}: {fault}", path.display())),
         }
     }
 
-    /// A library that was just packed for this robot.
+    /// Validates a library that was just packed for this robot.
     ///
     /// # Errors
-    /// A controller would refuse it.
+    /// Returns an error if a controller would reject the library.
     pub fn new(robot: Robot, file: Vec<u8>) -> miette::Result<Self> {
         let index = check(&file, &robot)?.map_err(|reject| miette!("{reject}"))?;
         Ok(Self { robot, file, index })
@@ -77,7 +77,7 @@ impl Packed {
         Library::open(unsigned(&self.file), &self.index).expect("these bytes were validated")
     }
 
-    /// Names for its numbers.
+    /// Names of motions, channels and actuators of the library.
     pub fn catalog(&self) -> Catalog {
         let channels = channel_names(&self.robot);
         let catalog = Catalog::of(&self.library(), &self.robot.name, channels);
@@ -91,7 +91,7 @@ pub fn channel_names(robot: &Robot) -> Vec<String> {
     robot.channels().map(|channel| channel.name().to_owned()).collect()
 }
 
-/// Actuators of a robot and their buses; none of a robot that breaks the rules of robot files.
+/// Actuators of a robot and their buses; empty if the robot breaks the rules of robot files.
 pub fn actuators(robot: &Robot) -> Actuators {
     let models = robot.channels().map(|channel| channel.actuator().model.clone());
     let models: Vec<_> = models.collect();
@@ -104,24 +104,25 @@ pub fn actuators(robot: &Robot) -> Actuators {
     )
 }
 
-/// Report of a file that no controller would take, with what to do about it.
+/// Report of a file that a controller would reject, with the remedy.
 fn rejected(path: &Path, reject: &Reject) -> miette::Report {
     let help = match reject.why {
         Why::NotALibrary => {
-            "give a file of `rollwalk library build`; their names end in .rwl".to_owned()
+            "give a file that `rollwalk library build` wrote, such as LIB.rwl".to_owned()
         }
         Why::WrongRobot { .. } => {
             "give the robot file that the library was built for: --robot ROBOT.toml".to_owned()
         }
         _ => format!(
-            "the file is damaged or incomplete: copy it again, or build it again: rollwalk library build LIBRARY.toml -o {}",
+            "copy the damaged or incomplete file again, or build it: rollwalk library build \
+             LIBRARY.toml -o {}",
             path.display()
         ),
     };
     miette!(help = help, "{}: {reject}", path.display())
 }
 
-/// A file's library without the signature.
+/// Library of a file without the signature.
 fn unsigned(file: &[u8]) -> &[u8] {
     SignedFile::split(file).map_or(file, |signed| signed.library)
 }
@@ -130,12 +131,12 @@ fn check(file: &[u8], robot: &Robot) -> miette::Result<Result<Index, Reject>> {
     Ok(validate(unsigned(file), &robot.controller_config().into_diagnostic()?))
 }
 
-/// The shipped robot with this hash of its configuration.
+/// Shipped robot with this configuration hash.
 pub fn robot_of(config_hash: u32) -> Option<Robot> {
     Source::Shipped.robot(file_of(config_hash)?).ok()
 }
 
-/// The file of the shipped robot with this hash of its configuration.
+/// File of the shipped robot with this configuration hash.
 pub fn file_of(config_hash: u32) -> Option<&'static Path> {
     let fits = |robot: Robot| robot.controller_config().is_ok_and(|c| c.hash() == config_hash);
     shipped::robots().find(|file| Source::Shipped.robot(file).is_ok_and(fits))
@@ -153,6 +154,10 @@ mod tests {
         let report = rejected(Path::new("walk.rwl"), &reject);
         assert!(report.to_string().starts_with("walk.rwl: footer at byte 18361"), "{report}");
         let help = report.help().unwrap().to_string();
-        assert!(help.contains("copy it again") && help.ends_with("-o walk.rwl"), "{help}");
+        assert!(
+            help.contains("copy the damaged or incomplete file again")
+                && help.ends_with("-o walk.rwl"),
+            "{help}"
+        );
     }
 }

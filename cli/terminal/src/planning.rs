@@ -1,4 +1,4 @@
-//! Plans everything that a library file asks for: its motions, then the transitions between them.
+//! Planning of a library file: its motions, then the transitions between them.
 
 use crate::inputs::Library;
 use crate::progress::Watch;
@@ -17,7 +17,7 @@ use std::sync::Once;
 use std::thread;
 use std::time::Duration;
 
-/// A plan and how long it took to find.
+/// Plan with its solve time.
 pub struct Planned {
     pub plan: Plan,
     /// Wall time of the solve.
@@ -36,7 +36,7 @@ pub struct PlanOutcome<'a> {
 }
 
 impl<'a> PlanOutcome<'a> {
-    /// The outcome of a solve that took `time_s`.
+    /// Outcome of a solve that took `time_s` seconds.
     pub fn new(plan: &'a Plan, time_s: f64) -> Self {
         let &SolveSummary { status, iterations, worst_level, worst_constraint, .. } = &plan.solve;
         let motion = &plan.motion.name;
@@ -44,19 +44,19 @@ impl<'a> PlanOutcome<'a> {
     }
 }
 
-/// A transition between two motions of a library.
+/// Transition between two motions of a library.
 pub struct PlannedTransition {
-    /// Index of the motion that it leaves.
+    /// Index of the motion before the transition.
     pub from: usize,
-    /// Index of the motion that it enters.
+    /// Index of the motion after the transition.
     pub to: usize,
     pub planned: Planned,
 }
 
-/// The plans of a library, in its order.
+/// Plans of a library, in the order of the file.
 pub struct Plans {
     pub motions: Vec<Planned>,
-    /// Transitions, without those of motions that are not consistent.
+    /// Transitions between motions that passed their checks.
     pub transitions: Vec<PlannedTransition>,
     /// Index of the motion that is SAFE.
     pub safe: usize,
@@ -66,7 +66,7 @@ impl Plans {
     /// Packs the plans into a motion library.
     ///
     /// # Errors
-    /// Names the motion, channel, time and value that no library can hold.
+    /// Returns the motion, channel, time and value that the library format cannot represent.
     pub fn pack(&self, library: &Library) -> miette::Result<BuiltLibrary> {
         let motions = self.motions.iter().map(|planned| &planned.plan);
         let wanted = library.wanted();
@@ -78,12 +78,12 @@ impl Plans {
         wanted.pack(motions, transitions).into_diagnostic()
     }
 
-    /// Plans with their times, motions first.
+    /// Plans with their solve times, motions first.
     pub fn all(&self) -> impl Iterator<Item = &Planned> {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
-    /// Verdict and diagnosis of each plan that does not hold.
+    /// Verdict and diagnosis of each plan that failed its checks.
     pub fn failures(&self) -> Vec<String> {
         let plans = self.all().map(|planned| &planned.plan);
         plans
@@ -96,8 +96,9 @@ impl Plans {
     }
 }
 
-/// Optimises a motion from its candidate starts on all cores; the plan does not depend on how many there are.
-/// Watched are the iterations of the first start that can still win, and what is in the way of the first of all.
+/// Optimises a motion from its candidate starts on all cores. The plan does not depend on the number of cores.
+///
+/// `watch` displays the iterations of the first start that can still win, and the diagnosis if the first start fails.
 pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch) -> Plan {
     let search = Search::new(robot, motion, options);
     let cores = thread::available_parallelism().map_or(1, usize::from);
@@ -118,7 +119,7 @@ pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch
     search.finish().plan
 }
 
-/// Solves with progress on stderr, until Ctrl-C.
+/// Solver that displays its progress on stderr and ends on Ctrl-C.
 struct Watched {
     verbose: bool,
     /// Solve time of each plan, in order.
@@ -131,7 +132,7 @@ impl Watched {
         Self { verbose, took: Vec::new() }
     }
 
-    /// Shows how a solve ended; `None` after Ctrl-C.
+    /// Displays the result of a solve; returns `None` after Ctrl-C.
     fn ended(&mut self, watch: Watch, plan: Plan) -> Option<Plan> {
         self.took.push(watch.finish_with_line(&plan.solve));
         (!interrupt::requested()).then_some(plan)
@@ -159,7 +160,10 @@ impl Solver for Watched {
     }
 
     fn taken(&mut self, motion: &Motion) {
-        output::say(format_args!("– {:<26} taken from its plan", motion.name));
+        output::say(format_args!(
+            "– {:<26} not planned again: the library file names a plan",
+            motion.name
+        ));
         self.took.push(Duration::ZERO);
     }
 
@@ -168,19 +172,19 @@ impl Solver for Watched {
     }
 }
 
-/// Optimises every motion of a library from its candidate starts; takes those as they are of which it names the plan. `None`
-/// after Ctrl-C.
+/// Optimises every motion of a library from its candidate starts. A motion with a plan in the library file is not optimised
+/// again. Returns `None` after Ctrl-C.
 pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
     let mut solver = Watched::new(verbose);
     let plans = library.wanted().motions(&mut solver)?;
     Some(plans.into_iter().zip(solver.took).map(|(plan, took)| Planned { plan, took }).collect())
 }
 
-/// Optimises every motion and every transition; transitions only between motions that hold, because others have no physical
-/// start or end. `None` after Ctrl-C.
+/// Optimises every motion, and every transition between motions that passed their checks. Other motions have no physically
+/// valid start or end. Returns `None` after Ctrl-C.
 ///
 /// # Errors
-/// Motions that nothing can lead into or out of.
+/// Returns the motions that no transition can enter or leave.
 pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
     let (wanted, mut solver) = (library.wanted(), Watched::new(verbose));
     let Some(motions) = wanted.motions(&mut solver) else { return Ok(None) };

@@ -1,7 +1,7 @@
-//! Problem files: everything that a solve needs, in one file, for bug reports (docs/problem-files.md).
+//! Problem files: all inputs of a solve in one file, for bug reports (docs/problem-files.md).
 //!
-//! They carry the texts of the files that were read, not what was understood of them, so that replaying
-//! one goes through the same readers and gives the same plan to the byte.
+//! Problem files contain the original texts of the input files. A replay uses the same parsers, and gives the same plan to the
+//! byte.
 
 use crate::choices::Choices;
 use crate::files::FileError;
@@ -29,60 +29,60 @@ pub struct Problem {
     motion: TextFile,
     /// Text of the robot file.
     pub robot: TextFile,
-    /// The plan to start from.
+    /// Plan used as the starting point.
     from: Option<TextFile>,
 }
 
-/// The format of problem files.
+/// Format of problem files.
 const JSON: Format = Format {
     name: PROBLEM_FORMAT,
     version: VERSION,
     what: "problem",
     make_again: "dump it once more",
-    help: "docs/problem-files.md lists every field; `rollwalk plan --dump` writes such files",
+    help: "write a problem file with `rollwalk plan --dump`; docs/problem-files.md lists every \
+        field",
 };
 
-/// A problem, read and validated.
+/// Problem after parsing and validation.
 pub struct Parsed {
     pub robot: Robot,
     pub motion: Motion,
-    /// The plan to start from.
+    /// Plan used as the starting point.
     pub from: Option<Plan>,
 }
 
 impl Problem {
-    /// The problem of these files.
+    /// Creates a problem from these texts.
     pub fn new(texts: MotionTexts, from: Option<TextFile>, options: Choices) -> Self {
         let MotionTexts { motion, robot } = texts;
         let (format, program) = (PROBLEM_FORMAT.to_owned(), PROGRAM.to_owned());
         Self { format, version: VERSION, program, options, motion, robot, from }
     }
 
-    /// Reads a problem file; `file` is how errors name it.
+    /// Parses a problem file; errors name it `file`.
     ///
     /// # Errors
-    /// [`JsonError`] names file, place, value and what would be right.
+    /// Returns a [`JsonError`] with the file, the field, its value and the valid values.
     pub fn from_json(file: &str, text: &str) -> Result<Self, JsonError> {
         JSON.read(file, text)
     }
 
-    /// The program that wrote the file, if it is not this one and plans may differ.
+    /// Program that wrote the file; `None` if it is this version. The plans of another version may differ.
     pub fn other_program(&self) -> Option<&str> {
         (self.program != PROGRAM).then_some(&*self.program)
     }
 
-    /// Readable JSON, marked as written by this program.
+    /// Converts the problem to readable JSON, marked as written by this program.
     pub fn to_json(&self) -> String {
         let own = Self { program: PROGRAM.to_owned(), ..self.clone() };
         // Only maps with non-string keys can fail to become JSON; a problem has no map.
         serde_json::to_string_pretty(&own).unwrap_or_default() + "\n"
     }
 
-    /// Reads the texts. `origin` is the problem file that carries them, if they do not come from files
-    /// of their own.
+    /// Parses and validates the texts. `origin` is the problem file that contains them, if they are not separate files.
     ///
     /// # Errors
-    /// Everything that is wrong in one of them.
+    /// Returns all mistakes in the first text that has any.
     pub fn parse(&self, origin: Option<&Path>) -> miette::Result<Parsed> {
         let named = |file: &TextFile| match origin {
             Some(origin) => {

@@ -1,5 +1,5 @@
-//! Progress on stderr: a spinner on a terminal, a line now and then where it is none, and with `-v` a table of every iteration
-//! of a solve.
+//! Progress on stderr: a spinner on a terminal, or a line every ten seconds in a log. With `-v`, a table of every iteration of
+//! a solve.
 
 use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,22 +12,22 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Interval of lines where stderr is no terminal: a log of hours stays short, and what has stopped is seen.
+/// Interval of progress lines if stderr is not a terminal: long enough for short logs, short enough to notice a stalled run.
 const LINES: Duration = Duration::from_secs(10);
 
-/// Progress of long work in a log: stderr is no terminal, which shows no spinner.
+/// Progress lines of long work, printed only if stderr is not a terminal.
 pub struct Lines {
     is_log: bool,
     last: Mutex<Instant>,
 }
 
 impl Lines {
-    /// Begins; the first line is due after the interval.
+    /// Starts the display; the first line is due after one interval.
     pub fn begin() -> Self {
         Self { is_log: !io::stderr().is_terminal(), last: Mutex::new(Instant::now()) }
     }
 
-    /// Says where the work is, if a line is due.
+    /// Prints `line` if one is due.
     pub fn say(&self, line: impl Display) {
         if !self.is_log {
             return;
@@ -49,7 +49,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Starts the clock of the solve called `name`; `table` asks for a line per iteration.
+    /// Starts the clock of the solve called `name`; `table` requests a line per iteration.
     pub fn start(name: &str, table: bool) -> Self {
         let bar = if table { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
         bar.set_style(
@@ -68,7 +68,7 @@ impl Watch {
         Self { bar, lines: Lines::begin(), table, start: Instant::now() }
     }
 
-    /// Shows an iteration; breaks off when Ctrl-C was pressed.
+    /// Displays an iteration; breaks if Ctrl-C was pressed.
     pub fn iteration(&self, progress: &Progress) -> ControlFlow<()> {
         let Progress { iteration, energy, cost, worst_level, worst_constraint, damping, step } =
             progress;
@@ -79,7 +79,8 @@ impl Watch {
             ));
         }
         let at = format!(
-            "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} of its level"
+            "iteration {iteration:>3}, worst {worst_constraint} at {worst_level:.2} times its \
+             tolerance"
         );
         if !self.table {
             self.lines.say(format_args!("{}: {at}", self.bar.prefix()));
@@ -88,25 +89,26 @@ impl Watch {
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Says what is in the way of the first start, long before the numbers with which the request would work.
+    /// Prints the diagnosis of the failed first start, long before a feasible value is found.
     pub fn refused(&self, plan: &Plan) {
         let culprits = plan.solve.diagnosis.iter().flat_map(|diagnosis| &diagnosis.culprits);
         let worst = culprits.take(1).map(|culprit| format!(": {culprit}")).collect::<String>();
         let name = self.bar.prefix();
         self.bar.suspend(|| {
             output::say(format_args!(
-                "{name}: the first start finds no plan{worst}. Numbers that work, and other starts, are tried; Ctrl-C ends that"
+                "{name}: no plan found from the first start{worst}. Searching for feasible values \
+                 and other starts; Ctrl-C ends the search"
             ));
         });
     }
 
-    /// The solve is over; returns how long it took.
+    /// Ends the display, and returns the solve time.
     pub fn finish(self) -> Duration {
         self.bar.finish_and_clear();
         self.start.elapsed()
     }
 
-    /// The solve is over; says how it ended, in a line that stays. Returns how long it took.
+    /// Ends the display, prints the status of the solve in a line that stays, and returns the solve time.
     pub fn finish_with_line(self, summary: &SolveSummary) -> Duration {
         let name = self.bar.prefix();
         let took = self.finish();

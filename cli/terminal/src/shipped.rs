@@ -1,19 +1,19 @@
-//! The shipped robots and motions, read as files are.
+//! Shipped robots and motions, read in the same way as files.
 
 use rollwalk_shipped::FILES;
 use std::ffi::OsStr;
 use std::path::Path;
 use std::{fs, io};
 
-/// The library file that the demo plays.
+/// Library file of the demo.
 pub const DEMO_LIBRARY: &str = "motions/agilebot_library.toml";
 
-/// The text of a shipped file.
+/// Text of a shipped file.
 pub fn text(path: &Path) -> Option<&'static str> {
     rollwalk_shipped::text(path.to_str()?)
 }
 
-/// Text of the shipped file that a path names where nothing lies at it.
+/// Text of the shipped file at this path; `None` if something exists there on the disk.
 pub fn instead_of(path: &Path) -> Option<&'static str> {
     // A dangling link is something: what it should lead to is meant.
     let missing = fs::symlink_metadata(path).is_err_and(|e| e.kind() == io::ErrorKind::NotFound);

@@ -1,14 +1,15 @@
-//! Steers a robot over its link: from a wanted velocity to a stream of setpoints, for the programs that steer, `rollwalk drive`
-//! and the node of ROS 2. It sits on the operator (`rollwalk_host::operator`) and the planner of horizons
-//! (`rollwalk_planner::receding`).
+//! Steering of a robot over its link: turns a requested velocity into a stream of set-points.
 //!
-//! | module | is |
+//! `rollwalk drive` and the ROS 2 node use this crate. The crate combines the operator (`rollwalk_host::operator`) with the
+//! planner of horizons (`rollwalk_planner::receding`).
+//!
+//! | module | contents |
 //! |---|---|
-//! | [`pilot`] | when to arm, to plan and to stop: a core without clock, bus or planner |
-//! | [`plans`] | the planner, in a thread of its own |
-//! | [`steered`] | the two together, one turn of a program's loop at a time |
+//! | [`pilot`] | decisions when to arm, plan and stop, independent of clock, bus and planner |
+//! | [`plans`] | planner in its own thread |
+//! | [`steered`] | pilot and planner, called in the loop of a program |
 //!
-//! [`docs/receding-horizon.md`](../../../docs/receding-horizon.md#driving-a-robot) says what a robot does that is steered so.
+//! [`docs/receding-horizon.md`](../../../docs/receding-horizon.md#driving-a-robot) describes the behaviour of a steered robot.
 
 pub mod pilot;
 pub mod plans;

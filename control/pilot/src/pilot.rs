@@ -1,28 +1,29 @@
-//! Pilot: turns the operator's steering into a stream of setpoints, and decides when to arm, to plan and to stop. Independent of
+//! Pilot: turns the operator's steering into a stream of set-points, and decides when to arm, plan and stop. Independent of
 //! clock, bus and planner.
 //!
-//! The planner thread plans one horizon at a time: [`Pilot::request`] asks for the next when few frames are left, and
-//! [`Pilot::on_stretch`] queues its frames; meanwhile the robot plays the horizon before. When a horizon violates a constraint,
-//! the pilot requests a stand on all feet until the planner returns an accepted one.
+//! The planner thread plans one horizon at a time. [`Pilot::request`] requests the next one when few frames are left, and
+//! [`Pilot::on_stretch`] queues its frames. Meanwhile the robot plays the previous horizon. When a horizon violates a
+//! constraint, the pilot requests a stand on all feet until the planner returns an accepted one.
 
 use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
 use rollwalk_host::stream::Target;
 use rollwalk_planner::receding::{CourseError, Steering, Stretch};
 use rollwalk_protocol::wire::State;
 
-/// Frames that are left when the next horizon is asked for: 0.25 s, half of which the controller has.
+/// Number of remaining frames at which the next horizon is requested: 0.25 s, half of which is already in the controller.
 const RESERVE: usize = 15;
-/// Time for which a robot that was stopped stands before it goes to SAFE, in stretches.
+/// Number of stretches for which a stopped robot stands before it moves to SAFE.
 const STANDS_STRETCHES: u32 = 6;
-/// Speed up to which a robot stands, m/s and rad/s.
+/// Largest planned speed at which a robot counts as standing, m/s and rad/s.
 const STANDS_BELOW: f64 = 0.02;
-/// Time after which a command that had no effect is given again, µs.
+/// Time after which a command without effect is repeated, µs.
 pub const AGAIN_US: u64 = 1_000_000;
-/// Tries to arm without an operator: feedback of actuators is missing just after power-on.
+/// Number of automatic attempts to arm. The first ones may fail because feedback of actuators is missing just after power-on.
 pub const ARMS: u8 = 5;
-/// Time between them, µs.
+/// Time between automatic attempts to arm, µs.
 pub const ARM_AGAIN_US: u64 = 300_000;
-/// Timeout of a stop, µs: if the planner finds no plan to a stand by then, RETURN sends the robot to SAFE from its present pose.
+/// Timeout of a stop, µs. If the planner finds no plan to a stand by then, RETURN moves the robot to SAFE from its present
+/// pose.
 const STOPS_US: u64 = 10_000_000;
 
 /// Motion that a horizon is planned for.
@@ -30,48 +31,48 @@ const STOPS_US: u64 = 10_000_000;
 pub struct Wanted {
     /// Velocity of the body.
     pub steering: Steering,
-    /// True in the gait; all end effectors stand otherwise.
+    /// True if the robot walks in its gait. Otherwise all end effectors stand.
     pub walks: bool,
 }
 
 impl Wanted {
-    /// A robot that may walk does, unless it is to stand.
+    /// Selects the gait if the robot may walk and the steering is not zero.
     pub fn of(steering: Steering, may_walk: bool) -> Self {
         Self { steering, walks: may_walk && steering != Steering::default() }
     }
 }
 
-/// A horizon that is to be planned.
+/// Request for a horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
-    /// Number of the course: a new one begins at rest in SAFE.
+    /// Number of the course. A new course begins at rest in SAFE.
     pub course: u32,
     /// Motion to plan.
     pub wanted: Wanted,
 }
 
-/// Action after the robot has stopped and gone to SAFE.
+/// Action after the robot has stopped and moved to SAFE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum After {
-    /// Stays there, with torque.
+    /// Remains in SAFE, with torque.
     Rest,
     Disarm,
-    /// Torque goes off, and the program ends.
+    /// Switches torque off and ends the program.
     Leave,
 }
 
 /// Phase of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Follows no stream.
+    /// Does not follow a stream.
     Off,
     /// Stays in SAFE while a stream is prepared.
     Beginning,
     /// Follows the steering.
     Steered,
-    /// Stops, to go to SAFE.
+    /// Stops before it moves to SAFE.
     Stopping,
-    /// Goes to SAFE.
+    /// Moves to SAFE.
     Homeward,
 }
 
@@ -81,13 +82,13 @@ pub struct Tally {
     pub planned: u32,
     /// Number of planned horizons that were not accepted.
     pub rejected: u32,
-    /// Planned velocity of the last stretch: along and to the left of the heading, m/s, and turning, rad/s.
+    /// Planned velocity of the previous stretch: forward and left in the heading frame, m/s, and turning rate, rad/s.
     pub velocity: [f64; 3],
-    /// Fewest frames that were left when a horizon arrived.
+    /// Smallest number of remaining frames when a horizon arrived.
     pub least_ahead: Option<usize>,
 }
 
-/// A pilot of one robot.
+/// Pilot of one robot.
 #[derive(Clone, Debug)]
 pub struct Pilot {
     wanted: Wanted,
@@ -95,27 +96,27 @@ pub struct Pilot {
     after: After,
     /// True if the robot stays in SAFE until [`rise`](Pilot::rise).
     rests: bool,
-    /// Remaining attempts to arm by itself: feedback of actuators is missing just after power-on.
+    /// Number of remaining automatic attempts to arm.
     arms: u8,
-    /// A command to end the stream came before the controller followed it.
+    /// True if the end of the stream was requested before the controller followed it.
     ends: bool,
     course: u32,
     is_planning: bool,
-    /// The last horizon was not accepted.
+    /// True if the previous horizon was not accepted.
     is_unsure: bool,
-    /// True if the error of the planner was reported.
+    /// True if the present error of the planner was already reported.
     has_said_why: bool,
-    /// The first frames of a stream, before the controller follows it.
+    /// First frames of a stream, until the controller follows it.
     first: Option<Vec<Vec<Target>>>,
-    /// Stretches in a row in which the robot was to stand and stood.
+    /// Number of consecutive stretches in which the robot was to stand and stood.
     stood: u32,
-    /// Deadline of the last command, µs: the pilot repeats it then, or gives up.
+    /// Deadline of the previous command, µs. The pilot then repeats the command or gives up.
     again_us: u64,
     tally: Tally,
 }
 
 impl Pilot {
-    /// A pilot of a robot that is not armed. `arms` says whether it arms by itself.
+    /// Creates the pilot of a disarmed robot. If `arms` is true the pilot arms it automatically.
     pub fn new(arms: bool) -> Self {
         Self {
             wanted: Wanted::default(),
@@ -135,7 +136,7 @@ impl Pilot {
         }
     }
 
-    /// The steering from now on.
+    /// Sets the motion that the robot is steered to.
     pub fn steer(&mut self, wanted: Wanted) {
         self.wanted = wanted;
     }
@@ -145,8 +146,9 @@ impl Pilot {
         self.wanted
     }
 
-    /// Stops the robot and sends it to SAFE. A robot that is not streaming has stopped already. To leave twice is to leave at
-    /// once.
+    /// Stops the robot and moves it to SAFE.
+    ///
+    /// A robot that is not streaming has already stopped. A second request to leave ends the program at once.
     pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
         self.wanted = Wanted::default();
         self.rests = true;
@@ -174,7 +176,7 @@ impl Pilot {
         self.rests = true;
     }
 
-    /// Lets a robot that rests in SAFE be steered again.
+    /// Permits steering of a robot that rests in SAFE.
     pub fn rise(&mut self) {
         self.rests = false;
     }
@@ -184,7 +186,7 @@ impl Pilot {
         self.phase
     }
 
-    /// True if the robot is stopped for want of plans.
+    /// True if the robot stops because the planner returns no accepted plan.
     pub fn is_unsure(&self) -> bool {
         self.is_unsure
     }
@@ -194,7 +196,7 @@ impl Pilot {
         self.tally
     }
 
-    /// Looks at the robot's state and gives commands; call often.
+    /// Evaluates the state of the robot and gives commands. Call it often.
     pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else { return };
@@ -233,12 +235,12 @@ impl Pilot {
         }
     }
 
-    /// True if the pilot is to arm the robot by itself now.
+    /// True if the pilot arms the robot now.
     fn may_arm(&self, now_us: u64, view: &View) -> bool {
         self.arms > 0 && now_us >= self.again_us && view.hello.is_some() && view.asking.is_none()
     }
 
-    /// Commands the stream once its first frames are there.
+    /// Commands the stream once its first frames have been planned.
     fn begin(&mut self, now_us: u64, operator: &mut Operator) {
         if operator.leaving() != Leaving::No {
             return;
@@ -260,7 +262,7 @@ impl Pilot {
         }
     }
 
-    /// Discards the plans of a stream that has ended, then disarms or leaves if the operator asked for it.
+    /// Discards the plans of a stream that has ended, then disarms or leaves if the operator requested it.
     fn end(&mut self, now_us: u64, operator: &mut Operator) {
         self.phase = Phase::Off;
         self.course += 1;
@@ -276,7 +278,7 @@ impl Pilot {
         }
     }
 
-    /// The horizon that is to be planned now, if it is time for one.
+    /// Returns the next horizon to plan; `None` if no horizon is due.
     pub fn request(&mut self, operator: &Operator) -> Option<Request> {
         let is_due = match self.phase {
             Phase::Off => false,
@@ -292,7 +294,7 @@ impl Pilot {
         Some(Request { course: self.course, wanted })
     }
 
-    /// Takes a horizon that was asked for.
+    /// Receives a requested horizon and queues its frames.
     pub fn on_stretch(
         &mut self,
         now_us: u64,
@@ -321,7 +323,8 @@ impl Pilot {
         self.has_said_why &= self.is_unsure;
         self.tally.rejected += u32::from(!stretch.accepted);
         if self.is_unsure && !was_unsure {
-            let text = "a horizon met not all constraints: the robot stops until one does";
+            let text = "a planned horizon does not meet all constraints: the robot stops until a \
+                horizon meets them";
             operator.say(now_us, Weight::Warning, text);
         }
         let stands = request.wanted == Wanted::default()

@@ -1,4 +1,4 @@
-//! The planner of a steered robot: takes requests and returns stretches, in a thread of its own.
+//! Planner of a steered robot: receives requests and returns stretches, in its own thread.
 
 use crate::pilot::{Request, Wanted};
 use rollwalk_planner::receding::{
@@ -10,9 +10,9 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Length of a horizon beyond a period of the gait's swings, s: the least in which a robot on wheels stops.
+/// Minimum duration of a horizon, s, in which a robot on wheels can stop. A horizon lasts at least a period of the gait.
 const LEAST_HORIZON_S: f64 = 1.0;
-/// Part of a horizon that is played, s: several frames of the gait, little beside the operator's reaction.
+/// Duration of the played part of a horizon, s: several frames of the gait, but short compared with the operator's reaction.
 const STRETCH_S: f64 = 0.15;
 
 /// Robot and gait of a course.
@@ -21,7 +21,7 @@ pub struct Route {
     pub robot: Robot,
     /// Joint angles in SAFE, rad.
     pub safe_rad: Vec<f64>,
-    /// The gait in which it walks; none drives.
+    /// Gait for walking; `None` if the robot only drives.
     pub gait: Option<Gait>,
 }
 
@@ -38,17 +38,17 @@ impl Route {
         self.gait.as_ref().map_or(0.0, period_s).max(LEAST_HORIZON_S)
     }
 
-    /// A course that begins at rest in SAFE.
+    /// Creates a course that begins at rest in SAFE.
     ///
     /// # Errors
-    /// The gait is not of this robot.
+    /// Returns an error if the gait is for another robot.
     pub fn course(&self) -> Result<Course, HorizonError> {
         let options = HorizonOptions { duration_s: self.horizon_s(), ..HorizonOptions::default() };
         Course::new(&self.robot, &self.safe_rad, self.interval_s(), STRETCH_S, options)
     }
 }
 
-/// The current course; a request with a new course number replaces it.
+/// Planner of the current course. A request with a new course number starts a new course.
 #[derive(Debug)]
 pub struct Courses {
     route: Route,
@@ -57,7 +57,7 @@ pub struct Courses {
 }
 
 impl Courses {
-    /// Courses on a route.
+    /// Creates a planner for a route.
     pub fn new(route: Route) -> Self {
         Self { route, course: None, walks: false }
     }
@@ -65,7 +65,7 @@ impl Courses {
     /// Plans the next stretch of a request. When `is_over` returns true, the solver stops and returns its best samples.
     ///
     /// # Errors
-    /// No plan goes on.
+    /// Returns an error if no plan continues the course.
     pub fn plan(
         &mut self,
         request: Request,
@@ -96,13 +96,13 @@ impl Courses {
     }
 }
 
-/// A stretch that was planned, and how long that took.
+/// Planned stretch and its planning time.
 #[derive(Debug)]
 pub struct Planned {
     /// Request of the stretch.
     pub request: Request,
     pub stretch: Result<Stretch, CourseError>,
-    /// Time that planning took.
+    /// Planning time.
     pub took: Duration,
 }
 
@@ -114,7 +114,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Starts the thread. A plan takes `budget` at most, whole iterations.
+    /// Starts the planner thread. A plan takes at most `budget`, rounded up to a whole iteration.
     pub fn start(route: Route, budget: Duration) -> Self {
         let (requests, asked) = mpsc::channel::<Request>();
         let (answers, planned) = mpsc::channel();

@@ -1,4 +1,4 @@
-//! A pilot and its planner in the loop of a program: what every program that steers does in each turn.
+//! Pilot and planner in the loop of a program that steers a robot.
 
 use crate::pilot::{Pilot, Wanted};
 use crate::plans::{Planned, Planner, Route};
@@ -7,14 +7,15 @@ use rollwalk_planner::receding::Steering;
 use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
-/// Longest time until a robot that is to leave has stopped and is disarmed, µs: a program takes torque off then where it is.
+/// Timeout for stopping and disarming a robot before the program ends, µs. When it expires, the program switches torque off in
+/// the present pose.
 pub const END_US: u64 = 15_000_000;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fastest {
-    /// Along the heading and to its sides, m/s.
+    /// Limit of the forward and sideways velocity, m/s.
     pub speed_m_s: f64,
-    /// Turning rate of the heading, rad/s.
+    /// Limit of the turning rate, rad/s.
     pub turn_rad_s: f64,
 }
 
@@ -30,7 +31,7 @@ impl Fastest {
     }
 }
 
-/// A robot that is steered.
+/// Steered robot.
 #[derive(Debug)]
 pub struct Steered {
     /// Pilot that decides when to arm, to plan and to stop.
@@ -40,18 +41,19 @@ pub struct Steered {
 }
 
 impl Steered {
-    /// A robot on a route. A plan takes `budget` at most, whole iterations.
+    /// Creates a steered robot on a route. A plan takes at most `budget`, rounded up to a whole iteration.
     pub fn new(pilot: Pilot, route: Route, budget: Duration) -> Self {
         let has_gait = route.gait.is_some();
         Self { pilot, planner: Planner::start(route, budget), has_gait }
     }
 
-    /// Steers from now on: a robot with a gait walks while it is not to stand.
+    /// Sets the steering. A robot with a gait walks unless the steering is zero.
     pub fn steer(&mut self, steering: Steering) {
         self.pilot.steer(Wanted::of(steering, self.has_gait));
     }
 
-    /// Gives commands, takes plans and requests plans; call often. Calls `took` with the planning time of each plan.
+    /// Gives commands, receives plans and requests the next ones. Call it often. `took` receives the planning time of each
+    /// plan.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator, mut took: impl FnMut(Duration)) {
         self.pilot.look(now_us, operator);
         loop {

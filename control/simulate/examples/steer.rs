@@ -1,5 +1,6 @@
-//! Steered runs of a minute in the simulated world: falls, plans that are not accepted, velocities and latencies.
-//! `cargo run --release -p rollwalk-simulate --example steer -- shipped`: the folder has `robots` and `motions`.
+//! Steers simulated robots for a minute each, and prints falls, rejected plans, velocities and latencies.
+//!
+//! Run `cargo run --release -p rollwalk-simulate --example steer -- shipped`. The folder contains `robots` and `motions`.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, Steering};
@@ -10,15 +11,17 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Robot, motion (none: all end effectors stand, samples 0.1 s apart), length of horizons, s, samples between plans.
+/// Robot, motion, length of the horizon in s, and samples between plans. Without a motion all end effectors stand, and samples
+/// are 0.1 s apart.
 const CASES: [(&str, Option<&str>, f64, usize); 4] = [
     ("agilebot", Some("walk"), 1.6, 2),
     ("agilebot", Some("trot"), 0.8, 3),
     ("agilebot", None, 1.0, 1),
     ("anymal_wheels", Some("anymal_turn"), 1.2, 2),
 ];
-/// Rest before the first command, and time that each is kept, s.
+/// Rest before the first command, s.
 const REST_S: f64 = 1.0;
+/// Duration of each command, s.
 const KEPT_S: f64 = 10.0;
 const FORWARD_M_S: f64 = 0.15;
 const TURN_RAD_S: f64 = 0.3;
@@ -29,7 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::fs::read_to_string(Path::new(&folder).join(part).join(format!("{name}.toml")))
     };
     println!(
-        "| robot, gait | run s | fell s | plans, not accepted | forward m/s | turn rad/s | latency s: on, turn, no way on |"
+        "| robot, gait | run s | fell s | plans, not accepted | forward m/s | turn rad/s | latency \
+         s: forward, turn, stop |"
     );
     println!("|---|---|---|---|---|---|---|");
     for (name, motion, duration_s, replan_samples) in CASES {

@@ -1,7 +1,7 @@
-//! Tracks a plan in closed loop: each tick takes the measured state or the readings of the sensors, and returns the setpoints
-//! of all motors until the next tick. The world may be ours or another's.
+//! Tracking of a plan in closed loop, in the simulated world of this project or in another simulator.
 //!
-//! [`crate::control`] asks it about the simulated world, `rollwalk control` for the simulators of others.
+//! Each tick receives the measured state or the readings of the sensors, and returns the set-points of all motors until the
+//! next tick. [`crate::control`] uses this module in the simulated world, `rollwalk control` in other simulators.
 
 use crate::follower::{Followed, Follower};
 use crate::script::Script;
@@ -17,13 +17,13 @@ use rollwalk_tracking::{Gains, Reference};
 /// Method that brings the robot back to the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feedback {
-    /// Separate tasks: centre of mass, body and wheels have their own gains.
+    /// Separate tasks: centre of mass, body and wheels each have their own gains.
     Tasks,
-    /// Gains of the plan's linear model, for all of them together.
+    /// Gains from the linear model of the plan, which couples centre of mass, body and wheels.
     Gains,
 }
 
-/// A controller of one plan.
+/// Closed-loop controller of one plan.
 pub struct ClosedLoop<'s, 'p> {
     script: &'s Script<'p>,
     plan: Placed,
@@ -31,7 +31,7 @@ pub struct ClosedLoop<'s, 'p> {
     timing: Timing,
 }
 
-/// A plan where it lies in the world, on its plane z = 0, from a time on, s.
+/// Plan at its pose and start time in the world. In its own frame the ground is the plane z = 0.
 pub(crate) struct Placed {
     pub body: WholeBody,
     pub world_from_plan: Isometry3<f64>,
@@ -39,8 +39,9 @@ pub(crate) struct Placed {
 }
 
 impl<'s, 'p> ClosedLoop<'s, 'p> {
-    /// `world_from_plan` places the plan in a world whose z is up. Gains are computed here, which takes up to some tenths of a
-    /// second.
+    /// Creates a controller for a plan that is placed by `world_from_plan` in a world whose z axis points up.
+    ///
+    /// The computation of the gains takes up to some tenths of a second.
     pub fn new(
         script: &'s Script<'p>,
         feedback: Feedback,
@@ -55,23 +56,25 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         Self { script, plan, follower, timing }
     }
 
-    /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
+    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measured`] refer to it.
     pub fn tree(&self) -> &Tree {
         self.follower.tracker.tree()
     }
 
-    /// Tells the estimator a state that is known by other means ([`rollwalk_tracking::Estimator::align`]).
+    /// Sets the state of the estimator to a known one ([`rollwalk_tracking::Estimator::align`]).
     ///
     /// # Errors
-    /// The state is not finite.
+    /// Returns an error if the state is not finite.
     pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
         self.follower.estimator.align(state)
     }
 
-    /// Control laws of the motors in a tick between two times of the motion, s, with periods counted on. `measured` is the
-    /// measurement at the beginning of the tick. If the tracker has no setpoints, the motors get the setpoints of the plan with
-    /// its torques, and the reason is returned beside them. After 0.1 s of that in a motion the robot is brought to a stop: the
-    /// plan continues to the next moment at which all or most of its end effectors stand, and ends there.
+    /// Control laws of the motors in a tick that lasts from `from_s` to `to_s` of the motion.
+    ///
+    /// Times are in s and continue over all periods. `measured` is the measurement at the beginning of the tick. If the tracker
+    /// has no set-points, the motors get the planned set-points and torques, and the reason is returned too. After 0.1 s
+    /// without set-points the robot stops: the plan continues to the next time at which all or most of its end effectors stand,
+    /// and ends there.
     pub fn tick(
         &mut self,
         [from_s, to_s]: [f64; 2],
@@ -93,7 +96,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
 }
 
 impl Placed {
-    /// Gains for its script, wherever it lies.
+    /// Gains for the script of this plan. They do not depend on the pose of the plan.
     pub fn gains(&mut self, script: &Script<'_>) -> Gains {
         let (costs, tree) = (Costs::default(), self.body.tree().clone());
         let reference = |time_s| self.reference(time_s);

@@ -1,4 +1,4 @@
-//! Control of a plan: setpoints to the servos, or a controller with feedback from the robot.
+//! Control of a robot along a plan: set-points for the servos in open loop, or a controller with feedback.
 
 use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
 use crate::mismatch::Mismatch;
@@ -12,17 +12,18 @@ use std::collections::VecDeque;
 /// Method of playing a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Setpoints go to the servos, open loop.
+    /// Set-points for the servos, open loop.
     Servos,
-    /// Setpoints go to the servos with the planned torques as feed-forward.
+    /// Set-points for the servos, open loop, with the planned torques as feed-forward.
     FeedForward,
-    /// A controller of the whole body sees the state of the robot at each step ([`rollwalk_tracking`]).
+    /// Whole-body controller that reads the state of the robot at each step ([`rollwalk_tracking`]).
     Tracking(Feedback),
 }
 
 impl Control {
-    /// Steps of the world per second that a plan is played with, unless the user wants others: so many that twice as many do not
-    /// change whether a motion holds. A controller that sees the robot does so at each of them.
+    /// Default number of simulation steps per second.
+    ///
+    /// Twice as many steps do not change which motions pass. A controller with feedback runs at every step.
     pub const fn usual_rate_hz(self) -> u32 {
         match self {
             Self::Servos | Self::FeedForward => 480,
@@ -35,10 +36,11 @@ impl Control {
 pub(crate) struct Controller<'s, 'p> {
     script: &'s Script<'p>,
     tracking: Option<Tracking<'s, 'p>>,
-    /// Setpoints that do not act yet, and for how many steps.
+    /// Control laws that wait for the end of the delay, oldest first.
     on_their_way: VecDeque<Vec<Law>>,
+    /// Delay of control laws, steps.
     delay: usize,
-    /// Steps in which the robot was not tracked, and the servos got the setpoints of the plan or of its stop.
+    /// Number of steps without tracking, in which the servos got the set-points of the plan or of its stop.
     pub untracked: u32,
     /// Time at which the stop began, s.
     pub stopped_at_s: Option<f64>,
@@ -46,7 +48,7 @@ pub(crate) struct Controller<'s, 'p> {
 
 struct Tracking<'s, 'p> {
     closed_loop: ClosedLoop<'s, 'p>,
-    /// Sensors that the state is estimated from; `None` if the state is known.
+    /// Sensors from which the state is estimated; `None` if the controller reads the true state.
     sensors: Option<SimulatedSensors>,
     step_s: f64,
 }
@@ -57,8 +59,10 @@ const CONTROL_HZ: f64 = 120.0;
 const SEED: u64 = 1;
 
 impl<'s, 'p> Controller<'s, 'p> {
-    /// Creates a controller for a world that stands where the plan begins. A controller with feedback reads the state at the
-    /// beginning of each step. Its setpoints act after a delay, s, that it takes into account.
+    /// Creates a controller for a world in which the robot stands at the beginning of the plan.
+    ///
+    /// A controller with feedback reads the state at the beginning of each step. Its set-points act after the delay of
+    /// `mismatch`, which the controller compensates.
     pub fn new(
         script: &'s Script<'p>,
         control: Control,
@@ -93,8 +97,9 @@ impl<'s, 'p> Controller<'s, 'p> {
         Self { script, on_their_way, delay, tracking, untracked: 0, stopped_at_s: None }
     }
 
-    /// Control laws of the motors in a step between two times of the motion, periods counted on. The world is at the beginning of
-    /// the step.
+    /// Control laws of the motors in a step that lasts from `from_s` to `to_s` of the motion.
+    ///
+    /// Times continue over all periods. `world` is at the beginning of the step.
     pub fn laws(&mut self, [from_s, to_s]: [f64; 2], world: &World) -> Vec<Law> {
         let Some(tracking) = &mut self.tracking else {
             // A controller sends the setpoints of a tick at its beginning, and drives hold them until the next one. Times are multiples

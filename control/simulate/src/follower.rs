@@ -1,6 +1,6 @@
-//! Follower of plans, tick by tick: state estimation, tracking, and the stop that ends both.
+//! State estimation, tracking and safe stop of a robot that follows plans, tick by tick.
 //!
-//! [`crate::closed_loop`] has one for one plan, [`crate::sequence`] one for plans that follow each other.
+//! [`crate::closed_loop`] uses a follower for a single plan, [`crate::sequence`] for consecutive plans.
 
 use crate::safe_stop::SafeStop;
 use crate::script::{Script, servo};
@@ -12,31 +12,32 @@ use rollwalk_tracking::absence::Absence;
 use rollwalk_tracking::tasks::Weights;
 use rollwalk_tracking::{Estimator, Gains, Reference, Sensors, Tracker};
 
-/// Follows plans of one robot.
+/// Follower of plans of one robot.
 pub(crate) struct Follower {
-    /// The motors at rest, in channel order.
+    /// Control laws of the motors at rest, in channel order.
     servos: Vec<Law>,
     pub tracker: Tracker,
     pub estimator: Estimator,
-    /// True if the robot has stumbled: its plan is played in open loop to the end.
+    /// True if the robot has stumbled. The rest of its plan is then played in open loop.
     stumbled: bool,
-    /// Time without setpoints of the tracker, and the stop that ends it.
+    /// Time since the tracker last returned set-points.
     lost: Absence,
+    /// Safe stop that has begun because the tracker returned no set-points for too long.
     stop: Option<SafeStop>,
 }
 
-/// The plan that is followed at a tick.
+/// Plan that is followed at a tick.
 pub(crate) struct Followed<'a, 'p> {
     pub script: &'a Script<'p>,
     pub body: &'a WholeBody,
-    /// Planned stance of the end effectors when the other sensors were read, for a robot without contact switches.
+    /// Planned stance of the end effectors at the time of the sensor readings; `None` for a robot with contact switches.
     pub contacts: Option<&'a [bool]>,
-    /// True if a motion that cannot be tracked is to be stopped.
+    /// True if the follower stops a motion that cannot be tracked.
     pub may_stop: bool,
 }
 
 impl Follower {
-    /// Creates a follower for the robot of a script, with turning wheels and rotors, without gains.
+    /// Creates a follower without gains for the robot of `script`. The model `tree` has turning wheels and rotors.
     pub fn new(script: &Script<'_>, tree: &Tree, timing: Timing) -> Self {
         let tracker = Tracker::new(tree.clone(), Weights::default(), timing.tick_s)
             .with_latency(timing.latency_s);
@@ -45,13 +46,13 @@ impl Follower {
         Self { servos, tracker, estimator, stumbled: false, lost: Absence::default(), stop: None }
     }
 
-    /// Goes over to a plan with these gains.
+    /// Changes to another plan, with its gains.
     pub fn change_plan(&mut self, gains: Gains) {
         self.tracker.change_gains(gains);
         self.stumbled = false;
     }
 
-    /// Control laws of the motors, a tick after the last one, for a robot that is coming to rest for good; otherwise `None`.
+    /// Control laws of the next tick of a safe stop; `None` if no stop has begun.
     pub fn stopped(&mut self, script: &Script<'_>, tick_s: f64) -> Option<Vec<Law>> {
         self.stop.as_mut().map(|stop| stop.tick(script, tick_s))
     }
@@ -61,8 +62,10 @@ impl Follower {
         self.stop.is_some_and(|stop| stop.is_over())
     }
 
-    /// Control laws of the motors until the next tick. `reference` is that of the moment at which setpoints act; setpoints of the
-    /// plan are those at `acts_s`, the end of the tick. `tick_s` is the time since the last tick.
+    /// Control laws of the motors until the next tick, and the reason if the robot is not tracked.
+    ///
+    /// `reference` is the reference at the time at which the set-points act. Set-points that come from the plan itself are
+    /// those at `acts_s`, the end of the tick. `tick_s` is the time since the previous tick.
     pub fn tick(
         &mut self,
         followed: &Followed<'_, '_>,

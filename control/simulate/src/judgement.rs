@@ -1,29 +1,30 @@
-//! Judgement of a robot's way against the planned one.
+//! Comparison of the displacement and turn of a robot with the planned ones.
 
 use rollwalk_physics::world::Way;
 use rollwalk_planner::plan::Plan;
 use serde::Serialize;
 use std::fmt;
 
-/// Achieved by planned: what counts as played.
+/// Accepted range of the ratio of the achieved to the planned value of a goal.
 pub const BAND: [f64; 2] = [0.95, 1.05];
-/// Allowed deviations of a motion without a goal, over the whole motion or a period: m ahead and to the left, rad.
+/// Allowed deviations of components without a goal, over the whole motion or a period: forward and left in m, turn in rad.
 const STAYS: [f64; 3] = [0.005, 0.005, 0.02];
-/// Deviation over the allowed one up to which a way is near the planned one.
+/// Ratio of the deviation to the allowed deviation below which a run is near its plan.
 const LITTLE: f64 = 4.0;
 
-/// Planned way of a motion or of a period, and what of it is a goal.
+/// Planned displacement and turn of a motion or of a period, and which of its components are goals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlannedWay {
-    /// Planned way.
+    /// Planned displacement and turn.
     #[serde(rename = "planned")]
     pub way: Way,
-    /// Goals among the values: true for goals of the motion that are large enough to divide by.
+    /// Goal flags of the components. True if the motion has a goal for the component and the planned value is large enough to
+    /// divide by.
     pub goals: [bool; 3],
 }
 
 impl PlannedWay {
-    /// Planned way of a validated plan.
+    /// Planned displacement, turn and goals of a validated plan.
     pub fn new(plan: &Plan) -> Self {
         let goal = &plan.motion.goal;
         let (wanted, way) =
@@ -33,17 +34,17 @@ impl PlannedWay {
         Self { way, goals }
     }
 
-    /// Achieved by planned of a goal; `None` where it is no goal.
+    /// Ratio of achieved to planned value of component `of`; `None` if the component is not a goal.
     pub fn ratio(&self, achieved: &Way, of: usize) -> Option<f64> {
         self.goals[of].then(|| achieved.values()[of] / self.way.values()[of])
     }
 
-    /// Greatest deviation of a way from another one, over the one that is allowed from the plan.
+    /// Largest ratio of the difference between `one` and `other` to the allowed deviation, over all components.
     pub(crate) fn deviation(&self, one: &Way, other: &Way) -> f64 {
         (0..3).map(|of| self.part(one, other, of)).fold(0.0, f64::max)
     }
 
-    /// The same of goals alone.
+    /// Largest ratio of the difference between `one` and `other` to the allowed deviation, over the goals.
     pub(crate) fn deviation_of_goals(&self, one: &Way, other: &Way) -> f64 {
         let goals = (0..3).filter(|of| self.goals[*of]);
         goals.map(|of| self.part(one, other, of)).fold(0.0, f64::max)
@@ -53,15 +54,15 @@ impl PlannedWay {
         (one.values()[of] - other.values()[of]).abs() / self.allowed(of)
     }
 
-    /// Greatest deviation of a way from the plan's, over the one that is allowed, of what is judged: of the goals, if there are
-    /// any.
+    /// Largest ratio of the deviation from the plan to the allowed deviation. Covers the goals, or all components if the motion
+    /// has no goals.
     pub(crate) fn miss(&self, achieved: &Way) -> f64 {
         let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
         let parts = (0..3).filter(judged).map(|of| self.part(achieved, &self.way, of));
         parts.fold(0.0, f64::max)
     }
 
-    /// Deviation that is allowed of a component, m or rad.
+    /// Allowed deviation of component `of`, m or rad.
     fn allowed(&self, of: usize) -> f64 {
         match self.goals[of] {
             true => (BAND[1] - 1.0) * self.way.values()[of].abs(),
@@ -69,8 +70,10 @@ impl PlannedWay {
         }
     }
 
-    /// Component in which a way is not the planned one: the goal with the largest deviation, with 0.95 to 1.05 of it allowed. For
-    /// a plan without goals it is the component with the largest deviation, with 5 mm and 0.02 rad allowed.
+    /// Component with the largest deviation from the plan; `None` if the deviation is allowed.
+    ///
+    /// Only goals count if the motion has any: 0.95 to 1.05 of the planned value is allowed. Without goals 5 mm and 0.02 rad
+    /// are allowed.
     pub fn astray(&self, achieved: &Way) -> Option<Astray> {
         let has_goals = self.goals.contains(&true);
         let of = |of: usize| {
@@ -94,19 +97,19 @@ impl PlannedWay {
 
 const COMPONENTS: [Component; 3] = [Component::Forward, Component::Left, Component::Turn];
 
-/// A component of a way.
+/// Component of a displacement and turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Component {
-    /// Ahead, m.
+    /// Displacement forward, m.
     Forward,
-    /// Leftward, m.
+    /// Displacement to the left, m.
     Left,
-    /// About the vertical, rad.
+    /// Turn about the vertical, rad.
     Turn,
 }
 
-/// A component of a way that is not the planned one.
+/// Component of a run that deviates too much from the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Astray {
     /// Component that deviates.
@@ -114,11 +117,11 @@ pub struct Astray {
     /// True if the motion has a goal for the component.
     #[serde(skip)]
     pub is_goal: bool,
-    /// Planned, m or rad.
+    /// Planned value, m or rad.
     pub planned: f64,
-    /// Achieved, m or rad.
+    /// Achieved value, m or rad.
     pub achieved: f64,
-    /// Deviation over the one that is allowed.
+    /// Ratio of the deviation to the allowed deviation.
     #[serde(skip)]
     part: f64,
 }
@@ -135,22 +138,42 @@ impl fmt::Display for Astray {
         let &Self { component, is_goal, planned, achieved, .. } = self;
         match (component, is_goal) {
             (Component::Forward, true) => {
-                write!(f, "it comes to {:.3} of its way ahead", achieved / planned)
+                write!(
+                    f,
+                    "the robot covers {:.3} of the planned forward distance",
+                    achieved / planned
+                )
             }
             (Component::Left, true) => {
-                write!(f, "it comes to {:.3} of its way to the left", achieved / planned)
+                write!(
+                    f,
+                    "the robot covers {:.3} of the planned distance to the left",
+                    achieved / planned
+                )
             }
             (Component::Turn, true) => {
-                write!(f, "it comes to {:.3} of its turn", achieved / planned)
+                write!(f, "the robot turns by {:.3} of the planned turn", achieved / planned)
             }
             (Component::Turn, false) => {
-                write!(f, "it turns {:+.3} rad from its plan", achieved - planned)
+                write!(
+                    f,
+                    "the robot's heading differs by {:+.3} rad from the plan",
+                    achieved - planned
+                )
             }
             (Component::Forward, false) => {
-                write!(f, "it comes {:+.0} mm ahead of its plan", 1e3 * (achieved - planned))
+                write!(
+                    f,
+                    "the robot's forward position differs by {:+.0} mm from the plan",
+                    1e3 * (achieved - planned)
+                )
             }
             (Component::Left, false) => {
-                write!(f, "it comes {:+.0} mm to the left of its plan", 1e3 * (achieved - planned))
+                write!(
+                    f,
+                    "the robot's position to the left differs by {:+.0} mm from the plan",
+                    1e3 * (achieved - planned)
+                )
             }
         }
     }

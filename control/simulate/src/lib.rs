@@ -1,26 +1,26 @@
-//! Plans in the simulated world: setpoints of a plan go to the servos of a robot on the ground, open loop, and what
-//! becomes of it is measured against the plan (thesis sec. 2.6.4).
+//! Simulation of plans: a simulated robot plays a plan in open or closed loop, and the result is compared with the plan (thesis
+//! sec. 2.6.4).
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | [`script`] | a plan as the state in which it begins and the control law of each motor at any time |
-//! | [`closed_loop`] | a plan tracked in any world: measurements in, what motors do out |
-//! | [`sequence`] | plans tracked one after the other |
-//! | `follower` | a tick of either |
-//! | `tick` | its measurements, timing and setpoints |
-//! | `safe_stop` | how a robot comes to rest whose state is no longer known |
-//! | [`control`] | setpoints of the plan for the servos, open loop, or a controller that sees the robot |
-//! | [`run`] | the plan played in a [`rollwalk_physics::World`], period by period |
-//! | [`sensors`] | what an IMU, encoders and contact switches of a simulated robot measure, with noise |
-//! | [`outcome`] | ways, turns, falls, slip and forces |
-//! | [`log`] | a run as a table, a line for each step |
-//! | [`identify`] | numbers of a robot, such as friction and gains, from a recorded run
-//! | [`retarget`] | corrections of setpoints with which a robot with soft servos follows its plan |
-//! | [`steered`] | a robot that is steered as by a joystick, by horizons from its measured state |
-//! | [`judgement`] | whether a way is what the plan says |
-//! | [`verdict`] | whether a motion holds, from short runs on contacts of several stiffnesses |
+//! | [`script`] | start state of a plan, and control law of each motor at any time |
+//! | [`closed_loop`] | tracking of a plan in any world, from measurements to control laws |
+//! | [`sequence`] | tracking of several plans, one after the other |
+//! | `follower` | one tick of a plan or of a sequence |
+//! | `tick` | measurements, timing and set-points of a tick |
+//! | `safe_stop` | stop of a robot that can no longer be tracked |
+//! | [`control`] | set-points of the plan for the servos in open loop, or a controller with feedback |
+//! | [`run`] | simulation of a plan in a [`rollwalk_physics::World`], period by period |
+//! | [`sensors`] | simulated IMU, encoders and contact switches, with noise and faults |
+//! | [`outcome`] | displacement, turn, falls, slip and forces of a run |
+//! | [`log`] | table of a run, with a row for each step |
+//! | [`identify`] | identification of friction, gains and other parameters from a recorded run |
+//! | [`retarget`] | corrections of set-points, so that a robot with soft servos follows its plan |
+//! | [`steered`] | steering of a simulated robot as by a joystick, with horizons planned from its measured state |
+//! | [`judgement`] | comparison of the displacement with the planned one |
+//! | [`verdict`] | pass or fail of a motion, from short runs on contacts of several stiffnesses |
 //!
-//! There is no bus and no controller in between: those are in `rollwalk-sim-host`.
+//! This crate simulates neither bus nor controller; `rollwalk-sim-host` does.
 //!
 //! ```
 //! use rollwalk_planner::{Options as PlanOptions, motion::Motion, optimise};

@@ -1,7 +1,6 @@
-//! A run as a table: at every step where the robot is, what its drives were commanded, what its motors did, and what the
-//! ground did to it. Format: `docs/formats/world-log.md`.
+//! Table of a run. The row of a step contains pose, commands of the drives, states of the motors and contact forces.
 //!
-//! The caller that steps a world writes it, with a bus or without.
+//! The caller that steps the world writes the table, with or without a bus. Format: `docs/formats/world-log.md`.
 
 use nalgebra::UnitQuaternion;
 use rollwalk_multibody::rotation::nearer_quaternion;
@@ -11,12 +10,12 @@ use rollwalk_robot::document::Excerpt;
 use rollwalk_robot::{Channel, Robot};
 use thiserror::Error;
 
-/// Data of a step besides its world.
+/// Data of a step that its world does not contain.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
     /// Simulated time, s.
     pub time_s: f64,
-    /// Name of the motion that is played; empty if there is none.
+    /// Name of the motion that is played; empty if no motion is played.
     pub motion: &'a str,
     /// True if the hoist holds the body.
     pub is_held: bool,
@@ -56,7 +55,7 @@ const MOTOR: [&str; 9] = [
 ];
 const END_EFFECTOR: [&str; 5] = ["normal_n", "fx_n", "fy_n", "fz_n", "slip_m_s"];
 
-/// Names of the columns as a line. Names of joints and end effectors come from the robot file.
+/// Header line of the table. Names of joints and end effectors come from the robot file.
 pub fn heading(robot: &Robot) -> String {
     let motors = robot.channels().map(|channel| match channel {
         Channel::Joint(joint) => joint.name.clone(),
@@ -69,15 +68,15 @@ pub fn heading(robot: &Robot) -> String {
     record(BASE.map(str::to_owned).into_iter().chain(motors).chain(end_effectors))
 }
 
-/// The lines of a table, one after the other.
+/// Writer of the lines of a table.
 #[derive(Default)]
 pub struct Lines {
-    /// Attitude in the last line; 0 before the first.
+    /// Attitude in the previous line, w x y z; zeros before the first line.
     turned_wxyz: [f64; 4],
 }
 
 impl Lines {
-    /// The next line. Numbers have the digits of single precision.
+    /// Returns the next line. Values have the digits of single precision.
     pub fn next(&mut self, moment: &Moment<'_>, world: &World) -> String {
         let &Moment { time_s, motion, is_held, has_fallen } = moment;
         let flag = |is: bool| u8::from(is).to_string();
@@ -109,7 +108,7 @@ impl Lines {
     }
 }
 
-/// Cells as a line without its end.
+/// Formats cells as a CSV line without line end.
 fn record(cells: impl Iterator<Item = String>) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     // A vector takes everything, and cells are text.
@@ -119,33 +118,33 @@ fn record(cells: impl Iterator<Item = String>) -> String {
     String::from_utf8(bytes).unwrap_or_default().trim_end().to_owned()
 }
 
-/// A table that was read.
+/// Table of a run, read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Motion of each row; empty where none was played.
+    /// Name of the motion of each row; empty if no motion was played.
     pub motions: Vec<String>,
     names: Vec<String>,
-    /// Values by row. The motion's value is 0; values that were not read are NaN.
+    /// Values by row. The column `motion` has the value 0, and skipped values are NaN.
     values: Vec<Vec<f64>>,
 }
 
 /// Error in a table.
 #[derive(Debug, Error)]
 pub enum LogError {
-    /// Text that is not a table.
+    /// Text that is not CSV.
     #[error("{0}")]
     Csv(#[from] csv::Error),
-    /// A column of the base is missing.
-    #[error("there is no column `{0}`")]
+    /// Missing column.
+    #[error("column `{0}` is missing")]
     Missing(&'static str),
-    /// A cell that should be a number is none.
+    /// Cell that is not a number.
     #[error(
-        "line {line}, column `{}`: `{}` is no number",
+        "line {line}, column `{}`: `{}` is not a number",
         Excerpt::start_of(column),
         Excerpt::start_of(cell)
     )]
     Number {
-        /// Counted from 1, as editors do.
+        /// Line of the file, counted from 1.
         line: u64,
         /// Name of the column.
         column: String,
@@ -153,29 +152,31 @@ pub enum LogError {
         cell: String,
     },
     /// Table with a heading only.
-    #[error("it has no rows")]
+    #[error("the table has no rows")]
     Empty,
 }
 
 impl Table {
-    /// Reads a table. A last line without its end, which a killed simulator leaves, does not count.
+    /// Reads a table with all columns. Ignores an incomplete final line, which a killed simulator leaves.
     ///
     /// # Errors
-    /// It is none, or it has no rows.
+    /// Returns an error if the text is not a table of a run, or if it has no rows.
     pub fn read(text: &str) -> Result<Self, LogError> {
         Self::read_with(text, &BASE, None)
     }
 
-    /// Reads times and some of the columns of a table, such as those that a real robot can fill. An empty cell, or NaN, is a
-    /// number that was not measured; what stands in columns that are not read does not matter.
+    /// Reads the times, and the columns selected by `is_read`, such as those that a real robot can record.
+    ///
+    /// An empty cell or NaN is a missing value. The contents of other columns are ignored.
     ///
     /// # Errors
-    /// It is none, has no times, or it has no rows.
+    /// Returns an error if the text is not CSV, if the column `time_s` is missing, if a selected cell is not a number, or if
+    /// there are no rows.
     pub fn read_some(text: &str, is_read: impl Fn(&str) -> bool) -> Result<Self, LogError> {
         Self::read_with(text, &BASE[..1], Some(&is_read))
     }
 
-    /// Reads all columns without gaps, or only the columns that `some` selects.
+    /// Reads all columns, which must not have gaps, or only `columns` and those that `some` selects.
     fn read_with(
         text: &str,
         columns: &[&'static str],
@@ -214,13 +215,14 @@ impl Table {
         if values.is_empty() { Err(LogError::Empty) } else { Ok(Self { motions, names, values }) }
     }
 
-    /// Values of a column that is there.
+    /// Values of a column; `None` if the table lacks it.
     pub fn column(&self, name: &str) -> Option<Vec<f64>> {
         let column = self.names.iter().position(|known| known == name)?;
         Some(self.values.iter().map(|row| row[column]).collect())
     }
 
-    /// Prefixes of the columns with an ending, in their order: `front_left` of `front_left_normal_n` and `_normal_n`.
+    /// Prefixes of the column names with an ending, in order. The ending `_normal_n` yields `front_left` for
+    /// `front_left_normal_n`.
     pub fn with_ending<'a>(&'a self, ending: &'a str) -> impl Iterator<Item = &'a str> {
         self.names.iter().filter_map(move |name| name.strip_suffix(ending))
     }
@@ -295,8 +297,8 @@ mod tests {
     fn faults_are_told_by_line_and_column() {
         let heading = heading(&robot());
         let why = |text: &str| Table::read(text).unwrap_err().to_string();
-        assert_eq!(why("a,b\n1,2\n"), "there is no column `time_s`");
-        assert_eq!(why(&heading), "it has no rows");
+        assert_eq!(why("a,b\n1,2\n"), "column `time_s` is missing");
+        assert_eq!(why(&heading), "the table has no rows");
         let row = |time: &str| {
             let zeros = vec!["0"; heading.split(',').count() - 1].join(",");
             format!("{heading}\n{time},{zeros}\n")
@@ -305,10 +307,10 @@ mod tests {
         assert_eq!(Table::read(&cut).unwrap().motions.len(), 1);
         cut.push('\n');
         assert!(why(&cut).contains("found record with"));
-        assert!(why(&row("1e300")).contains("`1e300` is no number"));
-        assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is no number");
-        assert!(why(&row("NaN")).contains("`NaN` is no number"));
-        assert!(why(&row("")).contains("`` is no number"));
+        assert!(why(&row("1e300")).contains("`1e300` is not a number"));
+        assert_eq!(why(&row("soon")), "line 2, column `time_s`: `soon` is not a number");
+        assert!(why(&row("NaN")).contains("`NaN` is not a number"));
+        assert!(why(&row("")).contains("`` is not a number"));
         let some = |text: &str| Table::read_some(text, |name| name == "other");
         let other = some("time_s,other,note\n1,,ok\n2,NaN,\n3,3,NaN\n").unwrap();
         let other = other.column("other").unwrap();
@@ -318,7 +320,7 @@ mod tests {
         let word = some(&format!("time_s,other\n1,{long}\n")).unwrap_err().to_string();
         assert!(word.len() < 1000 && word.contains("x\\u001b[2Jx"), "{word}");
         let word = some("time_s,other\n1,ok\n").unwrap_err().to_string();
-        assert_eq!(word, "line 2, column `other`: `ok` is no number");
+        assert_eq!(word, "line 2, column `other`: `ok` is not a number");
         for time in ["", "nan"] {
             assert!(some(&format!("time_s,other\n{time},1\n")).is_err());
         }

@@ -1,28 +1,30 @@
-//! Mismatch between the robot in the world and the planned one.
+//! Mismatch between the simulated robot and the planned one.
 
 use crate::sensors::{Noise, SensorFault};
 use rollwalk_physics::world::Parameters;
 use rollwalk_robot::Robot;
 
-/// Stiffness of contacts on which plans are played, over that of other simulated robots: runs of walks and trots agree with
-/// MuJoCo's on its hard contacts from this on. A robot that lies on the ground gets up from softer ones.
+/// Ratio of the contact stiffness for plans to that of other simulated robots.
+///
+/// From this ratio on, runs of walks and trots agree with runs on MuJoCo's hard contacts. A robot that lies on the ground gets
+/// up only from softer contacts.
 const HARD: f64 = 2.0;
 
-/// Differences between the plan's robot and the simulated one.
+/// Differences between the planned robot and the simulated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Masses and inertias of all links over the planned ones.
+    /// Factor on the planned masses and inertias of all links.
     pub mass: f64,
-    /// Coefficient of friction of all feet, wheels and blades; `None` for the planned ones.
+    /// Friction coefficient of all feet, wheels and blades; `None` for the planned coefficients.
     pub friction: Option<f64>,
-    /// Stiffness of contacts with the ground over the usual one; their damping ratio stays.
+    /// Factor on the usual stiffness of ground contacts. Their damping ratio does not change.
     pub contact_stiffness: f64,
-    /// Time from a measurement to the setpoints that answer it, s, in closed loop.
+    /// Time in closed loop from a measurement until its set-points act, s.
     pub delay_s: f64,
-    /// Noise of the sensors from which a controller in closed loop estimates the state; `None` for a controller with the true
+    /// Noise of the sensors from which a closed-loop controller estimates the state; `None` for a controller with the true
     /// state.
     pub noise: Option<Noise>,
-    /// Fault of those sensors.
+    /// Fault of the sensors from which a closed-loop controller estimates the state.
     pub sensor_fault: Option<SensorFault>,
 }
 
@@ -41,7 +43,7 @@ impl Default for Mismatch {
 }
 
 impl Mismatch {
-    /// The robot in the world.
+    /// Returns the robot of the simulated world.
     pub fn of(&self, planned: &Robot) -> Robot {
         let mut robot = planned.clone();
         for link in &mut robot.links {
@@ -55,7 +57,7 @@ impl Mismatch {
         robot
     }
 
-    /// The parameters of the world in which that robot stands.
+    /// Parameters of the world of the simulated robot.
     pub(crate) fn parameters(&self, robot: &Robot) -> Parameters {
         Parameters::new(robot).with_contact_stiffness(HARD * self.contact_stiffness)
     }

@@ -1,4 +1,4 @@
-//! Outcome of a plan in the world, against the plan.
+//! Outcome of a simulated plan, compared with the plan.
 
 use crate::control::Controller;
 use crate::judgement::{Astray, BAND, PlannedWay};
@@ -11,59 +11,65 @@ use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
 
-/// Periods at the end of a run that count by themselves: what grows shows there, and what alternates from period to period does
-/// not.
+/// Number of final periods that are judged separately. Their mean shows growing errors, and averages errors that alternate
+/// between periods.
 const LAST: usize = 3;
-/// Deviation from one period to the next, over the one that is allowed from the plan, of a motion that has settled.
+/// Ratio of the change between periods to the allowed deviation, below which a motion has settled.
 const SETTLED: f64 = 0.02;
-/// Periods for which such deviations might add up without a change of the verdict.
+/// Number of further periods whose changes may add up without a change of the verdict.
 const AHEAD: f64 = 5.0;
 
-/// Periods from which on a run shows whether its way still changes from period to period, and the change that is too much, over
-/// the deviation that is allowed: 2 % of a goal. Where it does, no mean says where the robot comes.
+/// Number of periods from which on a run is checked for changes between periods. If periods still differ, their mean does not
+/// predict the displacement.
 const SHOWS_CHANGE: usize = 7;
+/// Largest ratio of the change between periods to the allowed deviation: 2 % of a goal.
 const CHANGES: f64 = 0.4;
 
-/// A run.
+/// Outcome of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Planned way of the motion, or of a period.
+    /// Planned displacement of the motion, or of a period.
     #[serde(flatten)]
     pub planned: PlannedWay,
-    /// Way of the motion, or of each period.
+    /// Displacement of the motion, or of each period.
     pub cycles: Vec<Way>,
-    /// Time at which the robot fell, s.
+    /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
     /// Tilt, slip, forces and work.
     #[serde(flatten)]
     pub totals: Totals,
-    /// Newton iterations of a step, the mean.
+    /// Mean number of Newton iterations of a step.
     pub iterations: f64,
-    /// The most of a step.
+    /// Largest number of Newton iterations of a step.
     pub iterations_max: u32,
-    /// Steps that were taken in parts because they did not converge in one.
+    /// Number of steps that were subdivided because they did not converge.
     pub subdivided: u32,
-    /// Steps in which the robot was not tracked: the servos got the setpoints of the plan, or of its stop.
+    /// Number of steps without tracking, in which the servos got the set-points of the plan or of its stop.
     pub untracked: u32,
-    /// Time at which the robot was brought to a stop because it could not be tracked, s.
+    /// Time at which the robot was stopped because it could not be tracked, s; `None` if it was not stopped.
     pub stopped_at_s: Option<f64>,
 }
 
 impl Outcome {
-    /// Achieved by planned of a goal, on the mean of the periods after the first one; `None` where it is no goal.
+    /// Ratio of achieved to planned value of component `of`; `None` if the component is not a goal.
+    ///
+    /// The achieved value is the mean of the periods after the first one.
     pub fn ratio(&self, of: usize) -> Option<f64> {
         self.planned.ratio(&mean(self.settled())?, of)
     }
 
-    /// The periods without that in which the motion begins, if there are more.
+    /// Periods after the first one, which contains the start; the first one if there are no others.
     fn settled(&self) -> &[Way] {
         self.cycles.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.cycles)
     }
 
-    /// Reason why the motion does not hold. `None` if the robot stayed on its feet and its way was the planned one, on the mean
-    /// of the periods after the first one and of the last ones.
+    /// Reason why the motion does not pass; `None` if it passes.
+    ///
+    /// A motion passes if the robot does not fall, covers the planned displacement, and does not change too much between
+    /// periods. The displacement is checked for the mean of all periods after the first one, and for the mean of the final
+    /// periods.
     pub fn miss(&self) -> Option<Miss> {
         if let Some(at_s) = self.fell_at_s {
             return Some(Miss::Falls { at_s });
@@ -86,41 +92,41 @@ impl Outcome {
         changes.then(|| Miss::Changes { part: change * (BAND[1] - 1.0) })
     }
 
-    /// True if the robot stayed on its feet and its way was the planned one.
+    /// True if the motion passes: [`miss`](Self::miss) is `None`.
     pub fn holds(&self) -> bool {
         self.miss().is_none()
     }
 }
 
-/// Mean way of some periods.
+/// Mean displacement of some periods; `None` without periods.
 fn mean(periods: &[Way]) -> Option<Way> {
     let count = periods.len() as f64;
     let sum = |of: usize| periods.iter().map(|way| way.values()[of]).sum::<f64>();
     (count > 0.0).then(|| [0, 1, 2].map(|of| sum(of) / count).into())
 }
 
-/// Reason why a motion does not hold.
+/// Reason why a motion does not pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "miss")]
 pub enum Miss {
-    /// The robot falls.
+    /// Fall of the robot.
     Falls {
         /// Simulated time, s.
         at_s: f64,
     },
     /// Run without a complete period.
     Unfinished,
-    /// Way that changes from period to period, without a fall.
+    /// Displacement that changes between periods, without a fall.
     Changes {
-        /// Change over the goal.
+        /// Change as a fraction of the goal.
         part: f64,
     },
-    /// Way that leads somewhere else, without a fall.
+    /// Displacement that deviates from the plan, without a fall.
     Astray {
         /// Component that deviates.
         #[serde(flatten)]
         astray: Astray,
-        /// First period, from 1, of those whose mean deviates.
+        /// First of the averaged periods, counted from 1.
         from_period: usize,
     },
 }
@@ -132,11 +138,12 @@ impl fmt::Display for Miss {
             Self::Changes { part } => {
                 write!(
                     f,
-                    "its way still changes by {:.1} % of its goal from period to period",
+                    "the distance per period still changes by {:.1} % of the goal from period to \
+                     period",
                     100.0 * part
                 )
             }
-            Self::Unfinished => f.write_str("it was stopped before its end"),
+            Self::Unfinished => f.write_str("the run was stopped before its end"),
             Self::Astray { astray, from_period } if *from_period > 2 => {
                 write!(f, "{astray} from period {from_period} on")
             }
@@ -158,7 +165,8 @@ pub(crate) struct Tracker {
 }
 
 impl Tracker {
-    /// Begins where the world is. Ways are along the ground, as the plan's are.
+    /// Creates a tracker that begins at the state of `world`. Displacements are measured along the ground, like those of the
+    /// plan.
     pub fn new(
         script: &Script<'_>,
         world: &World,
@@ -183,7 +191,7 @@ impl Tracker {
         self.odometer.begin_again();
     }
 
-    /// Takes in a step.
+    /// Adds a step.
     pub fn add(&mut self, world: &World, step_s: f64, report: &StepReport) {
         self.odometer.add(world, step_s);
         self.steps += 1;
@@ -199,7 +207,7 @@ impl Tracker {
         self.fell_at_s.is_some()
     }
 
-    /// True if the last periods are alike, and five more periods with their drift would not change the verdict on them.
+    /// True if the final periods are alike, and their drift over five more periods would not change the verdict.
     pub fn has_settled(&self) -> bool {
         let count = self.cycles.len();
         let Some(last) = count.checked_sub(LAST).filter(|first| *first > 0) else { return false };

@@ -1,10 +1,11 @@
-//! Setpoints with which a robot as it is follows its plan (thesis 4.7.2): soft servos sag, and what they carry comes late and
-//! low. A curve is added to the setpoints of each joint, and its knots are optimised until the centre of mass goes where the
-//! plan says.
+//! Retargeting: corrections of set-points, so that a robot with soft servos follows its plan (thesis 4.7.2).
 //!
-//! The rollout is that of [`run`](crate::run), with derivatives of every step by all knots; Gauss–Newton's method moves them. Heights
-//! count as much as ways, else nothing stops the robot from sagging. Smoothness costs a little, so that knots that the motion
-//! does not depend on stay.
+//! Soft servos sag, so that the body is late and low. Retargeting adds a curve to the set-points of each joint, and optimises
+//! its knots until the centre of mass follows the plan.
+//!
+//! The rollout simulates the plan like [`run`](crate::run), and computes derivatives of every step with respect to all knots.
+//! The Gauss–Newton method optimises the knots. Height errors have the weight of horizontal errors; otherwise nothing would
+//! keep the robot from sagging. A small smoothness penalty determines the knots that do not affect the motion.
 
 use crate::run::{REST_S, beats, begin, step_s};
 use crate::script::Script;
@@ -19,19 +20,21 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Actuator;
 use std::sync::Arc;
 
-/// Options of the search for setpoints.
+/// Options of retargeting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// True if the planned torques are added to the servos' own.
+    /// True if the planned torques are fed forward to the servos.
     pub feed_forward: bool,
-    /// Periods of a motion that repeats.
+    /// Number of simulated periods of a motion that repeats.
     pub cycles: usize,
-    /// Steps of the world per second, about. With fewer than those in which it is played, gaits that rock find setpoints that
-    /// its longer steps steady: a pace that makes its way at 120 Hz falls back to 0.7 of it at 240.
+    /// Approximate number of simulation steps per second.
+    ///
+    /// Use at least the rate at which the motion is played. Lower rates damp rocking gaits: a pace corrected at 120 Hz covers
+    /// its distance there, but only 70 % of it at 240 Hz.
     pub rate_hz: u32,
-    /// Knots of the curve of each joint over the motion.
+    /// Number of knots of the curve of each joint over the motion.
     pub knots: usize,
-    /// Most iterations.
+    /// Maximum number of iterations.
     pub iterations: usize,
 }
 
@@ -41,36 +44,41 @@ impl Default for Options {
     }
 }
 
-/// Objective of a robot that is 1 m away from its plan all the time.
+/// Weight of the root-mean-square distance of the centre of mass from the plan, 1/m.
 const PER_M: f64 = 30.0;
-/// Price of a change of 1 rad from knot to knot, and of 1 rad from where the planned torque alone holds the joint: legs that
-/// press against each other move no centre of mass, but feet slide when one of them lifts.
+/// Weight of the squared change between adjacent knots, 1/rad².
 const SMOOTH: f64 = 1e-3;
+/// Weight of the squared deviation of a knot from its start value, 1/rad².
+///
+/// Forces between legs that press against each other do not move the centre of mass, but feet slide when one of them lifts.
 const SMALL: f64 = 1e-4;
-/// Price of a change of 1 rad between the two knots at each end of a motion that ends: its setpoints begin and end at rest.
+/// Weight of the squared change between the two knots at each end of a finite motion, 1/rad². Its set-points begin and end at
+/// rest.
 const ENDS: f64 = 10.0;
 /// Largest change of a knot in an iteration, rad.
 const MOST_RAD: f64 = 0.2;
-/// Improvement of an iteration that is too small to go on, as a share.
+/// Relative improvement of an iteration below which the search ends.
 const TOLERANCE: f64 = 1e-3;
 
 /// Result of retargeting.
 #[derive(Clone, Debug)]
 pub struct Retargeted {
-    /// The plan with its corrections.
+    /// Plan with its corrections.
     pub plan: Plan,
-    /// Objective at the beginning and after each iteration.
+    /// Objective at the start and after each iteration.
     pub costs: Vec<f64>,
-    /// Simulated rollouts.
+    /// Number of simulated rollouts.
     pub rollouts: usize,
     /// Largest correction, rad.
     pub largest_rad: f64,
 }
 
-/// Finds corrections for a validated plan, whose own corrections are left out. Calls `goes_on` for each rollout; `false` ends the
-/// search, and the best corrections so far are returned.
+/// Computes corrections for a validated plan. Ignores and replaces its present corrections.
 ///
-/// Returns `None` if the uncorrected plan falls, or a step of the world has no solution.
+/// Calls `goes_on` before each rollout with the number of the rollout. If `goes_on` returns `false` the search ends with the
+/// best corrections so far.
+///
+/// Returns `None` if the uncorrected plan falls, or if a step of the simulation has no solution.
 pub fn retarget(
     plan: &Plan,
     options: &Options,
@@ -126,7 +134,7 @@ pub fn retarget(
     Some(Retargeted { plan: corrected, costs: fit.costs, rollouts: fit.rollouts, largest_rad })
 }
 
-/// The curve of a joint's corrections over the time of a rollout.
+/// Curve of the corrections of a joint over the time of a rollout.
 fn curve(script: &Script<'_>, options: &Options) -> Arc<Curve> {
     let repeats = script.repeats();
     let spaces = if repeats { options.knots } else { options.knots - 1 };
@@ -139,13 +147,14 @@ fn curve(script: &Script<'_>, options: &Options) -> Arc<Curve> {
     })
 }
 
-/// Knots of one joint: those of all joints stand beside each other, one knot after the other.
+/// Knot values of one joint. `knots` is ordered by knot, then by joint.
 fn of_joint(knots: &[f64], joints: usize, joint: usize) -> Vec<f64> {
     knots.iter().skip(joint).step_by(joints).copied().collect()
 }
 
-/// Knots with which the servos' stiffness alone gives the planned torques: where the search begins. 0 with feed-forward, which
-/// gives them already.
+/// Start values of the knots: corrections for which the stiffness of the servos alone yields the planned torques.
+///
+/// The values are 0 with feed-forward, which already supplies these torques.
 fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
     let actuators: Vec<_> = script.robot().joints.iter().map(|joint| &joint.actuator).collect();
     if options.feed_forward {
@@ -170,7 +179,7 @@ fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
     (0..curve.knots).flat_map(of_knot).collect()
 }
 
-/// Distances of the centre of mass from its plan at all steps; `None` if the robot falls.
+/// Simulates the motion and returns the distances of the centre of mass from the plan at all steps; `None` if the robot falls.
 fn rollout(
     script: &Script<'_>,
     options: &Options,

@@ -1,4 +1,4 @@
-//! A plan played in the world.
+//! Simulation of a plan.
 
 use crate::control::{Control, Controller};
 use crate::mismatch::Mismatch;
@@ -18,49 +18,51 @@ use std::sync::Arc;
 pub struct Options {
     /// Method of playing the plan.
     pub control: Control,
-    /// Periods of a motion that repeats.
+    /// Number of periods of a motion that repeats.
     pub cycles: usize,
-    /// Steps of the world per second, about: a motion is a whole number of them.
+    /// Approximate number of simulation steps per second. The duration of the motion is a whole number of steps.
     pub rate_hz: u32,
-    /// Ground under the robot. The robot begins at the origin, its plan in the plane that touches the ground there.
+    /// Ground under the robot. The robot begins at the origin; the plane of its plan touches the ground there.
     pub ground: Arc<dyn Ground>,
-    /// Pushes, from the start of the simulation on.
+    /// Pushes. Their times count from the start of the simulation.
     pub shoves: Vec<Shove>,
-    /// Differences of the robot from the planned one.
+    /// Differences between the planned robot and the simulated one.
     pub mismatch: Mismatch,
 }
 
 impl Options {
-    /// Options for level ground without pushes and differences: five periods.
+    /// Options for five periods on level ground, without pushes and mismatch.
     pub fn new(control: Control, rate_hz: u32) -> Self {
         let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
         Self { control, cycles: 5, rate_hz, ground, shoves, mismatch: Mismatch::default() }
     }
 }
 
-/// Time for which a motion that ends stands still before and after, s.
+/// Duration of the rest before and after a finite motion, s.
 pub(crate) const REST_S: f64 = 1.0;
 
-/// The end of a step.
+/// State of a run at the end of a step.
 pub struct Moment<'a> {
     /// Simulated time, s.
     pub done_s: f64,
-    /// Simulated time of the whole run, s.
+    /// Duration of the whole run, s.
     pub all_s: f64,
-    /// Time of the motion, s: 0 before it and its duration after it.
+    /// Time of the motion, s: 0 before it, and its duration after it.
     pub motion_s: f64,
     /// True if the robot has fallen, which ends the run.
     pub has_fallen: bool,
-    /// True if further periods would be like the last ones.
+    /// True if further periods would be like the previous ones.
     pub has_settled: bool,
     /// The world.
     pub world: &'a World,
 }
 
-/// Plays a validated plan. Calls `goes_on` with each moment; `false` ends the run.
+/// Plays a validated plan.
+///
+/// Calls `goes_on` at the end of each step; `false` ends the run.
 ///
 /// # Errors
-/// A step of the world without a solution.
+/// Returns an error if a step of the simulation has no solution.
 pub fn play(
     plan: &Plan,
     options: &Options,
@@ -114,13 +116,14 @@ pub fn play(
     Ok(tracker.finish(&world, &controller))
 }
 
-/// Length of a step, s, at about so many a second: a motion is a whole number of them.
+/// Duration of a step, s, at a rate of about `rate_hz`. The duration of the motion is a whole number of steps.
 pub(crate) fn step_s(script: &Script<'_>, rate_hz: u32) -> f64 {
     let count = (script.duration_s() * f64::from(rate_hz)).round().max(1.0);
     script.duration_s() / count
 }
 
-/// The robot as its plan begins, on the ground at the origin, and how its plan lies there.
+/// World with the robot in the start state of its plan, on the ground at the origin, and the rotation of the plan in this
+/// world.
 pub(crate) fn begin(
     script: &Script<'_>,
     robot: &Robot,
@@ -148,21 +151,23 @@ pub(crate) fn begin(
 }
 
 pub(crate) struct Beat {
-    /// Time of the motion at its end, s.
+    /// Time of the motion at the end of the step, s.
     pub time_s: f64,
-    /// Mark at the end of the beat.
+    /// Event at the end of the step.
     mark: Option<Mark>,
 }
 
 #[derive(Clone, Copy)]
 enum Mark {
-    /// The motion begins.
+    /// Start of the motion.
     Start,
-    /// A period, or the motion and the rest after it, ends.
+    /// End of a period, or of the rest after a finite motion.
     End,
 }
 
-/// Steps of a run and their number: the periods of a motion that repeats, otherwise rest, motion and rest.
+/// Steps of a run and their number.
+///
+/// A periodic motion consists of its periods, a finite one of rest, motion and rest.
 pub(crate) fn beats(
     script: &Script<'_>,
     cycles: usize,

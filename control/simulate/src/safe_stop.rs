@@ -1,30 +1,32 @@
-//! Safe stop of a robot that cannot be tracked any more. In open loop the robot plays its plan to the next moment at which it can
-//! stand, stays in that pose, and its driven wheels come to rest.
+//! Safe stop of a robot that can no longer be tracked.
 //!
-//! [`crate::closed_loop`] begins it; only another start ends it.
+//! The robot plays its plan in open loop to the next time at which it can stand, and stays in that pose. Its driven wheels come
+//! to rest. [`crate::closed_loop`] begins the stop. To end it, start the motion again.
 
 use crate::script::Script;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_robot::Channel;
 
-/// Interval between the moments that are looked at, s.
+/// Interval between the times at which the planned stance is evaluated, s.
 const STEP_S: f64 = 0.01;
 /// Time in which driven wheels come to rest, s.
 const WHEELS_S: f64 = 0.5;
 
-/// The stop of a motion.
+/// Safe stop of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SafeStop {
-    /// Time at which the plan ends, s; for a plan that repeats, periods counted on.
+    /// Time at which the plan ends, s. Times of a periodic plan continue over all periods.
     at_s: f64,
-    /// Time of the plan at the last tick, s: it goes on where that of a motion stays at its end.
+    /// Time of the plan at the previous tick, s. It continues after the end of the plan.
     now_s: f64,
 }
 
 impl SafeStop {
-    /// The stop of a robot whose motors are at a time of its plan, s: at the first moment within a period, or before the end of
-    /// a motion that ends, at which as many end effectors stand as at any.
+    /// Creates the safe stop of a robot whose motors are at `now_s` of its plan, s.
+    ///
+    /// The stop is at the first time with the largest number of stance feet. The search covers one period, or the rest of a
+    /// finite motion.
     pub fn after(plan: &WholeBody, script: &Script<'_>, now_s: f64) -> Self {
         let end_s = match script.repeats() {
             true => now_s + script.duration_s(),
@@ -98,7 +100,7 @@ mod tests {
         body.stands(time_s).into_iter().filter(|&stands| stands).count()
     }
 
-    /// Two feet of a flying trot are on the ground at most.
+    /// A flying trot has at most two feet on the ground.
     #[test]
     #[ignore = "minutes: cargo xtask nightly --only long"]
     fn a_stop_is_where_most_end_effectors_stand() {
@@ -113,7 +115,7 @@ mod tests {
         }
     }
 
-    /// Tests a stop within a motion and one after its end; a robot that drives stands at both times.
+    /// Tests a stop during and after a motion of a robot that drives, and hence stands at both times.
     #[test]
     fn motors_go_on_until_the_stop_and_wheels_roll_out() {
         let plan = plan("drive_1m");

@@ -1,4 +1,4 @@
-//! A plan as what a simulated robot needs: the state in which it begins, and the control law of each motor.
+//! Script of a plan for a simulated robot: its start state, and the control law of each motor.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::rotation::log;
@@ -9,10 +9,10 @@ use rollwalk_planner::plan::{Plan, Sample};
 use rollwalk_planner::sample::PlanSpline;
 use rollwalk_robot::{Channel, Robot};
 
-/// Half of the time over which velocities at the start are differences, s.
+/// Half of the interval of the finite differences for velocities at the start, s.
 const INSTANT_S: f64 = 1e-4;
 
-/// A plan to be played.
+/// Plan that can be evaluated at any time.
 pub struct Script<'a> {
     plan: &'a Plan,
     spline: PlanSpline,
@@ -20,17 +20,17 @@ pub struct Script<'a> {
 }
 
 impl<'a> Script<'a> {
-    /// The script of a validated plan, with the planned torques on top of the servos' own, or without.
+    /// Creates the script of a validated plan. `feed_forward` adds the planned torques to the control laws.
     pub fn new(plan: &'a Plan, feed_forward: bool) -> Self {
         Self { plan, spline: PlanSpline::new(plan), feed_forward }
     }
 
-    /// The plan.
+    /// Plan of the script.
     pub fn plan(&self) -> &'a Plan {
         self.plan
     }
 
-    /// The robot.
+    /// Robot of the plan.
     pub fn robot(&self) -> &'a Robot {
         &self.plan.robot
     }
@@ -40,38 +40,38 @@ impl<'a> Script<'a> {
         self.plan.motion.ends == Ends::Periodic
     }
 
-    /// True if end effectors leave the ground: steps may catch a robot.
+    /// True if end effectors leave the ground, so that steps can catch the robot.
     pub fn steps(&self) -> bool {
         self.plan.motion.stance.iter().any(|row| row.iter().any(|&stands| !stands))
     }
 
-    /// Duration of the motion, s; of one that repeats its period.
+    /// Duration of a finite motion or of a period, s.
     pub fn duration_s(&self) -> f64 {
         self.spline.duration_s()
     }
 
-    /// Planned origin of the body, m, and world from body at a time of the motion, s.
+    /// Planned position of the body's origin, m, and world-from-body rotation, at a time of the motion, s.
     pub fn base(&self, time_s: f64) -> (Vector3<f64>, Matrix3<f64>) {
         base(&self.spline.sample(time_s))
     }
 
-    /// Planned angles of the joints at a time of the motion, rad.
+    /// Planned joint angles at a time of the motion, rad.
     pub fn joint_rad(&self, time_s: f64) -> Vec<f64> {
         self.spline.sample(time_s).joint_rad
     }
 
-    /// Planned centre of mass at a time of the motion, m; a periodic motion goes on in later periods.
+    /// Planned centre of mass at a time of the motion, m. Times of a periodic motion continue over all periods.
     pub fn com(&self, time_s: f64) -> Vector3<f64> {
         self.spline.sample(time_s).com_m.into()
     }
 
-    /// Planned torques of the joints at a time of the motion, N·m.
+    /// Planned joint torques at a time of the motion, N·m.
     pub fn joint_torques_nm(&self, time_s: f64) -> Vec<f64> {
         self.spline.sample(time_s).joint_torque_nm
     }
 
-    /// Planned state at the start, on a ground that is turned. A motion that repeats begins at its speed, another one at
-    /// rest.
+    /// Planned start state on ground that is rotated by `world_from_plan`. A periodic motion begins at its speed, a finite one
+    /// at rest.
     pub fn start(&self, world_from_plan: &Rotation3<f64>) -> RobotState {
         let robot = self.robot();
         let first = self.spline.sample(0.0);
@@ -106,7 +106,7 @@ impl<'a> Script<'a> {
         state
     }
 
-    /// Control law of each motor at a time of the motion, s, in channel order: the servos of the robot file.
+    /// Control law of each motor at a time of the motion, s, in channel order. Gains and limits are those of the robot file.
     pub fn laws(&self, time_s: f64) -> Vec<Law> {
         let setpoints = self.spline.setpoints(time_s);
         let sample = self.spline.sample(time_s);
@@ -135,13 +135,13 @@ impl<'a> Script<'a> {
             .collect()
     }
 
-    /// 1 while a motion that ends moves, 0 before and after, where its ends are held.
+    /// Returns 1 during a finite motion; 0 before and after it, when the robot holds its end pose.
     fn moves(&self, time_s: f64) -> f64 {
         f64::from(u8::from(time_s > 0.0 && time_s < self.duration_s()))
     }
 }
 
-/// The servo of a channel at rest, with the gains and limits of the robot file.
+/// Control law of a channel at rest, with the gains and limits of the robot file.
 pub(crate) fn servo(channel: &Channel<'_>) -> Law {
     let law = Law::servo(channel.actuator());
     match channel {
@@ -150,7 +150,7 @@ pub(crate) fn servo(channel: &Channel<'_>) -> Law {
     }
 }
 
-/// Origin of the body, m, and world from body.
+/// Position of the body's origin, m, and world-from-body rotation of a sample.
 fn base(sample: &Sample) -> (Vector3<f64>, Matrix3<f64>) {
     let [w, x, y, z] = sample.base_orientation_wxyz;
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));

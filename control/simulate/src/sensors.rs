@@ -8,12 +8,12 @@ use rollwalk_physics::world::Imu;
 use rollwalk_tracking::Sensors;
 use std::f64::consts::TAU;
 
-/// Errors of sensors: standard deviations of white noise in each sample, and a bias. The default has none.
+/// Errors of sensors: standard deviations of white noise in each sample, and a gyro bias. The default is zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// Standard deviation of the gyro, rad/s.
     pub gyro_rad_s: f64,
-    /// Bias of the gyro, body axes, rad/s.
+    /// Bias of the gyro in body axes, rad/s.
     pub gyro_bias_rad_s: Vector3<f64>,
     /// Standard deviation of the accelerometer, m/s².
     pub accelerometer_m_s2: f64,
@@ -21,10 +21,10 @@ pub struct Noise {
     pub speed_rad_s: f64,
 }
 
-/// Fault of a sensor during a run.
+/// Sensor fault that begins during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFault {
-    /// Start of the fault, s of the run.
+    /// Start of the fault, s since the start of the run.
     pub from_s: f64,
     /// Kind of fault.
     pub kind: SensorFaultKind,
@@ -35,29 +35,29 @@ pub struct SensorFault {
 pub enum SensorFaultKind {
     /// Loss of the IMU.
     NoImu,
-    /// A bias of the gyro about every axis, rad/s.
+    /// Gyro bias about every axis, rad/s.
     GyroBias(f64),
-    /// A bias of the accelerometer along every axis, m/s².
+    /// Accelerometer bias along every axis, m/s².
     AccelerometerBias(f64),
-    /// The gyro measures no numbers.
+    /// Gyro that measures NaN.
     GyroNan,
-    /// Single gyro sample that is off about every axis, rad/s.
+    /// Error of a single gyro sample about every axis, rad/s.
     GyroSpike(f64),
-    /// Single accelerometer sample that is off along every axis, m/s².
+    /// Error of a single accelerometer sample along every axis, m/s².
     AccelerometerSpike(f64),
-    /// The encoder of a joint measures no numbers.
+    /// Encoder of a joint that measures NaN.
     EncoderNan(usize),
-    /// The encoder of a joint is off, as after a lost turn, rad; the simulated drive sees the true angle.
+    /// Encoder of a joint with an offset, rad, as after a lost turn. The simulated drive still uses the true angle.
     EncoderOff(usize, f64),
-    /// The encoder of a joint stays where it is; the simulated drive sees the true angle.
+    /// Encoder of a joint whose reading is frozen. The simulated drive still uses the true angle.
     EncoderStuck(usize),
-    /// The contact switch of an end effector stays closed, `true`, or open.
+    /// Contact switch of an end effector that is stuck closed, `true`, or open.
     SwitchStuck(usize, bool),
-    /// Contact switches of all end effectors stay closed, `true`, or open.
+    /// Contact switches of all end effectors that are stuck closed, `true`, or open.
     AllSwitchesStuck(bool),
 }
 
-/// Sensors of a robot, with the samples of a step.
+/// Simulated sensors of a robot, with the samples of a step.
 #[derive(Clone, Debug)]
 pub struct SimulatedSensors {
     tree: Tree,
@@ -73,7 +73,7 @@ pub struct SimulatedSensors {
 }
 
 impl Noise {
-    /// Noise of an IMU of a few euros, and of magnetic encoders.
+    /// Noise of an IMU that costs a few euros, and of magnetic encoders.
     pub const USUAL: Self = Self {
         gyro_rad_s: 0.02,
         gyro_bias_rad_s: Vector3::new(0.005, -0.005, 0.005),
@@ -83,7 +83,7 @@ impl Noise {
 }
 
 impl SimulatedSensors {
-    /// Sensors of the robot of a tree with spinning wheels; equal seeds give equal noise.
+    /// Creates the sensors of a robot whose model `tree` has turning wheels. Equal seeds yield equal noise.
     pub fn new(tree: Tree, noise: Noise, seed: u64) -> Self {
         Self {
             tree,
@@ -98,14 +98,15 @@ impl SimulatedSensors {
         }
     }
 
-    /// The same sensors, some of which break.
+    /// Sets the fault of the sensors.
     pub fn with_fault(mut self, fault: Option<SensorFault>) -> Self {
         self.fault = fault;
         self
     }
 
-    /// Samples at the end of a step of `step_s`. The specific force is the mean over the step; at the first sample
-    /// there is none.
+    /// Samples the sensors at the end of a step of `step_s`.
+    ///
+    /// The specific force is the mean over the step; the first sample contains no specific force.
     pub fn sample(&mut self, world: &World, step_s: f64) -> Sensors<'_> {
         let state = world.state(&self.tree);
         let Noise { gyro_rad_s, gyro_bias_rad_s, accelerometer_m_s2, speed_rad_s } = self.noise;
@@ -163,7 +164,7 @@ impl SimulatedSensors {
     }
 }
 
-/// A number of the standard normal distribution (Box and Muller).
+/// Draws from the standard normal distribution (Box–Muller).
 fn normal(random: &mut Rng) -> f64 {
     let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
     radius * (TAU * random.f64()).cos()

@@ -1,8 +1,7 @@
-//! Plans that follow each other in closed loop, as a robot on a bus plays them: it stands, goes over into a gait, repeats it,
-//! and comes to a stand again.
+//! Sequence of plans in closed loop: the robot stands, makes a transition to a gait, repeats the gait and returns to standing.
 //!
-//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan lies
-//! where the one before ended. Times are those of the caller's measurements: samples may be missing.
+//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan is
+//! placed at the end of the previous one. Times are those of the caller's measurements, and samples may be missing.
 
 use crate::closed_loop::Placed;
 use crate::follower::{Followed, Follower};
@@ -18,10 +17,11 @@ use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_tracking::{Gains, Reference};
 use thiserror::Error;
 
-/// Largest difference of a joint between two plans that join, rad: splines of both go through the same state.
+/// Largest difference of a joint angle at the boundary of two plans, rad. The splines of both plans pass through a common
+/// state.
 const JOINED_RAD: f64 = 0.01;
 
-/// A plan of a sequence, prepared.
+/// Plan of a sequence, with its gains.
 pub struct Leg<'p> {
     script: Script<'p>,
     plan: Placed,
@@ -30,77 +30,82 @@ pub struct Leg<'p> {
     hold_s: f64,
 }
 
-/// Plans that do not make a sequence.
+/// Error of plans that do not form a sequence.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SequenceError {
-    /// Sequence without plans.
-    #[error("a sequence without plans")]
+    /// Empty sequence.
+    #[error("the sequence has no plans")]
     Empty,
     /// Sequence that begins or ends in motion.
-    #[error("a sequence begins and ends at rest, but `{motion}` does not")]
+    #[error("a sequence must begin and end at rest, but `{motion}` does not")]
     InMotion {
-        /// The motion at its beginning or end.
+        /// Motion that does not begin or end at rest.
         motion: String,
     },
-    /// Plans of several robots.
-    #[error("`{motion}` is planned for another robot than `{first}`")]
+    /// Plans of different robots.
+    #[error("`{motion}` is planned for a different robot from `{first}`")]
     OtherRobot {
-        /// The motion.
+        /// Motion of another robot.
         motion: String,
-        /// The first motion.
+        /// First motion of the sequence.
         first: String,
     },
-    /// A plan begins in another pose than the one before ends in.
+    /// Plan whose start pose differs from the end pose of the previous plan.
     #[error(
-        "`{motion}` begins where `{joint}` is {off_rad:.3} rad away from the end of `{before}`"
+        "`{motion}` begins with `{joint}` {off_rad:.3} rad away from its angle at the end of \
+         `{before}`"
     )]
     Apart {
-        /// The motion.
+        /// Motion with the different start pose.
         motion: String,
-        /// The motion before.
+        /// Previous motion.
         before: String,
-        /// The joint.
+        /// Joint that differs.
         joint: String,
         /// Difference of the angles, rad.
         off_rad: f64,
     },
 }
 
-/// Progress of a sequence, at the setpoints of its last tick.
+/// Progress of a sequence at the time at which the set-points of the previous tick act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// True if the rest before the first plan is over.
     pub moves: bool,
-    /// Index of the plan.
+    /// Index of the present plan.
     pub leg: usize,
-    /// Completed cycles of a plan that repeats.
+    /// Number of completed cycles of a periodic plan.
     pub cycle: u32,
-    /// Time since the plan began, s; its cycles counted on.
+    /// Time since the start of the plan, s, over all its cycles.
     pub time_s: f64,
 }
 
-/// A controller of plans that follow each other.
+/// Closed-loop controller of consecutive plans.
 pub struct Sequence<'p> {
     legs: Vec<Leg<'p>>,
     follower: Follower,
     timing: Timing,
-    /// True if contacts are those of the plan, not of switches.
+    /// True if contacts are taken from the plan instead of contact switches.
     planned_contacts: bool,
-    /// Time of the last measurement, s.
+    /// Time of the previous measurement, s.
     last_s: Option<f64>,
-    /// The plan at the last tick, and when it began, in times at which setpoints act, s; `None` at the rest before the first one.
+    /// Index of the plan at the previous tick.
     leg: usize,
+    /// Start time of this plan, s, in times at which set-points act; `None` during the rest before the first plan.
     began_s: Option<f64>,
-    /// The plan whose setpoints a robot gets that cannot be tracked.
+    /// Index of the plan whose set-points the motors get if the robot cannot be tracked.
     acts: usize,
-    /// True if the sequence is to begin; `ready` is true if the state was known at the last tick.
+    /// True if the start of the sequence is requested.
     goes: bool,
+    /// True if the robot was tracked at the previous tick.
     ready: bool,
     reference: Option<Reference>,
 }
 
 impl<'p> Leg<'p> {
-    /// A validated plan, once. Gains are computed here, which takes up to some tenths of a second.
+    /// Creates a leg that plays a validated plan once.
+    ///
+    /// The computation of the gains takes up to some tenths of a second.
     pub fn new(plan: &'p Plan) -> Self {
         let script = Script::new(plan, true);
         let (body, world_from_plan) = (WholeBody::new(plan), Isometry3::identity());
@@ -109,31 +114,31 @@ impl<'p> Leg<'p> {
         Self { script, plan, gains, cycles: 1, hold_s: 0.0 }
     }
 
-    /// The same with so many cycles of a motion that repeats; one that ends is played once all the same.
+    /// Sets the number of cycles of a periodic motion. A finite motion is always played once.
     #[must_use]
     pub fn times(mut self, cycles: u32) -> Self {
         self.cycles = cycles;
         self
     }
 
-    /// The same, held beyond the end of a motion that comes to rest, s; one that repeats has no such end.
+    /// Holds the end pose of a finite motion for `hold_s`, s. A periodic motion ignores it.
     #[must_use]
     pub fn held(mut self, hold_s: f64) -> Self {
         self.hold_s = hold_s.max(0.0);
         self
     }
 
-    /// The plan.
+    /// Plan of the leg.
     pub fn plan(&self) -> &'p Plan {
         self.script.plan()
     }
 
-    /// Number of cycles; 1 for a motion that ends.
+    /// Number of cycles; 1 for a finite motion.
     pub fn cycles(&self) -> u32 {
         if self.script.repeats() { self.cycles } else { 1 }
     }
 
-    /// Duration, s, including the hold.
+    /// Duration including the hold, s.
     pub fn duration_s(&self) -> f64 {
         match self.script.repeats() {
             true => self.moves_s(),
@@ -147,7 +152,7 @@ impl<'p> Leg<'p> {
         cycles * self.script.duration_s()
     }
 
-    /// Place and heading of the body at a time, on the ground of the plan.
+    /// Position and heading of the body at a time of the plan, on the ground.
     fn place(&self, time_s: f64) -> Isometry3<f64> {
         let (position_m, rotation) = self.script.base(time_s);
         place(&position_m, &rotation)
@@ -157,7 +162,7 @@ impl<'p> Leg<'p> {
         self.plan().motion.name.clone()
     }
 
-    /// Ends it as soon as it can be left, from a time of it on, s; the last one of a sequence stays.
+    /// Ends the leg as early as possible after `time_s` of it, s. The final leg of a sequence keeps its hold.
     fn end(&mut self, time_s: f64, is_last: bool) {
         let period_s = self.script.duration_s();
         if self.script.repeats() {
@@ -170,11 +175,14 @@ impl<'p> Leg<'p> {
 }
 
 impl<'p> Sequence<'p> {
-    /// A sequence of plans, each of which begins in the state in which the one before ends. It waits at the beginning of the
-    /// first one for [`go`](Self::go). `latency_s` of the timing may still change.
+    /// Creates a sequence of plans, each of which begins in the end state of the previous one.
+    ///
+    /// The sequence waits at the start of the first plan for [`go`](Self::go). [`change_latency`](Self::change_latency) can
+    /// change the latency of `timing` until then.
     ///
     /// # Errors
-    /// The plans do not follow each other, or they do not begin and end at rest.
+    /// Returns an error if a plan does not begin in the end pose of the previous one, if the plans are for different robots, or
+    /// if the sequence does not begin and end at rest.
     pub fn new(mut legs: Vec<Leg<'p>>, timing: Timing) -> Result<Self, SequenceError> {
         let (Some(first), Some(last)) = (legs.first(), legs.last()) else {
             return Err(SequenceError::Empty);
@@ -212,24 +220,26 @@ impl<'p> Sequence<'p> {
         })
     }
 
-    /// Sets from the next tick on if planned stance feet count as touching the ground, whatever is measured: the robot has no
-    /// contact switches, or their readings are not received.
+    /// Selects, from the next tick on, if planned stance feet count as touching the ground regardless of measurements.
+    ///
+    /// Use it for a robot without contact switches, or if their readings are not received.
     pub fn use_planned_contacts(&mut self, planned: bool) {
         self.planned_contacts = planned;
     }
 
-    /// The robot with turning wheels and rotors, whose states and velocities those of [`Measured`] are.
+    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measured`] refer to it.
     pub fn tree(&self) -> &Tree {
         self.follower.tracker.tree()
     }
 
-    /// The plans.
+    /// Legs of the sequence.
     pub fn legs(&self) -> &[Leg<'p>] {
         &self.legs
     }
 
-    /// Changes the time from a measurement until setpoints act, s, which a bus measures while the robot stands. Returns whether
-    /// it did: once the robot moves its latency stays.
+    /// Changes the time from a measurement until set-points act, s, and returns true if it was changed.
+    ///
+    /// A bus measures this latency while the robot stands. Once the robot moves, the latency cannot be changed.
     pub fn change_latency(&mut self, latency_s: f64) -> bool {
         let is_taken = self.began_s.is_none();
         if is_taken {
@@ -239,18 +249,21 @@ impl<'p> Sequence<'p> {
         is_taken
     }
 
-    /// True if the robot was tracked at the last tick: its state is known, and [`go`](Self::go) will act at the next one.
+    /// True if the robot was tracked at the previous tick. Its state is known, so that [`go`](Self::go) starts the motion at
+    /// the next tick.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
 
-    /// Begins at the next tick before which the robot was tracked; the plan then lies where the robot stands.
+    /// Starts the motion as soon as the robot has been tracked for a tick. The plan is then placed at the robot.
     pub fn go(&mut self) {
         self.goes = true;
     }
 
-    /// Ends early. A robot that still stands stays; one that moves completes its present cycle, and plays the plans that come
-    /// after it without repeating or holding them, but for the hold of the last one.
+    /// Ends the sequence early.
+    ///
+    /// A robot that still stands remains standing. A moving robot completes its present cycle and plays the remaining plans
+    /// once, without holds except the final one.
     pub fn stop(&mut self) {
         self.goes = false;
         if self.began_s.is_none() {
@@ -263,7 +276,7 @@ impl<'p> Sequence<'p> {
         }
     }
 
-    /// Progress at the last tick.
+    /// Progress at the previous tick.
     pub fn progress(&self) -> Progress {
         let leg = &self.legs[self.leg];
         let time_s = self.began_s.zip(self.last_s);
@@ -273,31 +286,32 @@ impl<'p> Sequence<'p> {
         Progress { moves: self.began_s.is_some(), leg: self.leg, cycle, time_s }
     }
 
-    /// True if all plans have been played and held. The robot is tracked at the end of the last one as long as there are ticks.
+    /// True if all plans and holds have been played. Further ticks track the robot at the end of the final plan.
     pub fn is_over(&self) -> bool {
         let Progress { leg, time_s, .. } = self.progress();
         leg + 1 == self.legs.len() && time_s >= self.legs[leg].duration_s()
     }
 
-    /// True if a robot that could not be tracked has been brought to a stop, and stands ([`Untracked::Stopped`]).
+    /// True if the robot could not be tracked, was stopped, and now stands ([`Untracked::Stopped`]).
     pub fn has_stopped(&self) -> bool {
         self.follower.has_stopped()
     }
 
-    /// Reference for the moment at which the setpoints of the last tick act.
+    /// Reference at the time at which the set-points of the previous tick act.
     pub fn reference(&self) -> Option<&Reference> {
         self.reference.as_ref()
     }
 
-    /// The estimate of the last tick with sensors, whether or not it may be trusted.
+    /// State estimate at the previous tick with sensors, trusted or not.
     pub fn estimate(&self) -> &State {
         self.follower.estimator.state()
     }
 
-    /// Control laws of the motors from a measurement until the next one. `time_s` is the time of the measurement, s, from any
-    /// origin; ticks may be skipped. If the time is not later than the last one, or there are no setpoints for another reason,
-    /// the motors get the setpoints of the plan, and the reason is returned beside them. After 0.1 s of that in motion the robot
-    /// is brought to a stop, and stays so ([`Untracked::Stopped`]).
+    /// Control laws of the motors from a measurement until the next one.
+    ///
+    /// `time_s` is the time of the measurement, s, from any origin; ticks may be skipped. The motors get the set-points of the
+    /// plan if `time_s` is not later than the previous time, or if the tracker has no set-points. The reason is then returned
+    /// too. After 0.1 s without set-points in motion the robot stops for good ([`Untracked::Stopped`]).
     pub fn tick(&mut self, time_s: f64, measured: Measured<'_>) -> (Vec<Law>, Option<Untracked>) {
         let time_s = if time_s.is_finite() { time_s } else { self.last_s.unwrap_or(0.0) };
         let now_s = self.last_s.map_or(time_s, |last_s| time_s.max(last_s));
@@ -329,12 +343,13 @@ impl<'p> Sequence<'p> {
         (laws, untracked)
     }
 
-    /// Time at which setpoints from a measurement act, s.
+    /// Time at which the set-points from a measurement act, s.
     fn acts_s(&self, measured_s: f64) -> f64 {
         measured_s + self.timing.latency_s
     }
 
-    /// Places the plan at rest: at the robot when its state becomes known, and again when it begins.
+    /// Places the first plan at the robot during the rest before it: when its state becomes known, and again when the motion
+    /// begins.
     fn rest(&mut self, now_s: f64, measured: Measured<'_>) {
         let begins = self.goes && self.ready;
         if self.ready && !begins {
@@ -357,7 +372,7 @@ impl<'p> Sequence<'p> {
         }
     }
 
-    /// The plan of a moment at which setpoints act, when it begins and the time of it, s.
+    /// Index of the plan at the time `acts_s`, start time of this plan, and time since its start, s.
     fn at(&self, acts_s: f64) -> (usize, Option<f64>, f64) {
         let Some(mut began_s) = self.began_s else { return (self.leg, None, 0.0) };
         let mut leg = self.leg;
@@ -368,7 +383,7 @@ impl<'p> Sequence<'p> {
         (leg, Some(began_s), acts_s - began_s)
     }
 
-    /// Goes over to the plan of a moment at which setpoints act, and returns the time of it, s.
+    /// Changes to the plan at the time `acts_s`, and returns the time since its start, s.
     fn change_leg(&mut self, acts_s: f64) -> f64 {
         let (leg, began_s, leg_s) = self.at(acts_s);
         for next in self.leg + 1..=leg {
@@ -385,13 +400,13 @@ impl<'p> Sequence<'p> {
     }
 }
 
-/// Place and heading of a body.
+/// Position on the ground and heading of a body.
 fn place(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad(rotation));
     Isometry3::from_parts(Translation3::new(position_m.x, position_m.y, 0.0), turn)
 }
 
-/// Checks that a plan begins in the pose in which the one before ends.
+/// Checks that a plan begins in the end pose of the previous one.
 fn joined(before: &Leg<'_>, leg: &Leg<'_>) -> Result<(), SequenceError> {
     let end = before.script.joint_rad(before.moves_s());
     let joints = end.iter().zip(leg.script.joint_rad(0.0)).zip(&leg.script.robot().joints);

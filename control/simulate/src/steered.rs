@@ -1,8 +1,8 @@
-//! A robot that is steered in the simulated world: horizons from its measured state, planned again and again and tracked.
+//! Steering of a simulated robot: horizons are planned repeatedly from its measured state, and tracked.
 //!
-//! Planning takes simulated time: a plan made from a measured state takes over [`Options::planning_s`] after the measurement,
-//! and begins in the state that is expected then. Until then the plan before goes on, and the measured state is expected to
-//! keep its distance to it. A plan that is not accepted does not take over.
+//! Planning takes simulated time: the plan from a measured state takes over [`Options::planning_s`] after the measurement. It
+//! begins in the state that is predicted for that time. Meanwhile the previous plan continues, and the prediction keeps the
+//! deviation of the measured state from this plan. A plan that is not accepted does not take over.
 
 use crate::closed_loop::Placed;
 use crate::script::servo;
@@ -23,14 +23,14 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// A command of an operator.
+/// Command of an operator.
 #[derive(Clone, Debug)]
 pub struct Command {
-    /// Time at which it is given, s.
+    /// Time of the command, s.
     pub at_s: f64,
     /// Steering from then on.
     pub steering: Steering,
-    /// Another gait from then on.
+    /// Gait from then on; `None` to keep the present one.
     pub gait: Option<Gait>,
 }
 
@@ -39,13 +39,14 @@ pub struct Command {
 pub struct Options {
     /// Duration of the run, s.
     pub duration_s: f64,
-    /// Samples of a horizon after which the next one takes over.
+    /// Number of samples of a horizon after which the next one takes over.
     pub replan_samples: usize,
-    /// Time between a measurement and the moment at which the plan from it takes over, s.
+    /// Time from a measurement until its plan takes over, s.
     pub planning_s: f64,
-    /// Most iterations of a plan.
+    /// Maximum number of iterations of a plan.
     pub iterations: usize,
-    /// Steps of the world and of the controller per second, about: a sample of the horizon is a whole number of them.
+    /// Approximate number of steps of simulation and controller per second. A sample of the horizon lasts a whole number of
+    /// steps.
     pub rate_hz: u32,
     /// Pushes.
     pub shoves: Vec<Shove>,
@@ -67,36 +68,36 @@ impl Default for Options {
 /// Result of planning a horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Planned {
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: usize,
     /// True if the plan was accepted.
     pub accepted: bool,
 }
 
-/// A run.
+/// Outcome of a steered run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Time at which the robot fell, s.
+    /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
-    /// The plans, in order.
+    /// Plans, in order of time.
     pub plans: Vec<Planned>,
-    /// Ticks in which the tracker had no solution, and the motors kept their setpoints.
+    /// Number of ticks without a solution of the tracker, in which the motors kept their set-points.
     pub untracked: u32,
-    /// Steps of the world a second.
+    /// Simulation rate, steps per second.
     pub rate_hz: f64,
-    /// Velocity of the body after each step: along and to the left of its heading, m/s, and rate of the heading, rad/s.
+    /// Velocity of the body after each step: forward and left in its heading frame, m/s, and rate of the heading, rad/s.
     pub velocities: Vec<[f64; 3]>,
 }
 
 impl Outcome {
-    /// Plans that were not accepted.
+    /// Number of plans that were not accepted.
     pub fn rejected(&self) -> usize {
         self.plans.iter().filter(|plan| !plan.accepted).count()
     }
 
-    /// Mean velocity between two times, as [`velocities`](Self::velocities).
+    /// Mean of [`velocities`](Self::velocities) between two times.
     pub fn mean(&self, from_s: f64, to_s: f64) -> [f64; 3] {
         let index = |time_s: f64| {
             ((time_s * self.rate_hz).round().max(0.0) as usize).min(self.velocities.len())
@@ -105,8 +106,10 @@ impl Outcome {
         [0, 1, 2].map(|c| span.iter().map(|v| v[c]).sum::<f64>() / span.len().max(1) as f64)
     }
 
-    /// Time after a command until component `c` of the velocity has made 63 % of its change, s. Velocities are means over a
-    /// period of the gait, around each time, without its sway. `None` if it has not until the end of the run.
+    /// Time from a command at `at_s` until component `c` of the velocity has made 63 % of its change, s.
+    ///
+    /// Velocities are averaged over a period of the gait to remove its sway. Returns `None` if 63 % is not reached before the
+    /// end of the run.
     pub fn latency_s(
         &self,
         at_s: f64,
@@ -122,46 +125,48 @@ impl Outcome {
     }
 }
 
-/// Reason for which there is no outcome.
+/// Error of a steered run.
 #[derive(Debug, Error)]
 pub enum SteeredError {
-    /// A step of the world has no solution.
+    /// Step of the simulation without a solution.
     #[error(transparent)]
     Step(#[from] StepError),
-    /// The horizon cannot be planned.
+    /// Horizon that cannot be planned.
     #[error(transparent)]
     Horizon(#[from] HorizonError),
-    /// The first plan is not accepted.
+    /// First plan that is not accepted.
     #[error(
-        "the robot cannot stand as the horizon is to begin: its first plan does not meet the constraints"
+        "the robot cannot stand in the initial pose of the horizon, because its first plan does \
+         not meet the constraints"
     )]
     CannotStand,
-    /// A plan would take over after the next one.
+    /// Planning time that exceeds the time between plans.
     #[error(
-        "planning_s is {planning_s} s: it must be at least 0 and less than the {replan_s} s after which the next plan takes \
-         over"
+        "planning_s is {planning_s} s; expected at least 0 s and less than {replan_s} s, the time \
+         until the next plan takes over"
     )]
     Late {
-        /// Time of planning, s.
+        /// Planning time, s.
         planning_s: f64,
         /// Time between plans, s.
         replan_s: f64,
     },
 }
 
-/// Planner of the run, with its grid of time.
+/// Planner of a steered run, with its time grid.
 struct Planner {
     horizon: Horizon,
     steering: Steering,
     iterations: usize,
-    /// Steps of the world in a sample of the horizon, and the length of one, s.
+    /// Number of simulation steps in a sample of the horizon.
     steps: usize,
+    /// Duration of a simulation step, s.
     step_s: f64,
     plans: Vec<Planned>,
 }
 
 impl Planner {
-    /// Plans from the state in which the robot is expected at a step. `None` if the plan is not accepted.
+    /// Plans from the state that is predicted for a step. Returns `None` if the plan is not accepted.
     fn plan(
         &mut self,
         measured: Measured<'_>,
@@ -180,7 +185,7 @@ impl Planner {
         Ok(accepted.then(|| Placed { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
     }
 
-    /// Plans for a later step from the state measured now, while another plan is tracked.
+    /// Plans for step `then` from the state measured at step `now`, while the plan `tracked` is followed.
     fn plan_ahead(
         &mut self,
         tracked: &mut Placed,
@@ -196,11 +201,13 @@ impl Planner {
     }
 }
 
-/// Steers a robot on level ground, from its stand at the origin. Commands are in order of time; until the first one the robot is
-/// to stand still. The first plan is made before the run begins.
+/// Steers a robot that initially stands at the origin of level ground.
+///
+/// Commands are in order of time; the robot stands still until the first one. The first plan is made before the run begins.
 ///
 /// # Errors
-/// [`SteeredError`].
+/// Returns an error if the planning time is negative or not less than the time between plans, if the first plan is not
+/// accepted, or if a horizon or a step of the simulation has no solution.
 pub fn steer(
     robot: &Robot,
     horizon: Horizon,
@@ -273,18 +280,19 @@ pub fn steer(
     Ok(Outcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
 }
 
-/// Velocity of the body, along and to the left of its heading, m/s, and rate of the heading, rad/s.
+/// Velocity of the body: forward and left in its heading frame, m/s, and rate of the heading, rad/s.
 fn in_heading(state: &State) -> [f64; 3] {
     let (sin, cos) = heading_rad(&state.world_from_body).sin_cos();
     let [x, y] = [state.velocity[0], state.velocity[1]];
     [cos * x + sin * y, cos * y - sin * x, state.velocity[5]]
 }
 
-/// Part of the error of velocity that is left when a plan takes over: the controller brings it down meanwhile.
+/// Fraction of the velocity error that is left when a plan takes over. The controller reduces the error meanwhile.
 const KEPT: f64 = 0.5;
 
-/// The state that a robot is expected to have when its plan has `then`: its error against the plan, `measured` less `planned`,
-/// stays, but for a part of that of the velocity.
+/// State that is predicted for the time at which the planned state is `then`.
+///
+/// The deviation of `measured` from `planned` is added to `then`, except for a fraction of the velocity error.
 fn expected(measured: &State, planned: &State, mut then: State) -> State {
     let add = |to: &mut [f64], part: f64, measured: &[f64], planned: &[f64]| {
         for (to, (here, there)) in to.iter_mut().zip(measured.iter().zip(planned)) {

@@ -1,4 +1,4 @@
-//! Tick of a controller in closed loop: measurements, timing, setpoints, and why there are none.
+//! Tick of a closed-loop controller: measurements, timing, set-points, and reasons for missing set-points.
 
 use rollwalk_multibody::State;
 use rollwalk_physics::motor::Law;
@@ -6,39 +6,38 @@ use rollwalk_tracking::estimator::Untrusted;
 use rollwalk_tracking::{NoSetpoints, Sensors, Setpoint};
 use thiserror::Error;
 
-/// Time without setpoints of the tracker after which the motion is ended, s.
+/// Time without set-points of the tracker after which the motion is stopped, s.
 pub(crate) const LOST_S: f64 = 0.1;
 
-/// Knowledge of the robot at a tick.
+/// Measurement at a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Measured<'a> {
-    /// State in the world of the plan's placement, and whether each end effector touches the ground.
+    /// State of the robot in the world, and contact flag of each end effector.
     State(&'a State, &'a [bool]),
-    /// Measurements of the sensors since the last tick.
+    /// Measurements of the sensors since the previous tick.
     Sensors(&'a Sensors<'a>),
 }
 
-/// Reason for which the motors got the plan as in open loop, or its stop.
+/// Reason why the motors get the set-points of the plan or of its stop instead of tracked ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Untracked {
-    /// The state is not known well enough.
+    /// State estimate that cannot be trusted.
     #[error("{0}")]
     State(Untrusted),
-    /// The tracker found no setpoints.
+    /// Tracker without a solution.
     #[error("{0}")]
     Setpoints(NoSetpoints),
-    /// Pushed beyond the edge of its support: the steps of its plan go on under it.
+    /// Push beyond the edge of the support. The steps of the plan continue to catch the robot.
     #[error(
-        "it was pushed beyond the edge of its support, and the steps of its plan are to catch it"
+        "the robot was pushed beyond the edge of its support; the plan continues, so that its \
+         steps catch the robot"
     )]
     CaughtBySteps,
-    /// Recovered twice right after resuming the plan, which goes on in open loop until it ends.
-    #[error("it stumbled from one recovery into the next, and its plan goes on in open loop")]
+    /// Second recovery right after resuming the plan, which continues in open loop until it ends.
+    #[error("a second recovery followed directly on the first; the plan continues in open loop")]
     Stumbled,
-    /// Untracked for 0.1 s: the robot comes to rest, and stays so.
-    #[error(
-        "it was not tracked for {LOST_S} s, and is brought to a stop for good: begin the motion anew"
-    )]
+    /// Stop after 0.1 s without tracking. The robot comes to rest and does not resume.
+    #[error("the robot was not tracked for {LOST_S} s and stops; start the motion again")]
     Stopped,
 }
 
@@ -47,11 +46,11 @@ pub enum Untracked {
 pub struct Timing {
     /// Interval between ticks, s.
     pub tick_s: f64,
-    /// Time from a measurement until the motors act on the setpoints computed from it, s, beyond the tick itself.
+    /// Time from a measurement until its set-points act, s, in addition to the tick itself.
     pub latency_s: f64,
 }
 
-/// A servo with what it is to do until the next tick.
+/// Control law of a servo with a set-point until the next tick.
 pub(crate) fn law(servo: &Law, setpoint: &Setpoint) -> Law {
     Law {
         kp_nm_rad: setpoint.kp_nm_rad,

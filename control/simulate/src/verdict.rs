@@ -1,8 +1,7 @@
-//! Verdict on a motion in simulation. Its plan is played open loop, as a controller plays it, on contacts of the usual stiffness,
-//! on softer and on harder ones.
+//! Verdict on a motion in simulation: its plan is played in open loop on contacts of usual, lower and higher stiffness.
 //!
-//! Plans that meet their equations are consistent, but the robot may still not follow them: errors grow or die out, feet land
-//! early or late, servos yield. The stiffness of a real floor is unknown, so a motion that depends on it does not hold.
+//! A plan that satisfies its equations is consistent, but the robot may still deviate from it: errors grow, feet land early or
+//! late, servos yield. The stiffness of a real floor is unknown, so a motion that depends on it fails.
 
 use crate::control::Control;
 use crate::mismatch::Mismatch;
@@ -12,29 +11,30 @@ use rollwalk_planner::plan::Plan;
 use serde::Serialize;
 use std::fmt;
 
-/// Stiffnesses of contacts over the usual one, in the order in which they are tried.
+/// Factors on the usual contact stiffness, in the order in which they are simulated.
 const STIFFNESSES: [f64; 3] = [1.0, 0.5, 2.0];
-/// Periods of a motion that repeats, at most: the start has worn off after one, and what grows shows after some more. A run ends
-/// earlier when it has settled.
+/// Maximum number of periods of a periodic motion.
+///
+/// Effects of the start last for one period, and growing errors show after some more. A run ends earlier when it has settled.
 const CYCLES: usize = 8;
 
 /// Verdict on a motion in simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "verdict")]
 pub enum Verdict {
-    /// Motion that comes where its plan says without a fall, on all contacts.
+    /// Motion that covers its planned displacement without a fall, on all contacts.
     Holds,
-    /// Motion that falls or comes somewhere else.
+    /// Motion that falls, or deviates from its planned displacement.
     Fails {
-        /// Stiffness of contacts over the usual one, with which it does not.
+        /// Factor on the usual contact stiffness at which the motion fails.
         contact_stiffness: f64,
-        /// Reason why it does not hold.
+        /// Reason of the failure.
         #[serde(flatten)]
         miss: Miss,
     },
-    /// A step of the simulation has no solution.
+    /// Step of the simulation without a solution.
     Unsolved {
-        /// Stiffness of contacts over the usual one, with which it has none.
+        /// Factor on the usual contact stiffness at which the step has no solution.
         contact_stiffness: f64,
         /// Simulated time, s.
         at_s: f64,
@@ -42,8 +42,10 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Plays a validated plan. Calls `goes_on` at each step with the share of all steps that are done; `None` if it returns
-    /// `false`.
+    /// Plays a validated plan on all contacts and returns the verdict.
+    ///
+    /// Calls `goes_on` at each step with the completed fraction of all steps. If `goes_on` returns `false` the result is
+    /// `None`.
     pub fn of(plan: &Plan, mut goes_on: impl FnMut(f64) -> bool) -> Option<Self> {
         for (number, contact_stiffness) in STIFFNESSES.into_iter().enumerate() {
             let control = Control::FeedForward;
@@ -70,12 +72,12 @@ impl Verdict {
         Some(Self::Holds)
     }
 
-    /// True if the motion holds.
+    /// True if the motion passes on all contacts.
     pub fn holds(&self) -> bool {
         *self == Self::Holds
     }
 
-    /// True if the robot stays on its feet and its way is near the planned one, but not near enough.
+    /// True if the robot does not fall, and its displacement is near the planned one without being accepted.
     pub fn misses_by_little(&self) -> bool {
         match self {
             Self::Fails { miss: Miss::Astray { astray, .. }, .. } => astray.is_little(),
@@ -84,7 +86,7 @@ impl Verdict {
         }
     }
 
-    /// True if the motion holds, or its author has declared that it needs feedback.
+    /// True if the motion passes, or if its author has declared that it needs feedback.
     pub fn is_good(&self, plan: &Plan) -> bool {
         self.holds() || plan.motion.needs_feedback.is_some()
     }
@@ -94,12 +96,12 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let on = |stiffness: f64| match stiffness {
             1.0 => String::new(),
-            of => format!(", on contacts of {of} times the usual stiffness"),
+            of => format!(", with contacts of {of} times the usual stiffness"),
         };
         match self {
             Self::Holds => write!(
                 f,
-                "holds in simulation, on contacts of 0.5, 1 and 2 times the usual stiffness"
+                "holds in simulation, with contacts of 0.5, 1 and 2 times the usual stiffness"
             ),
             Self::Fails { contact_stiffness, miss } => {
                 write!(f, "does not hold in simulation: {miss}{}", on(*contact_stiffness))

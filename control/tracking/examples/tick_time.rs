@@ -1,6 +1,6 @@
-//! CPU time of ticks, and how many fail, at random states near a stand, on random feet.
+//! Measures the CPU time of ticks and counts failed ones, at random states near a stand, with random feet on the ground.
 //!
-//! `cargo run --release -p rollwalk-tracking --example tick_time -- TICKS ROBOT.toml...`
+//! Run `cargo run --release -p rollwalk-tracking --example tick_time -- TICKS ROBOT.toml...`.
 
 use cpu_time::ThreadTime;
 use fastrand::Rng;

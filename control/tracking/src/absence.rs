@@ -1,18 +1,20 @@
-//! Duration of an intermittent absence, such as that of readings over a loose plug.
+//! Timer of an intermittent absence, such as that of readings over a loose plug.
 
-/// Part of the time with it that counts against the time without.
+/// Rate at which the timer decreases during presence, relative to its increase during absence.
 const PARDON: f64 = 0.5;
 
-/// Time without something, s.
+/// Timer that increases during absence and decreases at half of that rate during presence.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Absence {
     lasts_s: f64,
 }
 
 impl Absence {
-    /// Counts a tick and returns whether the absence exceeds `most_s`. A tick without it adds `tick_s`, a tick with it takes
-    /// half of `tick_s` off. Something that is absent in more than a third of the ticks therefore exceeds any limit, and after
-    /// an absence the count falls below the limit again within `most_s`.
+    /// Adds a tick, and returns true if the timer exceeds `most_s`.
+    ///
+    /// A tick without the signal adds `tick_s`; a tick with the signal subtracts half of `tick_s`. A signal that is absent in
+    /// more than a third of the ticks therefore exceeds any limit in the end. After a long absence the timer falls below the
+    /// limit again within `most_s`.
     pub fn tick(&mut self, is_there: bool, tick_s: f64, most_s: f64) -> bool {
         self.lasts_s += if is_there { -PARDON * tick_s } else { tick_s };
         self.lasts_s = self.lasts_s.clamp(0.0, 1.5 * most_s.max(tick_s));
@@ -24,7 +26,8 @@ impl Absence {
 mod tests {
     use super::*;
 
-    /// Ticks of 2 ms, of 50 ms at most; `is_there` says of which ticks.
+    /// Returns the first tick at which the timer exceeds 50 ms. A tick lasts 2 ms; `is_there` returns true for ticks with the
+    /// signal.
     fn missing_after(is_there: impl Fn(u32) -> bool) -> Option<u32> {
         let mut absence = Absence::default();
         (0..10_000).find(|&k| absence.tick(is_there(k), 0.002, 0.05))

@@ -1,18 +1,21 @@
 //! Stance of the end effectors at a tick, from measured contacts and the plan.
 //!
-//! An end effector that touches the ground stands, even before its plan has it stand. If it should stand and does not touch, it
-//! is let down to the ground. A robot that was pushed far off its plan needs all end effectors: while it recovers, those that
-//! touch do not lift off, and those in the air land.
+//! An end effector that touches the ground counts as standing, even before its planned touch-down. A planned stance foot that
+//! does not touch is lowered to the ground. A robot that was pushed far off its plan needs all end effectors: while it
+//! recovers, those that touch do not lift off, and those in the air land.
 //!
-//! A planned stance foot that is on the ground by the measured pose stands regardless of its switch. Light feet chatter: at each
-//! tick without force the leg would count as a swing leg, and the robot would lift itself. A switch that stays open is the same
-//! case.
+//! A planned stance foot whose measured pose is on the ground counts as standing regardless of its switch, because light feet
+//! chatter. At each tick without contact the leg would otherwise count as a swing leg, and the robot would lift itself. A
+//! switch that is stuck open has the same effect.
 
-/// Height above or below the ground, as a part of that of the centre of mass, at which an end effector is on it.
+/// Largest distance from the ground at which an end effector counts as touching, as a fraction of the height of the centre of
+/// mass.
 const NEAR: f64 = 0.03;
 
-/// True if an end effector touches the ground: its switch `reports` it, or it `is_needed` to stand and its height, as a part of
-/// that of the centre of mass, is near 0. A height that is not finite has no effect.
+/// True if an end effector touches the ground.
+///
+/// Either its switch `reports` contact, or the end effector `is_needed` for stance and its `height` is near 0. `height` is a
+/// fraction of the height of the centre of mass; NaN has no effect.
 pub(crate) fn touches(reports: bool, is_needed: bool, height: f64) -> bool {
     reports || (is_needed && height.abs() < NEAR)
 }
@@ -20,11 +23,11 @@ pub(crate) fn touches(reports: bool, is_needed: bool, height: f64) -> bool {
 /// Phase of an end effector at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Phase {
-    /// Bears the robot.
+    /// Carries the robot.
     Stance,
-    /// Follows its plan through the air.
+    /// Follows its planned path through the air.
     Swing,
-    /// Should bear the robot and does not touch the ground yet.
+    /// Is needed for stance but does not touch the ground yet.
     Landing,
 }
 
@@ -36,7 +39,7 @@ pub(crate) struct Planned {
     pub rises: bool,
 }
 
-/// Phase of an end effector. If it is to rise and still touches, it lifts off late and does not stand.
+/// Phase of an end effector. An end effector that should rise but still touches the ground lifts off late and does not stand.
 pub(crate) fn phase(planned: Planned, touches: bool, recovers: bool) -> Phase {
     let is_needed = planned.stands || recovers;
     match touches {

@@ -1,12 +1,12 @@
-//! Corrections of the plan by the gains of its linear model: forces of the ground and speeds of end effectors that errors call
-//! for, and the accelerations that these forces cause.
+//! Corrections of the plan by the gains of its linear model: ground forces, end-effector speeds, and the accelerations due to
+//! these forces.
 
 use crate::gains::Gains;
 use crate::model::{self, COM, FEET, SPIN, TURN, VELOCITY, heading_rad};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Rotation3, Vector2, Vector3};
 use rollwalk_multibody::{ANGULAR, Kinematics, Tree, centroidal_momentum_matrix, rotation};
 
-/// Farthest that a foothold moves away from the planned one, m.
+/// Largest offset of a foothold from the planned one, m.
 const STEP_M: f64 = 0.25;
 
 /// Corrections of a tick.
@@ -16,29 +16,32 @@ pub(crate) struct Correction {
     error: DVector<f64>,
     input: DVector<f64>,
     momentum: Matrix6xX<f64>,
-    /// Acceleration of the centre of mass, m/s², and angular acceleration of the body, rad/s².
+    /// Acceleration of the centre of mass, m/s².
     pub com_m_s2: Vector3<f64>,
+    /// Angular acceleration of the body, rad/s².
     pub body_rad_s2: Vector3<f64>,
-    /// Force of the ground on each end effector, N, and its speed, m/s.
+    /// Ground force on each end effector, N.
     pub force_n: Vec<Vector3<f64>>,
+    /// Speed of each end effector, m/s.
     pub speed_m_s: Vec<Vector3<f64>>,
-    /// Offset of each end effector's foothold from the planned one, m; in the air, the desired offset.
+    /// Offset of each foothold from the planned one, m. For an end effector in the air it is the desired offset.
     pub foothold_m: Vec<Vector3<f64>>,
-    /// The same after the last tick that had a solution.
+    /// Foothold offsets after the previous tick that had a solution, m.
     last_m: Vec<Vector3<f64>>,
 }
 
 /// Contact or lowest point of an end effector.
 pub(crate) struct Place {
-    /// Planned and measured position, m.
+    /// Planned position, m.
     pub planned: Vector3<f64>,
+    /// Measured position, m.
     pub measured: Vector3<f64>,
-    /// Planned force of the ground, N, where it stands.
+    /// Planned ground force, N; `None` in the air.
     pub force_n: Option<Vector3<f64>>,
 }
 
 impl Correction {
-    /// Zero corrections, for a plan with these gains.
+    /// Creates zero corrections for a plan with these gains.
     pub fn new(gains: Gains, tree: &Tree) -> Self {
         let feet = tree.robot().end_effectors.len();
         let none = vec![Vector3::zeros(); feet];
@@ -56,13 +59,15 @@ impl Correction {
         }
     }
 
-    /// Goes on with another plan that begins where the one before ends: footholds stay.
+    /// Changes to the gains of a plan that begins where the previous one ends. Foothold offsets are kept.
     pub fn change_gains(&mut self, gains: Gains) {
         self.gains = gains;
     }
 
-    /// Corrections at a time of the plan, s, for the next tick, s long, from the motion that is planned and that which is
-    /// measured, with the mass matrix of the latter.
+    /// Updates the corrections from the planned and the measured motion.
+    ///
+    /// `time_s` is the time of the plan, s, and `tick_s` the duration of the next tick, s. `mass` is the mass matrix of the
+    /// measured motion.
     pub fn update(
         &mut self,
         tree: &Tree,
@@ -118,7 +123,8 @@ impl Correction {
         self.body_rad_s2 = inertia.try_inverse().map_or(Vector3::zeros(), |per| per * moment);
     }
 
-    /// Keeps the footholds that the next tick begins with, after one that had a solution and then moved the plan by this, m.
+    /// Stores the foothold offsets for the next tick. Call it after a tick with a solution; `shift_m` is the displacement of
+    /// the plan since, m.
     pub fn keep(&mut self, shift_m: Vector2<f64>) {
         self.last_m.copy_from_slice(&self.foothold_m);
         // Footholds stay where they are in the world.

@@ -1,18 +1,17 @@
 //! State estimation: pose and velocity of a robot from its IMU, its encoders and the feet that touch the ground.
 //!
-//! An extended Kalman filter integrates gyro and accelerometer. The measurement that corrects velocity, tilt and gyro bias is
-//! that the material at each contact has zero velocity: contact-aided invariant filtering after Hartley, Ghaffari, Eustice and
-//! Grizzle (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), here with velocities of
-//! contacts in place of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and the spin of a wheel
-//! is part of their velocity; a blade has zero velocity across it only.
+//! An extended Kalman filter integrates gyro and accelerometer. The zero velocity of the material at each contact corrects
+//! velocity, tilt and gyro bias. This is contact-aided invariant filtering after Hartley, Ghaffari, Eustice and Grizzle
+//! (*Contact-aided invariant extended Kalman filtering for robot state estimation*, 2020), with velocities of contacts in place
+//! of their positions, because wheels roll. Contacts are rim points ([`RimContact`]), and their velocity includes the spin of
+//! the wheel. A blade has zero velocity only across itself.
 //!
-//! - **World** has z up. The ground below the contacts is z = 0: the height of the base follows the mean of the contacts that
-//!   touch, and
-//!   does not rise on ground that rises. The first alignment puts the base origin at x = y = 0 with yaw 0; later ones keep
+//! - **World** has z up. The ground below the contacts is z = 0: the base height follows the mean of the contacts that touch.
+//!   It does not rise on ground that rises. The first alignment places the base origin at x = y = 0 with yaw 0; later ones keep
 //!   position and yaw.
-//! - **Position and yaw drift**, since neither is observable: the position with the velocity error and the slip of feet, the yaw
-//!   with the error of the gyro bias about the vertical. The bias is estimated at rest within a second, and in motion within
-//!   several.
+//! - **Position and yaw drift**, since neither is observable. The position drifts with the velocity error and the slip of feet,
+//!   the yaw with the error of the gyro bias about the vertical. The bias is estimated within a second at rest, and within
+//!   several seconds in motion.
 //! - **Tilt** has the error of the accelerometer's bias, which is not estimated: 1 mrad for each 0.01 m/s².
 
 mod filter;
@@ -32,60 +31,71 @@ use std::fmt;
 
 /// White noise of joint and wheel speeds, rad/s.
 const SPEED_RAD_S: f64 = 0.05;
-/// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep. Larger than the velocity
-/// itself, because its errors persist over many ticks, which the filter takes for independent.
+/// Standard deviation of the velocity of the material at a contact, m/s: contacts yield and creep.
+///
+/// Larger than the actual velocity, because its errors persist over many ticks, whereas the filter assumes independent ones.
 const SLIP_M_S: f64 = 0.1;
-/// The same along a blade, m/s: no information.
+/// Standard deviation of the velocity along a blade, m/s. So large that the measurement contains no information.
 const GLIDE_M_S: f64 = 100.0;
-/// Time constant with which the height follows the height above the contacts, s: it does not jump at a touch-down.
+/// Time constant with which the base height follows the contacts, s. Prevents a jump at touch-down.
 const HEIGHT_S: f64 = 0.04;
-/// Longest time without an IMU, or with readings that are bad, s.
+/// Longest time without an IMU or with bad readings, s.
 const WITHOUT_IMU_S: f64 = 0.05;
 /// Longest flight, s.
 const WITHOUT_CONTACT_S: f64 = 0.5;
-/// Largest mean velocity of the material at the slowest contact, m/s, and time constant of the mean, s. Shipped motions reach
-/// 0.01 m/s, those that slip at touch-down 0.05 m/s (`flying_trot`).
+/// Largest mean velocity of the material at the slowest contact, m/s. Shipped motions reach 0.01 m/s, or 0.05 m/s with slip at
+/// touch-down (`flying_trot`).
 const TOO_FAST_M_S: f64 = 0.1;
+/// Time constant of the mean contact velocity, s.
 const SLIP_S: f64 = 0.2;
-/// Largest gyro bias, rad/s: no gyro in order has as much.
+/// Largest gyro bias, rad/s. A working gyro has less.
 const TOO_BIASED_RAD_S: f64 = 0.1;
-/// Steepest line through two contacts (22°), and height difference that is allowed in any case, m.
+/// Slope of the steepest line through two contacts (22°).
 const TOO_STEEP: f64 = 0.4;
+/// Height difference between two contacts that is allowed for any slope, m.
 const STEP_M: f64 = 0.05;
 /// Longest time for which contacts may be steeper, s.
 const STEEP_S: f64 = 0.1;
-/// Most by which two samples of a gyro may differ, rad/s and per second between them: no body that weighs kilograms turns as
-/// much faster.
+/// Largest difference between two gyro samples at any interval, rad/s.
 const JUMP_RAD_S: f64 = 5.0;
+/// Largest difference between two gyro samples per time between them, rad/s². A body of several kilograms does not accelerate
+/// faster.
 const JUMP_RAD_S2: f64 = 2500.0;
-/// Rest before an alignment, and before zero angular velocity is a measurement, s.
+/// Duration of rest before an alignment, and before zero angular velocity is used as a measurement, s.
 const REST_S: f64 = 0.4;
-/// Largest mean of the gyro less its bias at which zero angular velocity is a measurement, rad/s.
+/// Largest mean gyro reading minus bias at which zero angular velocity is used as a measurement, rad/s.
 const STILL_RAD_S: f64 = 0.02;
 
 /// Reason why an estimate must not be used. The controller has to bring the robot to a safe state without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Untrusted {
-    /// A sensor or the length of the tick is not finite, or out of the range of any sensor in order, an angle is far beyond its
-    /// joint's range, or the gyro jumps. The tick counts as one without IMU and contacts, and the next one may be good; 0.05 s
-    /// of that, or a third of the time, loses the alignment.
+    /// Reading or tick duration that is not finite or out of range, an angle far beyond its joint's range, or a jump of the
+    /// gyro.
+    ///
+    /// The tick counts as one without IMU and contacts, and the next one may be good. Bad ticks for 0.05 s, or in a third of
+    /// the time, lose the alignment.
     BadSensor,
-    /// The robot has not stood still yet, at the start or since one of the errors below: only rest aligns the estimate again.
+    /// Robot that has not stood still since the start or since one of the errors below. Only rest aligns the estimate again.
     NotAligned,
-    /// Gyro or accelerometer is missing for more than 0.05 s. Samples may come less often than ticks.
+    /// Gyro or accelerometer that is missing for more than 0.05 s. Samples may be rarer than ticks.
     ImuMissing,
-    /// Contacts are missing for more than 0.5 s.
+    /// Contacts that are missing for more than 0.5 s.
     NoContact,
-    /// IMU and contacts contradict each other: the estimated velocity of the material at every contact is above 0.1 m/s in the
-    /// mean over 0.2 s; or the estimated gyro bias is above 0.1 rad/s; or two contacts are on a line steeper than 22° for 0.1
-    /// s. Tilt or velocity are wrong, a contact is reported that is none, or all feet slip.
+    /// Contradiction between IMU and contacts.
+    ///
+    /// Either the mean estimated velocity of the material at every contact exceeds 0.1 m/s over 0.2 s, or the estimated gyro
+    /// bias exceeds 0.1 rad/s, or two contacts are on a line steeper than 22° for 0.1 s. Possible causes are a wrong tilt or
+    /// velocity, a false contact, or slip of all feet.
     Contradiction,
 }
 
 impl fmt::Display for Untrusted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::BadSensor => "a reading is not finite or out of its range, or the gyro jumps",
+            Self::BadSensor => {
+                "a sensor reading is not finite or is out of range, or the gyro \
+                reading jumps"
+            }
             Self::NotAligned => "the robot has not stood still yet",
             Self::ImuMissing => "the IMU is missing",
             Self::NoContact => "no end effector touches the ground",
@@ -96,7 +106,7 @@ impl fmt::Display for Untrusted {
 
 impl Error for Untrusted {}
 
-/// The estimator of one robot.
+/// State estimator of one robot.
 #[derive(Clone, Debug)]
 pub struct Estimator {
     tree: Tree,
@@ -106,10 +116,11 @@ pub struct Estimator {
     state: State,
     rest: Rest,
     is_aligned: bool,
-    /// The last sample of the gyro, the last that was read, and the time since the last one.
+    /// Previous gyro sample, and previous accepted gyro sample, rad/s.
     gyros_rad_s: [Option<Vector3<f64>>; 2],
+    /// Time since the previous gyro sample, s.
     since_gyro_s: f64,
-    /// Absence of good readings.
+    /// Timer of bad readings.
     bad: Absence,
     without_imu_s: f64,
     without_contact_s: f64,
@@ -119,8 +130,9 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// An estimator that aligns itself within a second of rest. `tree` has spinning wheels
-    /// ([`Tree::with_spinning_wheels`]) if the robot has any.
+    /// Creates an estimator that aligns itself within a second of rest.
+    ///
+    /// If the robot has wheels, `tree` has spinning wheels ([`Tree::with_spinning_wheels`]).
     pub fn new(tree: Tree) -> Self {
         let state = State::nominal(&tree);
         let zero = Vector3::zeros();
@@ -142,13 +154,13 @@ impl Estimator {
         }
     }
 
-    /// Starts from a state that is known by other means to 10 mrad and 20 mm/s, with the ground at z = 0.
+    /// Starts from a known state with an accuracy of 10 mrad and 20 mm/s, and the ground at z = 0.
     ///
     /// # Errors
-    /// The state is not finite; the estimator is as before.
+    /// Returns an error if the state is not finite. The estimator is then unchanged.
     ///
     /// # Panics
-    /// The state is of another robot.
+    /// Panics if the state is for another robot.
     pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
         let (joints, dofs) = (self.state.joint_rad.len(), self.tree.dofs());
         let lengths = (state.joint_rad.len(), state.velocity.len());
@@ -169,12 +181,12 @@ impl Estimator {
         Ok(())
     }
 
-    /// The robot.
+    /// Model of the robot.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
 
-    /// The last estimate, whether or not it may be trusted; always finite.
+    /// Previous estimate, trusted or not; always finite.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -184,14 +196,15 @@ impl Estimator {
         self.filter.gyro_bias_rad_s
     }
 
-    /// Estimates the state from sensors that were sampled `tick_s` after those of the last tick. Without an IMU it predicts at
-    /// constant velocity and rate, which contacts correct.
+    /// Estimates the state from sensors that were sampled `tick_s` after those of the previous tick.
+    ///
+    /// Without an IMU the filter predicts at constant velocity and angular velocity, and contacts correct the prediction.
     ///
     /// # Errors
-    /// The estimate must not be used.
+    /// Returns the reason if the estimate must not be used.
     ///
     /// # Panics
-    /// The sensors are of another robot: their slices have other lengths.
+    /// Panics if the sensors are for another robot: their slices have other lengths.
     pub fn tick(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<&State, Untrusted> {
         let lengths = (sensors.joint_rad.len(), sensors.speed_rad_s.len(), sensors.touches.len());
         let robot = self.tree.robot();
@@ -248,8 +261,9 @@ impl Estimator {
         }
     }
 
-    /// True if a gyro sample is far from the last one and from the last one that was read. After a single wrong sample the next
-    /// one is near the one before; a jump that lasts is read at its second sample.
+    /// True if a gyro sample is far from both the previous sample and the previous accepted one.
+    ///
+    /// After a single wrong sample, the next one is near the accepted one. A lasting jump is accepted at its second sample.
     fn jumps(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> bool {
         self.since_gyro_s += tick_s;
         let Some(gyro_rad_s) = sensors.gyro_rad_s else { return false };
@@ -264,7 +278,7 @@ impl Estimator {
         jumps
     }
 
-    /// A tick of an aligned estimator.
+    /// Tick of an aligned estimator.
     fn go_on(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<(), Untrusted> {
         let velocity_before = self.filter.velocity_m_s;
         self.filter.predict(sensors.accelerometer_m_s2, tick_s);
@@ -315,7 +329,7 @@ impl Estimator {
         }
     }
 
-    /// Takes tilt and gyro bias from the mean IMU of a robot at rest, and its height from the contacts.
+    /// Initialises tilt and gyro bias with the mean IMU readings of a robot at rest, and the height with its contacts.
     fn align_at_rest(&mut self, touches: &[bool]) -> Result<(), Untrusted> {
         if self.rest.lasts_s <= REST_S {
             return Err(Untrusted::NotAligned);
@@ -363,7 +377,7 @@ impl Estimator {
         Err(why)
     }
 
-    /// Kinematics for a base at rest at the origin with the estimated rotation.
+    /// Updates the kinematics for a base at rest at the origin, with the estimated rotation.
     fn move_joints(&mut self) {
         let Self { tree, kinematics, filter, state, .. } = self;
         state.velocity[..JOINTS].fill(0.0);
@@ -375,8 +389,10 @@ impl Estimator {
         kinematics.update(tree, &at, &state.velocity);
     }
 
-    /// Contact of an end effector, covariance of the velocity of its material, and the estimate of that velocity, m/s, without
-    /// the component along a blade; `None` if a wheel lies flat.
+    /// Contact of an end effector, covariance of the velocity of its material, and estimated velocity, m/s, without the
+    /// component along a blade.
+    ///
+    /// `None` if a wheel lies flat.
     fn contact(&mut self, end_effector: usize) -> Option<(Contact, Matrix3<f64>, Vector3<f64>)> {
         let Self { tree, kinematics, jacobian, state, filter, .. } = self;
         let rim = RimContact::new(tree, &kinematics.frames, end_effector, &Vector3::z())?;
@@ -404,7 +420,7 @@ impl Estimator {
         Some((contact, covariance, slip_m_s))
     }
 
-    /// True if two contacts are on a line that is too steep.
+    /// True if the line through two contacts is too steep.
     fn is_too_steep(&self, touches: &[bool]) -> bool {
         let frames = &self.kinematics.frames;
         let point = |end_effector: usize| {

@@ -1,5 +1,5 @@
-//! Gains of a plan: the feedback that is best for its linear model ([`crate::model`]), from a Riccati recursion backwards over
-//! the plan, computed once before it is played.
+//! Gains of a plan: the optimal feedback for its linear model ([`crate::model`]). A Riccati recursion backwards over the plan
+//! computes them once before it is played.
 
 use crate::model::{self, Costs, FEET, Model, Moment};
 use crate::reference::Reference;
@@ -7,15 +7,16 @@ use nalgebra::{DMatrix, DMatrixViewMut, Rotation2, Rotation3, Vector3};
 use rollwalk_multibody::Tree;
 use std::sync::Arc;
 
-/// Interval of gains, s, about.
+/// Approximate interval between gains, s.
 const INTERVAL_S: f64 = 0.02;
-/// Rounds in which gains of a motion that repeats have to settle, and the relative change that counts as none.
+/// Maximum number of periods of the recursion in which the gains of a periodic motion settle.
 const ROUNDS: usize = 60;
+/// Relative change of the gains over a period below which they have settled.
 const SETTLED: f64 = 1e-6;
-/// Time for which a motion that ends is held, for its last gains, s.
+/// Duration for which the end of a finite motion is held, to compute its final gains, s.
 const HELD_S: f64 = 5.0;
 
-/// Gains K of a plan, u = −K x in axes of the planned heading. A clone shares them.
+/// Gains K of a plan, u = −K x, in axes of the planned heading. Clones share the gains.
 #[derive(Clone, Debug)]
 pub struct Gains {
     interval_s: f64,
@@ -24,7 +25,7 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Gains of a plan of this duration, whose `reference` at any time goes on in later periods if it repeats.
+    /// Computes the gains of a plan. The `reference` of a periodic plan continues beyond `duration_s`.
     pub fn new(
         tree: &Tree,
         costs: &Costs,
@@ -72,7 +73,7 @@ impl Gains {
     }
 }
 
-/// An interval in discrete time: x' = A x + B u, costs xᵀ Q x + uᵀ R u.
+/// Interval in discrete time: x' = A x + B u, with the costs xᵀ Q x + uᵀ R u.
 struct Stage {
     a: DMatrix<f64>,
     b: DMatrix<f64>,
@@ -81,7 +82,7 @@ struct Stage {
 }
 
 impl Stage {
-    /// Discretises the model from one moment to the next, with the axes of each.
+    /// Discretises the model between two times of the plan. Each state is in the heading axes of its own time.
     fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
         let size = from.a.nrows();
         let h = interval_s;
@@ -100,7 +101,7 @@ impl Stage {
         Self { a, b, q: &from.q * h, r: &from.r * h }
     }
 
-    /// Gains of the interval, and the value at its beginning from that at its end.
+    /// Returns the gains of the interval, and replaces the cost-to-go at its end, `value`, by that at its beginning.
     fn step_back(&self, value: &mut DMatrix<f64>) -> DMatrix<f64> {
         let Self { a, b, q, r } = self;
         let pb = &*value * b;
@@ -114,7 +115,7 @@ impl Stage {
     }
 }
 
-/// Turns the rows of a state about the vertical.
+/// Rotates the rows of a state about the vertical.
 fn turn(mut rows: DMatrixViewMut<'_, f64>, angle_rad: f64) {
     let (three, two) =
         (Rotation3::from_axis_angle(&Vector3::z_axis(), angle_rad), Rotation2::new(angle_rad));
@@ -137,7 +138,7 @@ mod tests {
         DMatrix::from_fn(rows, columns, |_, _| random.f64() - 0.5)
     }
 
-    /// Inputs other than the gain's cost more from here to the end; the value is the cost of the gain's input.
+    /// Tests that the input of the gain is the cheapest one, and that the new `value` is its cost.
     #[test]
     fn a_gain_is_the_cheapest_input() {
         let mut random = fastrand::Rng::with_seed(1);
@@ -162,7 +163,7 @@ mod tests {
         }
     }
 
-    /// ẍ = u with costs of x² and u²: the gains that are known in closed form, 1 and √2, for short intervals.
+    /// Tests ẍ = u with costs of x² and u². The closed-form gains for short intervals are 1 and √2.
     #[test]
     fn gains_of_a_mass_are_those_of_the_closed_form() {
         let h = 1e-3;

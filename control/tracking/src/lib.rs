@@ -1,23 +1,23 @@
-//! A controller that tracks a motion with the whole body: the measured state and what is planned for this moment in, setpoints
-//! of all motors out; and an estimator of that state. No clock, no I/O, no memory taken once it is made.
+//! Whole-body tracking controller and state estimator of a robot. From the measured state and the planned one, the controller
+//! computes set-points of all motors. There is no clock and no I/O, and ticks do not allocate memory.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | [`absence`] | how long something is missing that comes and goes |
-//! | `sensors` | readings of a tick |
-//! | `plausible` | what a robot in order can measure |
-//! | [`estimator`] | the state from IMU, encoders and contacts |
-//! | [`mod@reference`] | what is planned for a moment |
-//! | `contacts` | which end effectors bear the robot |
-//! | `recovery` | whether the robot is on its plan, and where its plan lies |
-//! | [`model`] | the robot near its plan as a linear system |
-//! | [`gains`] | the best feedback for it, computed before the plan is played |
-//! | `correction` | what errors ask for by these gains |
-//! | [`tasks`] | what a tick wants of accelerations and ground forces, as weighted squares |
-//! | [`tracker`] | the tick: inverse dynamics as a quadratic program |
-//! | `quadratic` | a solver of small dense quadratic programs |
+//! | [`absence`] | timer of an intermittent absence |
+//! | `sensors` | sensor readings of a tick |
+//! | `plausible` | plausible range of sensor readings |
+//! | [`estimator`] | state estimation from IMU, encoders and contacts |
+//! | [`mod@reference`] | planned state at a time |
+//! | `contacts` | stance of the end effectors |
+//! | `recovery` | recovery from pushes, and displacement of the plan |
+//! | [`model`] | linear model of the robot near its plan |
+//! | [`gains`] | optimal feedback for this model, computed before the plan is played |
+//! | `correction` | corrections of forces and speeds by these gains |
+//! | [`tasks`] | desired accelerations and ground forces of a tick, as weighted squares |
+//! | [`tracker`] | tick of the controller: inverse dynamics as a quadratic program |
+//! | `quadratic` | solver of small dense quadratic programs |
 //!
-//! The caller has the plan and the sensors: `rollwalk-simulate`, with the simulated world.
+//! The caller provides the plan and the sensors. `rollwalk-simulate` does so with the simulated world.
 //!
 //! ```
 //! use nalgebra::{Isometry3, Vector3};

@@ -1,5 +1,5 @@
-//! The robot near its plan as a linear system: kinodynamics, with a rigid body in place of the legs, whose forces act where the
-//! end effectors are (closed loop of thesis sec. 3.6).
+//! Linear model of the robot near its plan: a rigid body in place of the legs, with forces at the end effectors (closed loop of
+//! thesis sec. 3.6).
 //!
 //! ```text
 //! state  δc, δθ, δv, δω of centre of mass and body, δp of every end effector, horizontally
@@ -8,8 +8,8 @@
 //! δċ = δv    m δv̇ = Σ δf    δθ̇ = δω    I δω̇ = Σ (p − c) × δf + Σ δp × f − δc × Σ f    δṗ = u
 //! ```
 //!
-//! A wheel on the ground goes along its way only, a foot on the ground not at all. All is in axes whose x is the planned
-//! heading of the body: a motion that repeats while it turns is then the same in every period.
+//! A wheel on the ground moves only along its rolling direction, a foot on the ground not at all. All vectors are in axes whose
+//! x is the planned heading of the body, so that a periodic motion that turns has equal matrices in every period.
 
 use crate::reference::Reference;
 use nalgebra::{DMatrix, Matrix3, Matrix6xX, Rotation3, Vector3};
@@ -18,11 +18,15 @@ use rollwalk_multibody::{
 };
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Indices in the state at which δc, δθ, δv, δω and δp of the first end effector begin.
+/// Index of δc, the error of the centre of mass, in the state.
 pub(crate) const COM: usize = 0;
+/// Index of the rotation error δθ in the state.
 pub(crate) const TURN: usize = 3;
+/// Index of the velocity error δv in the state.
 pub(crate) const VELOCITY: usize = 6;
+/// Index of the error δω of the angular velocity in the state.
 pub(crate) const SPIN: usize = 9;
+/// Index of the position error δp of the first end effector in the state.
 pub(crate) const FEET: usize = 12;
 
 /// Length of the state.
@@ -30,39 +34,39 @@ pub(crate) fn states(feet: usize) -> usize {
     FEET + 2 * feet
 }
 
-/// Length of the input: forces of all end effectors, then speeds of all.
+/// Length of the input: forces of all end effectors, then their speeds.
 pub(crate) fn inputs(feet: usize) -> usize {
     5 * feet
 }
 
-/// Index in the input at which the speed of an end effector begins.
+/// Index of the first component of an end effector's speed in the input.
 pub(crate) fn speed_of(foot: usize, feet: usize) -> usize {
     3 * feet + 2 * foot
 }
 
-/// Prices of squares of errors and inputs, per second.
+/// Weights of squared errors and inputs, per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// Place of the centre of mass, per m².
+    /// Weight of the position of the centre of mass, per m².
     pub com: f64,
-    /// Rotation of the body, per rad².
+    /// Weight of the rotation of the body, per rad².
     pub turn: f64,
-    /// Velocity of the centre of mass, per (m/s)².
+    /// Weight of the velocity of the centre of mass, per (m/s)².
     pub velocity: f64,
-    /// Angular velocity of the body, per (rad/s)².
+    /// Weight of the angular velocity of the body, per (rad/s)².
     pub spin: f64,
-    /// Place of an end effector seen from the body, per m².
+    /// Weight of the position of an end effector relative to the body, per m².
     pub foot: f64,
-    /// Force of the ground, per square of the robot's weight.
+    /// Weight of the ground force, per square of the robot's weight.
     pub force: f64,
-    /// Speed of a wheel on the ground along its way, per (m/s)². The inertia of its rotor has to follow.
+    /// Weight of the rolling speed of a wheel on the ground, per (m/s)². The inertia of its rotor has to be accelerated.
     pub roll: f64,
-    /// Speed of an end effector in the air, per (m/s)².
+    /// Weight of the speed of an end effector in the air, per (m/s)².
     pub swing: f64,
 }
 
 impl Default for Costs {
-    /// The same for all robots; docs/measured/tracking.md has their results on the shipped plans.
+    /// Default weights for all robots. docs/measured/tracking.md contains their results on the shipped plans.
     fn default() -> Self {
         Self {
             com: 200.0,
@@ -77,20 +81,22 @@ impl Default for Costs {
     }
 }
 
-/// The system at a moment of the plan, in continuous time and in axes of the heading.
+/// Linear system at a time of the plan, in continuous time and in axes of the heading.
 #[derive(Clone, Debug)]
 pub(crate) struct Moment {
     /// Planned heading of the body, rad.
     pub heading_rad: f64,
-    /// ẋ = A x + B u.
+    /// Matrix A of ẋ = A x + B u.
     pub a: DMatrix<f64>,
+    /// Matrix B of ẋ = A x + B u.
     pub b: DMatrix<f64>,
-    /// Costs xᵀ Q x + uᵀ R u per second; R is diagonal.
+    /// Matrix Q of the costs xᵀ Q x + uᵀ R u per second.
     pub q: DMatrix<f64>,
+    /// Diagonal matrix R of the costs xᵀ Q x + uᵀ R u per second.
     pub r: DMatrix<f64>,
 }
 
-/// Linearises plans of one robot.
+/// Linearisation of plans of one robot.
 pub(crate) struct Model {
     kinematics: Kinematics,
     composite: CompositeInertia,
@@ -110,7 +116,7 @@ impl Model {
         }
     }
 
-    /// The system about a reference.
+    /// Linearises the system about a reference.
     pub fn about(&mut self, tree: &Tree, costs: &Costs, reference: &Reference) -> Moment {
         let Self { kinematics, composite, mass, momentum } = self;
         let state = &reference.state;
@@ -214,7 +220,8 @@ mod tests {
     use rollwalk_multibody::State;
     use rollwalk_robot::Robot;
 
-    /// A rigid body that is pushed at its end effectors: δv̇, δω̇ of errors of state and input, in axes of the heading.
+    /// Reference computation for a rigid body with forces at its end effectors: δv̇ and δω̇ for errors of state and input, in
+    /// axes of the heading.
     fn accelerations(
         levers: &[Vector3<f64>],
         forces: &[Vector3<f64>],

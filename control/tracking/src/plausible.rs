@@ -1,19 +1,20 @@
-//! Plausible range of a robot's sensors. A value beyond it is a fault of its sensor, not the robot's motion, and must reach
-//! neither the estimate nor the motors.
+//! Plausible range of sensor readings. A reading outside of it is a sensor fault, not a motion of the robot, and must not reach
+//! the estimate or the motors.
 
 use crate::sensors::Sensors;
 use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, State};
 use rollwalk_robot::Robot;
 
-/// Most of a gyro, rad/s, and of the rotation of a robot.
+/// Limit of a gyro reading and of the rotation of a robot, rad/s.
 const TURNING_RAD_S: f64 = 100.0;
-/// Most of an accelerometer, m/s².
+/// Limit of an accelerometer reading, m/s².
 const FORCE_M_S2: f64 = 1000.0;
-/// Most of joints and wheels, rad/s.
+/// Limit of the speed of joints and wheels, rad/s.
 const SPEED_RAD_S: f64 = 1000.0;
-/// Fastest robot, m/s.
+/// Limit of the velocity of a robot, m/s.
 const VELOCITY_M_S: f64 = 50.0;
-/// Most of an angle beyond its joint's range, rad: stops yield and links bend. An encoder that has lost a turn is further off.
+/// Largest angle beyond a joint's range, rad, because stops yield and links bend. An encoder that has lost a turn is further
+/// off.
 const BEYOND_RAD: f64 = 0.5;
 
 /// True if all readings are finite and plausible.
@@ -24,7 +25,7 @@ pub(crate) fn sensors(robot: &Robot, sensors: &Sensors<'_>) -> bool {
         && sensors.speed_rad_s.iter().all(is_less(SPEED_RAD_S))
 }
 
-/// True if a state is finite and plausible for this robot.
+/// True if a state is finite and plausible for the robot.
 pub(crate) fn state(robot: &Robot, state: &State) -> bool {
     let mut place = state.base_position_m.iter().chain(&state.world_from_body);
     place.all(|value| value.is_finite())
@@ -40,7 +41,7 @@ fn angles(robot: &Robot, joint_rad: &[f64]) -> bool {
     })
 }
 
-/// False for NaN.
+/// True if the absolute value is less than `most`; false for NaN.
 fn is_less(most: f64) -> impl Fn(&f64) -> bool {
     move |value| value.abs() < most
 }

@@ -1,31 +1,31 @@
 //! Dense convex quadratic programs, solved by the dual active-set method of Goldfarb and Idnani (*A numerically stable dual
 //! method for solving strictly convex quadratic programs*, Mathematical Programming 27, 1983).
 //!
-//! It begins at the minimum without constraints and adds violated ones, one by one, until none is: there is no starting point to
-//! find, and the count of steps is about that of the constraints that bind. All memory is taken when a [`Solver`] is made;
-//! a solve allocates nothing and the same numbers give the same bits.
+//! The method begins at the unconstrained minimum and adds violated constraints one by one until all are satisfied. Hence it
+//! needs no feasible starting point, and its number of steps is about the number of binding constraints. [`Solver::new`]
+//! allocates all memory; a solve does not allocate, and equal input yields bitwise equal results.
 
 use nalgebra::{DMatrix, DVector};
 
-/// min ½ xᵀHx + gᵀx with Nᵀx = b for the first constraints and Nᵀx ≥ b for the others.
+/// Quadratic program: min ½ xᵀHx + gᵀx with Nᵀx = b for the equalities, which come first, and Nᵀx ≥ b for the inequalities.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// H, symmetric and positive definite; its lower triangle is read.
+    /// Symmetric positive definite matrix H; only its lower triangle is used.
     pub hessian: DMatrix<f64>,
-    /// g.
+    /// Vector g.
     pub gradient: DVector<f64>,
-    /// N, a column for each constraint.
+    /// Matrix N with a column for each constraint.
     pub normals: DMatrix<f64>,
-    /// b.
+    /// Vector b.
     pub bounds: DVector<f64>,
-    /// Number of equalities, which come first among the constraints.
+    /// Number of equalities, which are the first constraints.
     pub equalities: usize,
-    /// Number of constraints; further columns are not read.
+    /// Number of constraints; further columns are ignored.
     pub constraints: usize,
 }
 
 impl Program {
-    /// Room for a program of a size, all zero.
+    /// Allocates a program for a number of unknowns and constraints, filled with zeros.
     pub fn zeros(unknowns: usize, constraints: usize) -> Self {
         Self {
             hessian: DMatrix::zeros(unknowns, unknowns),
@@ -38,53 +38,56 @@ impl Program {
     }
 }
 
-/// Reason why there is no solution.
+/// Reason why a solve failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsolved {
-    /// H is not positive definite, or something is no number.
-    #[error("the program is not convex, or a number of it is none")]
+    /// Matrix H that is not positive definite, or a value that is not finite.
+    #[error("the quadratic program is not convex, or contains a value that is not finite")]
     NotConvex,
-    /// Constraints cannot all be met.
+    /// Constraints that cannot all be satisfied.
     #[error("no solution meets all constraints")]
     Infeasible,
-    /// The solver took more steps than it may.
-    #[error("the solver took more steps than it may")]
+    /// Solve that exceeds [`Solver::STEPS_MAX`].
+    #[error("the solver exceeded its step limit")]
     TooManySteps,
 }
 
-/// A solver of programs of one size, with its memory.
+/// Solver of programs of a fixed maximum size, with its memory.
 #[derive(Clone, Debug)]
 pub struct Solver {
     x: DVector<f64>,
-    /// J = L⁻ᵀQ: its first columns span the active normals, the others the directions that keep to them.
+    /// Matrix J = L⁻ᵀQ. Its first columns span the active normals; the others are the directions that keep the active
+    /// constraints.
     directions: DMatrix<f64>,
-    /// R, upper triangular: the active normals are L Q [R; 0].
+    /// Upper triangular matrix R: the active normals are L Q [R; 0].
     factor: DMatrix<f64>,
     cholesky: DMatrix<f64>,
-    /// Jᵀn of the constraint that is being added.
+    /// Vector Jᵀn of the constraint that is being added.
     projected: DVector<f64>,
-    /// Step of x and of the multipliers per unit of the new multiplier.
+    /// Step of x per unit of the new multiplier.
     primal: DVector<f64>,
+    /// Step of the multipliers per unit of the new multiplier.
     dual: DVector<f64>,
-    /// Multipliers of the active constraints; the last may be that of the one being added.
+    /// Multipliers of the active constraints. The final one may belong to the constraint that is being added.
     multipliers: DVector<f64>,
-    /// The active constraints, equalities first.
+    /// Active constraints, equalities first.
     active: Vec<usize>,
     is_active: Vec<bool>,
     steps: u32,
 }
 
-/// Violation of a constraint that counts as none, relative to the size of its terms: rounding of a product of some dozens of
-/// numbers is 1e-14, and a factor of H with the condition 1e8 leaves 1e-10 of it.
+/// Relative violation up to which a constraint counts as satisfied. A dot product of some dozens of terms is rounded by 1e-14,
+/// and a condition of 1e8 of H amplifies this to 1e-10.
 const FEASIBLE: f64 = 1e-10;
-/// Square of the part of a normal that the active ones do not span beneath which it depends on them: 1e-6 of its length.
+/// Squared fraction of a normal outside of the span of the active normals, below which the normal counts as dependent: 1e-6 of
+/// its length.
 const DEPENDENT: f64 = 1e-12;
 
 impl Solver {
-    /// Most steps of a solve.
+    /// Maximum number of steps of a solve.
     pub const STEPS_MAX: u32 = 500;
 
-    /// A solver of programs of at most so many unknowns and constraints.
+    /// Creates a solver for programs with at most these numbers of unknowns and constraints.
     pub fn new(unknowns: usize, constraints: usize) -> Self {
         Self {
             x: DVector::zeros(unknowns),
@@ -101,18 +104,18 @@ impl Solver {
         }
     }
 
-    /// x of the last solve that had a solution.
+    /// Solution of the previous solve that had one.
     #[cfg(test)]
     pub fn solution(&self) -> &DVector<f64> {
         &self.x
     }
 
-    /// Steps of the last solve.
+    /// Number of steps of the previous solve.
     pub fn steps(&self) -> u32 {
         self.steps
     }
 
-    /// Constraints that bind at the last solution, and their multipliers, which are not negative for inequalities.
+    /// Binding constraints at the previous solution, and their multipliers. Multipliers of inequalities are not negative.
     #[cfg(test)]
     fn active(&self) -> impl Iterator<Item = (usize, f64)> {
         self.active.iter().copied().zip(self.multipliers.iter().copied())
@@ -121,10 +124,10 @@ impl Solver {
     /// Solves a program of the solver's size.
     ///
     /// # Errors
-    /// There is no solution, or it is not found in time.
+    /// Returns an error if the program is not convex or infeasible, or if the solve exceeds [`Self::STEPS_MAX`].
     ///
     /// # Panics
-    /// The program has another size.
+    /// Panics if the program has another size.
     pub fn solve(&mut self, program: &Program) -> Result<&DVector<f64>, Unsolved> {
         self.begin(program)?;
         for constraint in 0..program.equalities {
@@ -139,7 +142,7 @@ impl Solver {
         }
     }
 
-    /// The minimum without constraints: J = L⁻ᵀ, x = −J Jᵀ g.
+    /// Computes the unconstrained minimum: J = L⁻ᵀ, x = −J Jᵀ g.
     fn begin(&mut self, program: &Program) -> Result<(), Unsolved> {
         let n = self.x.len();
         assert_eq!(program.gradient.len(), n, "the solver is made for another size");
@@ -176,7 +179,7 @@ impl Solver {
         Ok(())
     }
 
-    /// Makes a constraint hold and become active; constraints whose multipliers would change sign are let go.
+    /// Satisfies a constraint and adds it to the active ones. Releases constraints whose multipliers would change sign.
     fn add(&mut self, program: &Program, constraint: usize) -> Result<(), Unsolved> {
         let normal = program.normals.column(constraint);
         let is_equality = constraint < program.equalities;
@@ -230,7 +233,7 @@ impl Solver {
         }
     }
 
-    /// Position among the active constraints of the inequality whose multiplier reaches 0 first, and the step to it.
+    /// Index among the active constraints of the inequality whose multiplier reaches 0 first, and the step length to it.
     fn blocking(&self, program: &Program) -> Option<(usize, f64)> {
         let inequalities =
             self.active.iter().enumerate().filter(|(_, c)| **c >= program.equalities);
@@ -240,7 +243,8 @@ impl Solver {
             .min_by(|one, other| one.1.total_cmp(&other.1))
     }
 
-    /// Makes the constraint the last active one: turns the free columns of J so that one of them alone sees its normal.
+    /// Appends a constraint to the active ones: rotates the free columns of J so that only one of them has a component along
+    /// its normal.
     fn take_in(&mut self, constraint: usize) {
         let (n, count) = (self.x.len(), self.active.len());
         for j in (count + 1..n).rev() {
@@ -253,7 +257,7 @@ impl Solver {
         self.is_active[constraint] = true;
     }
 
-    /// Turns columns i and j of J so that entry j of Jᵀn becomes 0.
+    /// Rotates columns i and j of J so that entry j of Jᵀn becomes 0.
     fn rotate(&mut self, i: usize, j: usize) {
         let (a, b) = (self.projected[i], self.projected[j]);
         let length = a.hypot(b);
@@ -265,7 +269,7 @@ impl Solver {
         turn_columns(&mut self.directions, i, j, cosine, sine);
     }
 
-    /// Takes an active constraint out, and makes R triangular again.
+    /// Removes an active constraint and makes R triangular again.
     fn let_go(&mut self, place: usize) {
         let count = self.active.len();
         self.is_active[self.active.remove(place)] = false;
@@ -294,13 +298,13 @@ impl Solver {
         }
     }
 
-    /// Violation of a constraint that may be rounding.
+    /// Violation of a constraint that may be due to rounding.
     fn rounding(&self, program: &Program, constraint: usize) -> f64 {
         let length = program.normals.column(constraint).norm();
         FEASIBLE * (program.bounds[constraint].abs() + length * (1.0 + self.x.norm()))
     }
 
-    /// The inequality that is violated most, relative to the length of its normal.
+    /// Index of the inequality with the largest violation relative to the length of its normal; `None` if all are satisfied.
     fn most_violated(&self, program: &Program) -> Option<usize> {
         let (mut worst, mut found) = (0.0, None);
         for constraint in program.equalities..program.constraints {

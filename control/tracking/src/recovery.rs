@@ -1,51 +1,57 @@
 //! Recovery from a push, and displacement of the plan.
 //!
-//! A robot recovers if its capture point, c + v √(h/g), is far from the planned one, and not only because the robot is slow. End
-//! effectors on the ground then stay there, those in the air land, and centre of mass and body are led back separately. If the
-//! push was too strong for that, servos play the plan, whose steps may catch the robot. Recovery ends when the capture point is
-//! back, or when the robot stands while its plan walks on; the robot then resumes the plan at its present place. A robot that
-//! repeatedly has to recover as soon as it resumes its plan stumbles. The plan moves along with a robot that is far off, so the
-//! robot does not sprint after it.
+//! A robot recovers if its capture point, c + v √(h/g), is far from the planned one. A robot that is only slow does not
+//! recover. During recovery, end effectors on the ground stay there, those in the air land, and separate tasks bring centre of
+//! mass and body back. If the push was too strong for that, servos play the plan, whose steps may catch the robot. Recovery
+//! ends when the capture point is back, or when the robot stands while its plan continues to walk; the robot then resumes the
+//! plan at its present position. A robot that repeatedly has to recover right after resuming its plan stumbles. The plan moves
+//! along with a robot that is far off, so that the robot does not sprint after it.
 
 use nalgebra::{Rotation2, Vector2};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Error of the capture point from which on a robot recovers, and until which it does, as parts of the height of its centre of
-/// mass.
+/// Error of the capture point at which recovery begins, as a fraction of the height of the centre of mass.
 const RECOVERS: f64 = 0.2;
+/// Error of the capture point at which recovery ends, as a fraction of the height of the centre of mass.
 const RECOVERED: f64 = 0.1;
-/// Error from which on it does not stand still where steps catch it more often, as a part of the same height.
+/// Error of the capture point above which steps catch the robot more often than standing still does, as a fraction of the
+/// height of the centre of mass.
 const STEPS: f64 = 0.4;
-/// Least cosine of the angle between that error and the way of the plan for its steps to lead there.
+/// Smallest cosine of the angle between the error and the planned direction of travel at which the steps of the plan lead
+/// towards the capture point.
 const ONWARD: f64 = 0.7;
-/// Time over which the velocity of the plan is averaged, as a multiple of √(h/g): within a step it may even turn back.
+/// Time constant of the mean planned velocity, as a multiple of √(h/g). Within a step the velocity may even reverse.
 const AVERAGED: f64 = 5.0;
-/// Part of that height by which the velocity of a robot that stands moves its capture point at most; √(h/g) long it has to stand.
+/// Largest displacement of the capture point by the velocity of a standing robot, as a fraction of the height of the centre of
+/// mass.
 const STANDS: f64 = 0.1;
-/// Time that a robot which resumes its plan takes to come along with it, as a multiple of √(h/g).
+/// Time that a robot needs to catch up with its resumed plan, as a multiple of √(h/g).
 const COMES_ALONG: f64 = 5.0;
-/// Number of recoveries in a row within that time that count as stumbling; a single one may be another push.
+/// Number of consecutive recoveries, each within this time, that count as stumbling. A single one may be due to another push.
 const STUMBLES: u32 = 2;
-/// Error of place from which on the plan moves along with the robot, as a part of the same height.
+/// Position error above which the plan moves along with the robot, as a fraction of the height of the centre of mass.
 const ANCHOR: f64 = 0.2;
 
-/// Centre of mass of a robot, along the ground.
+/// Errors of the centre of mass along the ground.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Errors {
-    /// Away from the planned place, m.
+    /// Deviation from the planned position, m.
     pub from_plan_m: Vector2<f64>,
-    /// Velocity, measured and planned, m/s.
+    /// Measured velocity, m/s.
     pub velocity_m_s: Vector2<f64>,
+    /// Planned velocity, m/s.
     pub planned_m_s: Vector2<f64>,
-    /// Planned height above the ground, m.
+    /// Planned height of the centre of mass above the ground, m.
     pub height_m: f64,
     /// Planned heading of the body, rad.
     pub heading_rad: f64,
 }
 
 impl Errors {
-    /// Vector from the planned capture point to the measured one, m. A speed between rest and the planned one is no error: a slow
-    /// robot does not fall, and standing still would delay it more.
+    /// Vector from the planned capture point to the measured one, m.
+    ///
+    /// A speed between zero and the planned one is not an error: a slow robot does not fall, and standing still would delay it
+    /// more.
     fn off_m(&self, pendulum_s: f64) -> Vector2<f64> {
         let planned_m_s = self.planned_m_s;
         let along = self.velocity_m_s.dot(&planned_m_s);
@@ -59,10 +65,10 @@ enum Stage {
     #[default]
     OnPlan,
     Recovers {
-        /// True if the steps of the plan, which continues during recovery, are to catch the robot.
+        /// True if the steps of the plan, which continues during recovery, should catch the robot.
         by_steps: bool,
     },
-    /// Robot stood: its plan moves to its place in this tick.
+    /// Robot that stood: in this tick its plan moves to its position.
     Resumes,
 }
 
@@ -70,22 +76,22 @@ enum Stage {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Recovery {
     stage: Stage,
-    /// True if the robot has driven wheels: those on the ground run under a robot that is pushed ahead or back.
+    /// True if the robot has driven wheels, which move under a robot that is pushed forward or backward.
     drives: bool,
-    /// Mean of the planned velocity, m/s.
+    /// Mean planned velocity, m/s.
     mean_planned_m_s: Vector2<f64>,
     /// Time for which a recovering robot has stood, s.
     stood_s: f64,
-    /// Time until it will have come along with the plan that it last resumed, s.
+    /// Remaining time until the robot has caught up with its resumed plan, s.
     comes_along_s: f64,
-    /// Number of recoveries in a row that began before the robot had come along with its plan.
+    /// Number of consecutive recoveries that began before the robot had caught up with its plan.
     stumbles: u32,
     /// Displacement of the plan with the robot, m.
     pub anchor_m: Vector2<f64>,
 }
 
 impl Recovery {
-    /// Robot on its plan; `drives` is true if it has driven wheels.
+    /// Creates the state of a robot that is on its plan; `drives` is true for a robot with driven wheels.
     pub fn new(drives: bool) -> Self {
         Self { drives, ..Self::default() }
     }
@@ -95,20 +101,22 @@ impl Recovery {
         matches!(self.stage, Stage::Recovers { .. })
     }
 
-    /// True if the robot recovers from a push beyond the edge of its support. Standing still it would tip; the steps of its plan
-    /// catch it more often. This holds for pushes to its side, where support is narrow; without driven wheels also for pushes
-    /// where the plan leads.
+    /// True if the robot recovers from a push beyond the edge of its support.
+    ///
+    /// A robot that stands still would tip over, while the steps of its plan may catch it. The result is true for sideways
+    /// pushes, because support is narrow. Without driven wheels it is also true for pushes in the planned direction of travel.
     pub fn is_by_steps(&self) -> bool {
         self.stage == Stage::Recovers { by_steps: true }
     }
 
-    /// True if the robot repeatedly recovers from resuming its plan.
+    /// True if the robot repeatedly recovers right after resuming its plan.
     pub fn stumbles(&self) -> bool {
         self.stumbles >= STUMBLES && self.is_active()
     }
 
-    /// Updates the state a tick later from position and velocity of the centre of mass. An inverted pendulum comes to rest over
-    /// its capture point.
+    /// Updates the state a tick later, from position and velocity of the centre of mass.
+    ///
+    /// An inverted pendulum comes to rest over its capture point.
     pub fn update(&mut self, errors: &Errors, tick_s: f64) {
         let height_m = errors.height_m.max(0.0);
         let pendulum_s = (height_m / GRAVITY_M_S2).sqrt();
@@ -143,7 +151,7 @@ impl Recovery {
         }
     }
 
-    /// Moves the plan along with the robot, and returns by how much, m.
+    /// Moves the plan along with the robot, and returns the displacement, m.
     pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
         let most_m = match self.stage {
             // While servos play the plan, nothing leads the robot back to its place.
@@ -163,7 +171,7 @@ impl Recovery {
 mod tests {
     use super::*;
 
-    /// A robot whose centre of mass is 0.5 m high, over its plan.
+    /// Robot exactly on its plan, with its centre of mass at a height of 0.5 m.
     const STILL: Errors = Errors {
         from_plan_m: Vector2::new(0.0, 0.0),
         velocity_m_s: Vector2::new(0.0, 0.0),
@@ -172,12 +180,12 @@ mod tests {
         heading_rad: 0.0,
     };
 
-    /// Speed that moves the capture point by a part of the height, m/s.
+    /// Speed that moves the capture point by a fraction of the height, m/s.
     fn speed_m_s(part: f64) -> Vector2<f64> {
         Vector2::new(0.0, part * (0.5 * GRAVITY_M_S2).sqrt())
     }
 
-    /// Longer than √(h/g).
+    /// Time longer than √(h/g), s.
     const LONG_S: f64 = 0.3;
 
     #[test]
@@ -198,7 +206,7 @@ mod tests {
         assert!(!recovery.is_active());
     }
 
-    /// A robot at rest is far from a fast plan, and yet goes on with it, from where it is.
+    /// Tests a robot at rest, which is far from a fast plan. It resumes the plan from its present position.
     #[test]
     fn a_robot_that_stands_resumes_a_fast_plan() {
         let mut recovery = Recovery::default();
@@ -218,7 +226,7 @@ mod tests {
         assert_eq!(later, [(false, 0.0), (false, 0.0), (false, 0.0), (false, 0.0), (true, 0.0)]);
     }
 
-    /// Checks pushes in axes of the body; the plan steps on until the robot has recovered.
+    /// Tests pushes in body axes. The plan continues to step until the robot has recovered.
     #[test]
     fn a_push_to_the_side_lets_the_plan_step_on() {
         let off = |ahead: f64, left: f64| Errors {
@@ -241,7 +249,7 @@ mod tests {
         );
     }
 
-    /// Slow robots do not fall; on its plan a slow robot comes along sooner.
+    /// Tests slow robots, which do not fall. A slow robot catches up sooner if it continues its plan.
     #[test]
     fn a_robot_that_is_slower_than_its_plan_does_not_recover() {
         let fast = Errors { planned_m_s: speed_m_s(0.5), ..STILL };
@@ -256,7 +264,8 @@ mod tests {
         );
     }
 
-    /// Checks pushes along the way of the plan, averaged over its steps; only robots without driven wheels step on.
+    /// Tests pushes along the planned direction of travel, averaged over the steps. Only robots without driven wheels continue
+    /// to step.
     #[test]
     fn a_push_along_the_way_lets_a_plan_on_feet_step_on() {
         let walks = Errors { velocity_m_s: speed_m_s(0.2), planned_m_s: speed_m_s(0.2), ..STILL };
@@ -286,7 +295,8 @@ mod tests {
         }
     }
 
-    /// Twice as soon as it resumed its plan; not late, and not when it came back to its plan in between.
+    /// Tests stumbling: two recoveries right after resuming the plan. Late recoveries do not count, nor does a robot that was
+    /// back on its plan in between.
     #[test]
     fn a_robot_that_recovers_as_soon_as_it_resumes_stumbles() {
         let stumbles = |resumes: bool, later_s: f64| {
@@ -315,7 +325,7 @@ mod tests {
         assert_eq!(stumbles(false, 0.1), [false; 3]);
     }
 
-    /// However fast the plan walks on under it.
+    /// Tests that recovery by steps ends at any speed of the plan.
     #[test]
     fn a_robot_that_steps_on_is_tracked_again_when_it_is_as_fast_as_its_plan() {
         let fast = speed_m_s(0.5);

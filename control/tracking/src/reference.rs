@@ -1,21 +1,21 @@
-//! Reference: the plan at a moment.
+//! Reference: planned state at a time.
 
 use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::State;
 
-/// Reference at a moment, in the same world frame as the measured state.
+/// Planned state at a time, in the world frame of the measured state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
-    /// Time of the plan, s; of one that repeats, later periods counted on.
+    /// Time of the plan, s. Times of a periodic plan continue over all periods.
     pub time_s: f64,
-    /// The ground: its plane z = 0, whose normal is z.
+    /// Transform from the ground, whose plane is z = 0, to the world.
     pub world_from_ground: Isometry3<f64>,
-    /// Pose and velocity.
+    /// Planned pose and velocity.
     pub state: State,
-    /// ν̇.
+    /// Generalised acceleration ν̇.
     pub acceleration: Vec<f64>,
     /// Stance of each end effector: true if it stands on the ground.
     pub stands: Vec<bool>,
-    /// Force of the ground on each end effector, N.
+    /// Ground force on each end effector, N.
     pub force_n: Vec<Vector3<f64>>,
 }

@@ -1,66 +1,70 @@
 //! Tasks of a tick as weighted squares of their errors: the objective of its quadratic program.
 //!
-//! Unknowns are ν̇ and the forces f of the end effectors that stand, three each in world axes.
+//! Unknowns are ν̇, and the three force components of each standing end effector in world axes.
 
 use crate::quadratic::Program;
 use nalgebra::{DVectorView, Dim, Matrix, RawStorage, U3, Vector3};
 
-/// Feedback of a task on a place: acceleration per error of place, and of speed.
+/// Feedback of a task: acceleration per error of position and of velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feedback {
-    /// 1/s².
+    /// Acceleration per position error, 1/s².
     pub per_s2: f64,
-    /// 1/s.
+    /// Acceleration per velocity error, 1/s.
     pub per_s: f64,
 }
 
-/// Weights of tasks, and how errors are fed back.
+/// Weights and feedback of the tasks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// Contacts that roll or rest: acceleration of the material at the contact, per (m/s²)². Far above all others.
+    /// Weight of the acceleration of the material at a rolling or resting contact, per (m/s²)². Far above all other weights.
     pub contact: f64,
     /// Decay rate of slip at a contact, 1/s.
     pub contact_decay_per_s: f64,
-    /// Acceleration of the centre of mass, per (m/s²)².
+    /// Weight of the acceleration of the centre of mass, per (m/s²)².
     pub com: f64,
     /// Feedback of the centre of mass.
     pub com_feedback: Feedback,
-    /// Most acceleration that it may ask for, m/s².
+    /// Limit of the feedback acceleration of the centre of mass, m/s².
     pub com_most_m_s2: f64,
-    /// Angular acceleration of the body, per (rad/s²)².
+    /// Weight of the angular acceleration of the body, per (rad/s²)².
     pub body: f64,
     /// Feedback of the body.
     pub body_feedback: Feedback,
-    /// Most angular acceleration that it may ask for, rad/s².
+    /// Limit of the feedback acceleration of the body, rad/s².
     pub body_most_rad_s2: f64,
-    /// Acceleration of the centre of an end effector in the air, per (m/s²)².
+    /// Weight of the acceleration of the centre of an end effector in the air, per (m/s²)².
     pub swing: f64,
     /// Feedback of the centre of an end effector in the air.
     pub swing_feedback: Feedback,
-    /// Acceleration along its way of the centre of a wheel that stands, per (m/s²)². A wheel carries the inertia of its rotor,
-    /// many times its mass: it is no free choice how fast it goes.
+    /// Weight of the acceleration of a standing wheel's centre along its rolling direction, per (m/s²)².
+    ///
+    /// A wheel carries the inertia of its rotor, many times its mass, so that its speed cannot be chosen freely.
     pub roll: f64,
-    /// Feedback of a wheel that stands. Without feedback of its place, the body would be brought ahead by pushing the wheels back
-    /// for good, against the inertia of their rotors.
+    /// Feedback of a wheel that stands.
+    ///
+    /// Without position feedback the controller would move the body forward by permanently pushing the wheels back, against the
+    /// inertia of their rotors.
     pub roll_feedback: Feedback,
-    /// Accelerations of joints, per (rad/s²)².
+    /// Weight of joint accelerations, per (rad/s²)².
     pub posture: f64,
-    /// The same of a robot that recovers from a push: stiff legs carry it over the edge of its support and back, where soft
-    /// ones give way.
+    /// Weight of joint accelerations during recovery from a push, per (rad/s²)². Stiff legs carry the robot over the edge of
+    /// its support and back, where soft legs would yield.
     pub posture_recovering: f64,
     /// Feedback of the joints.
     pub posture_feedback: Feedback,
-    /// Rate at which the spin of a wheel in the air approaches the planned one, 1/s; its weight is `posture`.
+    /// Rate at which the spin of a wheel in the air approaches the planned one, 1/s. Its weight is `posture`.
     pub spin_per_s: f64,
-    /// Forces of the ground against the planned ones, per square of the robot's weight.
+    /// Weight of the deviation of ground forces from the planned ones, per square of the robot's weight.
     pub force: f64,
-    /// Part of the friction coefficient that forces keep to: the cone around their pyramid, or, of a robot that recovers,
-    /// within it.
+    /// Fraction of the friction coefficient that is used.
+    ///
+    /// The friction pyramid lies within the cone of this coefficient; during recovery it encloses the cone.
     pub friction_part: f64,
 }
 
 impl Default for Weights {
-    /// The same for all robots; docs/measured/tracking.md has their results on the shipped plans.
+    /// Default weights for all robots. docs/measured/tracking.md contains their results on the shipped plans.
     fn default() -> Self {
         Self {
             contact: 1e3,
@@ -86,12 +90,12 @@ impl Default for Weights {
 }
 
 impl Feedback {
-    /// Acceleration that it asks for.
+    /// Feedback acceleration for errors of position and velocity.
     pub(crate) fn of(&self, place: &Vector3<f64>, speed: &Vector3<f64>) -> Vector3<f64> {
         place * self.per_s2 + speed * self.per_s
     }
 
-    /// Acceleration that it asks for, up to a limit.
+    /// Feedback acceleration, limited to `most`.
     pub(crate) fn limited(
         &self,
         place: &Vector3<f64>,
@@ -102,18 +106,18 @@ impl Feedback {
     }
 }
 
-/// Shortens a vector to a limit.
+/// Limits the length of a vector.
 pub(crate) fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
     wanted * (most / wanted.norm().max(most))
 }
 
-/// Squares to be added up in a program's objective.
+/// Weighted squares that are added to the objective of a program.
 pub(crate) struct Squares<'p> {
     pub program: &'p mut Program,
 }
 
 impl Squares<'_> {
-    /// weight |J ν̇ − target|², for the first unknowns.
+    /// Adds weight |J ν̇ − target|² for the first unknowns.
     pub fn add<C: Dim, S: RawStorage<f64, U3, C>>(
         &mut self,
         weight: f64,
@@ -130,7 +134,7 @@ impl Squares<'_> {
         }
     }
 
-    /// weight (row ν̇ − target)².
+    /// Adds weight (row ν̇ − target)².
     pub fn add_row(&mut self, weight: f64, row: DVectorView<'_, f64>, target: f64) {
         for i in 0..row.len() {
             if row[i] == 0.0 {
@@ -143,7 +147,7 @@ impl Squares<'_> {
         }
     }
 
-    /// weight (x − target)² of one unknown.
+    /// Adds weight (x − target)² of one unknown.
     pub fn add_one(&mut self, weight: f64, unknown: usize, target: f64) {
         self.program.hessian[(unknown, unknown)] += weight;
         self.program.gradient[unknown] -= weight * target;

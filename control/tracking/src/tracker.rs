@@ -1,5 +1,7 @@
-//! The tick: accelerations, ground forces and torques that come nearest to what is wanted and that floor, friction and motors
-//! allow; inverse dynamics as one quadratic program.
+//! Tick of the tracking controller: inverse dynamics as one quadratic program.
+//!
+//! The program finds the accelerations, ground forces and torques that are nearest to the desired ones within the limits of
+//! floor, friction and motors.
 //!
 //! ```text
 //! min   Σ weight |J ν̇ − wanted|²  +  weight |f − planned|²
@@ -7,9 +9,9 @@
 //!       f within a friction pyramid,   |M ν̇ + h − Σ Jᵀ f| ≤ most torque   where one is
 //! ```
 //!
-//! The contact of a wheel is at its rim. Where the wheel rolls, the material there has J ν = 0 with the spin as a part of ν, and
-//! J̇ is taken at the point of contact, which moves along the rim: at the centre, or with a point fixed to the tyre, a wheel
-//! would be asked for forces that it cannot have.
+//! The contact of a wheel is at its rim. The material at the contact of a rolling wheel has J ν = 0, where ν includes the spin.
+//! J̇ is evaluated at the contact point, which moves along the rim. At the centre, or at a point fixed to the tyre, the program
+//! would request impossible forces from the wheel.
 
 use crate::contacts::{self, Phase, Planned};
 use crate::correction::{Correction, Place};
@@ -27,30 +29,33 @@ use rollwalk_multibody::{
 use rollwalk_robot::GRAVITY_M_S2;
 use thiserror::Error;
 
-/// Gains that the drives themselves close around what a tick wants, as parts of those of the robot file: they act between ticks.
+/// Ratio of the drives' kp during tracking to the kp of the robot file. The drives close this loop around the set-points
+/// between ticks.
 pub const KP_PART: f64 = 0.1;
-/// The same of kd.
+/// Ratio of the drives' kd during tracking to the kd of the robot file.
 pub const KD_PART: f64 = 0.2;
 
-/// Cosine of the tilt against the plan from which on a robot has fallen (1 rad), and the height of its centre of mass, as a
-/// part of the planned one.
+/// Cosine of the tilt relative to the plan (1 rad) beyond which a robot has fallen.
 const FALLEN_COS: f64 = 0.54;
+/// Drop of the centre of mass beyond which a robot has fallen, as a fraction of the planned height.
 const FALLEN_PART: f64 = 0.5;
 
-/// Reason why a tick has no setpoints.
+/// Reason why a tick has no set-points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NoSetpoints {
-    /// The state is not finite, or not one of this robot.
+    /// State that is not finite, or not plausible for this robot.
     #[error(
-        "the state is none that the robot can have: a value is missing, an angle is far beyond its joint's range, or a speed is beyond any robot's"
+        "the state is not plausible: a value is missing, an angle is far beyond its joint's range, \
+         or a speed is beyond that of any robot"
     )]
     Implausible,
-    /// The robot lies, or its pose is wrong.
+    /// Robot that has fallen, or whose pose is wrong.
     #[error(
-        "the robot has fallen, or its pose is wrong: it is tilted by more than 1 rad against its plan, or lower than half of the planned height"
+        "the robot has fallen, or its pose is wrong: it is tilted by more than 1 rad from its \
+         plan, or is below half the planned height"
     )]
     Fallen,
-    /// The program has no solution.
+    /// Program without solution.
     #[error("no setpoints meet the constraints")]
     Unsolved,
 }
@@ -61,22 +66,22 @@ impl From<Unsolved> for NoSetpoints {
     }
 }
 
-/// Setpoint of a motor until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
+/// Set-point of a motor until the next tick: τ = kp (q* − q) + kd (q̇* − q̇) + torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
-    /// q*, rad.
+    /// Desired position q*, rad.
     pub position_rad: f64,
-    /// q̇*, rad/s.
+    /// Desired speed q̇*, rad/s.
     pub speed_rad_s: f64,
-    /// Feed-forward torque, N·m: with it the motor has the wanted torque if the tick ends as expected.
+    /// Feed-forward torque, N·m. With it the motor has the desired torque if the tick ends as predicted.
     pub torque_nm: f64,
-    /// kp, N·m/rad.
+    /// Stiffness kp, N·m/rad.
     pub kp_nm_rad: f64,
-    /// kd, N·m·s/rad.
+    /// Damping kd, N·m·s/rad.
     pub kd_nm_s_rad: f64,
 }
 
-/// A motor and where it is in ν.
+/// Motor with its index in ν.
 #[derive(Clone, Copy, Debug)]
 struct Channel {
     dof: usize,
@@ -85,24 +90,26 @@ struct Channel {
     torque_max_nm: f64,
 }
 
-/// An end effector at this tick.
+/// State of an end effector at a tick.
 #[derive(Clone, Debug)]
 struct Foot {
     phase: Phase,
-    /// Radius of the cone of forces to which it keeps, per normal force.
+    /// Radius of the usable friction cone per normal force.
     friction: f64,
-    /// Along a blade, which glides along itself.
+    /// Friction coefficient along a blade; `None` for feet and wheels.
     drag: Option<f64>,
     /// Jacobian of the material at the contact.
     jacobian: Matrix3xX<f64>,
-    /// Acceleration of the material there, J ν̇, that keeps it still.
+    /// Acceleration J ν̇ that keeps the material at the contact still, m/s².
     still_m_s2: Vector3<f64>,
-    /// Horizontal directions: along the way of a wheel or blade, and to its side.
+    /// Horizontal unit vector along the travel of a wheel or blade.
     along: Vector3<f64>,
+    /// Horizontal unit vector to its side.
     side: Vector3<f64>,
     force_n: Vector3<f64>,
-    /// Contact, or lowest point, planned and measured, m.
+    /// Planned contact or lowest point, m.
     planned: Vector3<f64>,
+    /// Measured contact or lowest point, m.
     measured: Vector3<f64>,
     /// Planned height of the lowest point above the ground, m.
     height_m: f64,
@@ -114,14 +121,14 @@ impl Foot {
     }
 }
 
-/// The controller of one robot.
+/// Tracking controller of one robot.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     tree: Tree,
     weights: Weights,
     tick_s: f64,
     channels: Vec<Channel>,
-    /// Degrees of freedom without a motor besides those of the base.
+    /// Degrees of freedom of wheels without motors.
     free_wheels: Vec<usize>,
     planned: Kinematics,
     measured: Kinematics,
@@ -139,9 +146,11 @@ pub struct Tracker {
     setpoints: Vec<Setpoint>,
     correction: Option<Correction>,
     recovery: Recovery,
-    /// Latency until setpoints act, s; the state then, and the acceleration until then that the last tick expected.
+    /// Latency from a measurement until its set-points act, s.
     latency_s: f64,
+    /// Predicted state at the time at which set-points act.
     ahead: State,
+    /// Generalised acceleration until then, predicted by the previous tick.
     expected: DVector<f64>,
 }
 
@@ -149,7 +158,7 @@ mod constraints;
 mod objective;
 
 impl Tracker {
-    /// A controller for a robot with turning wheels and rotors, that is called every `tick_s`.
+    /// Creates a controller for a robot with turning wheels and rotors, which is called every `tick_s`.
     pub fn new(tree: Tree, weights: Weights, tick_s: f64) -> Self {
         let robot = tree.robot();
         let motors = robot.channels().map(|channel| channel.actuator().clone());
@@ -228,21 +237,23 @@ impl Tracker {
         }
     }
 
-    /// The same with gains of the plan that it is to track.
+    /// Sets the gains of the plan to track.
     pub fn with_gains(mut self, gains: Gains) -> Self {
         self.correction = Some(Correction::new(gains, &self.tree));
         self
     }
 
-    /// The same for setpoints that act this long after the state was measured, s, as on a bus: it acts on the state then, and its
-    /// references have to be those of then.
+    /// Sets the latency from a measurement until set-points act, s, as on a bus.
+    ///
+    /// The controller acts on the state that it predicts for that time. Pass references for that time, too.
     pub fn with_latency(mut self, latency_s: f64) -> Self {
         self.latency_s = latency_s;
         self
     }
 
-    /// Goes on with the gains of another plan of the robot, which begins where the one before ends: where the plan has moved to
-    /// along with the robot, and where its feet are, stays.
+    /// Changes to the gains of a plan that begins where the previous one ends.
+    ///
+    /// The displacement of the plan and the foothold offsets are kept.
     pub fn change_gains(&mut self, gains: Gains) {
         match &mut self.correction {
             Some(correction) => correction.change_gains(gains),
@@ -250,7 +261,7 @@ impl Tracker {
         }
     }
 
-    /// Sets the latency from a measurement until setpoints act, s, from the next tick on.
+    /// Sets the latency from a measurement until set-points act, s, from the next tick on.
     pub fn change_latency(&mut self, latency_s: f64) {
         self.latency_s = latency_s;
     }
@@ -260,42 +271,45 @@ impl Tracker {
         self.recovery.anchor_m
     }
 
-    /// The robot.
+    /// Model of the robot.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
 
-    /// Setpoints of the last tick that had some, in channel order.
+    /// Set-points of the previous tick that had a solution, in channel order.
     pub fn setpoints(&self) -> &[Setpoint] {
         &self.setpoints
     }
 
-    /// True if at the last tick the robot recovered from a push beyond the edge of its support. The setpoints make it stand
-    /// still. Servos that play its plan, with the planned torques, step on and catch it more often (docs/tracking.md, pushes).
+    /// True if the robot recovered from a push beyond the edge of its support at the previous tick.
+    ///
+    /// The set-points make the robot stand still. Servos that play its plan with the planned torques prevent more falls,
+    /// because its steps catch it (docs/tracking.md, pushes).
     pub fn is_caught_by_steps(&self) -> bool {
         self.recovery.is_by_steps()
     }
 
-    /// True if at the last tick the robot recovered, for the second time as soon as it had resumed its plan. The cause is not a
-    /// push: the controller cannot track the plan, and servos that play it do better (docs/tracking.md).
+    /// True if, at the previous tick, the robot recovered for the second time right after resuming its plan.
+    ///
+    /// The cause is not a push: the controller cannot track the plan, and servos that play it do better (docs/tracking.md).
     pub fn stumbles(&self) -> bool {
         self.recovery.stumbles()
     }
 
-    /// Steps of the solver in the last tick.
+    /// Number of solver steps in the previous tick.
     pub fn steps(&self) -> u32 {
         self.solver.steps()
     }
 
-    /// Setpoints of all channels, in channel order, for a state that was measured, and whether each end effector touches the
-    /// ground.
+    /// Computes the set-points of all channels, in channel order, from the measured state and the contact flag of each end
+    /// effector.
     ///
     /// # Errors
-    /// The state is none that the robot can have or control, or no setpoints meet the constraints. The caller has to bring the
-    /// robot to a safe state by other means.
+    /// Returns an error if the state is implausible, if the robot has fallen, or if no set-points satisfy the constraints. The
+    /// caller has to bring the robot to a safe state by other means.
     ///
     /// # Panics
-    /// The reference or the state is of another robot: its vectors have other lengths.
+    /// Panics if the reference or the state is for another robot: its vectors have other lengths.
     pub fn tick(
         &mut self,
         reference: &Reference,
@@ -332,7 +346,7 @@ impl Tracker {
         solved.map(|()| &self.setpoints[..])
     }
 
-    /// Predicts the state in which setpoints will act.
+    /// Predicts the state at the time at which set-points will act.
     fn look_ahead(&mut self, state: &State) {
         let Self { ahead, expected, latency_s, .. } = self;
         let latency_s = *latency_s;
@@ -350,7 +364,7 @@ impl Tracker {
         }
     }
 
-    /// Finds the setpoints.
+    /// Computes the set-points.
     fn solve(&mut self, reference: &Reference, touches: &[bool]) -> Result<(), NoSetpoints> {
         self.prepare(reference, touches);
         if self.has_fallen(reference) {
@@ -417,7 +431,7 @@ impl Tracker {
         up(planned).dot(&up(measured)) < FALLEN_COS || lower_m > FALLEN_PART * errors.height_m.abs()
     }
 
-    /// Keeps what the next tick begins with.
+    /// Stores the state for the next tick.
     fn keep(&mut self) {
         let shift_m = self.recovery.follow(&self.errors);
         if let Some(correction) = &mut self.correction {
@@ -425,7 +439,7 @@ impl Tracker {
         }
     }
 
-    /// Kinematics and dynamics at both states, and an empty program.
+    /// Updates kinematics and dynamics of the planned and the predicted state, and clears the program.
     fn prepare(&mut self, reference: &Reference, touches: &[bool]) {
         let Self { weights, tree, planned, measured, ahead, .. } = self;
         let ground_from_world = reference.world_from_ground.inverse();
@@ -493,7 +507,7 @@ impl Tracker {
         }
     }
 
-    /// Computes corrections from the errors to the plan; without gains there are none.
+    /// Computes corrections from the deviations from the plan; without gains there are no corrections.
     fn correct(&mut self, reference: &Reference) {
         let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
         let Some(correction) = correction else { return };

@@ -1,4 +1,8 @@
-//! A tick takes no memory.
+//! Tests that ticks do not allocate memory, and test of the example.
+
+#[path = "../examples/stand.rs"]
+#[expect(dead_code, reason = "tests do not call the example's main")]
+mod stand;
 
 use nalgebra::Isometry3;
 use rollwalk_multibody::{JOINTS, State, Tree};
@@ -64,4 +68,32 @@ fn an_estimate_allocates_nothing() {
         estimator.align(&state).unwrap();
     });
     assert_eq!(memory.count_total, 0, "{memory:?}");
+}
+
+/// Tests that the centre of mass moves as the feedback of its task promises, and that the robot returns to its stand.
+#[test]
+fn stand_recovers_from_a_push() {
+    let stand = stand::stand().unwrap();
+    // ẍ = F/m − k x − d ẋ. The posture task and the gains of the drives add some stiffness.
+    let feedback = Weights::default().com_feedback;
+    let push_s = stand::PUSH_S[1] - stand::PUSH_S[0];
+    let (h, mut x_m, mut v_m_s, mut peak_m, mut peak_m_s) = (1e-5, 0.0, 0.0, 0.0_f64, 0.0_f64);
+    for step in 0..100_000 {
+        let force_n = if f64::from(step) * h < push_s { stand::PUSH_N } else { 0.0 };
+        v_m_s += h * (force_n / stand.mass_kg - feedback.per_s2 * x_m - feedback.per_s * v_m_s);
+        x_m += h * v_m_s;
+        (peak_m, peak_m_s) = (peak_m.max(x_m), peak_m_s.max(v_m_s));
+    }
+    assert!((stand.peak_m_s / peak_m_s - 1.0).abs() < 0.15, "{} {peak_m_s}", stand.peak_m_s);
+    assert!((stand.peak_m / peak_m - 1.0).abs() < 0.15, "{} {peak_m}", stand.peak_m);
+    let (_, way_m, tilt_rad) = stand.states.last().unwrap();
+    assert!(way_m.abs() < stand::RECOVERED.0 && *tilt_rad < stand::RECOVERED.1);
+    assert!((0.05..1.0).contains(&stand.recovery_s), "{} s", stand.recovery_s);
+    let weight_n = stand.mass_kg * GRAVITY_M_S2;
+    assert!((stand.force_n / weight_n - 1.0).abs() < 0.01, "{} of {weight_n} N", stand.force_n);
+    let (torque_nm, most_nm) = stand.largest_nm;
+    assert!(torque_nm > 0.0 && torque_nm <= most_nm, "{torque_nm} of {most_nm} N·m");
+    let picture = stand::picture(&stand).to_string();
+    assert_eq!(picture.matches("<polyline").count(), 2);
+    assert!(!picture.contains("NaN") && !picture.contains("inf"));
 }

@@ -1,4 +1,4 @@
-//! Hands `memory.x` and the start-up code's linker script to the linker, and declares the robot's module.
+//! Passes `memory.x` and the start-up code's linker script to the linker, and declares the robot's module.
 
 #[path = "../robot_module.rs"]
 mod robot_module;

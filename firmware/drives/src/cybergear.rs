@@ -1,5 +1,6 @@
-//! Xiaomi's CyberGear. Document: "CyberGear micro motor instruction manual", section 4. Only run mode 0, operation
-//! control, is simulated; in another it gives no torque.
+//! Xiaomi CyberGear motor. Document: "CyberGear micro motor instruction manual", section 4.
+//!
+//! Only run mode 0, operation control, is simulated. In any other mode the motor gives no torque.
 
 use crate::scale::{code, share, value};
 use crate::{Electronics, Law, Sent, Shaft, is_wheel};
@@ -15,21 +16,23 @@ const KD_NM_S_RAD: f64 = 5.0;
 /// Reported temperature, tenths of a °C.
 const TEMPERATURE: u32 = 250;
 
-/// Parameters that are written.
+/// Writable parameter: run mode.
 const RUN_MODE: u16 = 0x7005;
+/// Writable parameter: torque limit.
 const LIMIT_TORQUE: u16 = 0x700B;
+/// Writable parameter: speed limit.
 const LIMIT_SPEED: u16 = 0x7017;
 
-/// A motor.
+/// CyberGear motor.
 #[derive(Clone, Debug)]
 pub struct Drive {
     kind: CyberGear,
     id: u8,
     is_wheel: bool,
     enabled: bool,
-    /// Run mode: 0 is operation control.
+    /// Run mode; 0 is operation control.
     pub mode: u8,
-    /// The setpoint that came last, which it remembers while torque is off.
+    /// Previous set-point, which the motor keeps while torque is off.
     pub last: Law,
     torque_limit_nm: f64,
     /// Fault bits of the motor.
@@ -37,7 +40,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The motor of a channel.
+    /// Creates the motor of a channel.
     pub fn new(kind: CyberGear, _: &Bus, channel: &Channel) -> Self {
         Self {
             kind,
@@ -51,7 +54,7 @@ impl Drive {
         }
     }
 
-    /// Type, data and the eight bytes of a frame for it.
+    /// Type, data and payload of a frame; `None` unless the frame addresses this motor.
     fn mine(&self, frame: &Frame) -> Option<(u8, u16, [u8; 8])> {
         let id = frame.extended_id()?;
         let (kind, data16, target) = ((id >> 24) as u8, (id >> 8) as u16, id as u8);

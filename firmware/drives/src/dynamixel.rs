@@ -1,9 +1,8 @@
-//! A Dynamixel servo of the X series: its control table, as far as it matters here. Documents: e-Manual pages
-//! `dxl/protocol2`, `x/xm430-w210`, `x/xm540-w150`.
+//! Dynamixel servo of the X series: the simulated subset of its control table. Documents: e-Manual pages `dxl/protocol2`,
+//! `x/xm430-w210`, `x/xm540-w150`.
 //!
-//! Operating mode 0 where the controller closes the loop, 1 for wheels, 5 for joints, 3 for those of servos without a
-//! current sensor. The manual has no gains in
-//! N·m: a servo follows its goal with those that the robot file promises of it.
+//! The operating mode is 0 if the controller closes the loop, 1 for wheels, 5 for joints, and 3 for joints of servos without a
+//! current sensor. The manual has no gains in N·m, so the servo uses the gains of the robot file.
 
 use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
@@ -11,22 +10,25 @@ use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
-/// Steps of the table.
+/// Position step, rad.
 const RAD: f64 = TAU / 4096.0;
+/// Velocity step, rad/s.
 const RAD_S: f64 = 0.229 * TAU / 60.0;
-/// The position in the middle of a turn.
+/// Position in the middle of a turn, steps.
 const CENTRE: i32 = 2048;
-/// A step of the bus watchdog, µs.
+/// Step of the bus watchdog, µs.
 const WATCHDOG_US: u64 = 20_000;
 
-/// Header of every packet, and the bytes of it that stuffing keeps out of the rest.
+/// Header of every packet.
 const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0];
+/// Bytes of the header that stuffing keeps out of the rest of a packet.
 const STUFFED: &[u8] = &[0xFF, 0xFF, 0xFD];
-/// Address of all servos.
+/// Broadcast address.
 const ALL: u8 = 0xFE;
 const STATUS: u8 = 0x55;
-/// Bytes of a packet up to its length, and the longest that there is any use for.
+/// Number of bytes of a packet up to its length field.
 const HEAD: usize = 7;
+/// Limit of the length of a packet, bytes. Longer ones are rejected.
 const LONGEST: usize = 1024;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +39,7 @@ enum Mode {
     Position,
 }
 
-/// A servo.
+/// Dynamixel servo.
 #[derive(Clone, Debug)]
 pub struct Drive {
     kind: Dynamixel,
@@ -45,21 +47,21 @@ pub struct Drive {
     mode: Mode,
     gains: (f64, f64),
     enabled: bool,
-    /// Steps, 2048 at 0 rad; kept while torque is off.
+    /// Goal position, steps; 2048 is 0 rad. Kept while torque is off.
     pub goal_position: i32,
-    /// Steps; kept while torque is off.
+    /// Goal velocity, steps. Kept while torque is off.
     pub goal_velocity: i32,
-    /// Steps: the goal of mode 0, the limit of mode 5.
+    /// Goal current, steps: the goal in mode 0, the limit in mode 5.
     pub goal_current: i16,
-    /// 0 is off.
+    /// Timeout of the watchdog, steps of 20 ms; 0 for no watchdog.
     watchdog_20ms: u8,
     expired: bool,
-    /// Time of the last packet for this servo, µs.
+    /// Time of the previous packet for this servo, µs.
     fed_us: u64,
 }
 
 impl Drive {
-    /// The servo of a channel.
+    /// Creates the servo of a channel.
     pub fn new(kind: Dynamixel, bus: &Bus, channel: &Channel) -> Self {
         let mode = match bus.control {
             ControlLoop::OnController => Mode::Current,
@@ -98,7 +100,7 @@ impl Drive {
         Some(data)
     }
 
-    /// Answer to a query of `of` servos, after `turn` others. `data` is the requested content.
+    /// Answer to a query of `of` servos, after the answers of `turn` others. `data` contains the requested values.
     fn answer(&self, is_fast: bool, (turn, of): (usize, usize), data: &[u8]) -> Answer {
         let delay_us = self.kind.return_delay_us.into();
         // Error 0 in both.
@@ -200,7 +202,7 @@ impl Electronics for Drive {
         self.goal_current = (stale.torque_nm / self.torque_step_nm()) as i16;
     }
 
-    /// Takes sync writes and sync reads, which address all servos.
+    /// Processes sync writes and sync reads, which address all servos.
     fn on_packet(
         &mut self,
         now_us: u64,
@@ -255,7 +257,7 @@ impl Electronics for Drive {
         }
     }
 
-    /// An expired watchdog stops the servo until 0 is written to it.
+    /// Checks the watchdog. An expired watchdog stops the servo until 0 is written to it.
     fn on_time(&mut self, now_us: u64) {
         let patience_us = u64::from(self.watchdog_20ms) * WATCHDOG_US;
         self.expired |= patience_us > 0 && now_us.saturating_sub(self.fed_us) > patience_us;
@@ -266,7 +268,7 @@ impl Electronics for Drive {
     }
 }
 
-/// Instruction and parameters of a packet for all servos, if it is whole.
+/// Instruction and parameters of a broadcast packet; `None` if the packet is incomplete or damaged.
 fn unwrapped(bytes: &[u8]) -> Option<Vec<u8>> {
     let (body, crc) = bytes.split_last_chunk()?;
     let &[low, high, ref stuffed @ ..] = body.strip_prefix(&HEADER)?.strip_prefix(&[ALL])? else {
@@ -288,7 +290,7 @@ fn unwrapped(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(plain)
 }
 
-/// Packet of an answer: instruction and parameters, with header, stuffing and CRC.
+/// Packet of an answer: adds header, stuffing and CRC to instruction and parameters.
 fn wrapped(id: u8, plain: &[u8]) -> Vec<u8> {
     let mut stuffed = Vec::new();
     for &byte in plain {

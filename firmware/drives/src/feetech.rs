@@ -1,8 +1,8 @@
-//! A Feetech STS servo: its memory table, as far as it matters here. Documents: Feetech, "Communication Protocol User
-//! Manual" and "Magnetic Encoder STS Servo, Memory Table Analysis".
+//! Feetech STS servo: the simulated subset of its memory table. Documents: Feetech, "Communication Protocol User Manual" and
+//! "Magnetic Encoder STS Servo, Memory Table Analysis".
 //!
-//! Operating mode 0 (position) for joints, 1 (constant speed) for wheels. The servo has no watchdog: it keeps following the last
-//! command. The manual has no gains in N·m: the servo follows its goal with the gains of the robot file.
+//! The operating mode is 0 (position) for joints and 1 (constant speed) for wheels. The servo has no watchdog: it keeps
+//! following the previous command. The manual has no gains in N·m, so the servo uses the gains of the robot file.
 
 use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::Bus;
@@ -10,18 +10,18 @@ use rollwalk_protocol::actuators::feetech::Feetech;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
-/// A step of position, rad, and of velocity, rad/s.
+/// Position step, rad; also the velocity step, rad/s.
 const STEP: f64 = TAU / 4096.0;
-/// The position in the middle of a turn.
+/// Position in the middle of a turn, steps.
 const CENTRE: f64 = 2048.0;
-/// Address of all servos.
+/// Broadcast address.
 const ALL: u8 = 0xFE;
-/// Instructions of the manual.
+/// Instruction codes in the manual.
 const INSTRUCTIONS: [u8; 12] = [1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 0x82, 0x83];
-/// Reported supply voltage and temperature without faults: 0.1 V, °C.
+/// Reported supply voltage, 0.1 V, and temperature, °C, without faults.
 const VOLTAGE_AND_TEMPERATURE: [u8; 2] = [74, 35];
 
-/// A servo.
+/// Feetech servo.
 #[derive(Clone, Debug)]
 pub struct Drive {
     kind: Feetech,
@@ -29,18 +29,18 @@ pub struct Drive {
     is_wheel: bool,
     gains: (f64, f64),
     enabled: bool,
-    /// Steps; kept while torque is off.
+    /// Goal position, steps. Kept while torque is off.
     goal_position: f64,
-    /// Steps a second: a wheel's goal, a joint's largest speed.
+    /// Goal velocity of a wheel or largest velocity of a joint, steps/s.
     goal_velocity: f64,
-    /// Share of the stall torque.
+    /// Torque limit, fraction of the stall torque.
     torque_limit: f64,
     /// Status byte of every answer.
     pub status: u8,
 }
 
 impl Drive {
-    /// The servo of a channel.
+    /// Creates the servo of a channel.
     pub fn new(kind: Feetech, _: &Bus, channel: &Channel) -> Self {
         Self {
             kind,
@@ -55,7 +55,7 @@ impl Drive {
         }
     }
 
-    /// Writes bytes from an address on; `None` unless they are whole, valid values.
+    /// Writes bytes from an address on; `None` unless they form valid values of complete registers.
     fn write(&mut self, address: u8, data: &[u8]) -> Option<Vec<Sent>> {
         let word = |low: u8, high: u8| magnitude(u16::from_le_bytes([low, high]), 15);
         Some(match (address, data) {
@@ -124,7 +124,7 @@ impl Electronics for Drive {
         self.goal_velocity = (stale.speed_rad_s / STEP).round();
     }
 
-    /// Takes sync writes and sync reads, which address all servos.
+    /// Processes sync writes and sync reads, which address all servos.
     fn on_packet(&mut self, _: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Option<Answer>) {
         let nothing = (vec![], None);
         let Some(&[ALL, _, instruction, address, count, ref rest @ ..]) = unwrapped(bytes) else {
@@ -151,8 +151,8 @@ impl Electronics for Drive {
         }
     }
 
-    /// Removes the next packet. The manual does not define what a servo does with half a packet. This one waits for the rest only
-    /// if the instruction is in the manual.
+    /// Removes the next packet. The manual does not specify what a servo does with an incomplete packet. The simulated servo
+    /// waits for the rest only if the instruction is in the manual.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let begin = line.windows(2).position(|two| two == [0xFF, 0xFF]);
@@ -174,7 +174,7 @@ impl Electronics for Drive {
     }
 }
 
-/// A magnitude whose sign is in `bit`.
+/// Decodes a magnitude whose sign is in `bit`.
 fn magnitude(value: u16, bit: u32) -> f64 {
     let size = f64::from(value & ((1 << bit) - 1));
     if value & 1 << bit == 0 { size } else { -size }
@@ -186,20 +186,20 @@ fn with_sign(value: f64, bit: u32) -> u16 {
     if value < 0.0 { size | 1 << bit } else { size }
 }
 
-/// Content between header and checksum of a whole packet.
+/// Content between header and checksum of a complete packet; `None` for any other bytes.
 fn unwrapped(bytes: &[u8]) -> Option<&[u8]> {
     let (sum, body) = bytes.strip_prefix(&[0xFF, 0xFF])?.split_last()?;
     let whole = usize::from(*body.get(1)?) + 1 == body.len();
     (whole && *sum == complement(body)).then_some(body)
 }
 
-/// Packet of an answer: header, address and length before status and data, checksum after them.
+/// Packet of an answer: adds header, address, length and checksum to status and data.
 fn wrapped(id: u8, data: &[u8]) -> Vec<u8> {
     let body = [&[id, data.len() as u8 + 1], data].concat();
     [&[0xFF, 0xFF], &body[..], &[complement(&body)]].concat()
 }
 
-/// The sum of the manual: all bits of the sum turned over.
+/// Checksum of the manual: complement of the sum.
 pub(crate) fn complement(bytes: &[u8]) -> u8 {
     let sum: u32 = bytes.iter().map(|&byte| u32::from(byte)).sum();
     (sum as u8) ^ 0xFF

@@ -1,8 +1,10 @@
-//! Simulated servos and wheel drives of every protocol that the controller supports: they decode the bytes of their bus, answer,
-//! and control their motor. Bytes and time come in, a [`Law`] goes out. The caller turns the shaft by it: the simulated robot's
-//! motors, or a test bench without inertia.
+//! Simulated servos and wheel drives of every protocol that the controller supports. They decode the bytes of their bus,
+//! answer, and control their motor.
 //!
-//! | module | is |
+//! The inputs are bytes and time, the output is a [`Law`]. The caller applies it to the shaft: the motors of the simulated
+//! robot, or a test bench without inertia.
+//!
+//! | module | drive |
 //! |---|---|
 //! | [`rollwalk`] | servos of the Rollwalk profile |
 //! | [`mit`] | mini cheetah drives and T-Motor's AK series |
@@ -11,10 +13,10 @@
 //! | [`dynamixel`], [`feetech`] | Dynamixel X; Feetech STS |
 //! | [`maestro`] | a hobby servo behind a Pololu Maestro |
 //!
-//! Written from the makers' documents (`docs/actuators.md`), apart from the codecs of
-//! `rollwalk_protocol::actuators`: an error in those shows against these. A drive is as its maker
-//! delivers it: a watchdog that is off from the factory is off here. Not simulated: current loops,
-//! temperatures, the errors that a drive finds by itself, and profiles of its own.
+//! The drives are written from the makers' documents (`docs/actuators.md`), independently of the codecs in
+//! `rollwalk_protocol::actuators`, so that tests reveal errors of the codecs. Drives start in the state in which the maker
+//! delivers them; for instance, a watchdog that is delivered switched off is off. Current loops, temperatures, self-detected
+//! errors and motion profiles are not simulated.
 
 #![warn(missing_docs)]
 
@@ -41,13 +43,13 @@ pub struct Shaft {
     pub position_rad: f64,
     /// Speed, rad/s.
     pub speed_rad_s: f64,
-    /// Torque that it gives, N·m.
+    /// Torque of the motor, N·m.
     pub torque_nm: f64,
-    /// True if the control law asked for more torque than the limit.
+    /// True if the control law requested more torque than the limit.
     pub torque_limited: bool,
 }
 
-/// Control law of a motor: kp (q* − q) + kd (q̇* − q̇) + τ, within a limit. The default is no torque.
+/// Control law of a motor: kp (q* − q) + kd (q̇* − q̇) + τ, within a limit. The default gives no torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Law {
     /// q*, rad.
@@ -60,17 +62,17 @@ pub struct Law {
     pub kd_nm_s_rad: f64,
     /// τ, N·m.
     pub torque_nm: f64,
-    /// Largest torque, N·m, if below the motor's own limit.
+    /// Torque limit, N·m, if below the motor's own limit.
     pub torque_limit_nm: f64,
 }
 
 impl Law {
-    /// Target value: rad, or rad/s of a wheel.
+    /// Target value, rad, or rad/s for a wheel.
     fn value(&self, is_wheel: bool) -> f32 {
         (if is_wheel { self.speed_rad_s } else { self.position_rad }) as f32
     }
 
-    /// Event for this law as a setpoint.
+    /// Converts the law to a set-point event.
     fn setpoint(&self, is_wheel: bool) -> Sent {
         Sent::Setpoint {
             value: self.value(is_wheel),
@@ -81,42 +83,42 @@ impl Law {
     }
 }
 
-/// Command to a drive, by the names in its documents.
+/// Command to a drive, named as in its documents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sent {
     /// Torque off.
     Disable,
     /// Torque on.
     Enable,
-    /// A setpoint with gains; drives that keep gains have their stored ones here.
+    /// Set-point with gains. A drive that stores gains reports its stored ones.
     Setpoint {
-        /// rad, or rad/s of a wheel.
+        /// Target value, rad, or rad/s for a wheel.
         value: f32,
-        /// N·m/rad.
+        /// Gain kp, N·m/rad.
         kp: f32,
-        /// N·m·s/rad.
+        /// Gain kd, N·m·s/rad.
         kd: f32,
-        /// Torque on top, N·m.
+        /// Feed-forward torque, N·m.
         torque_nm: f32,
     },
-    /// A torque alone, N·m.
+    /// Torque alone, N·m.
     Torque(f32),
-    /// Gains to keep.
+    /// Gains to store.
     Gains {
-        /// N·m/rad.
+        /// Gain kp, N·m/rad.
         kp: f32,
-        /// N·m·s/rad.
+        /// Gain kd, N·m·s/rad.
         kd: f32,
     },
-    /// Gain of an ODrive's position loop; kp is a multiple of it.
+    /// Gain of an ODrive's position loop, a factor of kp.
     PositionGain,
-    /// Limits to keep.
+    /// Limits to store.
     Limits,
-    /// Kind of setpoint to follow.
+    /// Kind of set-point to follow.
     Mode,
     /// Timeout of the drive's watchdog.
     Watchdog,
-    /// Forget faults.
+    /// Clearing of faults.
     ClearFaults,
     /// Query of the measurements.
     Query,
@@ -125,7 +127,7 @@ pub enum Sent {
 }
 
 impl Sent {
-    /// Cannot move anything by itself.
+    /// True if the command cannot move anything by itself.
     pub fn is_harmless(self) -> bool {
         matches!(self, Sent::Disable | Sent::Query | Sent::ClearFaults)
     }
@@ -134,18 +136,19 @@ impl Sent {
 /// Answer of a drive on a serial line, with its timing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// The packet.
+    /// Bytes of the packet.
     pub bytes: Vec<u8>,
-    /// Number of answers before this one, each after the one before. An adapter's single answer is given by all drives behind it.
+    /// Number of answers that precede this one. All drives behind an adapter return the adapter's single answer.
     pub turn: usize,
-    /// Delay after the query, or after the answer before this one, µs.
+    /// Delay after the query or the preceding answer, µs.
     pub delay_us: u64,
-    /// True for a part of a packet that all answering servos build together, without the CRC at its end: [`Self::said`].
+    /// True for a part of a packet that all answering servos build together. The part does not include the CRC at its end; see
+    /// [`Self::said`].
     pub is_part: bool,
 }
 
 impl Answer {
-    /// Bytes on the line in this drive's turn, after the answers before it.
+    /// Bytes on the line in this drive's turn; `before` are the bytes of the preceding answers.
     pub fn said(&self, before: &[u8]) -> Vec<u8> {
         let mut said = self.bytes.clone();
         if self.is_part {
@@ -155,10 +158,11 @@ impl Answer {
     }
 }
 
-/// Electronics around a motor, as its maker built them. The defaults are those of a drive on another kind of
-/// bus, without timers and without a watchdog.
+/// Electronics of a drive, which control its motor.
+///
+/// The default methods suit a drive on another kind of bus, without timers and without a watchdog.
 pub trait Electronics {
-    /// Takes a frame. Returns the command and the answer; `None` for a frame for another drive.
+    /// Processes a frame. Returns the command and the answer; `None` if the frame is for another drive.
     fn on_frame(
         &mut self,
         now_us: u64,
@@ -169,7 +173,7 @@ pub trait Electronics {
         None
     }
 
-    /// Takes a whole packet of a serial line. Returns the command and the answer.
+    /// Processes a complete packet of a serial line. Returns the commands and the answer.
     fn on_packet(
         &mut self,
         now_us: u64,
@@ -180,40 +184,40 @@ pub trait Electronics {
         (vec![], None)
     }
 
-    /// Takes the next packet out of the bytes of a serial line, with the bytes before it. All drives of a line find the same
-    /// packet; [`Self::on_packet`] checks if it is sound.
+    /// Removes the next packet and the bytes before it from the bytes of a serial line. All drives of a line extract the same
+    /// packet; [`Self::on_packet`] checks its validity.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         let _ = line;
         None
     }
 
-    /// The value of the setpoint in a frame for this drive, rad or rad/s of a wheel; `None` for any other
-    /// frame. Without any effect.
+    /// Value of the set-point in a frame for this drive, rad, or rad/s for a wheel; `None` for any other frame. Has no side
+    /// effects.
     fn commanded(&self, frame: &Frame) -> Option<f32> {
         let _ = frame;
         None
     }
 
-    /// Time of its next unsolicited frame.
+    /// Time of the drive's next unsolicited frame, µs; `None` if it sends none.
     fn next_timer_us(&self) -> Option<u64> {
         None
     }
 
-    /// Next unsolicited frame due at `now_us`; call until `None`.
+    /// Returns the next unsolicited frame that is due at `now_us`; call it until it returns `None`.
     fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
         let _ = (now_us, shaft);
         None
     }
 
-    /// Lets its watchdog look at the time.
+    /// Updates the watchdog to the present time.
     fn on_time(&mut self, now_us: u64) {
         let _ = now_us;
     }
 
-    /// Control law of its motor; `None` while torque is off.
+    /// Control law of the motor; `None` while torque is off.
     fn law(&self, shaft: &Shaft) -> Option<Law>;
 
-    /// Gives it a setpoint from before it was switched on, if it remembers any: for tests.
+    /// Stores a set-point from before the drive was enabled, if it keeps any. For tests.
     fn remember(&mut self, stale: Law) {
         let _ = stale;
     }
@@ -224,7 +228,7 @@ macro_rules! define_kind {
         $profile:ident $Profile:ident can $profile_key:literal,
         $($module:ident $Codec:ident $transport:ident $key:literal,)*
     ) => {
-        /// The electronics of a drive, by protocol.
+        /// Electronics of a drive, by protocol.
         #[derive(Clone, Debug)]
         pub enum Kind {
             #[doc = concat!("See [`", stringify!($profile), "`].")]
@@ -263,22 +267,22 @@ macro_rules! define_kind {
 }
 actuator_protocols!(define_kind);
 
-/// A drive on a bus.
+/// Drive on a bus.
 #[derive(Clone, Debug)]
 pub struct Drive {
     bus: Bus,
     channel: Channel,
-    /// Electronics around the motor.
+    /// Electronics of the drive.
     pub kind: Kind,
 }
 
 impl Drive {
-    /// The drive of a channel on its bus, set up for it with its maker's tool, as it is after power-on.
+    /// Creates the drive of a channel in its state after power-on, configured for the channel with the maker's tool.
     pub fn new(bus: &Bus, channel: &Channel) -> Self {
         Self { bus: *bus, channel: *channel, kind: Kind::new(bus, channel) }
     }
 
-    /// Cuts the power: volatile state is lost.
+    /// Cuts the power, which erases the volatile state.
     pub fn cut_power(&mut self) {
         self.kind = Kind::new(&self.bus, &self.channel);
     }

@@ -1,13 +1,13 @@
-//! A hobby servo on a channel of a Pololu Maestro. Document: "Pololu Maestro Servo Controller User's Guide",
-//! sections 5.c to 5.e. Nothing is measured; the servo follows its pulses with the gains that the robot file promises
-//! of it.
+//! Hobby servo on a channel of a Pololu Maestro. Document: "Pololu Maestro Servo Controller User's Guide", sections 5.c to 5.e.
+//!
+//! The servo measures nothing. It follows its pulses with the gains of the robot file.
 
 use crate::{Answer, Electronics, Law, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::config::Channel;
 
-/// A servo.
+/// Servo with its channel of the board.
 #[derive(Clone, Debug)]
 pub struct Drive {
     board: Maestro,
@@ -18,7 +18,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The servo of a channel.
+    /// Creates the servo of a channel.
     pub fn new(board: Maestro, _: &Bus, channel: &Channel) -> Self {
         let gains = (channel.kp_nm_rad.into(), channel.kd_nm_s_rad.into());
         Self { board, channel: channel.id, gains, target_rad: None }
@@ -62,7 +62,7 @@ impl Drive {
 }
 
 impl Electronics for Drive {
-    /// The board answers: each of its servos has the same answer.
+    /// Processes a packet. The board answers queries, so all its servos return the same answer.
     fn on_packet(&mut self, _: u64, bytes: &[u8], _: &Shaft) -> (Vec<Sent>, Option<Answer>) {
         let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], None) };
         let target = match (command, data) {
@@ -84,7 +84,7 @@ impl Electronics for Drive {
         (self.aim(target), None)
     }
 
-    /// A command begins with a byte whose highest bit is set, its data have none.
+    /// Removes the next command. The highest bit is set in its first byte, and clear in its data.
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         let is_numbered = self.board.device.is_some();
         let begins = |byte: &u8| if is_numbered { *byte == 0xAA } else { byte & 0x80 != 0 };

@@ -1,5 +1,5 @@
-//! Mini cheetah drives and T-Motor's AK series in MIT mode. Documents: bgkatz/motorcontrol, CubeMars "AK
-//! Series Actuator Driver Manual V1.0.8".
+//! Mini cheetah drives and T-Motor's AK series in MIT mode. Documents: bgkatz/motorcontrol, CubeMars "AK Series Actuator Driver
+//! Manual V1.0.8".
 
 use crate::scale::{code, share, value};
 use crate::{Electronics, Law, Sent, Shaft, is_wheel};
@@ -11,24 +11,24 @@ use rollwalk_protocol::config::Channel;
 const POSITION_RAD: f64 = 12.5;
 const KP_NM_RAD: f64 = 500.0;
 const KD_NM_S_RAD: f64 = 5.0;
-/// Temperature that an AK drive reports, °C.
+/// Temperature reported by an AK drive, °C.
 const TEMPERATURE_C: u8 = 30;
 
-/// A drive.
+/// Drive in MIT mode.
 #[derive(Clone, Debug)]
 pub struct Drive {
     model: Mit,
     id: u8,
     is_wheel: bool,
     enabled: bool,
-    /// The setpoint that came last, which it remembers while torque is off.
+    /// Previous set-point, which the drive keeps while torque is off.
     pub last: Law,
-    /// Reported error; AK only.
+    /// Reported error, in AK drives only.
     pub error: u8,
 }
 
 impl Drive {
-    /// A drive of a channel.
+    /// Creates the drive of a channel.
     pub fn new(model: Mit, _: &Bus, channel: &Channel) -> Self {
         let (id, is_wheel) = (channel.id, is_wheel(channel));
         Self { model, id, is_wheel, enabled: false, last: Law::default(), error: 0 }
@@ -42,7 +42,7 @@ impl Drive {
         self.model.model.max_torque_nm.into()
     }
 
-    /// The eight bytes of a frame for it.
+    /// Payload of a frame; `None` unless it has eight bytes and addresses this drive.
     fn mine(&self, frame: &Frame) -> Option<[u8; 8]> {
         (frame.standard_id() == Some(self.id.into())).then(|| frame.data().try_into().ok())?
     }
@@ -114,7 +114,7 @@ impl Electronics for Drive {
     }
 }
 
-/// The last byte of a command.
+/// Last byte of a command; `None` for a set-point.
 fn special(data: &[u8; 8]) -> Option<u8> {
     let [head @ .., last] = data;
     (*head == [0xFF; 7] && (0xFC..=0xFE).contains(last)).then_some(*last)

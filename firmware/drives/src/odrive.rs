@@ -1,8 +1,8 @@
-//! An axis of an ODrive that speaks CANSimple. Documents: ODrive firmware 0.5.6, `docs/can-protocol.rst` and
-//! `controller.cpp`; CAN protocol page of 0.6.10.
+//! Axis of an ODrive with CANSimple. Documents: ODrive firmware 0.5.6, `docs/can-protocol.rst` and `controller.cpp`; CAN
+//! protocol page of 0.6.10.
 //!
-//! The axis is never queried: estimates, and torques or currents, come on timers, and the heartbeat every 100 ms. Timers of axes
-//! are not in step with each other.
+//! The axis is never queried. It sends estimates and torques or currents on timers, and its heartbeat every 100 ms. Timers of
+//! different axes are not synchronous.
 
 use crate::{Electronics, Law, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
@@ -11,35 +11,36 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::TAU;
 
-/// Time between heartbeats, from the factory.
+/// Heartbeat period as delivered, µs.
 const HEARTBEAT_US: u64 = 100_000;
-/// Delay of an axis' timers after those of the axis before.
+/// Delay between the timers of successive axes, µs.
 const STAGGER_US: u64 = 310;
-/// `ESTOP_REQUESTED`.
+/// Error bit `ESTOP_REQUESTED` of firmware 0.5.
 const ESTOP_05: u32 = 0x4000;
+/// Error bit `ESTOP_REQUESTED` of firmware 0.6.
 const ESTOP_06: u32 = 0x0200_0000;
 
-/// An axis.
+/// Axis of an ODrive.
 #[derive(Clone, Debug)]
 pub struct Drive {
     kind: Odrive,
     node: u8,
-    /// State 8, else idle.
+    /// True in closed-loop control (state 8), false when idle.
     pub closed_loop: bool,
-    /// 1 torque, 2 velocity, 3 position.
+    /// Control mode: 1 torque, 2 velocity, 3 position.
     pub control_mode: u32,
-    /// (turn/s)/turn.
+    /// Position gain, (turn/s)/turn; `None` until it is set.
     pub position_gain: Option<f64>,
-    /// N·m/(turn/s) of the motor.
+    /// Velocity gain, N·m/(turn/s) of the motor; `None` until it is set.
     pub velocity_gain: Option<f64>,
-    /// turn/s and A, since they were set.
+    /// Speed limit, turn/s, and current limit, A; `None` until they are set.
     pub limits: Option<(f64, f64)>,
-    /// Last position, speed and torque inputs, at the output. It keeps them while idle: 0.5.6 and later begin with
-    /// the measured position instead, which is the easier case.
+    /// Previous position, speed and torque inputs, at the output. They are kept while idle. Firmware 0.5.6 and later begins
+    /// with the measured position instead, which is the easier case.
     pub input: (f64, f64, f64),
     /// Error bits of the axis.
     pub error: u32,
-    /// Due times of [`Timer::ALL`], µs.
+    /// Times, µs, at which the messages of [`Timer::ALL`] are due.
     due_us: [u64; 3],
 }
 
@@ -56,7 +57,7 @@ impl Timer {
 }
 
 impl Drive {
-    /// The axis of a channel.
+    /// Creates the axis of a channel.
     pub fn new(kind: Odrive, _: &Bus, channel: &Channel) -> Self {
         Self {
             kind,
@@ -76,12 +77,12 @@ impl Drive {
         self.kind.reduction.into()
     }
 
-    /// Turns of the motor per rad of the output.
+    /// Number of motor turns per rad of the output.
     fn turns_per_rad(&self) -> f64 {
         self.reduction() / TAU
     }
 
-    /// kp and kd at the output; the factory's until they are set.
+    /// Gains kp and kd at the output, as delivered until they are set.
     fn gains(&self) -> (f64, f64) {
         let per_turn_s = self.velocity_gain.unwrap_or(1.0 / 6.0);
         let kd = per_turn_s * self.reduction() * self.reduction() / TAU;
@@ -93,7 +94,7 @@ impl Drive {
         (id >> 5 == u16::from(self.node)).then_some(id & 0x1F)
     }
 
-    /// Position, speed and torque of a setpoint, at the output.
+    /// Position, speed and torque of a set-point, at the output; `None` for other commands.
     fn inputs(&self, command: u16, data: &[u8]) -> Option<(f64, f64, f64)> {
         let (turns, nm) = (self.turns_per_rad(), self.reduction());
         let (position, speed, _) = self.input;
@@ -219,7 +220,7 @@ impl Electronics for Drive {
         self.input = (stale.position_rad, stale.speed_rad_s, stale.torque_nm);
     }
 
-    /// A frame that is too short is ignored.
+    /// Processes a frame. Frames that are too short count as [`Sent::Odd`].
     fn on_frame(&mut self, _: u64, frame: &Frame, _: &Shaft) -> Option<(Sent, Option<Frame>)> {
         let (command, data) = (self.command(frame)?, frame.data());
         // What it says itself.
@@ -252,7 +253,7 @@ impl Electronics for Drive {
         Some(self.tell(timer, shaft))
     }
 
-    /// torque = g_v (g_p (q* − q) + q̇* − q̇) + τ. The commanded speed and the torque are limited.
+    /// Control law: torque = g_v (g_p (q* − q) + q̇* − q̇) + τ. Both the commanded speed and the torque are limited.
     fn law(&self, shaft: &Shaft) -> Option<Law> {
         if !self.closed_loop {
             return None;

@@ -1,8 +1,8 @@
-//! A servo or wheel drive of the Rollwalk profile.
+//! Servo or wheel drive of the Rollwalk profile.
 //!
-//! Follows the law of the profile ([`rollwalk_protocol::actuator`]) with the gains of the last setpoint. Answers
-//! every frame for it with its feedback at the end of that frame. Its own watchdog takes the torque away when
-//! setpoints stop coming, and keeps it away until it is disabled and enabled again.
+//! The servo follows the law of the profile ([`rollwalk_protocol::actuator`]) with the gains of the latest set-point. It
+//! answers every frame that addresses it with feedback at the end of that frame. If set-points stop, its watchdog switches
+//! torque off until the servo is disabled and enabled again.
 
 use crate::{Electronics, Law, Sent, Shaft, is_wheel};
 use rollwalk_protocol::actuator::{
@@ -12,38 +12,38 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
 use std::f64::consts::PI;
 
-/// Longest time without a setpoint before an enabled servo gives up, µs.
+/// Time without a set-point after which an enabled servo switches torque off, µs.
 pub const WATCHDOG_US: u64 = 100_000;
 
 /// State of the servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     Disabled,
-    /// Enabled; no torque until the first setpoint.
+    /// Enabled; no torque until the first set-point.
     Waiting,
     Following(Law),
     TimedOut,
 }
 
-/// A servo.
+/// Servo of the Rollwalk profile.
 #[derive(Clone, Debug)]
 pub struct Drive {
     is_wheel: bool,
     id: u8,
     mode: Mode,
-    /// Time at which it was enabled or received its last setpoint.
+    /// Time at which the servo was enabled or received its latest set-point, µs.
     fed_us: u64,
     counter: u8,
 }
 
 impl Drive {
-    /// The servo of a channel.
+    /// Creates the servo of a channel.
     pub fn new(channel: &Channel) -> Self {
         let (is_wheel, id) = (is_wheel(channel), channel.id);
         Self { is_wheel, id, mode: Mode::Disabled, fed_us: 0, counter: 0 }
     }
 
-    /// The law of a setpoint for this servo.
+    /// Control law of a set-point for this servo; `None` for any other frame.
     fn law_of(&self, frame: &Frame) -> Option<Law> {
         let (id, law) = if self.is_wheel {
             let (id, setpoint) = WheelSetpoint::decode(frame)?;

@@ -1,4 +1,4 @@
-//! Properties of drives that documents promise and that no controller of this project relies on.
+//! Properties of drives that documents specify but that no controller of this project relies on.
 
 use crate::{Answer, Drive, Electronics, Kind, Sent, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
@@ -54,7 +54,7 @@ fn floats(a: f32, b: f32) -> Vec<u8> {
     [a.to_le_bytes(), b.to_le_bytes()].concat()
 }
 
-/// Position, velocity and torque: the cascade of `controller.cpp`, on paper.
+/// Computes the cascade of `controller.cpp` by hand for position, velocity and torque.
 #[test]
 fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     let mut drive = odrive(Version::V06);
@@ -84,7 +84,7 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     assert!((speed.torque_nm + 0.2).abs() < 1e-6, "{speed:?}");
 }
 
-/// Less than none at all cannot be a limit: those that were set stay.
+/// An invalid limit is refused, and the previous limits remain.
 #[test]
 fn an_odrive_takes_no_limit_below_0() {
     let mut drive = odrive(Version::V06);
@@ -100,7 +100,7 @@ fn an_odrive_takes_no_limit_below_0() {
     }
 }
 
-/// The manual's range of parameter 0x700B, 0 to 12 N·m.
+/// Limits outside the manual's range of parameter 0x700B, 0 to 12 N·m, are refused.
 #[test]
 fn a_cybergear_takes_no_torque_limit_out_of_its_range() {
     let gear = CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD };
@@ -190,7 +190,7 @@ fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
     packet(0xFE, 0x83, &[&head[..], &[ID], data].concat()).unwrap().to_vec()
 }
 
-/// Behaviour of address 98 in the e-Manual.
+/// Behaviour of address 98 according to the e-Manual.
 #[test]
 fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     let model =
@@ -215,7 +215,7 @@ fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], None));
 }
 
-/// The e-Manual's ping of servo 1, and the reaction of a servo to packets that violate Protocol 2.0.
+/// Checks the e-Manual's ping of servo 1, and the reaction of a servo to packets that violate Protocol 2.0.
 #[test]
 fn a_dynamixel_takes_whole_packets_alone() {
     let ping = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01];
@@ -269,7 +269,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     assert_eq!(drive.on_packet(0, &resummed(bare), &at(0.0)), (vec![], None));
 }
 
-/// The manual's examples 7 and 8, and the memory table: the reaction of a servo to impossible values.
+/// Checks the manual's examples 7 and 8, and the reaction of a servo to impossible values.
 #[test]
 fn a_feetech_servo_takes_whole_packets_alone() {
     assert_eq!(crate::feetech::complement(&[1, 2, 1]), 0xFB);
@@ -346,7 +346,7 @@ fn a_maestro_takes_what_its_settings_frame() {
     assert_eq!(errors.map(|answer| answer.bytes), Some(vec![0, 0]));
 }
 
-/// Setting up the drive follows from where the loop is closed.
+/// Checks that a bus with the loop on the controller configures its drives for torque.
 #[test]
 fn a_drive_for_torques_gives_torques() {
     let model =

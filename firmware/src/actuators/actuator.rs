@@ -5,11 +5,11 @@ use rollwalk_protocol::actuators::{self, Command, Faults, Gains};
 
 use super::orders::PendingRequests;
 
-/// Age up to which feedback counts as fresh, ticks. The answer to a query arrives in the next tick, or in the one after when the
+/// Age up to which feedback counts as fresh, ticks. The answer to a query arrives in the next tick, or one tick later if the
 /// bus is busy.
 pub const FRESH_TICKS: u16 = 2;
 
-/// The torque switch that was sent last.
+/// Torque command sent most recently.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Switched {
     #[default]
@@ -24,21 +24,22 @@ pub struct Actuator {
     reported: Feedback,
     has_reported_pose: bool,
     has_reported_state: bool,
-    /// Faults in this control period add up: a later frame without them does not take them back.
+    /// True if a fault was reported in this control period. Further faults are then added, so a later frame without them does
+    /// not clear them.
     faults_are_new: bool,
-    /// Ticks since the last new pose.
+    /// Ticks since the latest new pose.
     pub silent_ticks: u16,
     /// True if a query is still unanswered.
     asked: bool,
-    /// True if a query was sent before the last one was answered, since [`Self::take_unanswered`].
+    /// True if a query was sent while the previous one was unanswered; cleared by [`Self::take_unanswered`].
     unanswered: bool,
-    /// True if torque off was sent, and the last feedback since then confirms it.
+    /// True if the actuator has confirmed the most recent torque-off command.
     pub known_off: bool,
     switched: Switched,
     switched_ticks: u16,
-    /// Gains that the drive keeps, where they differ from the configuration.
+    /// Latest gains sent to a drive that stores them; `None` until the first set-point after torque on.
     pub gains: Option<Gains>,
-    /// The torque limit sent since it was enabled, where the drive stores one.
+    /// Latest torque limit sent to a drive that stores it; `None` until the first set-point after torque on.
     pub torque_limit_nm: Option<f32>,
     pub pending: PendingRequests,
     pub setpoint: Option<Command>,
@@ -65,8 +66,9 @@ impl Actuator {
         self.reported.status.faulty()
     }
 
-    /// Takes feedback of the Rollwalk profile, which is complete and counted. A repeated counter is a
-    /// repeated frame: not a sign of life.
+    /// Accepts feedback of the Rollwalk profile, which is complete and counted.
+    ///
+    /// A frame with a repeated counter is a repetition and does not reset the silence.
     pub fn on_counted_feedback(&mut self, feedback: Feedback) {
         if self.feedback().is_none_or(|last| last.counter != feedback.counter) {
             self.silent_ticks = 0;
@@ -77,8 +79,9 @@ impl Actuator {
         }
     }
 
-    /// Takes feedback of another protocol, which is partial and not counted: every frame is new. Only the
-    /// pose is a sign of life.
+    /// Accepts feedback of another protocol, which is partial and not counted.
+    ///
+    /// Every frame counts as new. Only a frame with the pose resets the silence.
     pub fn on_feedback(&mut self, news: &actuators::Feedback, reports_enabled: bool) {
         let reported = &mut self.reported;
         if let Some(position_rad) = news.position_rad {
@@ -109,41 +112,42 @@ impl Actuator {
         }
     }
 
-    /// Takes an answer of the adapter on the actuator's line, which has no pose.
+    /// Accepts an answer from the adapter of the actuator's line, which contains no pose.
     pub fn on_adapter_answer(&mut self, news: &actuators::Feedback) {
         self.silent_ticks = 0;
         self.asked = false;
         self.on_feedback(news, false);
     }
 
-    /// Assumes a position, for actuators that do not measure theirs.
+    /// Sets an assumed position, for actuators that do not measure their position.
     pub fn assume(&mut self, position_rad: f32) {
         self.reported.position_rad = position_rad;
         self.has_reported_pose = true;
     }
 
-    /// Records that the last frame of "off" was sent.
+    /// Records that the final frame of a torque-off command was sent.
     pub fn switched_off(&mut self) {
         self.switched = Switched::Off;
     }
 
-    /// Records that the last frame of "on" was sent.
+    /// Records that the final frame of a torque-on command was sent.
     pub fn switched_on(&mut self) {
         (self.switched, self.switched_ticks) = (Switched::On, 0);
     }
 
-    /// True if enabling was sent less than `patience_ticks` ago and may not be confirmed yet.
+    /// True if the torque-on command was sent less than `patience_ticks` ago, so that a missing confirmation is not an error
+    /// yet.
     pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
         self.switched == Switched::On && self.switched_ticks < patience_ticks
     }
 
-    /// Call at each request: records a missed answer if the request before was not answered.
+    /// Records a query, and a missed answer if the previous query is unanswered. Call it for each query.
     pub fn note_request(&mut self) {
         self.unanswered |= self.asked && self.is_known();
         self.asked = true;
     }
 
-    /// True if an answer has been missed since the last call.
+    /// Returns true if an answer was missed since the previous call.
     pub fn take_unanswered(&mut self) -> bool {
         core::mem::take(&mut self.unanswered)
     }
@@ -156,7 +160,7 @@ impl Actuator {
     }
 }
 
-/// Status bits of the faults.
+/// Status bits for faults that a drive reports.
 fn status_of(faults: Faults) -> u8 {
     let bit = |fault, bit| if faults.contains(fault) { bit } else { 0 };
     let named = Faults(Faults::TIMED_OUT.0 | Faults::OVERHEATED.0 | Faults::BAD_VOLTAGE.0);

@@ -1,7 +1,7 @@
-//! CAN buses: all frames of a command in sequence.
+//! CAN buses: sends the frames of a command in sequence.
 //!
-//! A command of several frames is not kept as frames: it is encoded again for each, and the next one
-//! goes out. Setpoints are one frame, so they are encoded once.
+//! A command of several frames is not stored as frames: it is encoded again for each frame. Set-points are a single frame, so
+//! they are encoded once.
 
 use rollwalk_protocol::actuators::ActuatorCommand;
 use rollwalk_protocol::actuators::bus::Protocol;
@@ -12,7 +12,7 @@ use super::Actuators;
 use super::driver::order;
 
 impl Actuators {
-    /// The next frame for a bus: torque switches first.
+    /// Returns the next frame for a bus, torque commands first.
     pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
         // Every turn ends an order, if it does not return.
         loop {
@@ -40,7 +40,9 @@ impl Actuators {
     }
 }
 
-/// Frame `n` of an order, and how many there are; none for an order that the protocol refuses.
+/// Returns frame `n` of a command, and its number of frames.
+///
+/// The number is zero if the protocol cannot carry the command.
 fn nth(protocol: &Protocol, order: &ActuatorCommand, n: u8) -> (Option<Frame>, u8) {
     let (mut frame, mut count) = (None, 0u8);
     let result = protocol.emit(order, &mut |sent| {

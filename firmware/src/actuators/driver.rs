@@ -1,4 +1,4 @@
-//! Transmit schedule of a bus, and the order for each channel.
+//! Transmit schedule of a bus, and the command for each channel.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose};
@@ -11,8 +11,8 @@ use crate::channel_bits::bit;
 use super::actuator::{Actuator, FRESH_TICKS};
 use super::orders::{self, DriveRequest};
 
-/// Retransmission interval of "enable" for drives that report their state on a timer only, ticks. ODrive's
-/// heartbeat comes every 100 ms.
+/// Interval at which the torque-on command is resent to drives that report their state on a timer only, ticks. An ODrive sends
+/// a heartbeat every 100 ms.
 const ENABLE_PATIENCE_TICKS: u16 = 24;
 
 /// Content of a transmission.
@@ -26,9 +26,9 @@ pub enum Content {
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
     pub content: Content,
-    /// The addressed actuators, as bits.
+    /// Addressed actuators, a bit for each channel.
     pub channels: u32,
-    /// Frames that have left.
+    /// Number of frames sent.
     pub sent: u8,
 }
 
@@ -37,23 +37,23 @@ pub struct Transmission {
 pub struct BusDriver {
     pub bus: Bus,
     pub can: Capabilities,
-    /// The channels on this bus, as bits.
+    /// Channels on this bus, a bit each.
     members: u32,
-    /// Channel at which the next search for a setpoint begins, so that a slow bus serves all in turn.
+    /// Channel at which the next search for a set-point begins. Advancing it makes a slow bus serve all channels in turn.
     next: usize,
     pub transmission: Option<Transmission>,
-    /// True if the last search found nothing to send, and nothing was added since.
+    /// True if the latest search found nothing to send, and nothing was added since.
     pub idle: bool,
-    /// A frame was taken in this control period.
+    /// True if a frame was sent in this control period.
     moved: bool,
-    /// A query is being answered until the period is over: the serial line is reserved for it.
+    /// True if the serial line is reserved for the answer to a query until the end of the control period.
     pub listening: bool,
-    /// Received bytes of a serial line that do not make a whole answer yet.
+    /// Received bytes of a serial line that do not form a complete answer yet.
     pub received: ReceiveBuffer,
 }
 
 impl BusDriver {
-    /// Bus `number` of a robot.
+    /// Transmit state of bus `number` of the robot.
     // Rarely done: once in the image instead of once for each bus.
     #[inline(never)]
     pub fn new(bus: Bus, config: &RobotConfig, number: usize) -> Self {
@@ -72,12 +72,12 @@ impl BusDriver {
         }
     }
 
-    /// True if a channel is on the bus.
+    /// True if `channel` is on this bus.
     pub fn has(&self, channel: usize) -> bool {
         self.members & bit(channel) != 0
     }
 
-    /// The channel of an address.
+    /// Channel of the actuator with address `id`.
     pub fn channel_of(&self, config: &RobotConfig, id: u8) -> Option<usize> {
         channels(self.members).find(|&i| config.channels.get(i).is_some_and(|c| c.id == id))
     }
@@ -86,17 +86,17 @@ impl BusDriver {
         self.members
     }
 
-    /// Poses are assumed, not measured.
+    /// True if poses on this bus are assumed, not measured.
     pub fn pose_is_assumed(&self) -> bool {
         !self.can.measures_position && self.bus.pose == Pose::AssumedSafe
     }
 
-    /// Actuators can be queried without changing anything.
+    /// True if a query does not change the state of an actuator.
     pub fn can_be_queried(&self) -> bool {
         matches!(self.can.answers, Answers::Always | Answers::OnQuery)
     }
 
-    /// Time for an actuator to confirm that it is enabled, ticks.
+    /// Time that an actuator has to confirm the torque-on command, ticks.
     pub fn enable_patience_ticks(&self) -> u16 {
         if self.can.answers == Answers::Cyclic { ENABLE_PATIENCE_TICKS } else { 0 }
     }
@@ -107,13 +107,13 @@ impl BusDriver {
         self.listening = false;
     }
 
-    /// Drops an unfinished transmission to a channel.
+    /// Drops the transmission in progress if it addresses `channel`.
     pub fn give_up(&mut self, channel: usize) {
         self.transmission =
             self.transmission.filter(|transmission| transmission.channels & bit(channel) == 0);
     }
 
-    /// A control period has passed. An order that has stuck halfway begins again: its pose is old.
+    /// Begins a new control period. Drops a transmission that made no progress, since its pose is outdated: it begins again.
     pub fn age(&mut self) {
         if !self.moved {
             self.transmission = None;
@@ -121,7 +121,7 @@ impl BusDriver {
         (self.moved, self.listening) = (false, false);
     }
 
-    /// Transmission to continue or to begin, with all actuators that its order addresses.
+    /// Returns the transmission to continue or to begin.
     pub fn due(&self, list: &[Actuator]) -> Option<Transmission> {
         if self.transmission.is_some() {
             return self.transmission;
@@ -139,7 +139,8 @@ impl BusDriver {
         single(Content::Setpoint, turns.find(waits)?)
     }
 
-    /// Records that another of `frames` frames of an order has left. After the last, or if there are none, the order is done.
+    /// Records that one of the `frames` frames of a transmission was sent. The transmission ends after its final frame, or if
+    /// `frames` is zero.
     pub fn frame_sent(&mut self, list: &mut [Actuator], transmission: Transmission, frames: u8) {
         self.moved = true;
         let sent = transmission.sent.saturating_add(1);
@@ -168,7 +169,7 @@ impl BusDriver {
     }
 }
 
-/// The channels of bits, in order.
+/// Iterates over the channels whose bit is set, in ascending order.
 pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         let first = (bits != 0).then_some(bits.trailing_zeros() as usize);
@@ -177,7 +178,7 @@ pub fn channels(mut bits: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The order for a channel.
+/// Builds the command for a channel, or `None` if the pose that it requires is unknown or outdated.
 pub fn order(
     list: &[Actuator],
     config: &RobotConfig,
@@ -212,7 +213,7 @@ pub fn order(
 mod tests {
     use super::*;
 
-    /// An order may be dropped when its turn comes: the pose is unknown, or too old.
+    /// A command without frames does not change the recorded torque state: it is dropped if the pose is unknown or outdated.
     #[test]
     fn an_order_of_no_frames_switches_nothing() {
         for (request, frames, waits) in [

@@ -1,5 +1,6 @@
-//! Bus capacity for the controller's commands ([`loads`], for its self test), and commands that protocols cannot carry
-//! ([`examine`], for tools that report the reasons).
+//! Bus capacity for the controller's commands, and commands that a protocol cannot carry.
+//!
+//! [`loads`] serves the controller's self test. [`examine`] serves tools that report the reasons.
 
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::actuators::traffic::Overload;
@@ -8,18 +9,18 @@ use rollwalk_protocol::config::{MAX_CHANNELS, RobotConfig};
 
 use super::actuator::FRESH_TICKS;
 
-/// A bus that a robot has actuators on.
+/// Load of a bus that has actuators.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusLoad {
     /// Number of the bus.
     pub bus: u8,
     /// Configuration of the bus.
     pub kind: Bus,
-    /// Actuators on it.
+    /// Number of actuators on the bus.
     pub actuators: u32,
     /// Worst-case traffic on the bus.
     pub traffic: Traffic,
-    /// Share of the bus that this takes.
+    /// Fraction of the bus capacity that the traffic takes.
     pub load: f32,
     /// Reason why the bus cannot be used.
     pub problem: Option<BusProblem>,
@@ -28,26 +29,26 @@ pub struct BusLoad {
 /// Reason why a bus cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BusProblem {
-    /// A controller has no bus of this number: [`MAX_BUSES`] is one too large.
+    /// Bus number of [`MAX_BUSES`] or more, which no controller has.
     NoSuchBus,
-    /// More than it can carry.
+    /// Traffic above the capacity of the bus.
     Overload(Overload),
-    /// Feedback of the actuators comes on a timer, at a lower rate than the controller needs.
+    /// Cyclic feedback at a lower rate than the controller requires.
     TooSeldom {
-        /// Smallest rate that the controller needs, Hz.
+        /// Smallest rate that the controller requires, Hz.
         needed_hz: u32,
     },
     /// The protocol cannot carry a command within the channel's limits.
     CannotCarry {
-        /// Number of the channel.
+        /// Index of the channel.
         channel: u8,
-        /// Command that the protocol refuses, and the reason.
+        /// Command that the protocol refuses, with the reason.
         refusal: Refusal,
     },
 }
 
-/// Load of every bus with actuators at a control rate, and whether its protocol can carry all commands that
-/// the channels' limits allow.
+/// Computes the load of every bus with actuators at a control rate. Reports buses whose protocol cannot carry all commands
+/// within the channels' limits.
 pub fn examine<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,
@@ -63,8 +64,9 @@ pub fn examine<'a>(
     })
 }
 
-/// Loads of all buses for the controller's self test, without [`BusProblem::CannotCarry`]. That check takes flash, and its result
-/// never changes on a robot.
+/// Computes the loads of all buses for the controller's self test, without [`BusProblem::CannotCarry`].
+///
+/// That check takes flash, and its result never changes on a robot.
 pub fn loads<'a>(
     config: &'a RobotConfig,
     buses: &'a Buses,
@@ -90,7 +92,7 @@ pub fn loads<'a>(
     })
 }
 
-/// Problem of a bus besides its load.
+/// Finds a problem of a bus other than overload.
 fn problem(bus: u8, kind: &Bus, control_hz: u16) -> Option<BusProblem> {
     let needed_hz = u32::from(control_hz).div_ceil(u32::from(FRESH_TICKS));
     if usize::from(bus) >= MAX_BUSES {

@@ -1,16 +1,16 @@
-//! The actuators as the controller sees them: latest feedback and next command of each.
+//! Actuators of the robot: the latest feedback and the next command of each.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`orders`] | the commands for an actuator, as far as its protocol can carry them |
+//! | [`orders`] | commands for an actuator, reduced to those that its protocol can carry |
 //! | [`actuator`] | one actuator: its feedback and its pending requests |
-//! | [`load`] | whether buses and protocols can carry the traffic |
-//! | [`driver`] | one bus: its transmit schedule, and the order for a channel |
+//! | [`load`] | capacity of buses and protocols for the traffic |
+//! | [`driver`] | one bus: its transmit schedule, and the command for a channel |
 //! | [`can`], [`serial`] | frames of CAN buses and packets of serial lines, in sequence |
 //!
-//! Towards the bus every actuator has a place for each request and for a setpoint; a newer one replaces the one in place. Nothing
-//! queues, and bytes are made when the bus takes them. A bus that could not send for a while, without motor power for instance,
-//! therefore continues with the present commands.
+//! Every actuator has one slot for each kind of request and one for a set-point. A newer command replaces the pending one, and
+//! nothing is queued. Commands are encoded when the bus can send. A bus that could not send for a while, for example without
+//! motor power, therefore continues with current commands.
 
 use heapless::Vec;
 use rollwalk_protocol::actuator::Feedback;
@@ -40,9 +40,9 @@ use orders::{DriveRequest, PendingRequests};
 /// Health of all actuators together.
 #[derive(Clone, Copy, Debug)]
 pub struct Health {
-    /// Longest silence of an actuator, ticks; `None` while one has not sent any feedback yet.
+    /// Longest silence of an actuator, ticks; `None` if an actuator has not sent any feedback yet.
     silent_ticks: Option<u16>,
-    /// True if every actuator reported in its last feedback that its torque is on.
+    /// True if every actuator reported in its latest feedback that its torque is on.
     pub enabled: bool,
     /// True if any actuator reports a fault.
     pub faulty: bool,
@@ -60,15 +60,15 @@ impl Health {
 pub struct Actuators {
     list: Vec<Actuator, MAX_CHANNELS>,
     drivers: [BusDriver; MAX_BUSES],
-    /// The actuator whose changed gains or limits may be sent in this control period: one at a time, so
-    /// that setpoints get through during tuning.
+    /// Channel whose changed gains or limits may be sent in this control period. Only one channel has its turn, so that
+    /// set-points are sent during tuning.
     turn: usize,
-    /// Channels whose actuators can be commanded a torque, a bit each.
+    /// Channels whose actuators accept torque commands, a bit each.
     torque_takers: u32,
 }
 
 impl Actuators {
-    /// The actuators of a robot, without feedback.
+    /// Actuators of a robot, without feedback.
     pub fn new(config: &RobotConfig, buses: &Buses) -> Self {
         let mut list = Vec::new();
         // A configuration has no more channels than fit.
@@ -85,7 +85,7 @@ impl Actuators {
         self.drivers.get(usize::from(bus))
     }
 
-    /// Takes a frame of an actuator bus; frames that are no feedback of ours are ignored.
+    /// Accepts a frame of an actuator bus. Ignores frames that are not feedback of this robot's actuators.
     pub fn receive(&mut self, config: &RobotConfig, bus: u8, frame: &Frame) {
         let Some(driver) = self.driver(bus) else { return };
         if let Some((id, decoded)) = driver.bus.protocol.decode_counted(frame) {
@@ -110,7 +110,7 @@ impl Actuators {
         }
     }
 
-    /// A control period has passed.
+    /// Begins a new control period.
     pub fn age(&mut self) {
         self.list.iter_mut().for_each(Actuator::age);
         self.drivers.iter_mut().for_each(BusDriver::age);
@@ -133,7 +133,7 @@ impl Actuators {
         health
     }
 
-    /// The actuator that has been silent longest, and for how many ticks.
+    /// Returns the actuator that has been silent longest, and its silence in ticks.
     pub fn most_silent(&self) -> Option<(usize, u16)> {
         let mut most = None;
         for (channel, actuator) in self.list.iter().enumerate() {
@@ -144,22 +144,22 @@ impl Actuators {
         most
     }
 
-    /// True if every actuator has confirmed the last torque-off command.
+    /// True if every actuator has confirmed the most recent torque-off command.
     pub fn all_known_off(&self) -> bool {
         self.list.iter().all(|a| a.known_off)
     }
 
-    /// True if an actuator on a serial line has missed an answer since the last call.
+    /// Returns true if an actuator on a serial line has missed an answer since the previous call.
     pub fn take_unanswered(&mut self, channel: usize) -> bool {
         self.list.get_mut(channel).is_some_and(Actuator::take_unanswered)
     }
 
-    /// Last feedback of an actuator.
+    /// Latest feedback of an actuator.
     pub fn feedback(&self, channel: usize) -> Option<Feedback> {
         self.list.get(channel)?.feedback()
     }
 
-    /// Measured value of a channel: rad of a joint, rad/s of a wheel.
+    /// Measured position of a joint, rad, or speed of a wheel, rad/s.
     pub fn measured(&self, config: &RobotConfig, channel: usize) -> Option<f32> {
         let feedback = self.feedback(channel)?;
         Some(match config.channels.get(channel)?.kind {
@@ -168,12 +168,12 @@ impl Actuators {
         })
     }
 
-    /// True if some actuator's pose is not measured, but assumed to be the SAFE pose.
+    /// True if an actuator does not measure its pose and is assumed to be in the SAFE pose.
     pub fn pose_is_assumed(&self) -> bool {
         self.drivers.iter().any(BusDriver::pose_is_assumed)
     }
 
-    /// Sets the assumed positions of actuators that do not measure them, while their torque is off.
+    /// Sets the assumed positions of actuators that do not measure them. Call it while their torque is off.
     pub fn assume(&mut self, pose: &[f32]) {
         for driver in self.drivers.iter().filter(|driver| driver.pose_is_assumed()) {
             for (channel, actuator) in self.list.iter_mut().enumerate() {
@@ -186,7 +186,8 @@ impl Actuators {
         }
     }
 
-    /// Torque off, now: drops everything else and repeats "off" until each actuator has confirmed it.
+    /// Switches torque off at once. Drops all other commands, and repeats the torque-off command until each actuator has
+    /// confirmed it.
     pub fn disable_all(&mut self) {
         self.drop_orders();
         for actuator in &mut self.list {
@@ -195,7 +196,7 @@ impl Actuators {
         }
     }
 
-    /// Drops setpoints and torque switches that have not left: from now on something else is meant.
+    /// Drops pending set-points and torque commands, which a new state has made obsolete.
     pub fn drop_orders(&mut self) {
         for driver in &mut self.drivers {
             driver.interrupt();
@@ -207,8 +208,9 @@ impl Actuators {
         }
     }
 
-    /// While torque is off: disables again those that have not confirmed; when `query`, queries the pose of the
-    /// others, and clears faults of drives that keep them.
+    /// Keeps torque off. Repeats the torque-off command to actuators that have not confirmed it.
+    ///
+    /// If `query` is true, also queries the pose of the other actuators and clears latched faults of their drives.
     pub fn keep_disabled(&mut self, query: bool) {
         for driver in &mut self.drivers {
             driver.idle = false;
@@ -239,7 +241,7 @@ impl Actuators {
         }
     }
 
-    /// Enables those that are not enabled, and queries the pose of the others.
+    /// Repeats the torque-on command to actuators whose torque is off, and queries the pose of the others.
     pub fn keep_enabling(&mut self) {
         for driver in &mut self.drivers {
             driver.idle = false;
@@ -264,7 +266,7 @@ impl Actuators {
         }
     }
 
-    /// True if a parameter of a channel has an effect on its actuator.
+    /// True if a parameter of a channel affects its actuator.
     pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
         let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
         driver.is_some_and(|driver| match parameter {
@@ -279,8 +281,7 @@ impl Actuators {
         })
     }
 
-    /// The largest gains that a channel's drive accepts; without a limit where the controller closes the
-    /// loop.
+    /// Largest gains that the drive of a channel accepts; `None` if the controller closes the loop.
     pub fn max_gains(&self, config: &RobotConfig, channel: usize) -> Option<Gains> {
         let driver = self.driver(config.channels.get(channel)?.bus)?;
         (driver.bus.control == ControlLoop::InDrive).then_some(driver.can.max_gains)
@@ -291,10 +292,10 @@ impl Actuators {
         self.torque_takers & bit(channel) != 0
     }
 
-    /// Puts a target, already limited, into the mailbox of an actuator. `limits` is its channel with
-    /// the gains and limits of this moment, which need not be those of the configuration.
+    /// Stores a target, already limited, as the next command of an actuator.
     ///
-    /// With the target comes the value that it was meant to be, before an offset in place of a torque.
+    /// `limits` is the channel with the current gains and limits, which may differ from the configuration. `meant` is the value
+    /// of the target before an offset that replaces a torque.
     pub fn command(
         &mut self,
         limits: &Channel,
@@ -349,7 +350,7 @@ impl Actuators {
     }
 }
 
-/// The actuators of a bus.
+/// Actuators of a bus.
 fn members<'a>(
     list: &'a mut [Actuator],
     driver: &'a BusDriver,

@@ -1,5 +1,6 @@
-//! Commands for an actuator: from a channel's limits and target to a command that its protocol can
-//! carry, or to the torque of the control law.
+//! Commands for an actuator.
+//!
+//! Turns a channel's limits and target into a command that the protocol can carry, or into the torque of the control law.
 
 use rollwalk_protocol::actuator::Feedback;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
@@ -10,17 +11,17 @@ use rollwalk_protocol::config::{Channel, ChannelKind};
 
 use crate::limiter::{Target, gains_within_torque};
 
-/// Way in which an actuator holds its target.
+/// Gains with which an actuator tracks its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hold {
-    /// Holds with the channel's gains.
+    /// Gains of the channel.
     #[default]
     Driven,
-    /// Damps a joint without stiffness; brakes a wheel.
+    /// Damping without stiffness for a joint; braking for a wheel.
     Damped,
 }
 
-/// A request besides setpoints, as a bit of [`PendingRequests`]. The urgent first.
+/// Request besides set-points, as a bit of [`PendingRequests`], in order of urgency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveRequest {
     Disable = 1 << 0,
@@ -31,7 +32,7 @@ pub enum DriveRequest {
     Query = 1 << 5,
 }
 
-/// Pending requests to an actuator, each at most once: a place for each, and no queue.
+/// Pending requests to an actuator: at most one of each kind, without a queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PendingRequests(u8);
 
@@ -58,14 +59,14 @@ impl PendingRequests {
         self.0 & request as u8 != 0
     }
 
-    /// Drops the requests about torque and pose: a setpoint covers them.
+    /// Drops requests to switch torque or to query the pose: a set-point covers them.
     pub fn without_switches(self) -> Self {
         self.without(DriveRequest::Disable)
             .without(DriveRequest::Enable)
             .without(DriveRequest::Query)
     }
 
-    /// The most urgent.
+    /// Most urgent request.
     pub fn first(self) -> Option<DriveRequest> {
         Some(match self.0.trailing_zeros() {
             0 => DriveRequest::Disable,
@@ -79,8 +80,7 @@ impl PendingRequests {
     }
 }
 
-/// The command of a request. `kept` are the gains that the actuator shall keep; without, those of
-/// its channel.
+/// Builds the command for a request. `kept` are the gains to store in the drive; `None` selects those of the channel.
 pub fn command(
     request: DriveRequest,
     limits: &Channel,
@@ -110,13 +110,13 @@ pub fn command(
     }
 }
 
-/// The gains of a channel.
+/// Gains of a channel for a kind of hold.
 pub fn gains(limits: &Channel, hold: Hold) -> Gains {
     let kp_nm_rad = if hold == Hold::Driven { limits.kp_nm_rad } else { 0.0 };
     Gains { kp_nm_rad, kd_nm_s_rad: limits.kd_nm_s_rad }
 }
 
-/// The largest speed of a channel, rad/s.
+/// Largest speed of a channel, rad/s.
 fn fastest(limits: &Channel) -> f32 {
     match limits.kind {
         ChannelKind::JointPosition => limits.max_rate,
@@ -124,7 +124,7 @@ fn fastest(limits: &Channel) -> f32 {
     }
 }
 
-/// Command of no torque, where gains go with every setpoint.
+/// Zero-torque command for drives that receive gains with every set-point.
 fn limp(limits: &Channel, feedback: &Feedback) -> Command {
     match limits.kind {
         ChannelKind::JointPosition => Command::Joint(JointSetpoint {
@@ -142,7 +142,7 @@ fn limp(limits: &Channel, feedback: &Feedback) -> Command {
     }
 }
 
-/// The torque that a target asks for, within the channel's limit.
+/// Computes the torque for a target, clamped to the channel's limit.
 pub fn torque(limits: &Channel, target: Target, hold: Hold, feedback: &Feedback) -> Command {
     let Gains { kp_nm_rad: kp, kd_nm_s_rad: kd } = gains(limits, hold);
     let asked = match limits.kind {
@@ -158,8 +158,8 @@ pub fn torque(limits: &Channel, target: Target, hold: Hold, feedback: &Feedback)
     Command::Torque { torque_nm: if asked.is_finite() { within } else { 0.0 } }
 }
 
-/// The command of a target. `None` for a joint that shall be damped and cannot be: it has to be
-/// disabled.
+/// Builds the set-point command for a target. Returns `None` for a joint that must be damped but whose drive cannot damp: it
+/// must be disabled.
 pub fn setpoint(
     limits: &Channel,
     can: &Capabilities,

@@ -1,8 +1,8 @@
-//! Serial lines: one packet addresses all actuators of a line, and one actuator answers at a time.
+//! Serial lines: a packet addresses all actuators of a line, and one actuator answers at a time.
 //!
-//! In a control period a line carries switches, then setpoints, then one question; then the controller
-//! is silent until the period is over, for the answers. A stop does not wait for them. It may collide
-//! with one: it is repeated until it is confirmed.
+//! In a control period the controller sends torque commands, then set-points, then one query. It then stays silent until the
+//! end of the period to receive the answers. A stop is sent at once and may collide with an answer, so it is repeated until
+//! confirmed.
 
 use heapless::Vec;
 use rollwalk_protocol::actuators::bus::Protocol;
@@ -17,7 +17,7 @@ use super::{Actuators, members};
 use crate::channel_bits::bit;
 
 impl BusDriver {
-    /// The transmission to continue or to begin, with all actuators that it addresses.
+    /// Returns the transmission to continue or to begin, for all actuators that have the most urgent command pending.
     fn due_together(&self, list: &[Actuator]) -> Option<Transmission> {
         if self.transmission.is_some() {
             return self.transmission;
@@ -46,7 +46,7 @@ impl BusDriver {
 }
 
 impl Actuators {
-    /// The next packet for a serial line, once the one before has gone.
+    /// Returns the next packet for a serial line. Call it after the previous packet has been sent.
     pub fn poll_serial(&mut self, config: &RobotConfig, bus: u8) -> Option<Packet> {
         let driver = self.drivers.get(usize::from(bus))?;
         if driver.listening || !driver.bus.protocol.is_serial() {
@@ -102,7 +102,7 @@ impl Actuators {
         }
     }
 
-    /// Takes bytes of a serial line as they come.
+    /// Accepts bytes of a serial line as they arrive.
     pub fn receive_serial(&mut self, config: &RobotConfig, bus: u8, bytes: &[u8]) {
         for &byte in bytes {
             let Some(driver) = self.drivers.get_mut(usize::from(bus)) else { return };
@@ -128,7 +128,11 @@ impl Actuators {
     }
 }
 
-/// Packet `n` of orders, and how many there are; or which order the protocol refuses.
+/// Returns packet `n` of commands, and their number of packets.
+///
+/// # Errors
+///
+/// Returns the index of the command that the protocol refuses.
 fn nth(
     protocol: &Protocol,
     orders: &[ActuatorCommand],

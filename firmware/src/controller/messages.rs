@@ -23,14 +23,14 @@ use crate::store::{LibraryStore, ParameterStore};
 use crate::track::Tracking;
 use crate::tuning::{self, Robot};
 
-/// Lowest rate of samples of a robot that is tracked, Hz.
+/// Lowest rate of samples of a tracked robot, Hz.
 const SLOWEST_HZ: u16 = 20;
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
 type Done = (Option<NodeId>, u16);
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
-    /// Processes a frame of the link. Frames for other nodes are ignored, damaged ones counted.
+    /// Processes a frame of the link. Ignores frames for other nodes, and counts damaged ones.
     pub fn on_link_frame(&mut self, now_us: u64, frame: &Frame) {
         if self.authentication.keep(self.link.node, frame) {
             return;
@@ -91,7 +91,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// The next frame for the link, if there is one.
+    /// Returns the next frame for the link; `None` if nothing is pending.
     pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
         let channels = self.setup.config.channels.len() as u8;
@@ -153,7 +153,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.acknowledge(ack);
     }
 
-    /// Answers a command that is not authentic. The gate does not learn of it: it must not move the order of the host's.
+    /// Refuses a command that is not authentic. The command bypasses the gate, because it must not advance the host's sequence.
     fn refuse_command(&mut self, command: Command) {
         self.link.acknowledge(CommandAck {
             seq: command.seq,
@@ -238,7 +238,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if good { Ok(()) } else { Err(CommandResult::WrongNonce) }
     }
 
-    /// Checks that arming is possible now. Conditions that prevent it are also reported as faults.
+    /// Checks that arming is possible now. Reports the conditions that prevent it as faults.
     fn may_arm(&mut self, now_us: u64) -> Result<(), CommandResult> {
         let obstacle = |fault| (CommandResult::FaultPresent, FaultBits::default().with(fault));
         let (result, faults) = if self.state() != State::Disarmed {
@@ -271,7 +271,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Err(result)
     }
 
-    /// Accepts a transition in state `from`; in state `to` it is already done.
+    /// Accepts a transition from `from`, or one that is already done because the state is `to`.
     fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
         match self.state() {
             state if state == from || state == to => Ok(()),
@@ -280,7 +280,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         }
     }
 
-    /// Checks that the controller may follow streamed setpoints, which carry neither signature nor proof.
+    /// Checks that the controller may follow streamed set-points, which carry neither signature nor authenticator.
     fn may_stream(&self) -> Result<(), CommandResult> {
         let has_owner =
             self.authentication.insists() || self.storage.store().insists_on_signatures();
@@ -366,7 +366,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         tuning.answer(frame, request, Robot { state, setup, motion, gate })
     }
 
-    /// Decides on a frame that needs authentication.
+    /// Decides on admission of a frame that requires authentication.
     fn admit_frame(&mut self, now_us: u64, frame: &Frame) -> Admission {
         let id = frame.standard_id().unwrap_or_default();
         let admission = self.authentication.admit(now_us, id, frame.data());
@@ -374,7 +374,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         admission
     }
 
-    /// Decides on the complete request of a transfer.
+    /// Decides on admission of the complete request of a transfer.
     fn admit_request(&mut self, now_us: u64) -> Admission {
         let id = self.link.node.map_or(0, request_id);
         let admission = self.authentication.admit(now_us, id, self.link.request());
@@ -426,7 +426,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         self.link.respond(&response);
     }
 
-    /// A function of its own: this is the longest answer, and the other requests lead to the deepest stack, where
+    /// Sends the log.
+    ///
+    /// It is a separate function because this is the longest answer, while the other requests lead to the deepest stack, where
     /// libraries are validated.
     #[inline(never)]
     fn send_log(&mut self, now_us: u64, since: u32) {

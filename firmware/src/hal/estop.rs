@@ -1,30 +1,31 @@
 //! Emergency stop contact on an input pin.
 //!
-//! The contact is normally closed, between the pin and ground, with a pull-up: pressing the button or a broken wire
-//! opens it. A pin that cannot be read counts as open. Opening takes effect at once; because contacts bounce, closing
-//! counts only after a number of closed samples in a row. A released button does not end the stop: only the
-//! operator's clear does.
+//! The contact is normally closed, between the pin and ground, with a pull-up. A pressed button or a broken wire opens it. A
+//! pin that cannot be read counts as open. Opening takes effect at once. Because contacts bounce, closing counts only after
+//! several closed samples in a row. Releasing the button does not end the stop: the operator must clear it.
 
 use embedded_hal::digital::InputPin;
 
-/// An emergency stop on a pin.
+/// Emergency stop on a pin.
 #[derive(Clone, Debug)]
 pub struct EstopInput<I> {
     pin: I,
     release_samples: u16,
-    /// Closed samples in a row.
+    /// Number of closed samples in a row.
     closed: u16,
 }
 
 impl<I: InputPin> EstopInput<I> {
-    /// An input that counts as released after `release_samples` closed samples in a row, at least 1. Until then it
-    /// stops.
+    /// Creates an input that counts as released after `release_samples` closed samples in a row, at least 1. Until then it
+    /// stops the robot.
     pub fn new(pin: I, release_samples: u16) -> Self {
         Self { pin, release_samples: release_samples.max(1), closed: 0 }
     }
 
-    /// Samples the pin and returns whether to stop. The board calls this in every control period before
-    /// [`crate::Controller::tick`], and [`crate::Controller::estop`] when it returns true.
+    /// Samples the pin, and returns true if the robot must stop.
+    ///
+    /// The board calls this in every control period before [`crate::Controller::tick`]. If it returns true, the board calls
+    /// [`crate::Controller::estop`].
     pub fn stops(&mut self) -> bool {
         self.closed = match self.pin.is_low() {
             Ok(true) => self.closed.saturating_add(1),
@@ -40,7 +41,7 @@ mod tests {
     use core::convert::Infallible;
     use embedded_hal::digital::{Error, ErrorKind, ErrorType};
 
-    /// Readings of the pin in order; `None` is an error.
+    /// Readings of the pin in order; `None` is a read error.
     struct Pin<'a>(core::slice::Iter<'a, Option<bool>>);
 
     #[derive(Debug)]
@@ -110,7 +111,7 @@ mod tests {
         check(0, &[(OPEN, true), (CLOSED, false)]);
     }
 
-    /// The contact is closed for more samples than the counter holds.
+    /// A contact that is closed for more samples than the counter can count stays released.
     #[test]
     fn it_stays_released() {
         struct Grounded;

@@ -1,26 +1,28 @@
-//! Keys in the image of a board: a block of bytes that is blank in the compiled program. `cargo xtask image` fills it in
-//! afterwards, so that no key passes through a compiler, its command line or its caches.
+//! Keys in the image of a board: a block of bytes that is blank in the compiled program.
+//!
+//! `cargo xtask image` writes the keys into the compiled image, so that no key passes through a compiler, its command line or
+//! its caches.
 //!
 //! ```text
 //! 0   magic     RW-KEYS1
-//! 8   keys u32  bit 0 there is a link key, bit 1 a library key
-//! 12  link key, 32 bytes; zeros if there is none
-//! 44  library key, 32 bytes, likewise
-//! 76  CRC-32C u32 of the 76 bytes before; not so in a blank block
+//! 8   keys u32  bit 0: link key present, bit 1: library key present
+//! 12  link key, 32 bytes; zeros if absent
+//! 44  library key, 32 bytes; zeros if absent
+//! 76  CRC-32C u32 of bytes 0 to 75; invalid in a blank block
 //! ```
 
 use rollwalk_protocol::crc::crc32c;
 
-/// Bytes of a key.
+/// Length of a key, bytes.
 pub const KEY_LEN: usize = 32;
-/// Bytes of a block.
+/// Length of a block, bytes.
 pub const LEN: usize = 12 + 2 * KEY_LEN + 4;
 
 const MAGIC: [u8; 8] = *b"RW-KEYS1";
 const HAS_LINK: u32 = 1;
 const HAS_LIBRARY: u32 = 2;
 
-/// The block of a program whose keys were not filled in.
+/// Block of a program without keys written into it.
 pub const BLANK: [u8; LEN] = {
     let mut block = [0; LEN];
     let mut at = 0;
@@ -31,17 +33,17 @@ pub const BLANK: [u8; LEN] = {
     block
 };
 
-/// The keys of an image.
+/// Keys of an image.
 #[derive(Clone, Default, PartialEq, Eq)]
 pub struct Keys {
-    /// The secret that the robot shares with its hosts.
+    /// Secret that the robot shares with its hosts.
     pub link: Option<[u8; KEY_LEN]>,
-    /// The public key of those who release motions.
+    /// Public key for the signatures of motion libraries.
     pub library: Option<[u8; KEY_LEN]>,
 }
 
 impl Keys {
-    /// The block with these keys.
+    /// Encodes the keys as a block.
     pub fn encode(&self) -> [u8; LEN] {
         let has = |key: &Option<_>, bit| if key.is_some() { bit } else { 0 };
         let keys = has(&self.link, HAS_LINK) | has(&self.library, HAS_LIBRARY);
@@ -55,7 +57,7 @@ impl Keys {
         block
     }
 
-    /// The keys of a block; `None` of one that is blank, damaged or of another version.
+    /// Decodes the keys of a block; `None` if the block is blank, damaged or of another version.
     pub fn decode(block: &[u8; LEN]) -> Option<Self> {
         let (body, crc) = block.split_last_chunk::<4>()?;
         if crc32c(body).to_le_bytes() != *crc {
@@ -100,7 +102,7 @@ mod tests {
         }
     }
 
-    /// A program whose keys were not filled in, and one whose block was damaged, must not run as one without keys.
+    /// A blank or damaged block must not decode as a block without keys, which would run unprotected.
     #[test]
     fn blank_and_damaged_blocks_have_no_keys_to_run_with() {
         assert!(BLANK.starts_with(&MAGIC) && Keys::decode(&BLANK).is_none());

@@ -1,11 +1,13 @@
-//! Assignment of a robot's buses to a board's ports. CAN buses take the board's CAN ports in the order of their numbers, serial
-//! lines the serial ports. Boards use it, and so does the tool that prints a robot's wiring.
+//! Assignment of a robot's buses to a board's ports.
+//!
+//! CAN buses take the board's CAN ports, and serial lines its serial ports, in ascending order of bus number. Boards use this
+//! module, and so does the tool that prints a robot's wiring.
 
 use crate::bus::{Bus, Buses, MAX_BUSES};
 use heapless::Vec;
 use rollwalk_protocol::config::RobotConfig;
 
-/// The two kinds of ports.
+/// Kind of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
     /// CAN.
@@ -14,8 +16,7 @@ pub enum Transport {
     Serial,
 }
 
-/// A robot's buses of one kind that have motors on them, with their numbers, ascending: the first is at the board's
-/// first port.
+/// Buses of one kind that have motors on them, with their bus numbers. The first is at the board's first port, and so on.
 pub fn assigned(
     config: &RobotConfig,
     buses: &Buses,

@@ -1,10 +1,12 @@
-//! Hobby servo on a PWM output, as an actuator of the Rollwalk profile: a board passes it the frames of the actuator
-//! bus that stands for its PWM outputs, and passes its answers to the controller.
+//! Hobby servo on a PWM output, as an actuator of the Rollwalk profile.
 //!
-//! Such a servo measures nothing: it reports the angle assumed at its creation, later its last setpoint. It must
-//! therefore be at the assumed angle before its torque comes on. It has no gains either: it holds an angle or gives
-//! no torque. A setpoint without stiffness ends its torque, and so do too many ticks without a setpoint. A torque that is
-//! fed forward becomes an offset of the angle.
+//! A virtual actuator bus stands for the PWM outputs of a board. The board passes its frames to the servo, and the answers of
+//! the servo to the controller.
+//!
+//! A hobby servo measures nothing: it reports the angle assumed at creation, later the angle of its latest set-point. It must
+//! therefore be at the assumed angle before its torque is switched on. It has no gains: it either holds an angle or has no
+//! torque. A set-point without stiffness removes the torque, and so do too many ticks without a set-point. A feed-forward
+//! torque becomes an offset of the angle.
 
 use embedded_hal::pwm::SetDutyCycle;
 use rollwalk_protocol::actuator::{ActuatorStatus, Control, Feedback, JointSetpoint};
@@ -13,29 +15,29 @@ use rollwalk_protocol::can::Frame;
 
 use crate::limiter::MAX_OFFSET_RAD;
 
-/// Settings of a servo and its output.
+/// Settings of a hobby servo and its output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PwmSettings {
-    /// Address on the actuator bus that stands for the outputs.
+    /// Address on the virtual actuator bus.
     pub id: u8,
-    /// Pulse lengths of the servo.
+    /// Pulse lengths for the servo's angles.
     pub pulse: Pulse,
     /// Pulse period of the output, µs; 20,000 for most servos.
     pub period_us: f32,
-    /// Largest number of ticks without a setpoint before the torque ends.
+    /// Timeout of set-points, ticks. The servo loses its torque after it.
     pub patience_ticks: u16,
 }
 
-/// Reason for which an output cannot drive a servo.
+/// Reason why an output cannot drive a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PwmError<E> {
-    /// Pulse settings that are invalid or longer than the period, with the requirement.
+    /// Invalid pulse settings, with the requirement that they violate.
     Settings(&'static str),
-    /// The output failed.
+    /// Error of the output.
     Output(E),
 }
 
-/// A hobby servo.
+/// Hobby servo on a PWM output.
 #[derive(Clone, Debug)]
 pub struct PwmServo<P> {
     pwm: P,
@@ -47,7 +49,7 @@ pub struct PwmServo<P> {
 }
 
 impl<P: SetDutyCycle> PwmServo<P> {
-    /// A servo without torque, assumed to be at `assumed_rad`.
+    /// Creates a servo without torque, assumed to be at `assumed_rad`.
     pub fn new(
         pwm: P,
         settings: PwmSettings,
@@ -72,7 +74,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         Ok(servo)
     }
 
-    /// Executes a frame of its bus and returns the answer; `None` for a frame to another actuator.
+    /// Executes a frame of its bus and returns the answer; `None` if the frame addresses another actuator.
     pub fn on_frame(&mut self, frame: &Frame) -> Option<Frame> {
         if let Some((id, control)) = Control::decode(frame) {
             if id != self.settings.id {
@@ -96,7 +98,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.feedback()
     }
 
-    /// Counts a control period; too many without a setpoint end the torque.
+    /// Counts a control period. Removes the torque if set-points have timed out.
     pub fn tick(&mut self) {
         self.silent_ticks = self.silent_ticks.saturating_add(1);
         if self.status.enabled() && self.silent_ticks > self.settings.patience_ticks {
@@ -126,7 +128,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         self.position_rad = setpoint.position_rad;
     }
 
-    /// Duty cycle for an angle, in steps of the output; `None` beyond the limits of the pulse.
+    /// Duty cycle for an angle, in steps of the output; `None` if the pulse length is out of range.
     fn duty(&self, position_rad: f32) -> Option<u16> {
         let PwmSettings { pulse, period_us, .. } = self.settings;
         let us = pulse.centre_us + position_rad * pulse.us_per_rad;
@@ -136,7 +138,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
         (us >= shortest && us <= longest && steps >= 1.0).then_some(steps as u16)
     }
 
-    /// Ends the pulses. An output that cannot be switched off is a fault.
+    /// Stops the pulses and sets the status. An output that cannot be switched off is a fault.
     fn let_go(&mut self, status: ActuatorStatus) {
         let off = self.pwm.set_duty_cycle(0);
         self.status = if off.is_ok() { status } else { ActuatorStatus(ActuatorStatus::HARDWARE) };
@@ -171,7 +173,7 @@ mod tests {
         }
     }
 
-    /// 16 bits over 20 ms: 3.2767 steps a microsecond.
+    /// Output with 16 bits over 20 ms: 3.2767 steps a microsecond.
     struct Output<'a> {
         duty: &'a Cell<u16>,
         works: &'a Cell<bool>,

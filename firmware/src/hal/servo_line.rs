@@ -1,10 +1,12 @@
-//! A line of serial servos on one wire for both directions: it feeds packets to the transmitter byte by
-//! byte, and removes the echo of the bytes that it sent from those that the receiver reports.
+//! Half-duplex line of serial servos. Feeds packets to the transmitter byte by byte, and removes their echo from the received
+//! bytes.
 //!
-//! The board takes packets from [`crate::Controller::poll_serial`] while the line [is free](ServoLine::is_free), hands the bytes
-//! of [`ServoLine::next_byte`] to its transmitter, and those that it received, after [`ServoLine::receive`], to
-//! [`crate::Controller::on_serial`]. The transmitter must release the wire by itself after the last bit: a servo answers within
-//! microseconds, when the control loop may be busy.
+//! While the line [is free](ServoLine::is_free), the board sends the packets of [`crate::Controller::poll_serial`]. It passes
+//! the bytes of [`ServoLine::next_byte`] to its transmitter. It passes received bytes through [`ServoLine::receive`] to
+//! [`crate::Controller::on_serial`].
+//!
+//! The transmitter must release the wire in hardware after the final bit. A servo answers within microseconds, when the control
+//! loop may be busy.
 
 use rollwalk_protocol::actuators::Packet;
 
@@ -12,32 +14,33 @@ use rollwalk_protocol::actuators::Packet;
 #[derive(Clone, Debug, Default)]
 pub struct ServoLine {
     packet: Packet,
-    /// Bytes of the packet that are with the hardware.
+    /// Number of bytes of the packet passed to the transmitter.
     sent: usize,
-    /// Bytes of the packet that have come back.
+    /// Number of bytes of the packet received as echo.
     heard: usize,
 }
 
 impl ServoLine {
-    /// True if the hardware has all of the previous packet.
+    /// True if all bytes of the previous packet were passed to the transmitter.
     pub fn is_free(&self) -> bool {
         self.sent >= self.packet.len()
     }
 
-    /// Sends a packet, if [`Self::is_free`].
+    /// Sends a packet. Requires [`Self::is_free`].
     pub fn send(&mut self, packet: Packet) {
         *self = Self { packet, sent: 0, heard: 0 };
     }
 
-    /// The next byte for the hardware, which must have room for it.
+    /// Returns the next byte for the transmitter, which must have room for it.
     pub fn next_byte(&mut self) -> Option<u8> {
         let byte = self.packet.get(self.sent).copied()?;
         self.sent = self.sent.saturating_add(1);
         Some(byte)
     }
 
-    /// Takes a byte from the wire; `None` for the echo of a sent byte. A byte that returns changed has collided with a servo's
-    /// byte, and ends the echo.
+    /// Accepts a byte from the wire; returns `None` if it is the echo of a sent byte.
+    ///
+    /// A byte that differs from the sent one has collided with a servo's byte: the rest of the echo is no longer expected.
     pub fn receive(&mut self, byte: u8) -> Option<u8> {
         if self.heard < self.sent {
             let own = self.packet.get(self.heard) == Some(&byte);
@@ -58,7 +61,8 @@ mod tests {
         Packet::from_slice(bytes).unwrap()
     }
 
-    /// Sends on a wire with echo, followed by the servos' answer.
+    /// Sends a packet on a wire with echo, followed by the servos' answer. Returns the bytes that remain after the echo is
+    /// removed.
     fn exchange(line: &mut ServoLine, bytes: &[u8], answer: &[u8]) -> Packet {
         assert!(line.is_free());
         line.send(packet(bytes));

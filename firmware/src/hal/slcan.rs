@@ -1,20 +1,22 @@
-//! SLCAN adapter on the controller's side: the host link over a serial line, for `slcand` and other hosts with Lawicel's
+//! SLCAN adapter on the controller's side: the host link over a serial line, for `slcand` and other hosts that use Lawicel's
 //! protocol.
 //!
-//! The host sees an adapter on a bus with one other node, the controller. [`Adapter::push`] turns bytes into frames
-//! and answers; [`Adapter::line`] turns a frame for the host into a line while the channel is open.
+//! The host sees an adapter on a bus with one other node, the controller. [`Adapter::push`] turns bytes into frames and
+//! answers. [`Adapter::line`] turns a frame for the host into a line while the channel is open.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::slcan::{Line, Message, Reader};
 
-/// Version of hardware and software in the format of Lawicel's adapters, and a serial number.
+/// Hardware and software version in the format of Lawicel's adapters.
 const VERSION: &[u8] = b"V1010\r";
+/// Serial number in the format of Lawicel's adapters.
 const SERIAL_NUMBER: &[u8] = b"N0001\r";
-/// Lawicel's status flags: none, and bit 3, data overrun.
+/// Answer to a request for the status flags, with no flag set.
 const ALL_WELL: &[u8] = b"F00\r";
+/// Answer to a request for the status flags, with bit 3 set: data overrun.
 const OVERRUN: &[u8] = b"F08\r";
 
-/// The adapter.
+/// SLCAN adapter.
 #[derive(Clone, Debug, Default)]
 pub struct Adapter {
     reader: Reader,
@@ -25,14 +27,14 @@ pub struct Adapter {
 /// Result of a line from the host.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Received {
-    /// A frame for the controller.
+    /// Frame for the controller.
     pub frame: Option<Frame>,
     /// Answer to the host.
     pub answer: Line,
 }
 
 impl Adapter {
-    /// Processes a byte from the host; returns the result of the line that it completes.
+    /// Processes a byte from the host. Returns the result if the byte completes a line.
     pub fn push(&mut self, byte: u8) -> Option<Received> {
         let ends = byte == b'\r';
         let message = self.reader.push(byte);
@@ -68,12 +70,12 @@ impl Adapter {
         (None, if done { ok() } else { error() })
     }
 
-    /// The line for a frame of the controller; `None` while the channel is closed.
+    /// Encodes a frame of the controller as a line; `None` while the channel is closed.
     pub fn line(&self, frame: &Frame) -> Option<Line> {
         if self.open { Message::Frame(*frame).encode() } else { None }
     }
 
-    /// Records that bytes of the host were lost; the status flags report it.
+    /// Records that bytes from the host were lost, which the status flags then report.
     pub fn lost(&mut self) {
         self.lost = true;
     }
@@ -98,7 +100,7 @@ mod tests {
     use std::vec;
     use std::vec::Vec;
 
-    /// Frames and answers.
+    /// Received frames, and the answers as bytes.
     fn exchange(adapter: &mut Adapter, bytes: &[u8]) -> (Vec<Frame>, Vec<u8>) {
         let received: Vec<_> = bytes.iter().filter_map(|&byte| adapter.push(byte)).collect();
         let answers = received.iter().flat_map(|received| received.answer.clone()).collect();
@@ -109,7 +111,7 @@ mod tests {
         Frame::standard(0x123, &[0xAA, 0xBB]).unwrap()
     }
 
-    /// The commands of `slcand -o -c -s8` to a closed adapter, and those commands again.
+    /// Sends the commands of `slcand -o -c -s8` to a closed adapter, and again after closing it.
     #[test]
     fn a_host_opens_and_closes_the_channel() {
         let mut adapter = Adapter::default();

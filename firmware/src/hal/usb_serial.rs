@@ -1,19 +1,20 @@
-//! Serial port over USB, of the class for which every operating system has a driver (CDC 1.2, ACM): the device's answers to
-//! requests at its control endpoint. The board moves packets between hardware and this, and the bytes of the bulk endpoints
-//! between hardware and link.
+//! Serial port over USB, of the device class for which every operating system has a driver (CDC 1.2, ACM).
+//!
+//! This module answers requests at the control endpoint. The board moves packets between the hardware and this module, and
+//! bytes between the bulk endpoints and the link.
 
 use heapless::Vec;
 
-/// Longest packet of every endpoint but the notifications', bytes.
+/// Packet size of all endpoints except that of notifications, bytes.
 pub const PACKET: usize = 64;
-/// Endpoint of the notifications, of which none is ever sent.
+/// Number of the notification endpoint. No notification is ever sent.
 pub const NOTIFICATIONS: u8 = 1;
-/// Longest notification, bytes.
+/// Packet size of the notification endpoint, bytes.
 pub const NOTIFICATION: u8 = 8;
-/// Endpoint of the bytes, in both directions.
+/// Number of the data endpoint, in both directions.
 pub const BYTES: u8 = 2;
 
-/// pid.codes' vendor, and its product for tests: boards that are sold need others.
+/// Vendor of pid.codes, and its product for tests. Boards for sale require other identifiers.
 const VENDOR_AND_PRODUCT: [u8; 4] = [0x09, 0x12, 0x01, 0x00];
 
 const DEVICE: [u8; 18] = {
@@ -43,23 +44,23 @@ const NAMES: [&str; 2] = ["Rollwalk", "Rollwalk controller"];
 /// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// Data bytes, and the host's handshake.
+    /// Send data bytes, then accept the host's handshake.
     Data(Vec<u8, 80>),
-    /// The handshake.
+    /// Send the handshake.
     Accepted,
-    /// The handshake, and from then on this address.
+    /// Send the handshake, then use this address.
     Address(u8),
-    /// The handshake; the endpoints are as after a reset, and in use or not.
+    /// Send the handshake and reset the endpoints. The flag is true if the device is configured.
     Configured(bool),
-    /// The handshake; the endpoint of this address continues with DATA0.
+    /// Send the handshake, and reset the data toggle of the endpoint with this address to DATA0.
     Restarted(u8),
-    /// The host sends bytes, which are of no consequence, before the handshake.
+    /// Receive bytes from the host and ignore them, then send the handshake.
     Receives,
-    /// An error.
+    /// Signal an error.
     Refused,
 }
 
-/// The device.
+/// USB device.
 #[derive(Clone, Debug)]
 pub struct UsbSerial {
     serial_number: [u8; 6],
@@ -67,7 +68,7 @@ pub struct UsbSerial {
 }
 
 impl UsbSerial {
-    /// A device in reset, with the chip's number.
+    /// Creates a device in the reset state. The serial number is that of the chip.
     pub fn new(serial_number: [u8; 6]) -> Self {
         Self { serial_number, is_configured: false }
     }
@@ -77,12 +78,12 @@ impl UsbSerial {
         self.is_configured
     }
 
-    /// The host has reset the bus.
+    /// Resets the device after a bus reset.
     pub fn reset(&mut self) {
         self.is_configured = false;
     }
 
-    /// The answer to a request (USB 2.0, 9.3 and 9.4; PSTN 1.2, 6.3).
+    /// Answers a request at the control endpoint (USB 2.0, 9.3 and 9.4; PSTN 1.2, 6.3).
     pub fn answer(&mut self, request: [u8; 8]) -> Reply {
         let [kind, code, value, selector, index, _, length_low, length_high] = request;
         let length = usize::from(u16::from_le_bytes([length_low, length_high]));
@@ -148,7 +149,7 @@ fn data(all: &[u8], length: usize) -> Reply {
     })
 }
 
-/// A string descriptor: its length, its kind, and UTF-16.
+/// String descriptor: length, kind and UTF-16 text.
 fn text(ascii: impl Iterator<Item = u8>) -> Option<Vec<u8, 80>> {
     let mut bytes = Vec::new();
     bytes.push(0).ok()?;
@@ -179,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Enumeration as Linux does it.
+    /// Enumerates the device in the way that Linux does.
     #[test]
     fn a_host_enumerates_it() {
         let mut device = device();
@@ -214,7 +215,7 @@ mod tests {
         assert!(!device.is_configured());
     }
 
-    /// Lengths of all descriptors in the configuration add up, and each endpoint is there once.
+    /// Lengths of all descriptors in the configuration add up, and each endpoint appears once.
     #[test]
     fn the_configuration_is_a_chain_of_descriptors() {
         let (mut rest, mut endpoints) = (&CONFIGURATION[..], endpoints());

@@ -8,7 +8,7 @@ use crate::actuators::FRESH_TICKS;
 use crate::safety::EventSet;
 
 impl Motion {
-    /// Age in ticks beyond which feedback counts as missing.
+    /// Age of feedback beyond which it counts as missing, ticks.
     fn patience_ticks(&self, setup: &Setup) -> u16 {
         match self.stage {
             // While torque is off the actuators are queried at a low rate, and when enabling starts the
@@ -21,12 +21,12 @@ impl Motion {
         }
     }
 
-    /// True if the pose of every actuator is fresh.
+    /// True if every actuator has sent fresh feedback.
     pub fn actuators_are_fresh(&self, setup: &Setup) -> bool {
         self.actuators.health().fresh_within(self.patience_ticks(setup))
     }
 
-    /// A joint whose measured position is missing or far outside its range.
+    /// Finds a joint whose measured position is missing or far outside its range.
     pub fn implausible(&self, setup: &Setup) -> Option<usize> {
         let slack = setup.settings.out_of_range_rad;
         setup.config.channels.iter().enumerate().position(|(i, channel)| {
@@ -37,7 +37,7 @@ impl Motion {
         })
     }
 
-    /// Channel and value of a fault, for its report.
+    /// Channel and value for the report of a fault.
     pub fn details(&self, setup: &Setup, fault: Fault) -> Option<(u8, f32)> {
         let mut channels = 0..setup.config.channels.len();
         let (channel, value) = match fault {
@@ -69,7 +69,7 @@ impl Motion {
         Some((u8::try_from(channel).ok()?, value))
     }
 
-    /// Distance between a joint's measured position and where its last setpoint was meant to take it, rad.
+    /// Distance between a joint's measured position and its latest set-point without a torque offset, rad.
     fn lag_rad(&self, setup: &Setup, channel: usize) -> Option<f32> {
         let joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
         let setpoint = self.limiter.meant(channel).filter(|_| joint)?;
@@ -100,7 +100,7 @@ impl Motion {
         self.watch_following(setup, events);
     }
 
-    /// Raises `NotFollowing` after a joint was far from its setpoint for too long.
+    /// Raises `NotFollowing` if a joint has been far from its set-point for too long.
     fn watch_following(&mut self, setup: &Setup, events: &mut EventSet) {
         let Setup { config, settings, .. } = setup;
         let far = |i| self.lag_rad(setup, i).is_some_and(|lag| lag > settings.follow_tolerance_rad);

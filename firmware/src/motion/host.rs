@@ -1,4 +1,4 @@
-//! Setpoints of the host, which the motion stage follows instead of a player: streamed frames, or answers to samples.
+//! Set-points of the host, which replace the player in the motion stage: streamed frames, or answers to samples.
 
 use rollwalk_protocol::library::{Library, Unreadable};
 use rollwalk_protocol::wire::{Answered, Setpoint};
@@ -10,17 +10,17 @@ use crate::stream::Stream;
 use crate::track::{Track, Tracking};
 
 impl Motion {
-    /// Says whether the next stream is of setpoints that answer samples.
+    /// Sets the tracking settings of the next stream; `None` if its set-points do not answer samples.
     pub fn want_tracking(&mut self, tracking: Option<Tracking>) {
         self.tracking = tracking;
     }
 
-    /// Number of the sample that is due, once.
+    /// Returns the number of the sample that is due, once; otherwise `None`.
     pub fn take_sample(&mut self) -> Option<u8> {
         self.sample.take()
     }
 
-    /// The answer in force of a robot that is tracked.
+    /// Answer in force of a tracked robot.
     pub fn answered(&self, settings: &Settings) -> Option<Answered> {
         match &self.stage {
             Stage::Tracking(track) => track.answered(settings.period_s()),
@@ -28,7 +28,7 @@ impl Motion {
         }
     }
 
-    /// Starts to follow setpoints of the host, at rest in SAFE.
+    /// Begins to follow set-points of the host, at rest in SAFE.
     // Of its own, because a stream is large on the stack.
     #[inline(never)]
     pub fn start_stream(
@@ -48,7 +48,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Takes a setpoint of the host. Ignored unless they are followed.
+    /// Accepts a set-point of the host. Ignores it unless the robot follows set-points.
     pub fn stream(&mut self, setup: &Setup, setpoint: &Setpoint) {
         let nearest_rad = setup.settings.align_tolerance_rad;
         match &mut self.stage {
@@ -58,7 +58,7 @@ impl Motion {
         }
     }
 
-    /// Ramps to SAFE from the present setpoints of the host; where these answer samples, from where joints are.
+    /// Ramps to SAFE from the current set-points of a stream, or from the current angles of a tracked robot's joints.
     pub fn align_from_stream(
         &mut self,
         setup: &Setup,
@@ -83,7 +83,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Brings the stream to rest where it is.
+    /// Brings the stream to rest at the current pose.
     pub fn halt_stream(&mut self) {
         match &mut self.stage {
             Stage::Streaming(stream) => stream.halt(),
@@ -92,7 +92,7 @@ impl Motion {
         }
     }
 
-    /// Frames of the stream that were taken, or answers, modulo 65,536; 0 without.
+    /// Number of frames taken from the stream, or of answers that have taken effect, modulo 65,536; 0 in other stages.
     pub fn streamed_frames(&self) -> u16 {
         match &self.stage {
             Stage::Streaming(stream) => stream.taken(),

@@ -1,19 +1,20 @@
-//! Parts of the gains that act: a host that tracks softens joints, and their gains rise again without a pull.
+//! Fractions of the gains in force: a host that tracks a robot softens joints, and the gains later rise without a pull.
 
 use rollwalk_protocol::config::MAX_CHANNELS;
 
-/// Fastest rise of the part of a channel's gains that acts, 1/s: eightfold in 0.1 s at 120 Hz.
+/// Fastest rise of the gain fraction of a channel, 1/s: eightfold in 0.1 s at 120 Hz.
 const GAIN_RISE_1_S: f32 = 23.0;
-/// Part from which gains rise that were 0.
+/// Gain fraction from which a gain of 0 begins to rise.
 const LEAST_PART: f32 = 0.02;
 
-/// Parts of the gains of all channels.
+/// Gain fractions of all channels.
 pub(super) struct SoftGains {
-    /// Parts of the gains that act, of each channel: kp, kd.
+    /// Fractions of kp and kd of each channel in force.
     parts: [[f32; 2]; MAX_CHANNELS],
-    /// True if any part is below 1.
+    /// True if any fraction is below 1.
     is_soft: bool,
-    /// Torque of a joint's angle when its gains began to rise, divided by the full kp, rad: it stays while they rise.
+    /// Torque of a joint's position error when its gains began to rise, divided by the full kp, rad. It stays constant while
+    /// they rise.
     leans_rad: [f32; MAX_CHANNELS],
 }
 
@@ -22,24 +23,26 @@ impl SoftGains {
         Self { parts: [[1.0; 2]; MAX_CHANNELS], is_soft: false, leans_rad: [0.0; MAX_CHANNELS] }
     }
 
-    /// Has all gains act at once.
+    /// Sets all gain fractions to 1 at once.
     pub fn reset(&mut self) {
         self.parts = [[1.0; 2]; MAX_CHANNELS];
         self.is_soft = false;
     }
 
-    /// Drops the torques that stay while gains rise.
+    /// Drops the torques that are held constant while gains rise.
     pub fn drop_leans(&mut self) {
         self.leans_rad = [0.0; MAX_CHANNELS];
     }
 
-    /// Returns true if any part was below 1, and resets the flag, which [`Self::advance`] sets again.
+    /// Returns true if any fraction was below 1, and clears the flag, which [`Self::advance`] sets again.
     pub fn take_soft(&mut self) -> bool {
         core::mem::take(&mut self.is_soft)
     }
 
-    /// The value of a channel around which all of its gains make the torque that the present parts of them make around
-    /// `meant`, its last setpoint; of a channel without a measured angle that setpoint.
+    /// Returns the set-point at which the full gains produce the torque that the current gain fractions produce at `meant`, the
+    /// latest set-point.
+    ///
+    /// Returns `meant` for a channel without a measured angle.
     pub fn rest(&mut self, channel: usize, meant: f32, measured_rad: Option<f32>) -> Option<f32> {
         let [kp, _] = *self.parts.get(channel)?;
         let lean_rad = self.leans_rad.get_mut(channel)?;
@@ -48,11 +51,12 @@ impl SoftGains {
         Some(measured + *lean_rad)
     }
 
-    /// The parts of a channel's gains that act now, of those that are wanted, and how far the angle of a joint is to be
-    /// from its target, rad.
+    /// Advances the gain fractions of a channel towards `wanted`. Returns them with the required distance of a joint's
+    /// set-point from its target, rad.
     ///
-    /// They fall at once and rise by [`GAIN_RISE_1_S`], while the angle comes as near as they rise: a joint that is away
-    /// from its setpoint is not pulled there. They rise no faster than the setpoint may move, `most_rad` in a period.
+    /// Fractions fall at once and rise by [`GAIN_RISE_1_S`]. While they rise, the distance of the set-point from the measured
+    /// angle shrinks in proportion, so that a joint away from its set-point is not pulled there. The rise is also limited so
+    /// that the set-point moves by at most `most_rad` in a period.
     pub fn advance(
         &mut self,
         period_s: f32,

@@ -1,11 +1,11 @@
-//! Walk through all states and all events of the safety state machine.
+//! Checks of the safety state machine over all states and events.
 
 use rollwalk_protocol::faults::Fault;
 
 use super::*;
 
-/// The catalogue written a second time: the fault campaign takes severities from the same catalogue
-/// as the firmware, so it would not notice a wrong severity.
+/// Second copy of the event catalogue. The fault campaign takes severities from the same catalogue as the firmware, so it would
+/// not notice a wrong severity.
 #[test]
 fn events_have_these_severities_and_faults() {
     use Event as E;
@@ -87,7 +87,7 @@ fn torque_comes_on_only_by_arming_from_disarmed() {
     }
 }
 
-/// The states that can be reached from `from` by events that `may` allows.
+/// States that events allowed by `may` can reach from `from`.
 fn reachable(from: State, may: impl Fn(State, Event) -> bool) -> [bool; State::ALL.len()] {
     let mut seen = [false; State::ALL.len()];
     let mut stack = heapless::Vec::<State, 512>::new();
@@ -170,8 +170,7 @@ fn every_loss_of_torque_is_acted_on_and_no_step_gains_torque_back() {
     }
 }
 
-/// Once the host is gone, timers and the player alone lead out of every state with torque: torque
-/// goes off without a command.
+/// Torque goes off without a host or a command: timers and the player lead out of every state with torque.
 #[test]
 fn without_a_host_every_state_ends_without_torque() {
     for &start in State::ALL {
@@ -198,7 +197,7 @@ fn latched_states_leave_only_by_clearing_into_the_self_test() {
     }
 }
 
-/// Severity that leads to a state: its nearness to torque off.
+/// Severity whose reaction leads to state `s`.
 fn depth(s: State) -> Severity {
     match s {
         State::EStopped => Severity::EStop,
@@ -209,7 +208,7 @@ fn depth(s: State) -> Severity {
     }
 }
 
-/// Faults get the reaction that they call for, or a stronger one, in every state that drives the motors.
+/// A fault gets its reaction, or a stronger one, in every state that drives the motors.
 #[test]
 fn a_fault_gets_at_least_its_reaction() {
     for s in State::ALL.iter().copied().filter(|s| s.torque() == Torque::Driven) {
@@ -221,7 +220,7 @@ fn a_fault_gets_at_least_its_reaction() {
     }
 }
 
-/// A milder trigger that comes with or after a severe one must not soften the outcome.
+/// A milder fault that arises with or after a severe one must not soften the outcome.
 #[test]
 fn the_most_severe_trigger_wins() {
     let faults = || Event::ALL.iter().copied().filter(|e| e.severity() != Severity::None);

@@ -1,13 +1,13 @@
-//! Count of a controller's boots, which never comes back to a number that it had: [`Controller::insist_on`] needs one.
+//! Boot counter whose value is never used twice: [`Controller::insist_on`] requires one.
 //!
 //! [`Controller::insist_on`]: crate::Controller::insist_on
 //!
-//! Each boot appends one record to a [log](super::log) of its own; the log's generation is the count. It rises with each
-//! attempt to write, so that a record that a power cut tore and that fades later gives its number to no other boot: the
-//! boot that could read it has written a higher one.
+//! Each boot appends one record to a [log](super::log) of its own, and the log's generation is the count. The count rises with
+//! each attempt to write. A record that was torn by a power cut may be readable at one boot and fade later. Its count is still
+//! not reused, because the boot that could read it has written a higher one.
 //!
-//! Pages of 2 KiB hold 64 records: three of them are erased once in 192 boots, and last for 1.9 million boots if
-//! each endures 10,000 erasures.
+//! Pages of 2 KiB hold 64 records. Three pages are erased once in 192 boots, and last for 1.9 million boots if each endures
+//! 10,000 erasures.
 
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
@@ -18,7 +18,7 @@ use super::{GeometryError, StoreError};
 
 const MAGIC: [u8; 8] = *b"RW-BOOT1";
 
-/// A counter in NOR flash, which need not be mapped.
+/// Boot counter in NOR flash, which need not be mapped.
 #[derive(Debug)]
 pub struct BootCounter<F> {
     flash: F,
@@ -26,13 +26,13 @@ pub struct BootCounter<F> {
 }
 
 impl<F: NorFlash> BootCounter<F> {
-    /// Finds the latest count after a reset. All of `flash` belongs to the counter: at least three erase units.
+    /// Finds the latest count after a reset. All of `flash`, at least three erase units, belongs to the counter.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
         let (log, _) = Log::mount::<RECORD_LEN, Boot, F>(&mut flash)?;
         Ok(Self { flash, log })
     }
 
-    /// Counts a boot: a number above that of every boot before. Call it once for each.
+    /// Counts a boot. Returns a number above that of every earlier boot. Call it once for each boot.
     pub fn count(&mut self) -> Result<u32, StoreError> {
         self.log.append(&mut self.flash, &Boot)?;
         // The log's generation stays at its largest value.
@@ -106,7 +106,7 @@ mod tests {
         }
     }
 
-    /// Power fails at every byte of the records of every other boot, with every kind of damage.
+    /// Power fails at every byte of the records of two boots in three, with every kind of damage.
     #[test]
     fn no_power_cut_brings_a_number_back() {
         for torn in ALL_TORN {

@@ -1,30 +1,31 @@
 //! Two libraries in NOR flash: one in use, the other being received or on trial.
 //!
 //! `docs/formats/library-store.md` describes layout, states and recovery. Every change of state is one record of the
-//! [log](super::log), written after the bytes that it refers to; the slot of the confirmed library is never written.
-//! No call erases or writes much: a transfer erases each unit when it reaches it, not all of them at the beginning.
+//! [log](super::log), written after the bytes that it refers to. The slot of the confirmed library is never written.
+//!
+//! Every call takes a short time: a transfer erases each unit when it reaches it, not all of them at the beginning.
 
 use super::log::Log;
 use super::record::{Candidate, Footer, Image, RECORD_LEN, StoreState};
 use super::slots::{self, GeometryError, MappedFlash};
 use super::{LibraryStore, StoreError};
 
-/// A transfer in progress: bytes in flash, and those that do not fill a word yet.
+/// Transfer in progress: number of bytes in flash, and bytes that do not fill a word yet.
 #[derive(Clone, Copy, Debug)]
 struct Upload {
-    /// Bytes in flash, a multiple of the word unless all are.
+    /// Number of bytes in flash: a multiple of the word length until the transfer is complete.
     written: usize,
     word: [u8; RECORD_LEN],
     in_word: usize,
 }
 
-/// A store in NOR flash, with two slots.
+/// Library store in NOR flash, with two slots.
 #[derive(Debug)]
 pub struct FlashStore<F> {
     pub(super) flash: F,
     pub(super) log: Log,
     pub(super) state: StoreState,
-    /// The library in use, read and found intact.
+    /// Library in use, read and found intact.
     pub(super) active: Option<Image>,
     upload: Option<Upload>,
     /// True if the whole candidate was read and found intact.
@@ -35,8 +36,8 @@ pub struct FlashStore<F> {
 impl<F: MappedFlash> FlashStore<F> {
     /// Restores the state after a reset, and counts this boot if a library is on trial.
     ///
-    /// All of `flash` belongs to the store. A library on trial that is not confirmed within `trial_boots` boots is
-    /// rolled back to the previous one.
+    /// All of `flash` belongs to the store. A library on trial that is not confirmed within `trial_boots` boots is rolled back
+    /// to the previous one.
     pub fn mount(mut flash: F, trial_boots: u8) -> Result<Self, GeometryError> {
         slots::check(&flash)?;
         let (mut log, state) = Log::open(&mut flash, slots::LOG_UNITS, F::ERASE_SIZE);
@@ -107,7 +108,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Drops the candidate, in RAM even if the flash fails.
+    /// Drops the candidate. In RAM it is dropped even if the flash fails.
     fn drop_candidate(&mut self) {
         let state = StoreState { candidate: Candidate::None, ..self.state };
         let _ = self.save(state);
@@ -133,7 +134,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Writes a word; erases the unit that it begins, and records the progress when it completes one.
+    /// Writes a word. Erases the unit if the word is its first, and records the progress if it completes the unit.
     fn flush(&mut self, upload: &mut Upload, len: usize) -> Result<(), StoreError> {
         let start = slots::start(&self.flash, self.state.candidate_slot());
         let at = start.saturating_add(upload.written);
@@ -150,7 +151,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Records the progress, from which the transfer can be resumed after a reset.
+    /// Records the progress, so that the transfer can be resumed after a reset.
     fn note(&mut self, written: usize) -> Result<(), StoreError> {
         let Candidate::Receiving { len, digest, .. } = self.state.candidate else {
             return Err(StoreError::OutOfRange);

@@ -1,43 +1,43 @@
 //! Log of records in NOR flash, in two or three units used in turn.
 //!
-//! Records are appended to one unit. When it is full, the unit with the oldest records is erased and used next, never
-//! the one with the newest record: after a power cut at any moment either the previous record or the new one is
-//! there. A record holds the whole state of its owner, so only the newest one matters.
+//! Records are appended to one unit. When it is full, the unit with the oldest records is erased and used next, but never the
+//! unit with the newest record. Either the previous record or the new one therefore survives a power cut at any time. A record
+//! contains the whole state of its owner, so only the newest one matters.
 //!
-//! A record whose last word was hit by a power cut may be readable until the next reset and never again. With three
-//! units the record before it is still there then.
+//! A record whose final word was hit by a power cut may be readable until the next reset and never again. With three units, the
+//! previous record is then still there.
 //!
-//! `sequential-storage` offers maps and queues, but it is `async` throughout and its futures must run to completion:
-//! a synchronous core would need an executor for a few bytes.
+//! `sequential-storage` offers maps and queues, but it is `async` throughout and its futures must run to completion: a
+//! synchronous core would need an executor for a few bytes.
 
 use embedded_storage::nor_flash::NorFlash;
 
 use super::record::{RECORD_LEN, Record, is_blank};
 use super::{GeometryError, StoreError};
 
-/// Largest number of units; the log is at the start of its flash.
+/// Largest number of units. The log is at the start of its flash.
 pub(super) const MOST_UNITS: usize = 3;
-/// Attempts to write a record, each at another place.
+/// Number of attempts to write a record, each at another offset.
 const ATTEMPTS: usize = 4;
 
-/// Place of the next record.
+/// Position of the next record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Log {
-    /// Length of a unit, bytes: whole erase units.
+    /// Length of a unit, bytes: a multiple of the erase size.
     unit_len: usize,
     units: usize,
     /// Generation of the newest record in each unit.
     newest: [Option<u32>; MOST_UNITS],
-    /// Unit that is written to.
+    /// Index of the unit being written.
     unit: usize,
-    /// First free byte in it.
+    /// Offset of the first free byte in that unit.
     next: usize,
-    /// Generation of the last record that was written or attempted.
+    /// Generation of the most recent record that was written or attempted.
     pub generation: u32,
 }
 
 impl Log {
-    /// Finds the newest record in a flash that belongs to the log alone, in [`MOST_UNITS`] units of whole erase units.
+    /// Finds the newest record in a flash that belongs to the log alone, divided into [`MOST_UNITS`] units.
     pub fn mount<const N: usize, R: Record<N>, F: NorFlash>(
         flash: &mut F,
     ) -> Result<(Log, Option<R>), GeometryError> {
@@ -55,7 +55,7 @@ impl Log {
         Ok(Self::open(flash, MOST_UNITS, unit_len))
     }
 
-    /// Finds the newest record in `units` units, three at most.
+    /// Finds the newest record in `units` units, at most [`MOST_UNITS`].
     pub fn open<const N: usize, R: Record<N>, F: NorFlash>(
         flash: &mut F,
         units: usize,
@@ -95,7 +95,7 @@ impl Log {
         (log, record)
     }
 
-    /// Writes a record and reads it back; an error leaves the newest record intact.
+    /// Writes a record and reads it back. An error leaves the newest record intact.
     pub fn append<const N: usize, F: NorFlash>(
         &mut self,
         flash: &mut F,
@@ -126,7 +126,7 @@ impl Log {
         Err(StoreError::Medium)
     }
 
-    /// The unit whose newest record is the oldest; units without records come first.
+    /// Index of the unit whose newest record is the oldest; units without records come first.
     fn oldest(&self) -> usize {
         let units = (0..MOST_UNITS).zip(&self.newest).take(self.units);
         units.min_by_key(|&(_, newest)| newest).map_or(0, |(unit, _)| unit)
@@ -155,13 +155,13 @@ impl Log {
         Some(bytes)
     }
 
-    /// Deliberate bug for the tests to find: no record survives when the newest one fades.
+    /// Deliberate bug for the tests to find: with two units, no record survives if the newest one fades.
     #[cfg(test)]
     pub fn turn_two_units_only(&mut self) {
         self.units = 2;
     }
 
-    /// Deliberate bug for the tests to find.
+    /// Deliberate bug for the tests to find: the unit with the newest record counts as empty.
     #[cfg(test)]
     pub fn forget_the_newest(&mut self) {
         if let Some(newest) = self.newest.iter_mut().max() {

@@ -1,7 +1,7 @@
-//! Gains and limits that outlast a power cycle.
+//! Gains and limits that survive a power cycle.
 //!
-//! A set is one record of a [log](super::log) of its own: after an interruption of writing, either the previous set
-//! or the new one is there, never a mixture. `docs/parameters.md` has the layout.
+//! A set is one record of a [log](super::log) of its own. After an interrupted write, either the previous set or the new one is
+//! there, never a mixture. `docs/parameters.md` has the layout.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -13,28 +13,28 @@ use super::log::Log;
 use super::record::Record;
 use super::{GeometryError, StoreError};
 
-/// Parameters of a channel.
+/// Number of parameters of a channel.
 pub(crate) const PARAMETERS: usize = Parameter::MaxTorque as usize + 1;
 
-/// Bytes of a set: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
+/// Length of a set, bytes: head, values, checksum, and padding to a multiple of 32 bytes, the largest write unit in use.
 pub(super) const SET_LEN: usize = 320;
 const MAGIC: u8 = 0xB3;
 const _: () = assert!(12 + 4 * PARAMETERS * MAX_CHANNELS + 8 <= SET_LEN, "a set fits");
 
-/// The parameters of all channels and of the robot, and the configuration that they belong to.
+/// Parameters of all channels and of the robot, and the configuration that they belong to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterSet {
-    /// [`rollwalk_protocol::config::RobotConfig::hash`].
+    /// Hash of the configuration ([`rollwalk_protocol::config::RobotConfig::hash`]).
     pub config_hash: u32,
     /// Values of each channel, in the order of [`Parameter::ALL`].
     pub values: Vec<[f32; PARAMETERS], MAX_CHANNELS>,
-    /// [`Parameter::FeedForward`].
+    /// Value of [`Parameter::FeedForward`].
     pub feed_forward: f32,
 }
 
 /// Memory for one [`ParameterSet`].
 pub trait ParameterStore {
-    /// The set that was saved last; `None` when there is none.
+    /// Set that was saved most recently; `None` if no set was saved.
     fn load(&mut self) -> Option<ParameterSet>;
 
     /// Replaces the saved set; an error leaves the previous one in place.
@@ -55,7 +55,7 @@ impl ParameterStore for NoParameters {
     }
 }
 
-/// A store in NOR flash, which need not be mapped.
+/// Parameter store in NOR flash, which need not be mapped.
 #[derive(Debug)]
 pub struct FlashParameters<F> {
     pub(super) flash: F,
@@ -63,8 +63,9 @@ pub struct FlashParameters<F> {
 }
 
 impl<F: NorFlash> FlashParameters<F> {
-    /// Finds the saved set after a reset. All of `flash` belongs to the store: at least three units of 320 bytes,
-    /// each of whole erase units.
+    /// Finds the saved set after a reset.
+    ///
+    /// All of `flash` belongs to the store: at least three units of 320 bytes, each rounded up to whole erase units.
     pub fn mount(mut flash: F) -> Result<Self, GeometryError> {
         let (log, _) = Log::mount::<SET_LEN, ParameterSet, F>(&mut flash)?;
         Ok(Self { flash, log })

@@ -1,10 +1,10 @@
-//! Library store in RAM: for tests, and for boards that receive their library after every start.
+//! Library store in RAM, for tests and for boards that receive their library after every start.
 
 use rollwalk_protocol::crc::file_digest;
 
 use super::{LibraryStore, StoreError};
 
-/// A library in RAM, `N` bytes.
+/// Store for one library in `N` bytes of RAM.
 #[derive(Clone, Debug)]
 pub struct RamStore<const N: usize> {
     memory: [u8; N],
@@ -14,12 +14,12 @@ pub struct RamStore<const N: usize> {
 }
 
 impl<const N: usize> RamStore<N> {
-    /// An empty store.
+    /// Creates an empty store.
     pub const fn new() -> Self {
         Self { memory: [0; N], len: 0, digest: 0, sealed: false }
     }
 
-    /// A store that holds `library`.
+    /// Creates a store that contains `library`.
     pub fn holding(library: &[u8]) -> Result<Self, StoreError> {
         let mut store = Self::new();
         store.begin(library.len(), file_digest(library))?;

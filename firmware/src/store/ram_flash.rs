@@ -1,4 +1,4 @@
-//! NOR flash simulated in RAM: an emulated board and the simulation run the store of a real board on it.
+//! NOR flash simulated in RAM, on which an emulated board and the simulator run the store of a real board.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -6,12 +6,12 @@ use embedded_storage::nor_flash::{
 
 use super::MappedFlash;
 
-/// Flash with words of 8 bytes and erase units of 4096, as large as the memory under it.
+/// Flash in RAM with words of 8 bytes and erase units of 4096 bytes.
 #[derive(Clone, Debug)]
 pub struct RamFlash<M>(M);
 
 impl<M: AsRef<[u8]> + AsMut<[u8]>> RamFlash<M> {
-    /// Uses the memory with its content; a remainder beyond whole erase units is not used.
+    /// Uses `memory` with its content. A remainder beyond whole erase units is not used.
     pub fn new(memory: M) -> Self {
         Self(memory)
     }
@@ -88,7 +88,7 @@ mod tests {
         assert_eq!(flash.erase(4096, 12288), Err(NorFlashErrorKind::OutOfBounds));
     }
 
-    /// RAM that was never erased has any content, most often zeros.
+    /// RAM that was never erased contains arbitrary bytes, most often zeros.
     #[test]
     fn a_store_comes_up_on_it_whatever_it_holds() {
         for filling in [0x00, 0xA5, 0xFF] {

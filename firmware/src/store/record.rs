@@ -1,26 +1,26 @@
 //! Persistent state of the store in 32 bytes: the record of the [log](super::log), and the slot's footer.
 //!
-//! A record holds the whole state, so that the newest one alone decides and writing one is the
-//! commit. 32 bytes are the largest write unit in use (the flash word of an STM32H7).
+//! A record contains the whole state, so the newest record alone is decisive, and writing one is the commit. 32 bytes are the
+//! largest write unit in use (the flash word of an STM32H7).
 
 use rollwalk_protocol::crc::crc32c;
 
-/// Bytes of a record and of a footer.
+/// Length of a record and of a footer, bytes.
 pub(super) const RECORD_LEN: usize = 32;
 
 const MAGIC: u8 = 0xA7;
 const FOOTER_MAGIC: [u8; 8] = *b"RW-SLOT1";
 
-/// Content of a log, in records of `N` bytes: a multiple of the flash's word.
+/// Content of a log, in records of `N` bytes: a multiple of the flash's word length.
 pub(super) trait Record<const N: usize>: Sized {
-    /// The record with generation `generation`.
+    /// Encodes a record with generation `generation`.
     fn encode(&self, generation: u32) -> [u8; N];
 
-    /// Generation and content of a record; `None` when the bytes are not a valid one.
+    /// Decodes generation and content of a record; `None` if the bytes are not a valid record.
     fn decode(bytes: &[u8; N]) -> Option<(u32, Self)>;
 }
 
-/// Slot for a library; there are two.
+/// Slot for a library, one of two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
     A,
@@ -38,7 +38,7 @@ impl Slot {
     }
 }
 
-/// Place, length and digest of a library.
+/// Slot, length and digest of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Image {
     pub slot: Slot,
@@ -46,14 +46,14 @@ pub(super) struct Image {
     pub digest: u32,
 }
 
-/// Content of the slot that does not hold the confirmed library.
+/// Content of the slot that does not contain the confirmed library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Candidate {
     /// Empty or useless content.
     None,
-    /// A library being received; its first `have` bytes are stored.
+    /// Library being received, with its first `have` bytes stored.
     Receiving { len: u32, digest: u32, have: u32 },
-    /// A library on trial, rolled back to the confirmed one after `boots_left` more boots.
+    /// Library on trial, rolled back to the confirmed one after `boots_left` more boots.
     Trial { len: u32, digest: u32, boots_left: u8 },
 }
 
@@ -65,12 +65,12 @@ pub(super) struct StoreState {
 }
 
 impl StoreState {
-    /// Slot of a candidate: the one without the confirmed library.
+    /// Slot of a candidate: the slot without the confirmed library.
     pub fn candidate_slot(&self) -> Slot {
         self.confirmed.map_or(Slot::A, |image| image.slot.other())
     }
 
-    /// The candidate, once it is complete.
+    /// Image of the candidate; `None` if the candidate is not complete.
     pub fn candidate_image(&self) -> Option<Image> {
         let slot = self.candidate_slot();
         match self.candidate {
@@ -120,10 +120,10 @@ impl Record<RECORD_LEN> for StoreState {
     }
 }
 
-/// Mark at the end of a slot whose library was confirmed, from which the store recovers when the log is lost.
+/// Mark at the end of a slot whose library was confirmed. The store recovers from it if the log is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Footer {
-    /// Generation of the record that confirmed it; the highest is the newest.
+    /// Generation of the record that confirmed the library. The highest is the newest.
     pub generation: u32,
     pub len: u32,
     pub digest: u32,
@@ -142,7 +142,7 @@ impl Footer {
     }
 }
 
-/// True if the bytes are as after an erase.
+/// True if the bytes are in the erased state.
 pub(super) fn is_blank(bytes: &[u8]) -> bool {
     bytes.iter().all(|&byte| byte == 0xFF)
 }
@@ -159,7 +159,7 @@ fn sealed(words: [u32; 7]) -> [u8; RECORD_LEN] {
     bytes
 }
 
-/// Decodes seven words; `None` when the CRC does not match.
+/// Decodes seven words; `None` if the CRC does not match.
 fn opened(bytes: &[u8; RECORD_LEN]) -> Option<[u32; 7]> {
     let (body, crc) = bytes.split_last_chunk::<4>()?;
     let mut words = [0; 7];

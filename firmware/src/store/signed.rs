@@ -1,7 +1,7 @@
 //! Library store that accepts only libraries with the owner's Ed25519 signature.
 //!
-//! The library is sent and stored with its [signature](SignedFile) behind it. The signature is checked when a
-//! library has been received, before it is validated, and after a reset.
+//! The library is sent and stored with its [signature](SignedFile) appended. The signature is checked after a library has been
+//! received, before it is validated. It is checked again after a reset.
 
 use ed25519_dalek::Signature;
 pub use ed25519_dalek::VerifyingKey;
@@ -9,7 +9,7 @@ use rollwalk_protocol::library::SignedFile;
 
 use super::{LibraryStore, StoreError};
 
-/// A store that accepts and returns only libraries signed with one key.
+/// Store that accepts and returns only libraries signed with one key.
 #[derive(Debug)]
 pub struct Signed<S> {
     store: S,
@@ -22,12 +22,13 @@ pub struct Signed<S> {
 }
 
 impl<S: LibraryStore> Signed<S> {
-    /// Wraps `store`; only libraries signed by the owner of `key` pass, and none with a weak key, which has no owner.
+    /// Wraps `store` and accepts only libraries signed by the owner of `key`. Accepts no library if `key` is weak, because
+    /// anyone can sign with it.
     pub fn new(store: S, key: VerifyingKey) -> Self {
         Self::checking(store, Some(key))
     }
 
-    /// Wraps `store`, which stays as it was: every library passes. For one type of store with a key and without.
+    /// Wraps `store` without a check: every library is accepted. Callers can thus use one type of store with and without a key.
     pub fn unchecked(store: S) -> Self {
         Self::checking(store, None)
     }
@@ -41,7 +42,7 @@ impl<S: LibraryStore> Signed<S> {
         signed
     }
 
-    /// The active library with its signature; empty when there is none.
+    /// Active library with its signature; empty if there is no trusted library.
     pub fn signed_bytes(&self) -> &[u8] {
         if self.trusted { self.store.bytes() } else { &[] }
     }
@@ -62,7 +63,7 @@ impl<S: LibraryStore> Signed<S> {
         })
     }
 
-    /// The library without its signature; empty unless `trusted`.
+    /// Library without its signature; empty unless `trusted` is true.
     fn library<'a>(&self, stored: &'a [u8], trusted: bool) -> &'a [u8] {
         match (trusted, self.key) {
             (false, _) => &[],
@@ -209,7 +210,7 @@ mod tests {
         assert_eq!(Signed::new(holding(&signed_by(2)), owner()).bytes(), b"");
     }
 
-    /// The neutral element of the curve: anyone can sign with it.
+    /// Neutral element of the curve as the key: anyone can sign with it.
     #[test]
     fn a_weak_key_lets_no_library_pass() {
         let mut neutral = [0; 32];
@@ -227,7 +228,7 @@ mod tests {
         }
     }
 
-    /// A library on trial that is not the owner's, as after an image with another key was flashed.
+    /// A library on trial is not signed by the owner, for example after an image with another key was flashed.
     #[test]
     fn a_library_on_trial_that_is_not_the_owners_is_rolled_back_at_power_on() {
         let flash = FlashStore::mount(RamFlash::new([0xFF; 8 * 4096]), 2).unwrap();
@@ -244,7 +245,8 @@ mod tests {
         assert_eq!(Signed::new(again, owner()).bytes(), LIBRARY);
     }
 
-    /// Signed by `openssl pkeyutl -sign -rawin`, with the fingerprint of `sha256sum` over OpenSSL's DER of the public key.
+    /// Library signed by `openssl pkeyutl -sign -rawin`, with the fingerprint that `sha256sum` computes over OpenSSL's DER of
+    /// the public key.
     #[test]
     fn what_openssl_signed_passes() {
         let fingerprint = [0xFD, 0x11, 0x0D, 0x30, 0x1D, 0x2F, 0x07, 0x7D];

@@ -1,17 +1,16 @@
 //! Layout of the library flash: a log, two slots, and footers at the end of each slot.
 //!
-//! The store bases its decisions on bytes read by the driver, which returns an error for an unreadable word. The
-//! mapped view is only for bytes that were read in this way before: on a part with ECC a load from a damaged word
-//! raises a fault.
+//! The store bases its decisions on bytes read by the driver, which returns an error for an unreadable word. The mapped view is
+//! used only for bytes that the driver has read before. On a part with ECC, a load from a damaged word raises a fault.
 
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::file_digest_append;
 
 use super::record::{Footer, Image, RECORD_LEN, Slot, is_blank};
 
-/// Erase units of the log, at the start of the flash.
+/// Number of erase units of the log, at the start of the flash.
 pub(super) const LOG_UNITS: usize = 2;
-/// Places for a footer in each slot: a power cut may damage one.
+/// Number of footer positions in each slot. A power cut may damage one.
 const FOOTERS: usize = 2;
 const CHUNK: usize = 256;
 
@@ -21,19 +20,21 @@ pub trait MappedFlash: NorFlash {
     fn mapped(&self) -> &[u8];
 }
 
-/// Reason for which a flash cannot hold a store.
+/// Reason why a flash cannot contain a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GeometryError {
-    /// Read and write sizes must divide 32 bytes.
+    /// Read or write size that does not divide 32 bytes.
     WordSize,
-    /// The erase size must be a multiple of 32 bytes.
+    /// Erase size that is not a multiple of 32 bytes.
     EraseSize,
-    /// Libraries need at least four erase units, all of them mapped; parameters need three units of at least 320
-    /// bytes. The largest flash is 4 GiB.
+    /// Unsuitable capacity.
+    ///
+    /// Libraries need at least four erase units, all of them mapped. Parameters need three units of at least 320 bytes. The
+    /// largest flash is 4 GiB.
     Capacity,
 }
 
-/// Checks that the store can work with this flash.
+/// Checks that the store can use this flash.
 pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
     // 0 does not divide.
     let divides = |size| RECORD_LEN.is_multiple_of(size);
@@ -50,7 +51,7 @@ pub(super) fn check<F: MappedFlash>(flash: &F) -> Result<(), GeometryError> {
     Ok(())
 }
 
-/// Bytes of a slot, whole erase units.
+/// Length of a slot, bytes: whole erase units.
 pub(super) fn slot_len<F: NorFlash>(flash: &F) -> usize {
     let units = flash.capacity().checked_div(F::ERASE_SIZE).unwrap_or(0);
     (units.saturating_sub(LOG_UNITS) / 2).saturating_mul(F::ERASE_SIZE)
@@ -60,7 +61,7 @@ pub(super) fn capacity<F: NorFlash>(flash: &F) -> usize {
     slot_len(flash).saturating_sub(FOOTERS * RECORD_LEN)
 }
 
-/// First byte of a slot.
+/// Offset of the first byte of a slot.
 pub(super) fn start<F: NorFlash>(flash: &F, slot: Slot) -> usize {
     let log = F::ERASE_SIZE.saturating_mul(LOG_UNITS);
     match slot {
@@ -75,7 +76,7 @@ pub(super) fn erase_unit<F: NorFlash>(flash: &mut F, offset: usize) -> Option<()
     flash.erase(u32::try_from(offset).ok()?, u32::try_from(end).ok()?).ok()
 }
 
-/// Erases the unit with a slot's footers, after which its library cannot be recovered without the log.
+/// Erases the unit with a slot's footers. After this, its library cannot be recovered without the log.
 pub(super) fn erase_footers<F: NorFlash>(flash: &mut F, slot: Slot) -> Option<()> {
     let end = start(flash, slot).checked_add(slot_len(flash))?;
     erase_unit(flash, end.checked_sub(F::ERASE_SIZE)?)
@@ -86,7 +87,7 @@ pub(super) fn program<F: NorFlash>(flash: &mut F, at: usize, bytes: &[u8; 32]) -
     flash.write(u32::try_from(at).ok()?, bytes).ok()
 }
 
-/// True if all of an image can be read and matches its digest.
+/// True if the whole image can be read and matches its digest.
 pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     let Ok(len) = usize::try_from(image.len) else { return false };
     if len > capacity(flash) {
@@ -111,7 +112,7 @@ pub(super) fn is_intact<F: NorFlash>(flash: &mut F, image: Image) -> bool {
     digest == image.digest
 }
 
-/// The bytes of an image for which [`is_intact`] holds.
+/// Bytes of an image. Requires that [`is_intact`] has returned true for the image.
 pub(super) fn bytes_of<F: MappedFlash>(flash: &F, image: Image) -> &[u8] {
     let start = start(flash, image.slot);
     usize::try_from(image.len)
@@ -120,7 +121,7 @@ pub(super) fn bytes_of<F: MappedFlash>(flash: &F, image: Image) -> &[u8] {
         .unwrap_or_default()
 }
 
-/// The newest intact image according to the footers, and the highest generation among them.
+/// Finds the newest intact image with a footer, and the highest generation of all footers.
 pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u32) {
     let mut newest = None;
     let mut highest = 0;
@@ -140,7 +141,7 @@ pub(super) fn newest_by_footers<F: NorFlash>(flash: &mut F) -> (Option<Image>, u
     (newest.map(|(image, _)| image), highest)
 }
 
-/// Writes a footer to the first free place. Without a footer only the log refers to the image.
+/// Writes a footer to the first free position. If all writes fail, only the log refers to the image.
 pub(super) fn write_footer<F: NorFlash>(flash: &mut F, slot: Slot, footer: Footer) {
     for i in 0..FOOTERS {
         let Some(at) = footer_at(flash, slot, i) else { return };

@@ -74,7 +74,7 @@ fn every_control_rate_plays_the_same_motion() {
     }
 }
 
-/// Poses are asked for now and then, not in every control period.
+/// Poses are queried at an interval, not in every control period.
 #[test]
 fn actuators_are_queried_at_20_hz_while_torque_is_off() {
     let mut rig = Rig::booted();
@@ -177,7 +177,7 @@ fn arming_waits_until_every_actuator_has_confirmed_that_it_is_off() {
     rig.arm();
 }
 
-/// "Off" that came before the actuator took it proves nothing about afterwards.
+/// A torque-off command received before the actuator was switched on does not confirm its later state.
 #[test]
 fn an_actuator_that_is_on_after_all_is_not_armed() {
     let mut rig = Rig::booted();
@@ -192,8 +192,8 @@ fn an_actuator_that_is_on_after_all_is_not_armed() {
     rig.arm();
 }
 
-/// Found by the fault campaign: an "enable" that a bad bus delivers late comes after the actuator has
-/// confirmed that it is off; it waits for setpoints and times out, and no "off" was sent again.
+/// Found by the fault campaign: a bad bus may deliver the torque-on command late, after the actuator has confirmed that its
+/// torque is off. The actuator then waits for set-points and times out. The torque-off command was not sent again.
 #[test]
 fn an_actuator_that_timed_out_after_it_was_off_can_be_armed() {
     let mut rig = Rig::booted();
@@ -303,7 +303,7 @@ fn an_unusable_configuration_never_arms() {
     assert!(rig.statuses().last().unwrap().1.faults.contains(Fault::Internal));
 }
 
-/// The last actuator to come on starts the ramp, but not from an old pose of the first one.
+/// Ramp starts when all actuators are enabled, and from fresh poses only.
 #[test]
 fn the_ramp_starts_from_fresh_poses_only() {
     let mut rig = Rig::booted();
@@ -335,7 +335,7 @@ fn an_actuator_that_does_not_come_on_ends_the_attempt() {
     assert!(rig.servos.iter().all(|s| s.setpoints.is_empty()), "no setpoint but damping so far");
 }
 
-/// The bench sees to it that none is enabled outside Aligning.
+/// Queued commands for a dead bus are dropped on disarming. The test rig checks that actuators are enabled only in Aligning.
 #[test]
 fn what_waited_for_a_dead_bus_while_arming_is_dropped() {
     let mut rig = Rig::booted();
@@ -350,7 +350,7 @@ fn what_waited_for_a_dead_bus_while_arming_is_dropped() {
     assert!(rig.servos.iter().all(|servo| !servo.enabled));
 }
 
-/// The bench sees to it that the first setpoint is close to the measured value.
+/// Wheel braking begins at its measured speed. The test rig checks that the first set-point is close to the measured value.
 #[test]
 fn a_wheel_let_down_while_arming_brakes_from_its_measured_speed() {
     let mut rig = Rig::ready();

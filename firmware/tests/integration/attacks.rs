@@ -1,5 +1,7 @@
-//! Attacks on a controller that insists on a link key, by a node that receives all frames and has no key. Random attacks between
-//! any two messages of a host hit one of two robots that must behave alike. The campaign of `cargo xtask nightly` counts them.
+//! Attacks on a controller that requires a link key, by a node that receives all frames and has no key.
+//!
+//! Two robots receive the same messages of a host. Random attacks between these messages are sent to one of the robots, and
+//! both must behave alike. The campaign of `cargo xtask nightly` counts the attacks.
 
 use crate::authentication::{BOOT, NONCE, Prover, key, ready, say, session};
 use crate::rig::{Rig, me};
@@ -16,29 +18,29 @@ use rollwalk_protocol::wire::{
 use std::collections::BTreeMap;
 use std::println;
 
-/// Attacks in a case.
+/// Number of attacks in a case.
 const ATTACKS: usize = 60;
-/// Cases of the campaign, each with a seed of its own.
+/// Number of cases of the campaign, each with its own seed.
 const CASES: u64 = 2000;
 
 /// Message that an attacking node may send.
 #[derive(Clone, Debug)]
 enum Attack {
-    /// A message with its authenticator, as they were.
+    /// An unchanged copy of a message and its authenticator.
     Replay {
         back: usize,
     },
-    /// A message with the authenticator of another.
+    /// A message with the authenticator of another message.
     Mix {
         back: usize,
         other: usize,
     },
-    /// A message with a bit of itself or of its authenticator flipped.
+    /// A message with one bit flipped in the message or its authenticator.
     Forge {
         back: usize,
         bit: usize,
     },
-    /// A message with itself or its authenticator cut short.
+    /// A message that is truncated, or whose authenticator is.
     Cut {
         back: usize,
         len: usize,
@@ -52,22 +54,22 @@ enum Attack {
     Plain {
         back: usize,
     },
-    /// A command that was held back, and passed on after the host's next one.
+    /// A command that is delayed until after the host's next one.
     Overtaken {
         action: Action,
     },
-    /// A command of another session with the same key: of the boot before or a later one, of another host, to another robot.
+    /// A command of another session with the same key: of an earlier or later boot, of another host, or to another robot.
     OtherSession {
         which: OtherSession,
         counter: u32,
     },
-    /// A session that no host uses.
+    /// A request for a session that no host uses.
     Session {
         nonce: u64,
     },
 }
 
-/// Difference of the other session.
+/// Property in which the other session differs.
 #[derive(Clone, Copy, Debug)]
 enum OtherSession {
     Boot,
@@ -124,7 +126,8 @@ fn attack() -> impl Strategy<Value = Attack> {
     ]
 }
 
-/// A case: attacks with the ticks after each, the host's commands, and the attack before which the power fails.
+/// Test case: attacks with the number of ticks after each, the host's commands, and the index of the attack before which the
+/// power fails.
 type Case = (Vec<(u32, Attack)>, Vec<u8>, usize);
 
 fn case() -> impl Strategy<Value = Case> {
@@ -136,7 +139,7 @@ fn case() -> impl Strategy<Value = Case> {
     )
 }
 
-/// Another frame with the same identifier.
+/// Frame with the same identifier and other bytes.
 fn with(frame: &Frame, bytes: &[u8]) -> Frame {
     Frame::standard(frame.standard_id().unwrap(), bytes).unwrap()
 }
@@ -152,13 +155,13 @@ fn cut(frame: &Frame, len: usize) -> Frame {
     with(frame, &frame.data()[..len % frame.data().len()])
 }
 
-/// A command as the host would send it now.
+/// Command as the host would send it at the current time.
 fn command_now(rig: &Rig, seq: u8, action: Action) -> Command {
     let valid_until_ms = ((rig.now_us / 1000) as u16).wrapping_add(400);
     Command { seq: seq & 0xF, action, valid_until_ms }
 }
 
-/// The frames of an attack; `None` for the request of a session, which is no frame.
+/// Frames of an attack; `None` if the attack is a request for a session, which is not a single frame.
 fn frames(rig: &mut Rig, attack: &Attack) -> Option<Vec<Frame>> {
     let now = |seq: u8, action| command_now(rig, seq, action);
     let play = |code| Action::Play { code, speed_64ths: 64 };
@@ -218,7 +221,7 @@ fn frames(rig: &mut Rig, attack: &Attack) -> Option<Vec<Frame>> {
     Some(both.to_vec())
 }
 
-/// Carries an attack out; whether the robot obeyed it.
+/// Carries out an attack; returns true if the robot executed a command of the attacker.
 fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bool {
     let mut heard = match held.take() {
         Some(held) => say(rig, &held),
@@ -246,7 +249,7 @@ fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bo
     })
 }
 
-/// Another boot: the host's next session, and an attacker who still has all of the one before.
+/// Restarts the robot. The host begins its next session, and the attacker still has all messages of the previous one.
 fn power_cycled(rig: Rig, boot: u32) -> Rig {
     let mut rig = rig.power_cycled(robot::config());
     rig.brain.insist_on(key(), Some(boot));
@@ -261,7 +264,12 @@ fn power_cycled(rig: Rig, boot: u32) -> Rig {
     rig
 }
 
-/// Two robots with the same host, one of them attacked between any two of its messages.
+/// Runs two robots with the same host, and attacks one of them between the host's messages. Returns the number of refused
+/// messages.
+///
+/// # Errors
+///
+/// Returns a description if an attack succeeds or the robots differ.
 fn attacks_have_no_effect((attacks, commands, cut_at): &Case) -> Result<u32, String> {
     let (mut left_alone, mut victim) = (ready(), ready());
     let (mut held, mut refused) = (None, 0);
@@ -313,7 +321,7 @@ proptest! {
     }
 }
 
-/// Campaign of `cargo xtask nightly --only hostile`: thousands of cases with the same seeds every night.
+/// Campaign of `cargo xtask nightly --only hostile`: thousands of cases, with the same seeds every night.
 #[test]
 #[ignore = "cargo xtask nightly --only hostile"]
 fn campaign() {

@@ -1,5 +1,5 @@
-//! Messages to a controller that insists on a link key: those that need a proof, and that only the proof of the host's next
-//! message counts.
+//! Messages to a controller that requires a link key: which messages need an authenticator, and that only the authenticator of
+//! the host's next message is valid.
 
 use crate::rig::{Rig, me};
 use crate::robot;
@@ -20,13 +20,13 @@ pub fn key() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
-/// A host with a session.
+/// Host with a session.
 #[derive(Clone)]
 pub struct Prover {
     key: LinkKey,
     pub session: LinkSession,
     pub counters: [u32; COUNTERS],
-    /// Everything that it has proved, with its proof.
+    /// Authenticated messages sent so far: authenticator, identifier and bytes.
     pub sent: Vec<(Frame, u16, Vec<u8>)>,
 }
 
@@ -47,7 +47,7 @@ impl Prover {
     }
 }
 
-/// Begins a session; `None` when the controller gives none.
+/// Begins a session; `None` if the controller refuses it.
 pub fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
     rig.send_message(&SessionRequest { nonce }.encode());
     let offer = SessionOffer::decode(rig.received()).ok()?;
@@ -56,7 +56,7 @@ pub fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
     Some(session)
 }
 
-/// A robot that has booted and insists, without a host that has a session.
+/// Robot that has booted and requires the key, without a host that has a session.
 fn insisting() -> Rig {
     let mut rig = Rig::booted();
     rig.brain.insist_on(key(), Some(BOOT));
@@ -145,8 +145,7 @@ fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
     assert_eq!(rig.brain.state(), State::EStopped);
 }
 
-/// The refused ones have not moved the order of the host's commands, nor taken its nonce.
-/// Setpoints are not proved, so that a controller with a key follows none, of its own host neither.
+/// Set-points have no authenticator, so a controller with a key does not follow any, not even from its own host.
 #[test]
 fn no_stream_of_setpoints_is_followed() {
     let mut rig = with_host(insisting());
@@ -168,6 +167,7 @@ fn no_stream_of_setpoints_is_followed() {
     assert!(rig.stands());
 }
 
+/// Refused messages neither advance the sequence of the host's commands nor use up its nonce.
 #[test]
 fn what_is_refused_leaves_the_host_s_commands_alone() {
     let mut rig = with_host(insisting());

@@ -1,4 +1,4 @@
-//! Single actions and events on a controller at the bench. Random tests and a fuzz target draw sequences from them.
+//! Actions and events on a controller in the test rig. Random tests and a fuzz target draw sequences from them.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{
@@ -31,9 +31,9 @@ pub enum Deed {
     Estop,
     Board,
     TimeJump(i64),
-    /// A setpoint, and as many frames of all channels after it that go on with it.
+    /// A set-point, followed by this many frames of all channels that continue it.
     Setpoints(u8, Setpoint),
-    /// Answers to as many samples, with this setpoint in each.
+    /// Answers to this many samples, with this set-point in each.
     Answers(u8, Setpoint),
 }
 
@@ -116,8 +116,8 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
     }
 }
 
-/// Checks the way back after any sequence. Without a host the robot ends without torque. With a host, and sound actuators, it
-/// returns to SAFE and plays.
+/// Checks that the robot recovers after any sequence. Without a host, its torque goes off. With a host and working actuators,
+/// it returns to SAFE and plays.
 pub fn assert_way_home(rig: &mut Rig) {
     rig.host_alive = false;
     // Timeout, the longest way through the graph, hold, damping.

@@ -1,5 +1,5 @@
-//! The tables of `docs/playback-and-safety.md` and `docs/formats/wire-format.md` are those of the code, and
-//! `docs/faults.md` names its faults, events and settings.
+//! Documents match the code. The tables of `docs/playback-and-safety.md` and `docs/formats/wire-format.md` are generated from
+//! it, and `docs/faults.md` names its faults, events and settings.
 
 use std::cmp::Reverse;
 use std::fmt::Debug;
@@ -10,14 +10,14 @@ use rollwalk_firmware::safety::{Action, step};
 use rollwalk_protocol::faults::{Description, Event, Fault, Severity};
 use rollwalk_protocol::wire::{State, Torque};
 
-/// The text of a page between `<!-- name -->` and the next comment.
+/// Text of a page between `<!-- name -->` and the next comment.
 fn block<'a>(page: &'a str, name: &str) -> &'a str {
     let start = format!("<!-- {name} -->\n");
     let (_, rest) = page.split_once(&start).unwrap_or_else(|| panic!("no `{start}`"));
     rest.split_once("<!--").expect("an end mark").0.trim()
 }
 
-/// Compares the tables of the documents with the code; with `ROLLWALK_UPDATE_DOCS` set it writes them instead.
+/// Compares the tables of the documents with the code. Writes them instead if `ROLLWALK_UPDATE_DOCS` is set.
 #[test]
 fn the_tables_are_those_of_the_code() {
     for (page, tables) in [
@@ -53,13 +53,13 @@ fn the_tables_are_those_of_the_code() {
     }
 }
 
-/// A table in Markdown.
+/// Table in Markdown.
 fn table(head: &str, rows: impl IntoIterator<Item = String>) -> String {
     let rule = "|---".repeat(head.matches('|').count() - 1) + "|";
     iter::once(head.to_owned()).chain([rule]).chain(rows).collect::<Vec<_>>().join("\n")
 }
 
-/// Codes and names of an enumeration.
+/// Codes and names of an enumeration's values.
 fn listed<T: Copy + Debug>(all: &[T], code: fn(T) -> u8) -> String {
     let values: Vec<_> = all.iter().map(|&value| format!("{} {value:?}", code(value))).collect();
     values.join(", ")
@@ -78,7 +78,7 @@ fn states() -> String {
     table("| code | state | torque | motions |", State::ALL.iter().map(row))
 }
 
-/// Events, in the order in which the controller handles those that arrive together.
+/// Events, in the order in which the controller handles events that arise together.
 fn by_severity() -> Vec<Event> {
     let mut events = Event::ALL.to_vec();
     events.sort_by_key(|event| Reverse(event.severity()));
@@ -121,7 +121,7 @@ fn faults() -> String {
     table("| bit | fault | | channel | value |", Fault::ALL.iter().map(row))
 }
 
-/// The events of LOG and the faults that they raise.
+/// Events of LOG, and the faults that they raise.
 fn events() -> String {
     let row = |event: &Event| {
         let fault = event.fault().map_or(String::new(), |fault| fault.code().to_string());
@@ -213,7 +213,7 @@ fn each_section_of_the_runbook_says_what_an_operator_needs() {
     }
 }
 
-/// Contents of a report, in the words of the catalogue, are the first sentence of "FAULT reports".
+/// Contents of a report are named in the first sentence of "FAULT reports", with the terms of the catalogue.
 #[test]
 fn the_runbook_says_what_each_fault_reports() {
     for (fault, (_, text)) in (0..).map(Fault::from_code).zip(sections()) {
@@ -231,7 +231,7 @@ fn the_runbook_says_what_each_fault_reports() {
     }
 }
 
-/// Settings appear by their names, and the documented values are the defaults.
+/// Settings appear under their names, and the documented values are the defaults.
 #[test]
 fn the_runbook_speaks_of_settings_that_there_are() {
     let settings = format!("{:?}", Settings::default());

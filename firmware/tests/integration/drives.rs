@@ -1,5 +1,5 @@
-//! Drives of several makers on the bench: the simulated ones of `rollwalk_drives`, with motors that show every
-//! step.
+//! Drives of several makers in the test rig: the simulated drives of `rollwalk_drives`, with motors that make every step
+//! visible.
 
 use rollwalk_drives::{Answer, Electronics, Kind, Law, Sent, Shaft};
 use rollwalk_firmware::bus::{Bus, MAX_BUSES, Protocol};
@@ -9,27 +9,27 @@ use std::collections::BTreeMap;
 
 use crate::rig::Brain;
 
-/// A motor and its setpoint. It reaches every setpoint at once, so it shows every step; with an
-/// inertia it is moved by torque alone.
+/// Motor that reaches every set-point at once, so that each step of the set-point is visible. With an inertia it is moved by
+/// torque alone.
 #[derive(Clone, Debug)]
 pub struct Motor {
     pub channel: Channel,
-    /// rad, or rad/s of a wheel.
+    /// Position, rad, or speed of a wheel, rad/s.
     pub value: f32,
     pub enabled: bool,
     pub log: Vec<Sent>,
-    /// The farthest that it was made to go at once.
+    /// Largest step of a single set-point, rad or rad/s.
     pub largest_step: f32,
-    /// Setpoints that moved it.
+    /// Number of set-points that moved the motor.
     pub setpoints: u32,
-    /// kg·m²; 0 is none.
+    /// Inertia, kg·m²; 0 for a motor that reaches set-points at once.
     pub inertia_kg_m2: f32,
     pub speed_rad_s: f32,
     pub torque_nm: f32,
     pub largest_torque_nm: f32,
     /// External load, N·m.
     pub load_nm: f32,
-    /// True for a motor without inertia that yields until its drive holds the load.
+    /// True if a motor without inertia is displaced by the load until its drive holds it.
     pub gives_way: bool,
 }
 
@@ -51,7 +51,7 @@ impl Motor {
         }
     }
 
-    /// Takes a torque as the setpoint.
+    /// Applies a torque as the set-point.
     fn push(&mut self, torque_nm: f32) {
         self.log.push(Sent::Torque(torque_nm));
         if self.enabled {
@@ -81,7 +81,7 @@ impl Motor {
         self.channel.kind == ChannelKind::WheelSpeed
     }
 
-    /// Moves to a setpoint if torque is on; a joint only if it is stiff.
+    /// Moves to a set-point if torque is on. A joint moves only if it is stiff.
     fn follow(&mut self, value: f32, kp: f32, kd: f32, torque_nm: f32) {
         let stiff = if self.is_wheel() { kd > 0.0 } else { kp > 0.0 };
         if self.enabled && stiff {
@@ -95,7 +95,7 @@ impl Motor {
         }
     }
 
-    /// Shaft as the drive measures it.
+    /// State of the shaft as the drive measures it.
     pub fn shaft(&self) -> Shaft {
         let (q, v) =
             if self.is_wheel() { (0.0, self.value) } else { (self.value, self.speed_rad_s) };
@@ -103,7 +103,7 @@ impl Motor {
     }
 }
 
-/// A drive on a bus.
+/// Drive on a bus.
 #[derive(Clone, Debug)]
 pub struct Drive {
     pub motor: Motor,
@@ -114,7 +114,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// A drive as `bus` has them. It remembers a setpoint somewhere else, from before it was switched on.
+    /// Creates a drive of the type on `bus`. It stores a distant set-point from before it was switched on.
     pub fn new(bus: &Bus, channel: Channel, value: f32) -> Self {
         assert_ne!(bus.protocol, Protocol::Rollwalk, "the rig has servos of its own");
         let mut inner = rollwalk_drives::Drive::new(bus, &channel);
@@ -158,7 +158,7 @@ impl Drive {
         }
     }
 
-    /// Torque comes on: the motor follows the last setpoint.
+    /// Torque is switched on: the motor follows the stored set-point.
     fn begin(&mut self) {
         let motor = &mut self.motor;
         let (wheel, by_torque) = (motor.is_wheel(), motor.inertia_kg_m2 > 0.0);
@@ -196,14 +196,14 @@ impl Drive {
     }
 }
 
-/// Drives of a bench that do not use the Rollwalk profile.
+/// Drives of the test rig that do not use the Rollwalk profile.
 #[derive(Clone, Debug, Default)]
 pub struct Drives {
     pub list: Vec<Drive>,
 }
 
 impl Drives {
-    /// Delivers messages on timers, takes all frames off the controller, and delivers the answers.
+    /// Delivers messages on timers, takes all frames from the controller, and delivers the answers.
     pub fn carry(&mut self, brain: &mut Brain, now_us: u64) {
         for bus in 0..MAX_BUSES as u8 {
             if !self.list.iter().any(|d| d.motor.channel.bus == bus) {
@@ -227,7 +227,7 @@ impl Drives {
         }
     }
 
-    /// Carries one frame or packet, and the answers to it; `false` when there is none.
+    /// Carries one frame or packet and its answers; returns false if the controller has nothing to send.
     pub fn pass(&mut self, brain: &mut Brain, now_us: u64, bus: u8) -> bool {
         let list = self.list.iter_mut().filter(|d| d.motor.channel.bus == bus && d.powered);
         if let Some(frame) = brain.poll_actuator(bus) {

@@ -1,5 +1,5 @@
-//! Torques of the library on their way to drives of every protocol: they hold a load, begin and end without a jump, and
-//! stay within all limits.
+//! Torques of the library with drives of every protocol: they hold a load, begin and end without a jump, and stay within all
+//! limits.
 
 use proptest::prelude::*;
 use rollwalk_firmware::bus::{Bus, Pose, Protocol};
@@ -25,7 +25,7 @@ fn holding(config: &RobotConfig, speed: f32) -> Vec<u8> {
     library_with_torques(config, speed, &|_| [LOAD_NM, 0.0, 0.0])
 }
 
-/// A robot of servos of the Rollwalk profile, in SAFE.
+/// Robot with servos of the Rollwalk profile, in SAFE.
 fn ready_with(library: &[u8]) -> Rig {
     let mut rig = Rig::new(Some(library));
     rig.run(20);
@@ -34,7 +34,7 @@ fn ready_with(library: &[u8]) -> Rig {
     rig
 }
 
-/// A robot of other drives, in SAFE, whose first joint carries a load.
+/// Robot with other drives, in SAFE, whose first joint carries a load.
 fn loaded(protocol: Protocol) -> Rig {
     let mut config = robot::config();
     let mut like = Bus::default();
@@ -67,8 +67,8 @@ fn set_feed_forward(rig: &mut Rig, value: f32) -> ParameterResult {
     rig.parameter(ParameterAction::Set { parameter, channel: 0, value }).result
 }
 
-/// A load sags a joint by load / kp without its torque. With the torque, the joint is in place to 1 % of that, and to the steps
-/// of angles and torques in the protocol.
+/// A joint without feed-forward torque sags under a load by load / kp. With the torque, the error is below 1 % of the sag plus
+/// the resolution of angles and torques in the protocol.
 #[test]
 fn a_load_is_held_with_every_protocol() {
     // Steps: 12 bits over ±12.5 rad and ±18 N·m; the others are finer.
@@ -101,7 +101,7 @@ fn a_load_is_held_with_every_protocol() {
     }
 }
 
-/// The same with servos of the Rollwalk profile.
+/// Load on a servo of the Rollwalk profile is held by the feed-forward torque.
 #[test]
 fn a_load_is_held_with_the_servo_profile() {
     let mut rig = ready_with(&holding(&robot::config(), 1.0));
@@ -117,7 +117,7 @@ fn a_load_is_held_with_the_servo_profile() {
     assert_eq!(rig.servos[0].torques.last(), Some(&0.0));
 }
 
-/// Along the ramp to SAFE the torque grows; when playing begins it is there. (The rig checks every step.)
+/// Torque rises along the ramp to SAFE and is complete when playback can begin. The rig checks every step.
 #[test]
 fn the_torque_comes_in_along_the_ramp() {
     let mut rig = Rig::new(Some(&holding(&robot::config(), 1.0)));
@@ -157,7 +157,7 @@ fn no_torque_but_while_driven() {
     }
 }
 
-/// A halt must stand: the torque stays.
+/// Torque remains during a pause, because a halted robot must stand.
 #[test]
 fn a_pause_keeps_the_torque() {
     let mut rig = ready_with(&holding(&robot::config(), 1.0));
@@ -172,7 +172,7 @@ fn a_pause_keeps_the_torque() {
     assert!((rig.servos[0].value - target.value).abs() < 0.01 * LOAD_NM / KP + 1e-4);
 }
 
-/// A wheel is given its torque, or a speed that its drive turns into it.
+/// Wheel drives receive their torque, or a speed offset that they turn into it.
 #[test]
 fn wheels_are_fed_too() {
     let wheel_nm = 0.25;
@@ -190,7 +190,7 @@ fn wheels_are_fed_too() {
     assert!((speed - wheel_nm / kd).abs() < 0.01, "{speed}");
 }
 
-/// An offset in place of a torque goes only so far.
+/// Offset in place of a torque is limited.
 #[test]
 fn an_offset_is_limited() {
     let mut config = robot::config();
@@ -210,9 +210,8 @@ fn an_offset_is_limited() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Whatever torques a library has, as wild as the format lets them be, and whatever is set at run time: every setpoint
-    /// is within position, rate and torque limits, torques take their time, and the pose still gets through. The rig
-    /// looks at every frame.
+    /// Set-points stay within position, rate and torque limits for any torques that the format permits and any settings at run
+    /// time. Torques change gradually, and the pose is still reached. The rig checks every frame.
     #[test]
     fn hostile_torques_stay_within_all_limits(
         seeds in prop::array::uniform3(1.0f32..500.0),

@@ -1,5 +1,5 @@
-//! Flash that works, in units and words of an STM32G4, and the life of a library in it. (The tests of the store itself cover
-//! failures.)
+//! Flash without failures, with the units and words of an STM32G4, and the life of a library in it. The tests of the store
+//! itself cover failures.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -60,7 +60,7 @@ impl MappedFlash for Flash {
     }
 }
 
-/// Store that is blank, or that holds a confirmed library.
+/// Store that is blank or contains a confirmed library.
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash(vec![0xFF; 18 * 2048]), TRIAL_BOOTS).unwrap();
     if let Some(bytes) = library {
@@ -73,12 +73,12 @@ pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     store
 }
 
-/// A blank memory for parameters.
+/// Blank parameter store.
 pub fn parameters() -> FlashParameters<Flash> {
     FlashParameters::mount(Flash(vec![0xFF; 3 * 2048])).unwrap()
 }
 
-/// Contents of both stores' flash after a power cycle.
+/// Stores of library and parameters, mounted again after a power cycle.
 pub fn mounted_again(
     (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
 ) -> (FlashStore<Flash>, FlashParameters<Flash>) {

@@ -1,6 +1,5 @@
-//! Arbitrary sequences of commands, garbage, losses and time: nothing panics, no setpoint leaves
-//! the limits or comes while torque is off (the bench checks every frame), and the way home is
-//! never lost.
+//! Arbitrary sequences of commands, garbage, losses and time. The controller does not panic, and can always return to SAFE or
+//! torque off. The test rig checks every frame: set-points stay within the limits, and stop while torque is off.
 
 use proptest::prelude::*;
 
@@ -22,7 +21,7 @@ fn frame() -> impl Strategy<Value = Frame> {
         .prop_map(|(id, data)| Frame::standard(id, &data).unwrap())
 }
 
-/// A lying actuator: any measurement, any status, in a frame that decodes.
+/// Feedback with arbitrary measurements and status, in a frame that decodes.
 fn feedback() -> impl Strategy<Value = (u8, Frame)> {
     let measured = (-7.0f32..7.0, -70.0f32..70.0, any::<u8>(), any::<u8>());
     (0u8..3, 1u8..3, measured).prop_map(
@@ -73,7 +72,7 @@ fn parameter() -> impl Strategy<Value = ParameterAction> {
     ]
 }
 
-/// Deeds of a world with truthful actuators.
+/// Actions and events with truthful actuators.
 fn honest() -> impl Strategy<Value = Deed> {
     prop_oneof![
         12 => (1u16..250).prop_map(Deed::Run),
@@ -97,7 +96,7 @@ fn honest() -> impl Strategy<Value = Deed> {
     ]
 }
 
-/// Near SAFE, where a stream begins, or anywhere.
+/// Set-point near SAFE, where a stream begins, or with any value.
 fn setpoint() -> impl Strategy<Value = Setpoint> {
     let value = prop_oneof![3 => -0.7f32..0.5, 1 => -900.0f32..900.0];
     let frame = prop_oneof![2 => Just(0u8), 1 => any::<u8>()];
@@ -123,7 +122,7 @@ fn dishonest() -> impl Strategy<Value = Deed> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
-    /// Checks the way back after random sequences. Without a host the robot ends without torque. With a host, and sound
+    /// Checks that the robot recovers after random sequences. Without a host, its torque goes off. With a host and working
     /// actuators, it returns to SAFE.
     #[test]
     fn the_way_home_is_never_lost(deeds in prop::collection::vec(honest(), 1..60)) {
@@ -147,7 +146,7 @@ proptest! {
     }
 }
 
-/// The sequences do get somewhere: of all states, each is met. Seeded, hence the same every time.
+/// Random sequences reach every state. The generator has a fixed seed, hence the result is reproducible.
 #[test]
 fn the_sequences_reach_every_state() {
     use proptest::strategy::ValueTree;
@@ -167,8 +166,8 @@ fn the_sequences_reach_every_state() {
     assert!(expected.iter().all(|state| seen.contains(state)), "only {seen:?}");
 }
 
-/// Lag of a joint leaves less of its torque. All of the torque comes back at once when the joint has caught up. The sum is within
-/// the limit in both cases.
+/// A lagging joint gets a smaller torque. The full torque returns at once when the joint has caught up. The sum is within the
+/// limit in both cases.
 #[test]
 fn a_torque_that_was_scaled_comes_back() {
     let mut rig = Rig::new(Some(&library()));

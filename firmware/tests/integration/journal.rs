@@ -25,7 +25,7 @@ fn events(entries: &[LogEntry]) -> Vec<Event> {
     entries.iter().map(|entry| Event::from_code(entry.event).unwrap()).collect()
 }
 
-/// The one entry about a fault.
+/// Single log entry about a fault.
 #[track_caller]
 fn fault(rig: &mut Rig) -> LogEntry {
     let all = entries(rig);
@@ -201,7 +201,7 @@ fn what_ends_before_the_robot_stands_is_told_too() {
     assert_eq!((why.fault, why.after), (Some(Fault::Internal), State::TorqueOff));
 }
 
-/// Two faults are both recorded, each once; lasting and repeated ones add no entry.
+/// Two faults are recorded once each. Lasting and repeated faults add no entry.
 #[test]
 fn what_is_no_news_leaves_no_entry() {
     let mut rig = Rig::ready();

@@ -61,7 +61,7 @@ fn duplicate_command_not_executed_twice() {
     assert_eq!(rig.brain.state(), State::Ready);
 }
 
-/// Commands can wait in an unplugged adapter, until the 16 bits of their time have wrapped by half and more.
+/// A command that waits in an unplugged adapter must not become valid again when its 16-bit time wraps.
 #[test]
 fn a_command_that_waited_for_long_is_not_executed() {
     let mut rig = Rig::ready();
@@ -116,7 +116,7 @@ fn status_comes_at_20_hz_and_on_change() {
     assert_eq!((at, status.state), (rig.now_us, State::Aligning));
 }
 
-/// The last fault report.
+/// Latest fault report.
 fn report(rig: &Rig) -> FaultReport {
     let report = rig.heard.iter().rev().find_map(|(_, m)| match m {
         FromController::FaultReport(report) => Some(*report),
@@ -152,7 +152,7 @@ fn a_refused_request_to_arm_is_followed_by_the_reason() {
     }
 }
 
-/// Returning hosts need no clear.
+/// Torque was off while the host was absent, so no clear is required.
 #[test]
 fn a_host_that_was_away_while_torque_was_off_may_arm() {
     let mut rig = Rig::booted();

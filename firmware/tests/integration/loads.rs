@@ -1,4 +1,4 @@
-//! Overloaded buses and setpoints that an actuator's protocol cannot carry are refused.
+//! Overloaded buses and set-points that an actuator's protocol cannot carry are refused.
 
 use rollwalk_firmware::bus::{Bus, Buses, ControlLoop, MAX_BUSES, Protocol};
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
@@ -123,7 +123,7 @@ fn a_bus_that_a_controller_does_not_have_is_refused() {
     assert_eq!(rows, [(0, None), (MAX_BUSES as u8, Some(BusProblem::NoSuchBus))]);
 }
 
-/// The controller finds it too, and cannot be armed.
+/// Self test of the controller finds the overload, and arming is refused.
 #[test]
 fn the_self_test_fails() {
     let mut rig = Rig::new(None);

@@ -1,5 +1,4 @@
-//! Tests of the firmware core through its public face, with a small robot and a library made by the
-//! protocol's encoder.
+//! Tests of the firmware core through its public interface, with a small robot and a library made by the protocol's encoder.
 
 mod arming;
 #[cfg(feature = "authenticated")]
@@ -9,6 +8,7 @@ mod authentication;
 mod deeds;
 mod documentation;
 mod drives;
+mod examples;
 mod feed_forward;
 mod flash;
 mod hostile;

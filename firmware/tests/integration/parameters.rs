@@ -42,7 +42,7 @@ fn disarm(rig: &mut Rig) {
     rig.run_until(State::Disarmed, 2000);
 }
 
-/// kp of the setpoints that a joint got since it was enabled.
+/// Values of kp in the set-points of a joint since it was enabled.
 fn told(rig: &Rig, joint: usize) -> Vec<f32> {
     rig.servos[joint].setpoints.iter().map(|&(_, kp)| kp).collect()
 }
@@ -94,7 +94,7 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     assert!(told(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
-/// Writing flash stops the control loop, which has to watch the cause of a stop after it.
+/// Writing flash stops the control loop, which must still watch the cause of a stop afterwards.
 #[test]
 fn nothing_is_saved_but_while_disarmed() {
     let wrong_state = (ParameterResult::WrongState, 0.0);
@@ -217,8 +217,8 @@ fn a_controller_without_memory_says_so() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Random requests while the robot walks: the bench receives no setpoint, gain, torque or torque limit beyond its range, and
-    /// the robot walks on.
+    /// Random requests while the robot walks: the rig receives no set-point, gain, torque or torque limit out of its range, and
+    /// the robot continues to walk.
     #[test]
     fn requests_while_walking_lead_to_nothing_out_of_limits(
         requests in prop::collection::vec(
@@ -237,7 +237,7 @@ proptest! {
     }
 }
 
-/// A stop button that is pressed at power-on stops before anything else has happened.
+/// A stop button pressed at power-on takes effect before the first tick.
 #[test]
 fn a_stop_before_the_first_tick_does_not_lose_what_was_saved() {
     let mut rig = Rig::booted();

@@ -1,4 +1,4 @@
-//! Slower, to a halt, and on: playback time is scaled, and nothing gets past the limits on the way.
+//! Slow playback, pause and resume: playback time is scaled, and limits hold throughout.
 
 use crate::rig::Rig;
 use crate::robot::*;
@@ -96,7 +96,7 @@ fn a_paused_robot_goes_home_when_the_host_is_lost_or_it_is_disarmed() {
     assert!(rig.brain.faults().is_empty());
 }
 
-/// Return at 1/64 of the speed would take minutes.
+/// Returning at 1/64 of the speed would take minutes.
 #[test]
 fn nobody_watches_a_slow_robot_whose_host_is_lost() {
     let mut rig = Rig::ready();
@@ -141,7 +141,7 @@ fn the_watchdogs_watch_a_paused_robot() {
     assert_eq!(rig.brain.state(), State::EStopped);
 }
 
-/// Half the speed: the same way in twice the time.
+/// Playback at half the speed takes twice the time for the same trajectory.
 #[test]
 fn slow_playback_goes_the_same_way() {
     let ticks_of = |speed_64ths: i8| {
@@ -190,7 +190,7 @@ fn times() -> impl Strategy<Value = Time> {
     prop_oneof![(1..=PLANNED_SPEED_64THS).prop_map(Time::Speed), Just(Time::Halt), Just(Time::GoOn)]
 }
 
-/// A frame rarely takes a whole number of control periods: the rest of a period counts for the next frame.
+/// A frame rarely takes a whole number of control periods: the remainder of a period counts towards the next frame.
 #[test]
 fn playback_time_is_exact_at_every_speed() {
     let (config, bytes) = (config(), library());
@@ -221,8 +221,7 @@ fn playback_time_is_exact_at_every_speed() {
 }
 
 proptest! {
-    /// However time is scaled: no joint is faster and no wheel accelerates harder than it may, and
-    /// that without the limiter.
+    /// Joint speeds and wheel accelerations stay within their limits at any playback speed, even without the limiter.
     #[test]
     fn scaled_playback_keeps_the_limits(
         changes in prop::collection::vec((times(), 1u32..120), 1..40),

@@ -1,4 +1,4 @@
-//! The order of frames along the graph, and the curve through them.
+//! Order of frames along the motion graph, and the curve through them.
 
 use proptest::prelude::*;
 use rollwalk_firmware::graph_cursor::{GoalError, GraphCursor};
@@ -39,7 +39,7 @@ fn node(lib: &Library<'_>, code: u8) -> NodeId {
     lib.node_for_code(code).unwrap()
 }
 
-/// The next `n` frames of a walk.
+/// Next `n` frames of a cursor.
 fn go(walk: &mut GraphCursor, lib: &Library<'_>, n: usize) -> Vec<(u8, u16)> {
     (0..n)
         .map(|_| {
@@ -50,7 +50,7 @@ fn go(walk: &mut GraphCursor, lib: &Library<'_>, n: usize) -> Vec<(u8, u16)> {
         .collect()
 }
 
-/// Frames of a clip after its first one, up to `last`.
+/// Frames of a clip in a range, as pairs of clip and frame.
 fn run(clip: u8, frames: std::ops::RangeInclusive<u16>) -> Vec<(u8, u16)> {
     frames.map(|f| (clip, f)).collect()
 }
@@ -169,7 +169,7 @@ fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
     assert_eq!(go(&mut walk, &lib, 1), [(STAND_CLIP, last)]);
 }
 
-/// A tour through every motion and transition, with the frames that the window stands at.
+/// Plays every motion and transition, and calls `each` in every control period.
 fn tour(ticks_per_frame: u16, mut each: impl FnMut(&Player)) {
     let loaded = Loaded::new();
     let lib = loaded.open();
@@ -202,8 +202,7 @@ fn every_frame_is_met_exactly() {
     assert_eq!(frames, 3 * 220);
 }
 
-/// Continuous in value and slope over loop seams and joints of clips, with the slope being the
-/// derivative of the value.
+/// Curve is continuous in value and slope where loops repeat and clips join, and its slope is the derivative of the value.
 #[test]
 fn the_curve_is_c1_over_all_seams() {
     let config = config();
@@ -270,7 +269,7 @@ fn wheels_are_interpolated_too_and_have_no_slope() {
 }
 
 proptest! {
-    /// Whatever is asked for and when, the motion starts in as many frames as was said.
+    /// A motion starts after the number of frames that was reported, for any sequence of requests.
     #[test]
     fn a_motion_starts_when_it_was_said_to(
         requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0u16..200), 1..6),
@@ -296,7 +295,7 @@ proptest! {
         }
     }
 
-    /// Whatever is asked for and when: from everywhere SAFE is reached once it is asked for.
+    /// SAFE is reached from everywhere after it is requested, for any sequence of earlier requests.
     #[test]
     fn safe_is_reached_from_everywhere(
         requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0usize..200), 0..12),
@@ -320,7 +319,7 @@ proptest! {
     }
 }
 
-/// The test library with a byte changed that only one clip notices, near the end of its frames.
+/// Test library with one changed byte near the end of the frames, which makes only this clip unreadable.
 fn with_damaged(clip: u8) -> Loaded {
     let mut loaded = Loaded::new();
     let clips = loaded.open().clip_count();
@@ -336,7 +335,7 @@ fn with_damaged(clip: u8) -> Loaded {
     panic!("every byte of clip {clip} is part of its CRC");
 }
 
-/// Advances into a clip; whether its frames were taken for good.
+/// Advances into a clip; returns false if a damaged clip is detected before.
 fn gets_into(clip: u8, mut walk: GraphCursor, lib: &Library<'_>) -> bool {
     for _ in 0..200 {
         if walk.advance(lib).is_err() {

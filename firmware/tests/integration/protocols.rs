@@ -1,4 +1,4 @@
-//! The controller with drives of every protocol: arm, align, play, stop.
+//! Controller with drives of every protocol: arm, align, play, stop.
 
 use crate::drives::Drive;
 use crate::flash;
@@ -100,7 +100,7 @@ pub fn bench_with(config: RobotConfig, protocols: [Protocol; 2], like: Bus, libr
     rig
 }
 
-/// Has it armed and aligned.
+/// Arms the robot and waits for the end of alignment.
 pub fn aligned(mut rig: Rig) -> Rig {
     assert_eq!(rig.brain.state(), State::Disarmed, "{:?}", rig.drives.list);
     rig.arm();
@@ -120,7 +120,7 @@ fn playing(protocol: Protocol) -> Rig {
     rig
 }
 
-/// Checks that no drive moved farther in a tick than its channel allows, plus its protocol's step.
+/// Checks that no drive moved further in a tick than its channel allows, plus its protocol's step.
 fn assert_no_kick(rig: &Rig, what: &Protocol) {
     for drive in &rig.drives.list {
         let c = &drive.motor.channel;
@@ -211,8 +211,7 @@ fn what_waited_for_a_dead_bus_is_off() {
     }
 }
 
-/// The order that enables is begun, and the bus takes nothing for a while: it begins again, with the
-/// pose of that moment.
+/// A torque-on command that was interrupted, because the bus accepted nothing for a while, begins again with the current pose.
 #[test]
 fn an_order_that_stuck_halfway_begins_again() {
     for protocol in protocols() {
@@ -238,7 +237,7 @@ fn an_order_that_stuck_halfway_begins_again() {
     }
 }
 
-/// A stop in the middle of an order that enables drops the rest of the order.
+/// A stop in the middle of a torque-on command drops its remaining frames.
 #[test]
 fn a_stop_goes_before_the_rest_of_an_order() {
     for protocol in protocols() {
@@ -262,7 +261,7 @@ fn a_stop_goes_before_the_rest_of_an_order() {
     }
 }
 
-/// The frames of an order that enables are in a row: nothing for that drive comes between.
+/// Frames of a torque-on command follow each other directly: no other frame to that drive is sent between them.
 #[test]
 fn an_order_that_enables_is_whole() {
     for protocol in protocols() {
@@ -321,7 +320,7 @@ fn an_order_that_enables_is_whole() {
     }
 }
 
-/// Reaction of the other drives: joints are damped where the protocol allows it, and limp elsewhere. Wheels brake.
+/// Other drives react to a silent drive: joints are damped where the protocol allows it, and otherwise limp. Wheels brake.
 #[test]
 fn a_silent_drive_damps_the_others_as_far_as_they_can() {
     for protocol in protocols() {
@@ -384,7 +383,8 @@ fn a_fault_that_is_told_once_is_heard() {
     assert_eq!(rig.brain.state(), State::Damped);
 }
 
-/// Faults that a drive keeps must be cleared before torque can come on again. The controller clears them while torque is off.
+/// Faults that a drive latches must be cleared before torque can be switched on again. The controller clears them while torque
+/// is off.
 #[test]
 fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     let mut rig = playing(odrive(Version::V06));
@@ -400,7 +400,7 @@ fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     rig.run_until(State::Ready, 2000);
 }
 
-/// Telemetry of channels marked as unanswered, over `ticks` control periods.
+/// Channels of the telemetry messages marked as unanswered in `ticks` control periods.
 fn unanswered(rig: &mut Rig, ticks: u32) -> Vec<u8> {
     let from = rig.heard.len();
     rig.run(ticks);
@@ -411,7 +411,7 @@ fn unanswered(rig: &mut Rig, ticks: u32) -> Vec<u8> {
     told.filter(|joint| joint.status.is_unanswered()).map(|joint| joint.channel).collect()
 }
 
-/// A disturbed line shows before it stops the robot.
+/// A disturbed line is reported before it stops the robot.
 #[test]
 fn a_servo_that_does_not_answer_once_is_told_of_once() {
     for protocol in [dynamixel(), feetech()] {
@@ -485,7 +485,7 @@ fn set(rig: &mut Rig, parameter: Parameter, channel: u8, value: f32) -> Paramete
     rig.parameter(ParameterAction::Set { parameter, channel, value }).result
 }
 
-/// Gains are sent along the ramp and at its end, to one drive at a time, so that setpoints get through.
+/// Gains are sent along the ramp and at its end, to one drive at a time, so that set-points are not delayed.
 #[test]
 fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
     let mut rig = ready(odrive(Version::V06));
@@ -532,7 +532,7 @@ fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
     }
 }
 
-/// Beyond the drive's scale a setpoint would never leave, and the robot be let down in its stride.
+/// A set-point with a gain beyond the drive's scale could not be sent, and the robot would be damped in mid-stride.
 #[test]
 fn a_gain_that_the_drive_cannot_be_told_is_refused() {
     let mut config = robot::config();

@@ -1,4 +1,4 @@
-//! A controller on a bench: ideal servos, a host, and a monitor that looks at every frame.
+//! Test rig for a controller: ideal servos, a host, and a monitor that checks every frame.
 
 use crate::drives::Drives;
 use crate::flash::{self, Flash};
@@ -23,29 +23,29 @@ use rollwalk_protocol::wire::{
 
 pub type Brain = Controller<FlashStore<Flash>, FlashParameters<Flash>>;
 
-/// A servo that is where it was sent at once.
+/// Servo that reaches every set-point at once.
 #[derive(Clone, Debug)]
 pub struct Servo {
     pub channel: Channel,
-    /// rad, or rad/s of a wheel.
+    /// Position, rad, or speed of a wheel, rad/s.
     pub value: f32,
     pub enabled: bool,
     pub powered: bool,
-    /// Holds it at this value against every setpoint.
+    /// Value at which the servo is jammed, against every set-point.
     pub jammed_at: Option<f32>,
-    /// Answers, but does not turn its torque on.
+    /// True if the servo answers but does not switch its torque on.
     pub refuses: bool,
     pub status: u8,
     counter: u8,
-    /// Tick of the last setpoint.
+    /// Tick of the latest set-point.
     set_at: u32,
-    /// Setpoints since it was enabled last, with kp for a joint.
+    /// Set-points since the servo was last enabled, with kp for a joint.
     pub setpoints: Vec<(f32, f32)>,
-    /// The torques of these setpoints, N·m.
+    /// Torques of these set-points, N·m.
     pub torques: Vec<f32>,
-    /// The last torque before it was scaled with the gains for the sum to be within the limit, N·m.
+    /// Latest torque before it was scaled together with the gains to keep the sum within the limit, N·m.
     meant_nm: f32,
-    /// External load, N·m: the servo yields until its control law holds it.
+    /// External load, N·m: the servo is displaced until its control law holds the load.
     pub load_nm: f32,
 }
 
@@ -101,7 +101,7 @@ impl Servo {
         }
     }
 
-    /// Takes a setpoint and checks it.
+    /// Applies a set-point and checks it.
     fn set(
         &mut self,
         (value, kp, gain, torque_nm): (f32, f32, f32, f32),
@@ -169,36 +169,36 @@ impl Servo {
     }
 }
 
-/// Frames that the host has received, with the time.
+/// Frames that the host has received, with their times.
 pub type Heard = Vec<(u64, FromController)>;
 
 pub struct Rig {
     pub brain: Brain,
     pub now_us: u64,
     pub servos: Vec<Servo>,
-    /// Drives of other protocols than the Rollwalk profile, in place of those servos.
+    /// Drives of other protocols than the Rollwalk profile, in place of the servos.
     pub drives: Drives,
     pub settings: Settings,
-    /// True if frames for the actuators are taken off the controller.
+    /// True if the actuator buses take frames from the controller.
     pub buses_up: bool,
     /// True if the host sends heartbeats.
     pub host_alive: bool,
-    /// Address of the heartbeats.
+    /// Destination address of the heartbeats.
     pub heartbeats_to: Node,
-    /// True if feedback comes from the servos alone, so that the first setpoint must be their pose.
+    /// True if feedback comes from the servos alone, so that the first set-point must be their pose.
     pub trust_pose: bool,
     sent: Vec<Frame>,
     pub heard: Heard,
     ticks: u32,
-    /// Number of its last heartbeat.
+    /// Number of the latest heartbeat.
     pub heartbeat_seq: u8,
     heartbeat_us: u64,
     seq: u8,
-    /// The latest command of each number.
+    /// Latest command of each sequence number.
     commands: [Option<Command>; 16],
     parameter_seq: u8,
     endpoint: Endpoint,
-    /// Authenticator that goes ahead of the host's messages.
+    /// Source of the authenticators that precede the host's messages.
     #[cfg(feature = "authenticated")]
     pub prover: Option<crate::authentication::Prover>,
 }
@@ -208,7 +208,7 @@ pub fn me() -> Node {
 }
 
 impl Rig {
-    /// A robot of the test configuration that hangs somewhere, with a host.
+    /// Robot with the test configuration in an arbitrary pose, with a host.
     pub fn new(library: Option<&[u8]>) -> Self {
         Self::with(robot::config(), Settings::default(), library)
     }
@@ -245,7 +245,7 @@ impl Rig {
         }
     }
 
-    /// Switches the power off and on again; the controller may now have another configuration.
+    /// Switches the power off and on again, with a configuration that may differ.
     pub fn power_cycled(self, config: RobotConfig) -> Self {
         let (library, parameters) = flash::mounted_again(self.brain.into_stores());
         let (buses, settings) = (Buses::new(), self.settings);
@@ -265,7 +265,7 @@ impl Rig {
         rig
     }
 
-    /// A robot that holds SAFE.
+    /// Robot that holds SAFE.
     pub fn ready() -> Self {
         let mut rig = Self::booted();
         rig.arm();
@@ -273,13 +273,13 @@ impl Rig {
         rig
     }
 
-    /// True if the joints are in the SAFE pose, to a step of a setpoint: the pose is in whole quanta.
+    /// True if the joints are in the SAFE pose to within a step of a set-point, which quantises the pose.
     pub fn stands(&self) -> bool {
         let joints = self.servos[..2].iter().zip(robot::STAND);
         joints.into_iter().all(|(servo, safe)| (servo.value - safe).abs() <= POSITION_STEP_RAD)
     }
 
-    /// The clip that is being played.
+    /// Clip that is being played.
     pub fn clip(&self) -> u8 {
         self.brain.playing().expect("it plays").clip.0
     }
@@ -288,7 +288,7 @@ impl Rig {
         (0..ticks).for_each(|_| self.step());
     }
 
-    /// Runs until a state is reached; ticks that it took.
+    /// Runs until a state is reached; returns the number of ticks.
     pub fn run_until(&mut self, state: State, most: u32) -> u32 {
         for tick in 0..most {
             if self.brain.state() == state {
@@ -325,7 +325,7 @@ impl Rig {
         command
     }
 
-    /// Sends a request about parameters that was never sent before, and returns its answer.
+    /// Sends a parameter request that was never sent before, and returns its answer.
     pub fn parameter(&mut self, action: ParameterAction) -> ParameterAck {
         let seq = self.next_parameter_seq();
         self.parameter_again(ParameterRequest { seq, action })
@@ -336,7 +336,7 @@ impl Rig {
         self.parameter_seq
     }
 
-    /// Sends a request about parameters and returns its answer.
+    /// Sends a parameter request and returns its answer.
     pub fn parameter_again(&mut self, request: ParameterRequest) -> ParameterAck {
         let from = self.heard.len();
         self.send(&request.encode(me()));
@@ -370,7 +370,7 @@ impl Rig {
         acks[0]
     }
 
-    /// Sends a former command again, `back` commands ago.
+    /// Sends an earlier command again, `back` commands before the latest.
     pub fn replay(&mut self, back: usize) {
         if let Some(&frame) = self.sent.iter().rev().nth(back) {
             self.send(&frame);
@@ -411,12 +411,12 @@ impl Rig {
         self.exchange(message)
     }
 
-    /// Sends any bytes as a message of the transport.
+    /// Sends arbitrary bytes as a message of the transport.
     pub fn send_message(&mut self, bytes: &[u8]) {
         self.exchange(bytes);
     }
 
-    /// Sends the proof of a message, if the host has a key.
+    /// Sends the authenticator of a message, if the host has a key.
     #[cfg(feature = "authenticated")]
     fn prove(&mut self, id: u16, bytes: &[u8]) {
         if let Some(proof) = self.prover.as_mut().and_then(|prover| prover.proof(id, bytes)) {
@@ -427,7 +427,7 @@ impl Rig {
     #[cfg(not(feature = "authenticated"))]
     fn prove(&mut self, _: u16, _: &[u8]) {}
 
-    /// The last message of the controller's transport.
+    /// Latest message of the controller's transport.
     #[cfg(feature = "authenticated")]
     pub fn received(&self) -> &[u8] {
         self.endpoint.received()
@@ -451,7 +451,7 @@ impl Rig {
         None
     }
 
-    /// The last report of a fault.
+    /// Latest report of a fault.
     pub fn fault_report(&mut self, fault: Fault) -> FaultReport {
         self.run(1);
         let reports = self.heard.iter().rev().filter_map(|(_, message)| match message {
@@ -469,7 +469,7 @@ impl Rig {
         self.heard.iter().filter_map(status).collect()
     }
 
-    /// Takes everything off the link: each frame is a message of ours.
+    /// Receives all frames of the controller from the link. Checks that each is a message from this controller.
     fn listen(&mut self) -> Option<Response> {
         let mut response = None;
         for n in 0.. {
@@ -497,7 +497,7 @@ impl Rig {
         response
     }
 
-    /// Runs a control period: a tick, and the traffic of the buses after it.
+    /// Runs a control period: a tick, and the bus traffic after it.
     pub fn step(&mut self) {
         self.now_us += 1_000_000 / u64::from(self.settings.control_hz);
         if self.host_alive && self.now_us >= self.heartbeat_us {
@@ -515,7 +515,7 @@ impl Rig {
         self.listen();
     }
 
-    /// Takes all frames for the actuators off the controller, and brings the answers.
+    /// Takes all frames for the actuators from the controller, and delivers the answers.
     pub fn carry(&mut self) {
         self.drives.carry(&mut self.brain, self.now_us);
         for bus in 0..3 {

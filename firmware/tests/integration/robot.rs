@@ -1,4 +1,4 @@
-//! A robot with two joints and a wheel, and a library with one motion of each sort.
+//! Robot with two joints and a wheel, and a library with one motion of each kind.
 
 use std::f32::consts::TAU;
 
@@ -14,7 +14,7 @@ pub const CODE_STAND: u8 = 1;
 pub const CODE_DRIVE: u8 = 10;
 pub const CODE_WALK: u8 = 20;
 
-/// Clips: motions (= nodes), then transitions.
+/// Clip of the SAFE motion. Motions, which are the graph's nodes, come first, then the transitions.
 pub const STAND_CLIP: u8 = 0;
 pub const DRIVE_CLIP: u8 = 1;
 pub const WALK_CLIP: u8 = 2;
@@ -59,7 +59,7 @@ fn stand() -> Vec<f32> {
     [STAND, STAND].concat()
 }
 
-/// Frames of SAFE when it is a motion that settles into the pose.
+/// Number of frames of SAFE in the variant where it is a motion that settles into the pose.
 pub const SETTLE_FRAMES: u16 = 20;
 
 fn settle() -> Vec<f32> {
@@ -90,7 +90,7 @@ fn walk() -> Vec<f32> {
     (0..WALK_FRAMES).flat_map(|i| walk_at(f32::from(i))).collect()
 }
 
-/// Frames from one pose to another along a smooth step. Only the start and the end matter here.
+/// Frames from one pose to another along a smooth step. Only the start and the end matter.
 fn transition(from: [f32; CHANNELS], to: [f32; CHANNELS]) -> Vec<f32> {
     (0..TRANSITION_FRAMES)
         .flat_map(|i| {
@@ -101,7 +101,7 @@ fn transition(from: [f32; CHANNELS], to: [f32; CHANNELS]) -> Vec<f32> {
         .collect()
 }
 
-/// The library, as bytes.
+/// Encoded test library.
 pub fn library() -> Vec<u8> {
     library_for(&config())
 }
@@ -110,17 +110,17 @@ pub fn library_for(config: &RobotConfig) -> Vec<u8> {
     build(config, &stand(), true)
 }
 
-/// A library for slow actuators: half the wheel's speed.
+/// Test library for slow actuators: half the wheel speed.
 pub fn calm_library(config: &RobotConfig) -> Vec<u8> {
     build_at(config, &stand(), true, 0.5)
 }
 
-/// A library whose SAFE is a motion that ends.
+/// Test library whose SAFE is a finite motion.
 pub fn library_that_settles() -> Vec<u8> {
     build(&config(), &settle(), false)
 }
 
-/// Library in which the motion with `code` is pitched nose-down by `pitch_rad`, give or take `spread_rad`.
+/// Test library in which the motion with `code` is pitched nose-down by `pitch_rad`, with a deviation of up to `spread_rad`.
 pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<u8> {
     let level = Attitude { spread_rad, ..Attitude::LEVEL };
     let up_body = [-pitch_rad.sin(), 0.0, pitch_rad.cos()];
@@ -131,7 +131,7 @@ pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<
     build_told(&config(), &stand(), true, 1.0, &attitudes, &|_| vec![])
 }
 
-/// The library with torques: those of a frame by its values.
+/// Test library with torques, which `torques` computes from the values of each frame.
 pub fn library_with_torques(
     config: &RobotConfig,
     speed: f32,
@@ -145,7 +145,7 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
     build_at(config, stand, looping, 1.0)
 }
 
-/// Library with the wheel `speed` times as fast.
+/// Test library with the wheel speed scaled by `speed`.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
     build_told(config, stand, looping, speed, &[], &|_| vec![])
 }

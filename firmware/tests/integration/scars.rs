@@ -1,5 +1,7 @@
-//! Failures of other robots that must not happen here. `docs/playback-and-safety.md` lists every scar with the test that has its
-//! number. Scars without a test here have it next to their subject.
+//! Failures of other robots that must not happen here.
+//!
+//! `docs/playback-and-safety.md` lists every scar with the test that has its number. Scars without a test here have it next to
+//! their subject.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -9,7 +11,7 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{Action, CommandResult, Discover, Estop, Heartbeat, Node, State};
 
-/// Others check the first setpoint when it is out already, and go on with a motion that was aborted.
+/// Other controllers check the first set-point only after sending it, and continue with an aborted motion.
 #[test]
 fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
     // Measured outside its range: nothing is sent at all.
@@ -41,7 +43,7 @@ fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
 const EVERY_16TH: [u8; 16] =
     [0, 16, 32, 48, 64, 80, 96, 112, 128, 144, 160, 176, 192, 208, 224, 240];
 
-/// Others feed a watchdog with whatever arrives, and start again when something arrives later.
+/// Other controllers feed the watchdog with any message, and start again if a message arrives later.
 #[test]
 fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     let mut rig = Rig::ready();
@@ -105,7 +107,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     }
 }
 
-/// Counter of a restarted host begins at 0, wherever the one before had stopped.
+/// Counter of a restarted host begins at 0, whatever its value was before.
 #[test]
 fn a_host_that_was_started_again_is_heard_within_the_timeout() {
     for before in (0..=255).step_by(5) {
@@ -182,8 +184,8 @@ fn fate() -> impl Strategy<Value = Fate> {
 }
 
 proptest! {
-    /// Adapters reorder, repeat and drop. A command then takes effect once, in its order, or not at
-    /// all; the last one that arrives in order counts.
+    /// Adapters reorder, repeat and drop frames. A command takes effect at most once and in order. The final one that arrives
+    /// in order counts.
     #[test]
     fn scar_8_a_link_that_reorders_repeats_and_drops(fates in prop::collection::vec(fate(), 1..12)) {
         let mut rig = Rig::ready();
@@ -219,9 +221,10 @@ proptest! {
     }
 }
 
-/// Others stream setpoints, and a host that stalls for a moment stops the robot or lets it fall. Here
-/// the motion is on the controller: a stall shorter than the timeout changes no setpoint, a longer one
-/// leads home along the graph.
+/// Other robots follow streamed set-points, so a host that stalls briefly stops the robot or lets it fall.
+///
+/// A motion on the controller is independent of the host: a stall shorter than the timeout changes no set-point, and a longer
+/// one leads to SAFE along the graph.
 #[test]
 fn scar_9_a_host_that_stalls_does_not_disturb_the_motion() {
     let play = |stall_ticks: std::ops::Range<u32>| {

@@ -1,4 +1,4 @@
-//! Stopping, losing things, going home: each rule as a story on the bench.
+//! Stops, lost hosts and actuators, and returns to SAFE: each rule as a scenario in the test rig.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -125,7 +125,7 @@ fn a_repeated_heartbeat_is_no_sign_of_life() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
-/// Heartbeats with all 256 numbers in order, each third one lost.
+/// Heartbeats with all 256 numbers in order, of which every third is lost.
 #[test]
 fn a_robot_plays_through_all_numbers_of_heartbeats() {
     let mut rig = Rig::ready();
@@ -145,7 +145,7 @@ fn a_robot_plays_through_all_numbers_of_heartbeats() {
     }
 }
 
-/// The heartbeat comes back between two control periods: the host was lost all the same.
+/// A heartbeat that arrives late, between two control periods, does not prevent `HostLost`.
 #[test]
 fn a_late_heartbeat_does_not_hide_that_the_host_was_lost() {
     let mut rig = Rig::ready();
@@ -165,7 +165,7 @@ fn a_late_heartbeat_does_not_hide_that_the_host_was_lost() {
     assert!(rig.brain.faults().contains(Fault::HostLost));
 }
 
-/// A host that starts again counts from 0, where the one before it may have been.
+/// A restarted host counts from 0, which may also be the number of its latest heartbeat before.
 #[test]
 fn a_host_that_starts_again_is_heard_at_once() {
     let mut rig = Rig::booted();

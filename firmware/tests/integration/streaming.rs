@@ -1,5 +1,5 @@
-//! Setpoints that a host streams: followed by the controller's clock, filled and held where they are missing, and left for SAFE
-//! or for a halt.
+//! Set-points that a host streams. The controller follows them by its own clock, fills or holds missing ones, and ends the
+//! stream in SAFE or at a halt.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -8,12 +8,12 @@ use rollwalk_protocol::faults::{Fault, Severity};
 use rollwalk_protocol::wire::{Action, CommandResult, Node, Setpoint, State};
 use std::f32::consts::TAU;
 
-/// Frames that the host of these tests is ahead.
+/// Number of frames by which the host of these tests is ahead.
 const LEAD: u16 = 6;
-/// Control periods of a frame.
+/// Number of control periods in a frame.
 const TICKS: u32 = 2;
 
-/// A stream that begins at rest in SAFE.
+/// Values of a stream that begins at rest in SAFE.
 fn values(frame: u16) -> [f32; CHANNELS] {
     let a = TAU * f32::from(frame) / 60.0;
     let sway = 0.5 - 0.5 * a.cos();
@@ -37,7 +37,7 @@ fn send(rig: &mut Rig, frame: u16) {
     send_to(rig, me(), frame, 0..CHANNELS);
 }
 
-/// A robot that has begun to follow a stream, and the frame that comes next.
+/// Robot that has begun to follow a stream, with the number of the next frame.
 fn streaming() -> (Rig, u16) {
     let mut rig = Rig::ready();
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
@@ -46,7 +46,7 @@ fn streaming() -> (Rig, u16) {
     (rig, LEAD)
 }
 
-/// Streams up to a frame, one in each 1/60 s.
+/// Streams the frames before `to`, one in each 1/60 s.
 fn stream_up_to(rig: &mut Rig, from: u16, to: u16) {
     for frame in from..to {
         send(rig, frame);
@@ -54,7 +54,7 @@ fn stream_up_to(rig: &mut Rig, from: u16, to: u16) {
     }
 }
 
-/// Frames taken so far, as reported by STATUS.
+/// Number of frames taken, as reported by STATUS.
 fn taken(rig: &mut Rig) -> u16 {
     rig.run(24);
     rig.statuses().last().unwrap().1.frame
@@ -250,7 +250,7 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     assert_eq!(rig.command(Action::Pause).result, CommandResult::WrongState);
 }
 
-/// A bound that holds while a motion plays holds here.
+/// Limits of playback apply to a stream too.
 #[test]
 fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_a_stream() {
     type Cause = fn(&mut Rig);

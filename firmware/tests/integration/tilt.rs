@@ -42,7 +42,7 @@ fn a_lean_leads_home_and_a_fall_is_let_down() {
     assert!(rig.brain.faults().contains(Fault::Tilt));
 }
 
-/// Return at 1/64 of the speed would take minutes.
+/// Returning at 1/64 of the speed would take minutes.
 #[test]
 fn a_slow_robot_that_leans_goes_home_at_the_planned_speed() {
     let mut rig = Rig::ready();
@@ -78,7 +78,7 @@ fn the_library_says_how_a_motion_tilts_the_body() {
     assert_eq!(rig.brain.state(), State::Returning);
 }
 
-/// Attitude of SAFE counts even before anything is played: while the joints go to SAFE.
+/// Attitude of SAFE applies before anything is played, while the joints move to SAFE.
 #[test]
 fn the_library_says_how_safe_tilts_the_body() {
     for (pitch_rad, is_well) in [(0.6, true), (0.0, false)] {
@@ -94,7 +94,7 @@ fn the_library_says_how_safe_tilts_the_body() {
     }
 }
 
-/// Leans of less than the patience, again and again, are steps.
+/// Repeated leans that are each shorter than the timeout are treated as steps.
 #[test]
 fn leans_that_end_in_time_lead_nowhere() {
     let mut rig = Rig::ready();

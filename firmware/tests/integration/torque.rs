@@ -1,4 +1,4 @@
-//! Control loop on the controller: drives receive torques, and joints with inertia follow.
+//! Control loop closed by the controller: drives receive torques, and joints with inertia follow.
 
 use crate::protocols::{aligned, bench_of, cybergear, dynamixel, mit, odrive, slow_down};
 use crate::rig::Rig;
@@ -10,18 +10,18 @@ use rollwalk_protocol::actuators::odrive::Version;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{CommandResult, State};
 
-/// The inertia of everything, kg·m².
+/// Inertia of every joint and wheel, kg·m².
 const INERTIA: f32 = 0.05;
-/// kp and kd of the joints.
+/// Stiffness kp of the joints, N·m/rad.
 const KP: f32 = 20.0;
+/// Damping kd of the joints, N·m·s/rad.
 const KD: f32 = 0.5;
 
 fn protocols() -> [Protocol; 4] {
     [mit(4, AnswerId::Own), odrive(Version::V06), cybergear(), dynamixel()]
 }
 
-/// The largest error of a torque on its way, N·m: half a step of an AK80-9's 12 bits over ±18 N·m; a
-/// step of 2.69 mA.
+/// Largest rounding error of a commanded torque, N·m: half a step of an AK80-9's 12 bits over ±18 N·m, or a step of 2.69 mA.
 const ROUNDING_NM: f32 = 4.5e-3;
 
 fn bench(protocol: Protocol) -> Rig {
@@ -68,7 +68,7 @@ fn joints_follow_a_motion() {
     }
 }
 
-/// A load sags it by load / kp, the gain of the channel.
+/// A joint sags under a load by load / kp, with the gain kp of the channel.
 #[test]
 fn a_load_is_held_by_the_gain_of_the_channel() {
     for protocol in protocols() {
@@ -94,7 +94,7 @@ fn torque_stays_within_the_channel() {
     }
 }
 
-/// Enabled, there is no torque until the ramp begins where the joint was measured.
+/// An enabled drive receives no torque until the ramp begins at the measured position.
 #[test]
 fn no_enable_kick() {
     for protocol in protocols() {
@@ -114,7 +114,7 @@ fn no_enable_kick() {
     }
 }
 
-/// Stale measurements say nothing about the present: the controller makes no torque from them.
+/// Stale measurements do not describe the current state: the controller computes no torque from them.
 #[test]
 fn stale_feedback_makes_no_torque() {
     for protocol in protocols() {
@@ -133,7 +133,7 @@ fn stale_feedback_makes_no_torque() {
     }
 }
 
-/// Damped, a joint that swings loses its speed with the time constant inertia / kd, whatever drive.
+/// A damped joint that swings loses its speed with the time constant inertia / kd, for every drive.
 #[test]
 fn damping_is_the_controllers_own() {
     for protocol in protocols() {

@@ -1,5 +1,5 @@
-//! Loop that a host closes over the link: measurements at a fixed rate, setpoints that answer them, and the robot's behaviour
-//! without answers.
+//! Control loop that a host closes over the link: measurements at a fixed rate, set-points that answer them, and the robot's
+//! behaviour without answers.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -12,10 +12,10 @@ use rollwalk_protocol::wire::{
 };
 
 const TRACK: Action = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
-/// Periods without an answer that acts, after which the robot holds still.
+/// Number of control periods without an effective answer after which the robot holds still.
 const PATIENCE: u32 = MISSED as u32 + 2;
 
-/// A robot that is tracked.
+/// Robot that a host tracks.
 fn tracked() -> Rig {
     let mut rig = Rig::ready();
     let ack = rig.command(TRACK);
@@ -32,7 +32,7 @@ fn sample(rig: &Rig) -> Sample {
     rig.heard.iter().rev().find_map(of).expect("it sends samples")
 }
 
-/// The sample whose answer was in force at the newest one.
+/// Number of the sample whose answer was in force when the newest sample was taken.
 fn answered(rig: &Rig) -> Option<u8> {
     sample(rig).answered.map(|of| of.number)
 }
@@ -41,7 +41,7 @@ fn setpoint(number: u8, channel: usize, value: f32) -> Setpoint {
     Setpoint { frame: number, channel: channel as u8, stiff: false, value, torque_nm: 0.0 }
 }
 
-/// Answers a sample with the same setpoints but for those of one channel.
+/// Answers a sample with the SAFE set-points, modified by `change`.
 fn answer(rig: &mut Rig, number: u8, change: impl Fn(&mut Setpoint)) {
     for (channel, value) in STAND.into_iter().enumerate() {
         let mut setpoint = setpoint(number, channel, value);
@@ -166,7 +166,7 @@ fn a_host_whose_answers_are_old_does_not_steer() {
     assert!(rig.stands());
 }
 
-/// Late answers, with which the robot would hold still again and again: some act, and none makes it stiff.
+/// Late answers would make the robot hold still again and again. The answers that do take effect never make it stiff.
 #[test]
 fn gains_do_not_flicker_with_the_age_of_answers() {
     for age in 0..10 {
@@ -187,7 +187,7 @@ fn gains_do_not_flicker_with_the_age_of_answers() {
     }
 }
 
-/// Under a load its setpoints are away from where it is. All of its gains at once would pull it there.
+/// A joint under load has a set-point away from its position. Full gains at once would pull it there.
 #[test]
 fn a_joint_that_is_held_stays_where_it_is() {
     let ends: [fn(&mut Rig); 4] = [
@@ -349,7 +349,7 @@ fn it_begins_near_safe_only() {
     }
 }
 
-/// A bound that holds while a motion plays holds here.
+/// Limits of playback apply to tracking too.
 #[test]
 fn a_joint_that_does_not_follow_and_a_motor_without_torque_end_it() {
     type Cause = fn(&mut Rig);
@@ -389,7 +389,8 @@ fn answers_to_no_sample_of_late_are_none() {
     }
 }
 
-/// The share of feed-forward is for libraries: along the ramp, the host's torques turn into those of SAFE.
+/// Feed-forward fraction applies to torques of libraries, not of the host. Along the ramp, the host's torques turn into those
+/// of SAFE.
 #[test]
 fn the_torques_of_the_host_do_not_end_at_once_with_return() {
     let mut rig = Rig::ready();
@@ -406,7 +407,7 @@ fn the_torques_of_the_host_do_not_end_at_once_with_return() {
     assert_eq!(nm(&rig), 0.0);
 }
 
-/// An answer sets the targets of all gains, also while they rise.
+/// A stiff answer sets the targets of joints at once, also while gains still rise after a hold.
 #[test]
 fn a_stiff_answer_after_a_hold_is_where_it_says() {
     let mut rig = tracked();

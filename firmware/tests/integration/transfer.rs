@@ -1,4 +1,4 @@
-//! The library over the link.
+//! Transfer of a library over the link.
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
@@ -31,8 +31,8 @@ pub fn flash(rig: &mut Rig, bytes: &[u8]) -> TransferResult {
     }
 }
 
-/// Found by the fault campaign: an answer of several frames whose flow control got lost was waited with for a
-/// second, in which no other request was answered.
+/// Found by the fault campaign: after an answer of several frames whose flow control was lost, the controller waited for a
+/// second and answered no other request.
 #[test]
 fn who_asks_again_is_answered_although_the_last_answer_was_not_taken() {
     let mut rig = Rig::booted();
@@ -130,7 +130,7 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
     rig.arm();
 }
 
-/// A library with another version in its header, whose checksum is right.
+/// Library with major version 2 in its header and a valid checksum.
 fn of_major_2(library: &[u8]) -> Vec<u8> {
     let mut bytes = library.to_vec();
     bytes[8] = 2;
@@ -139,8 +139,8 @@ fn of_major_2(library: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The header's own checksum hid the header from a CRC-32C of the whole file: nothing had to be sent of a file that
-/// differed from the active library there, and it was activated.
+/// A CRC-32C of the whole file is the same for all headers, because the header's own checksum cancels it. A file that differed
+/// from the active library only there was thus activated without being sent.
 #[test]
 fn a_file_with_another_header_is_another_file() {
     let good = library();

@@ -1,7 +1,7 @@
 //! Logs in the format of `candump -l` (can-utils), which `canplayer`, `cantools` and Wireshark read.
 //!
-//! One line a frame: `(1700000000.123456) can0 123#DEADBEEF`, identifiers of 29 bits with eight digits.
-//! The time is seconds since 1970, or in a simulation since its start.
+//! Each line is a frame: `(1700000000.123456) can0 123#DEADBEEF`. Identifiers of 29 bits have eight digits. The time is in
+//! seconds since 1970, or since the start of a simulation.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::text::Excerpt;
@@ -9,21 +9,23 @@ use std::fmt;
 use std::io;
 use std::str::FromStr;
 
-/// Bit of the identifier that marks an error report of the interface, which is not a frame.
+/// Identifier bit of an error report by the interface, which is not a frame.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// Entries per entry before the one above from which times are differences, in a log of some length.
+/// Inverse fraction of out-of-order entries. If more than one entry in this many is earlier than the previous one, times are
+/// differences.
 const BACK_SHARE: usize = 8;
+/// Minimum number of entries for detecting times that are differences.
 const DIFFERENCES_MIN: usize = 30;
 
-/// A frame on an interface at an instant; prints as a line of the log.
+/// Frame on an interface at a time, which is displayed as a line of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogEntry<I = String> {
-    /// Instant at which the frame ended, µs.
+    /// Time at which the frame ended, µs.
     pub at_us: u64,
-    /// The bus; its name has no spaces.
+    /// Name of the bus, without spaces.
     pub interface: I,
-    /// The frame.
+    /// Content of the frame.
     pub frame: Frame,
 }
 
@@ -34,50 +36,53 @@ impl<I: fmt::Display> fmt::Display for LogEntry<I> {
     }
 }
 
-/// Writes a log, a line for each entry.
+/// Writes a log, one line for each entry.
 pub fn write<I: fmt::Display>(entries: &[LogEntry<I>], mut to: impl io::Write) -> io::Result<()> {
     entries.iter().try_for_each(|entry| writeln!(to, "{entry}"))
 }
 
-/// A line that is not in candump's log format.
+/// Line that is not in candump's log format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "line {line}: {what} in `{}`; expected `(seconds.micros) interface id#data`, as `candump -L` prints it",
+    "line {line}: {what} in `{}`; expected `(seconds.micros) interface id#data`, as printed by \
+     `candump -L`",
     Excerpt::start_of(text)
 )]
 pub struct ParseError {
-    /// Counted from 1.
+    /// Line number, counted from 1.
     pub line: usize,
     /// Description of the defect.
     pub what: String,
-    /// The line.
+    /// Text of the line.
     pub text: String,
 }
 
-/// A log that was read.
+/// Content of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Log<I = String> {
     /// Data frames of the log.
     pub entries: Vec<LogEntry<I>>,
-    /// Frames of CAN FD and CAN XL, which are left out.
+    /// Number of omitted frames of CAN FD and CAN XL.
     pub foreign: usize,
-    /// The last line, if it has no end and makes no sense: the log was cut off in it.
+    /// Final line, if it is invalid and has no line end, because the log was truncated.
     pub cut: Option<ParseError>,
 }
 
-/// Reads the data frames of a log, as [`read`] does.
+/// Reads the data frames of a log like [`read`].
 ///
 /// # Errors
-/// Errors of [`read`].
+/// Returns the errors of [`read`].
 pub fn parse<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Vec<LogEntry<I>>, ParseError> {
     read(text).map(|log| log.entries)
 }
 
-/// Reads the data frames of a log. Empty lines, remote frames and reports of errors are skipped, frames of CAN FD and CAN XL
-/// are counted, and a last line that was cut off is named.
+/// Reads the data frames of a log.
+///
+/// Skips empty lines, remote frames and error reports. Counts frames of CAN FD and CAN XL. Stores a truncated final line in
+/// [`Log::cut`].
 ///
 /// # Errors
-/// The first other line that is not in the format of a log, or whose time shows that times are differences.
+/// Returns an error for the first other line that is not in the format of a log, or if the times are differences.
 pub fn read<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Log<I>, ParseError> {
     let mut log = Log { entries: Vec::new(), foreign: 0, cut: None };
     let mut back = Vec::new();
@@ -104,20 +109,21 @@ pub fn read<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Log<I>, ParseEr
     let count = log.entries.len();
     let is_back = count >= DIFFERENCES_MIN && back.len() * BACK_SHARE > count;
     if let Some(&index) = back.first().filter(|_| is_back) {
-        let what = "a time before that of the line above, as of many lines: these are differences (`candump -td`)";
+        let what = "times that decrease, as printed by `candump -td`,";
         let text = text.lines().nth(index).unwrap_or_default().to_owned();
         return Err(ParseError { line: index + 1, what: what.into(), text });
     }
     Ok(log)
 }
 
-/// True if the first line of a text has one of candump's formats, those without times included.
+/// True if the first line of a text has one of candump's formats, including those without times.
 pub fn is_of_candump(text: &str) -> bool {
     let first = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     first.trim_start().starts_with('(') || is_view(&mut first.split_whitespace())
 }
 
-/// True for fields such as `can0 123 [2] 11 22`, which candump prints without `-L`. The length of CAN FD frames has two digits.
+/// True for fields such as `can0 123 [2] 11 22`, the format of candump without `-L`. The length of a CAN FD frame has two
+/// digits.
 fn is_view<'t>(fields: &mut impl Iterator<Item = &'t str>) -> bool {
     let (_, id, length) = (fields.next(), fields.next(), fields.next());
     let is_hex = |id: &str| id.bytes().all(|digit| digit.is_ascii_hexdigit());
@@ -131,9 +137,9 @@ fn is_view<'t>(fields: &mut impl Iterator<Item = &'t str>) -> bool {
 /// Content of a line.
 enum Line<I> {
     Frame(LogEntry<I>),
-    /// A frame of CAN FD or CAN XL.
+    /// Frame of CAN FD or CAN XL.
     Foreign,
-    /// A remote frame or a report of an error.
+    /// Remote frame or error report.
     NoData,
 }
 
@@ -160,7 +166,7 @@ fn parse_line<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Line<I>, Stri
     let interface = interface.parse().map_err(|error: I::Err| error.to_string())?;
     let (digits, data) = fields.next().and_then(|field| field.split_once('#')).ok_or("no frame")?;
     if !matches!(digits.len(), 3 | 8) {
-        return Err("an id that has neither 3 nor 8 hexadecimal digits".into());
+        return Err("an id without 3 or 8 hexadecimal digits".into());
     }
     let id = u32::from_str_radix(digits, 16).map_err(|_| "an id that is not hexadecimal")?;
     // `##` and flags of CAN FD; priority, type and fields of CAN XL with colons.
@@ -222,7 +228,7 @@ mod tests {
             ("(1.5) act0 123#00", "no time"),
             ("(1.000005)", "no interface"),
             ("(1.000005) act0 123", "no frame"),
-            ("(1.000005) act0 1234#00", "an id that has neither 3 nor 8 hexadecimal digits"),
+            ("(1.000005) act0 1234#00", "an id without 3 or 8 hexadecimal digits"),
             ("(1.000005) act0 12G#00", "an id that is not hexadecimal"),
             ("(1.000005) act0 123#0", "data that is not pairs of hexadecimal digits"),
             ("(1.000005) act0 123#0X", "data that is not pairs of hexadecimal digits"),

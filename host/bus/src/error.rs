@@ -1,6 +1,6 @@
 //! Error of a bus that cannot be opened.
 
-/// Reason for which a bus cannot be used, and the remedy.
+/// Reason why a bus cannot be used, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}\n  {help}")]
 pub struct OpenError {

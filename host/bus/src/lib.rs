@@ -1,12 +1,12 @@
-//! Buses as programs on a computer use them: frames over CAN interfaces, serial lines and sockets; and their logs.
+//! Buses for programs on a computer: frames over CAN interfaces, serial lines and sockets, and logs of frames.
 //!
 //! | module | is |
 //! |---|---|
-//! | [`link`] | the trait: a bus with the controller on it, seen from the host |
+//! | [`link`] | trait of a bus with a controller, as a host uses it |
 //! | [`name`], [`open`] | parses a bus name and opens it; errors suggest a valid name |
-//! | [`port`] | a bus in real time: an outlet, and a thread that listens |
-//! | [`can`] | SocketCAN: short queues; error reports of drivers as states and advice |
-//! | `line` | serial lines and sockets: reads with a short timeout, writes that never block |
+//! | [`port`] | a bus in real time: an outlet, and a receiving thread |
+//! | [`can`] | SocketCAN, with short queues, and with error reports of drivers as states and advice |
+//! | `line` | serial lines and sockets, with short read timeouts and non-blocking writes |
 //! | [`priority`] | real-time priority for threads that carry frames |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |
 //! | [`tty`] | serial lines of actuators: adapters and pseudo-terminals |

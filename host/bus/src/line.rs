@@ -1,12 +1,12 @@
 //! Serial lines and sockets: reads with a short timeout, and writes that never block the caller.
 //!
-//! A device that accepts no bytes, such as an adapter whose CAN bus is dead, blocks the thread that writes to it for
-//! an unlimited time. So a thread of its own writes, from a queue of a few lines, and the line counts as down when
-//! the device takes nothing from that thread. The program goes on reading keys, sending heartbeats or ticking a controller.
-//! A thread that waits for its turn on a busy computer says nothing about the device: only attempts to write count.
+//! A device that accepts no bytes, such as an adapter whose CAN bus is dead, blocks the thread that writes to it indefinitely.
+//! A separate thread therefore writes, from a queue of a few lines. The line counts as down if the device accepts nothing from
+//! that thread. The program meanwhile continues to read keys, send heartbeats or tick a controller. Only attempts to write
+//! count: a thread that waits to be scheduled on a busy computer does not indicate a dead device.
 //!
-//! A line counts as written when the kernel has accepted it. The kernel's buffer comes on top, cannot be recalled
-//! and may be late: commands carry the time until which they are valid.
+//! A line counts as written when the kernel has accepted it. The kernel's buffer is additional, cannot be recalled and may
+//! delay lines; commands therefore contain an expiry.
 
 use crate::link::LinkError;
 use crate::priority;
@@ -18,49 +18,49 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Capacity of the queue, in lines. Small, because a queued line cannot be superseded by a newer one.
+/// Capacity of the queue, lines. It is small because a queued line cannot be replaced by a newer one.
 const WAITING: usize = 4;
-/// Time without progress after which a line is down: by then a robot behind it has timed out its host anyway.
+/// Time without progress after which a line is down. A robot at the line has then timed out its host anyway.
 const DEAD: Duration = Duration::from_millis(HOST_TIMEOUT_MS as u64);
 /// Timeout of reads and writes, after which a thread checks the line again.
 pub(crate) const WAIT: Duration = Duration::from_millis(50);
-/// Timeouts in a row of attempts to write, each of [`WAIT`], that show a dead device.
+/// Number of consecutive write timeouts, each of [`WAIT`], that indicate a dead device.
 const REFUSALS: u32 = (DEAD.as_millis() / WAIT.as_millis()) as u32;
-/// Duration of a single attempt to write that shows one: writing to some devices has no timeout.
+/// Duration of a single write that indicates a dead device. Writes to some devices have no timeout.
 const BLOCKED: Duration = Duration::from_secs(1);
 /// Longest wait for queued lines when the writer is dropped.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
-/// The line of a simulated robot, which has no plug.
+/// Name of a simulated robot's line, which cannot be unplugged.
 pub(crate) const SIMULATED: &str = "the simulated robot";
 
-/// Writes lines, whole and in their order.
+/// Writes complete lines in order.
 pub(crate) struct LineWriter {
     name: String,
-    /// Queue of lines; `None` once the writer ends.
+    /// Queue of lines; `None` while the writer ends.
     lines: Option<Sender<Vec<u8>>>,
     shared: Arc<Shared>,
-    /// Carries no message; disconnects when everything is written.
+    /// Channel without messages, which is disconnected when everything is written.
     done: Receiver<()>,
 }
 
 /// State shared by a writer and its thread.
 struct Shared {
-    /// Lines that are not written yet.
+    /// Number of lines that are not written yet.
     waiting: AtomicUsize,
-    /// Instant at which the device last accepted bytes, or at which the oldest queued line was put.
+    /// Time at which the device most recently accepted bytes, or the oldest queued line was added if that is later.
     moved: Mutex<Instant>,
-    /// Attempts to write that have timed out since.
+    /// Number of writes that have timed out since then.
     refused: AtomicU32,
-    /// Start of the attempt that is being made.
+    /// Start of the write in progress.
     attempt: Mutex<Option<Instant>>,
     failed: Mutex<Option<io::Error>>,
-    /// The writer was dropped: bytes that the device does not accept at once are discarded.
+    /// True if the writer was dropped: bytes that the device does not accept at once are discarded.
     over: AtomicBool,
 }
 
 impl LineWriter {
-    /// Writes to a device. If the device's `write` times out, the device is closed soon after the writer is
+    /// Creates a writer to a device. If the device's `write` has a timeout, the device is closed soon after the writer is
     /// dropped.
     pub fn new(name: &str, mut writer: impl Write + Send + 'static) -> Self {
         let (lines, to_write) = channel::<Vec<u8>>();
@@ -94,22 +94,23 @@ impl LineWriter {
         &self.name
     }
 
-    /// True if [`Self::put`] would not return [`LinkError::Busy`]: it would take a line, or report that the line is down.
+    /// True if [`Self::put`] would not return [`LinkError::Busy`], because it would accept a line or report that the line is
+    /// down.
     pub fn is_free(&self) -> bool {
         !matches!(self.ready(), Err(LinkError::Busy))
     }
 
-    /// Takes a line.
+    /// Queues a line.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] without room, otherwise why the line is down.
+    /// Returns [`LinkError::Busy`] if the queue is full, or the reason why the line is down.
     pub fn put(&mut self, line: &[u8]) -> Result<(), LinkError> {
         self.ready()?;
         self.last(line);
         Ok(())
     }
 
-    /// Takes the last line even when the queue is full: no newer line follows.
+    /// Queues the final line, even if the queue is full.
     pub fn last(&mut self, line: &[u8]) {
         if self.shared.waiting.fetch_add(1, Ordering::Relaxed) == 0 {
             self.shared.has_moved();
@@ -118,10 +119,10 @@ impl LineWriter {
         let _ = self.lines.as_ref().map(|lines| lines.send(line.to_vec()));
     }
 
-    /// Checks whether a line would be taken now.
+    /// Checks if a line would be accepted now.
     ///
     /// # Errors
-    /// As [`Self::put`].
+    /// Returns the errors of [`Self::put`].
     pub fn ready(&self) -> Result<(), LinkError> {
         if let Some(error) = &*lock(&self.shared.failed) {
             return Err(gone(&self.name, error));
@@ -134,13 +135,13 @@ impl LineWriter {
         }
         let name = &self.name;
         let remedy = match &**name {
-            SIMULATED => "rollwalk-sim stands still; if Ctrl-Z halted it, `fg` lets it go on",
-            _ => "unplug it and plug it in again",
+            SIMULATED => "if Ctrl-Z stopped rollwalk-sim, type `fg` in its terminal",
+            _ => "unplug the adapter and plug it in again",
         };
-        Err(LinkError::Down(format!("{name} takes nothing any more: {remedy}")))
+        Err(LinkError::Down(format!("{name} no longer accepts data: {remedy}")))
     }
 
-    /// Waits until everything is written, unless the line is dead, and has the device closed.
+    /// Waits until everything is written, unless the line is dead, and lets the thread close the device.
     fn finish(&mut self, patience: Duration) {
         self.lines = None;
         if !self.shared.is_dead() {
@@ -211,7 +212,7 @@ pub(crate) fn read(
     bytes: &mut [u8],
 ) -> Result<usize, LinkError> {
     match reader.read(bytes) {
-        Ok(0) => Err(LinkError::Down(format!("{name}: the other end hung up"))),
+        Ok(0) => Err(LinkError::Down(format!("{name}: the other end closed the connection"))),
         Ok(count) => Ok(count),
         Err(error) => match error.kind() {
             io::ErrorKind::Interrupted | io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
@@ -228,9 +229,12 @@ fn gone(name: &str, error: &io::Error) -> LinkError {
     // drops their numbers.
     let why = match error.kind() {
         io::ErrorKind::BrokenPipe | io::ErrorKind::NotFound | io::ErrorKind::Other => {
-            let cause =
-                if name == SIMULATED { "has rollwalk-sim ended" } else { "was it unplugged" };
-            format!("{name} is gone: {cause}? ({error})")
+            let cause = if name == SIMULATED {
+                "rollwalk-sim has probably ended"
+            } else {
+                "it was probably unplugged"
+            };
+            format!("{name} is gone: {cause} ({error})")
         }
         _ => format!("{name}: {error}"),
     };
@@ -242,10 +246,10 @@ mod tests {
     use super::*;
     use std::os::unix::net::UnixStream;
 
-    /// Far longer than anything takes.
+    /// Timeout far longer than any operation of the tests.
     const LONG: Duration = Duration::from_secs(60);
 
-    /// A device that accepts lines one by one while `takes` is set; `taken` disconnects when it is dropped.
+    /// Device that accepts lines one by one while `takes` is true. `taken` is disconnected when the device is dropped.
     struct Device {
         takes: Arc<AtomicBool>,
         taken: Sender<Vec<u8>>,
@@ -266,7 +270,7 @@ mod tests {
         }
     }
 
-    /// A line to a device, the switch that makes the device accept lines, and the lines accepted.
+    /// Line to a device, the flag that makes the device accept lines, and the accepted lines.
     fn line(takes: bool) -> (LineWriter, Arc<AtomicBool>, Receiver<Vec<u8>>) {
         let (taken, has_taken) = channel();
         let takes = Arc::new(AtomicBool::new(takes));
@@ -334,7 +338,10 @@ mod tests {
             assert!(start.elapsed() < LONG, "it never says so");
             thread::sleep(Duration::from_millis(1));
         };
-        assert!(why.to_string().contains("a line takes nothing any more: unplug it"), "{why}");
+        assert!(
+            why.to_string().contains("a line no longer accepts data: unplug the adapter"),
+            "{why}"
+        );
         // Nor does the end wait for it.
         drop(line);
         drop(far);
@@ -348,9 +355,9 @@ mod tests {
         line.shared.refused.store(REFUSALS, Ordering::Relaxed);
         *lock(&line.shared.moved) = Instant::now() - LONG;
         let why = line.put(&[4]).unwrap_err().to_string();
-        assert!(why.contains("takes nothing any more: rollwalk-sim stands still"), "{why}");
+        assert!(why.contains("no longer accepts data: if Ctrl-Z stopped rollwalk-sim"), "{why}");
         let why = gone(SIMULATED, &io::ErrorKind::BrokenPipe.into()).to_string();
-        assert!(why.contains("is gone: has rollwalk-sim ended?"), "{why}");
+        assert!(why.contains("is gone: rollwalk-sim has probably ended"), "{why}");
     }
 
     #[test]
@@ -398,6 +405,6 @@ mod tests {
         // The error that `serialport` makes of the kernel's for an unplugged device.
         let said = serialport::Error::new(serialport::ErrorKind::Unknown, "I/O error");
         let why = gone("a line", &said.into()).to_string();
-        assert!(why.contains("a line is gone: was it unplugged? (I/O error)"), "{why}");
+        assert!(why.contains("a line is gone: it was probably unplugged (I/O error)"), "{why}");
     }
 }

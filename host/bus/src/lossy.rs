@@ -1,9 +1,9 @@
-//! A link that loses frames: a bus around a bus.
+//! Link that loses frames, wrapped around another bus.
 
 use crate::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
 
-/// Loses random frames in both directions, reproducibly from a seed.
+/// Bus that loses random frames in both directions, reproducibly for a seed.
 #[derive(Clone, Debug)]
 pub struct Lossy<B> {
     bus: B,
@@ -13,17 +13,17 @@ pub struct Lossy<B> {
 }
 
 impl<B> Lossy<B> {
-    /// Loses `per_mille` of a thousand frames.
+    /// Creates a bus that loses `per_mille` frames in a thousand on average.
     pub fn new(bus: B, per_mille: u16, seed: u64) -> Self {
         Self { bus, per_mille: per_mille.into(), random: seed, lost: 0 }
     }
 
-    /// The bus inside.
+    /// Wrapped bus.
     pub fn inner(&self) -> &B {
         &self.bus
     }
 
-    /// Frames lost so far: a test that wants losses must see that there were some.
+    /// Number of lost frames. A test of losses must check that it is not zero.
     pub fn lost(&self) -> u64 {
         self.lost
     }

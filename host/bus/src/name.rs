@@ -1,51 +1,51 @@
-//! Names of buses, as the user types them.
+//! Names of buses as typed by the user.
 
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Bits per second of a serial line unless the name says otherwise.
+/// Default rate of a serial line, bit/s.
 pub const DEFAULT_BAUD: u32 = 1_000_000;
-/// Bitrate of an SLCAN adapter's bus unless the name says otherwise, bit/s.
+/// Default bitrate of an SLCAN adapter's bus, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 /// Name of a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BusName {
-    /// `sim` or `sim:PATH`: a simulated robot on this computer, by its socket.
+    /// Simulated robot on this computer, reached through a socket: `sim` or `sim:PATH`.
     Sim {
-        /// The socket, if not the usual one.
+        /// Path of the socket; `None` for the default path.
         socket: Option<PathBuf>,
     },
-    /// `can:INTERFACE[@BITRATE]`: SocketCAN.
+    /// SocketCAN interface: `can:INTERFACE[@BITRATE]`.
     Can {
-        /// The network interface, such as `can0`.
+        /// Name of the network interface, such as `can0`.
         interface: String,
-        /// Required bitrate, bit/s; `None` accepts the interface's.
+        /// Required bitrate, bit/s; `None` accepts that of the interface.
         bitrate: Option<u32>,
     },
-    /// `serial:DEVICE[@BAUD]`: a serial line to the controller.
+    /// Serial line to the controller: `serial:DEVICE[@BAUD]`.
     Serial {
-        /// The device, such as `/dev/ttyUSB0`.
+        /// Path of the device, such as `/dev/ttyUSB0`.
         device: PathBuf,
-        /// Bits per second.
+        /// Rate of the line, bit/s.
         baud: u32,
     },
-    /// `slcan:DEVICE[@BITRATE]`: a CAN adapter on a serial line that speaks Lawicel's protocol.
+    /// CAN adapter on a serial line with Lawicel's protocol: `slcan:DEVICE[@BITRATE]`.
     Slcan {
-        /// The device, such as `/dev/ttyACM0`.
+        /// Path of the device, such as `/dev/ttyACM0`.
         device: PathBuf,
         /// Bitrate of the CAN bus, bit/s.
         bitrate: u32,
     },
-    /// `tty:DEVICE[@BAUD]`: a serial line of actuators.
+    /// Serial line of actuators: `tty:DEVICE[@BAUD]`.
     Tty {
-        /// The device, such as `/dev/ttyUSB0`.
+        /// Path of the device, such as `/dev/ttyUSB0`.
         device: PathBuf,
-        /// Bits per second; unless the name says otherwise those of the robot file.
+        /// Rate of the line, bit/s; `None` selects that of the robot file.
         baud: Option<u32>,
     },
-    /// `pty:PATH`: a serial line of simulated actuators, a pseudo-terminal that this program makes.
+    /// Serial line of simulated actuators, on a pseudo-terminal that this program creates: `pty:PATH`.
     Pty {
         /// Path of the symbolic link to the pseudo-terminal.
         link: PathBuf,
@@ -62,9 +62,9 @@ impl BusName {
 /// Defect of a bus name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{name}` is no bus: {what}. A bus is sim[:SOCKET], can:INTERFACE[@BITRATE], \
-     serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], one of actuators also tty:DEVICE[@BAUD] or pty:PATH, \
-     such as {example}"
+    "`{name}` is not a bus: {what}. Give sim[:SOCKET], can:INTERFACE[@BITRATE], \
+     serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], for actuators also tty:DEVICE[@BAUD] or \
+     pty:PATH, such as {example}"
 )]
 pub struct BadName {
     name: String,
@@ -72,7 +72,7 @@ pub struct BadName {
     example: &'static str,
 }
 
-/// Longest name of a network interface (`IFNAMSIZ` less the final zero).
+/// Longest name of a network interface, bytes (`IFNAMSIZ` without the final zero).
 const INTERFACE_LEN: usize = 15;
 
 impl FromStr for BusName {
@@ -93,12 +93,12 @@ impl FromStr for BusName {
             "pty" => "pty:/tmp/servos",
             _ if name.starts_with("/dev/") => {
                 return Err(bad(
-                    "a device needs its protocol before it".into(),
+                    "the protocol before the device is missing".into(),
                     "serial:/dev/ttyUSB0",
                 ));
             }
             _ if rest.is_none() => {
-                return Err(bad("it does not say what kind of bus".into(), "can:can0"));
+                return Err(bad("the kind of bus is missing".into(), "can:can0"));
             }
             _ => return Err(bad(format!("there is no bus of kind `{kind}`"), "can:can0")),
         };
@@ -107,15 +107,15 @@ impl FromStr for BusName {
             let socket = rest.map(PathBuf::from);
             return match &socket {
                 Some(path) if path.as_os_str().is_empty() => {
-                    Err(bad("nothing follows the colon".into()))
+                    Err(bad("the text after the colon is missing".into()))
                 }
                 _ => Ok(Self::Sim { socket }),
             };
         }
-        let rest = rest.ok_or_else(|| bad(format!("nothing follows `{kind}`")))?;
+        let rest = rest.ok_or_else(|| bad(format!("the text after `{kind}` is missing")))?;
         if kind == "pty" {
             return match rest {
-                "" => Err(bad("nothing follows the colon".into())),
+                "" => Err(bad("the text after the colon is missing".into())),
                 link => Ok(Self::Pty { link: link.into() }),
             };
         }
@@ -124,18 +124,20 @@ impl FromStr for BusName {
             None => (rest, None),
         };
         if place.is_empty() {
-            return Err(bad("nothing follows the colon".into()));
+            return Err(bad("the text after the colon is missing".into()));
         }
         let rate = rate
             .map(|rate| match rate.parse() {
-                Ok(0) | Err(_) => Err(bad(format!("`{rate}` is no number of bits per second"))),
+                Ok(0) | Err(_) => Err(bad(format!("`{rate}` is not a bitrate in bit/s"))),
                 Ok(rate) => Ok(rate),
             })
             .transpose()?;
         match kind {
             "can" => {
                 if place.len() > INTERFACE_LEN || place.contains(['/', ' ']) {
-                    return Err(bad(format!("no network interface can be called `{place}`")));
+                    return Err(bad(format!(
+                        "`{place}` cannot be the name of a network interface"
+                    )));
                 }
                 Ok(Self::Can { interface: place.into(), bitrate: rate })
             }
@@ -199,24 +201,24 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_name_is_said_with_one_that_is_right() {
         for (name, words, example) in [
-            ("can0", "what kind of bus", "can:can0"),
-            ("", "what kind of bus", "can:can0"),
-            ("/dev/ttyUSB0", "needs its protocol", "serial:/dev/ttyUSB0"),
+            ("can0", "the kind of bus is missing", "can:can0"),
+            ("", "the kind of bus is missing", "can:can0"),
+            ("/dev/ttyUSB0", "the protocol before the device is missing", "serial:/dev/ttyUSB0"),
             ("usb:can0", "of kind `usb`", "can:can0"),
-            ("can", "nothing follows `can`", "can:can0"),
-            ("can:", "nothing follows", "can:can0"),
-            ("can:/dev/ttyACM0", "can be called `/dev/ttyACM0`", "can:can0"),
-            ("can:an-interface-too-long", "can be called", "can:can0"),
-            ("serial:/dev/ttyUSB0@fast", "`fast` is no number", "serial:/dev/ttyUSB0"),
-            ("slcan:/dev/ttyACM0@0", "`0` is no number", "slcan:/dev/ttyACM0"),
-            ("sim:", "nothing follows", "sim"),
-            ("tty:/dev/ttyUSB0@3M", "`3M` is no number", "tty:/dev/ttyUSB0"),
-            ("pty:", "nothing follows", "pty:/tmp/servos"),
+            ("can", "the text after `can` is missing", "can:can0"),
+            ("can:", "the text after the colon is missing", "can:can0"),
+            ("can:/dev/ttyACM0", "`/dev/ttyACM0` cannot be the name", "can:can0"),
+            ("can:an-interface-too-long", "cannot be the name", "can:can0"),
+            ("serial:/dev/ttyUSB0@fast", "`fast` is not a bitrate", "serial:/dev/ttyUSB0"),
+            ("slcan:/dev/ttyACM0@0", "`0` is not a bitrate", "slcan:/dev/ttyACM0"),
+            ("sim:", "the text after the colon is missing", "sim"),
+            ("tty:/dev/ttyUSB0@3M", "`3M` is not a bitrate", "tty:/dev/ttyUSB0"),
+            ("pty:", "the text after the colon is missing", "pty:/tmp/servos"),
         ] {
             let error = name.parse::<BusName>().unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
             assert!(error.ends_with(&format!("such as {example}")), "{error}");
-            assert!(error.contains(&format!("`{name}` is no bus")), "{error}");
+            assert!(error.contains(&format!("`{name}` is not a bus")), "{error}");
         }
     }
 }

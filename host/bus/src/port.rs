@@ -1,10 +1,11 @@
-//! Buses in real time: an outlet that sends frames, and a thread that receives them. [`Live`] turns one into the
-//! link of a session.
+//! Buses in real time: an outlet that sends frames, and a thread that receives them. [`Live`] turns a port into the link of a
+//! session.
 //!
-//! There is no transmit queue between a program and its bus: an outlet accepts a frame only while few others are in
-//! flight. A waiting setpoint can therefore be superseded by a newer one, and few stale frames go out when a dead bus
-//! recovers. On a CAN interface a frame is in flight until it is transmitted; on a serial line until the kernel has
-//! accepted it, whose buffer comes on top. So commands carry a time at which they expire.
+//! There is no transmit queue between a program and its bus: an outlet accepts a frame only while few others are in flight. A
+//! waiting set-point can therefore be replaced by a newer one, and few stale frames are sent when a dead bus recovers.
+//!
+//! On a CAN interface, a frame is in flight until it is transmitted. On a serial line, it is in flight until the kernel has
+//! accepted it, and the kernel's buffer is additional. Commands therefore contain an expiry.
 
 use crate::link::{LinkBus, LinkError};
 use crate::priority;
@@ -17,32 +18,33 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// An event on a bus.
+/// Event on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A frame of another node.
+    /// Frame of another node.
     Frame(Frame),
-    /// A frame of ours was transmitted; there is room for another.
+    /// Transmission of a frame of this program; there is room for another.
     Sent,
-    /// The interface has changed its error state.
+    /// Change of the interface's error state.
     State(BusState),
-    /// A whole message of the transport, by identifier: a [`Hub`] has its [`Outlet`] segment it into frames.
+    /// Complete transport message with its identifier. A [`Hub`] lets its [`Outlet`] segment the message into frames.
     Message(u16, Vec<u8>),
     /// Status report of the board at the other end of a serial line.
     Report(Report),
-    /// Bytes of a serial line of actuators, in portions of any size.
+    /// Bytes of a serial line of actuators, in chunks of any size.
     Bytes(Vec<u8>),
 }
 
 /// Transmitting end of a bus.
 pub trait Outlet: Send {
-    /// True if [`Self::send`] would not return [`LinkError::Busy`]: it would take a frame, or report that the bus is gone.
+    /// True if [`Self::send`] would not return [`LinkError::Busy`], because it would accept a frame or report that the bus is
+    /// lost.
     fn is_free(&self) -> bool;
 
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] when too many frames are in flight, otherwise why the bus is gone.
+    /// Returns [`LinkError::Busy`] if too many frames are in flight, or the reason why the bus is lost.
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// True for a serial line of actuators, which carries bytes instead of frames.
@@ -53,34 +55,34 @@ pub trait Outlet: Send {
     /// Sends a packet of bytes.
     ///
     /// # Errors
-    /// As [`Self::send`]; this bus carries frames.
+    /// Returns the errors of [`Self::send`], or an error if this bus carries frames.
     fn send_bytes(&mut self, _bytes: &[u8]) -> Result<(), LinkError> {
-        Err(LinkError::Down("it carries frames, no bytes".into()))
+        Err(LinkError::Down("this bus carries frames, not bytes".into()))
     }
 
-    /// Requests a status report from the board at the other end; `false` when this kind of bus cannot.
+    /// Requests a status report from the board at the other end; returns false if this kind of bus cannot request one.
     ///
     /// # Errors
-    /// As [`Self::send`].
+    /// Returns the errors of [`Self::send`].
     fn ask_report(&mut self) -> Result<bool, LinkError> {
         Ok(false)
     }
 
-    /// Segments a message that arrived whole into frames with identifier `id`, for [`Self::poll_inward`].
+    /// Segments a complete message into frames with identifier `id`, for [`Self::poll_inward`].
     fn take_apart(&mut self, _id: u16, _message: &[u8]) {}
 
-    /// The next frame made at this end instead of received: of a message that arrived whole, or flow control for one
-    /// that is sent whole.
+    /// Returns the next frame that was generated at this end instead of received. Such frames are segments of a complete
+    /// received message, and flow control for a message that is sent as a whole.
     fn poll_inward(&mut self) -> Option<Frame> {
         None
     }
 
-    /// Bits per second on the bus, if it is a CAN bus and they are known.
+    /// Bitrate of the bus, bit/s; `None` if it is unknown or the bus is not a CAN bus.
     fn bitrate(&self) -> Option<u32> {
         None
     }
 
-    /// A known fault of the bus and its remedy.
+    /// Known fault of the bus and its remedy.
     fn complaint(&self) -> Option<String> {
         None
     }
@@ -88,18 +90,19 @@ pub trait Outlet: Send {
 
 /// Receiving end of a bus.
 pub trait Inlet: Send {
-    /// The next event; `None` after some hundredths of a second without one, so that the listening thread can end.
+    /// Waits for the next event. Returns `None` after some hundredths of a second without an event, so that the receiving
+    /// thread can end.
     ///
     /// # Errors
-    /// The bus is gone.
+    /// Returns an error if the bus is lost.
     fn next_event(&mut self) -> Result<Option<Event>, LinkError>;
 }
 
 /// Transmitting and receiving ends of a bus.
 pub struct Port {
-    /// Transmits.
+    /// Transmitting end.
     pub outlet: Box<dyn Outlet>,
-    /// Receives.
+    /// Receiving end.
     pub inlet: Box<dyn Inlet>,
 }
 
@@ -108,21 +111,21 @@ pub(crate) fn since_us(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-/// An event with the index of its bus.
+/// Event, with the index of its bus.
 type Tagged = (usize, Result<Event, LinkError>);
 
-/// Several buses, listened to at once.
+/// Several buses that are received concurrently.
 pub struct Hub {
     /// Outlets, in the order of the ports.
     pub outlets: Vec<Box<dyn Outlet>>,
-    /// Flag of each listening thread that ends it.
+    /// Stop flags of the receiving threads.
     over: Vec<Arc<AtomicBool>>,
     events: Receiver<Tagged>,
     sender: Sender<Tagged>,
 }
 
 impl Hub {
-    /// Starts a listening thread for each port.
+    /// Starts a receiving thread for each port.
     pub fn new(ports: impl IntoIterator<Item = Port>) -> Self {
         let (sender, events) = channel();
         let mut hub = Self { outlets: Vec::new(), over: Vec::new(), events, sender };
@@ -147,7 +150,7 @@ impl Hub {
         self.outlets[index] = port.outlet;
     }
 
-    /// Starts a thread that passes on the inlet's events until the bus is gone or the returned flag is set.
+    /// Starts a thread that forwards the inlet's events until the bus is lost or the returned flag is set.
     fn listen(&self, index: usize, mut inlet: Box<dyn Inlet>) -> Arc<AtomicBool> {
         let (sender, over) = (self.sender.clone(), Arc::new(AtomicBool::new(false)));
         let is_over = Arc::clone(&over);
@@ -166,7 +169,7 @@ impl Hub {
         over
     }
 
-    /// The next event and the index of its bus; `None` at `deadline`. A bus that is gone reports it once.
+    /// Returns the next event and the index of its bus; `None` at `deadline`. Reports the loss of a bus once.
     pub fn next_event(&mut self, deadline: Instant) -> Option<(usize, Result<Event, LinkError>)> {
         loop {
             let inward = self.outlets.iter_mut().enumerate();
@@ -202,22 +205,22 @@ impl Outlet for Closed {
     }
 
     fn send(&mut self, _frame: &Frame) -> Result<(), LinkError> {
-        Err(LinkError::Down("it is closed".into()))
+        Err(LinkError::Down("this bus is closed".into()))
     }
 }
 
-/// A link in real time.
+/// Link in real time.
 pub struct Live {
     hub: Hub,
     /// Frames that arrived while [`Self::report`] waited.
     frames: VecDeque<Frame>,
-    /// Reason for which the bus is gone, if it is.
+    /// Reason why the bus is lost; `None` if it is not.
     lost: Option<LinkError>,
     started: Instant,
 }
 
 impl Live {
-    /// The link over a port.
+    /// Creates the link over a port.
     pub fn new(port: Port) -> Self {
         let (frames, started) = (VecDeque::new(), Instant::now());
         Self { hub: Hub::new([port]), frames, lost: None, started }
@@ -227,11 +230,11 @@ impl Live {
         self.hub.outlets[0].as_mut()
     }
 
-    /// Requests the status report of the board at the other end; `None` without an answer within `timeout`, or if
-    /// this kind of bus cannot ask.
+    /// Requests the status report of the board at the other end. Returns `None` without an answer within `timeout`, or if this
+    /// kind of bus cannot request a report.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] when too many frames are in flight to ask now, otherwise why the bus is gone.
+    /// Returns [`LinkError::Busy`] if too many frames are in flight, or the reason why the bus is lost.
     pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
         if !self.outlet().ask_report()? {
             return Ok(None);
@@ -249,7 +252,7 @@ impl Live {
         Ok(None)
     }
 
-    /// Bits per second on the bus, if it is a CAN bus and they are known.
+    /// Bitrate of the bus, bit/s; `None` if it is unknown or the bus is not a CAN bus.
     pub fn bitrate(&self) -> Option<u32> {
         self.hub.outlets[0].bitrate()
     }

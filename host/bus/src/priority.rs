@@ -1,8 +1,11 @@
-//! Priority of the threads that carry frames: on a busy computer they run before ordinary programs, where that is
-//! permitted. A robot whose heartbeats come late returns to SAFE.
+//! Real-time priority of the threads that carry frames.
+//!
+//! On a busy computer, these threads run before ordinary programs if the system permits it. A robot whose heartbeats are late
+//! returns to SAFE.
 
-/// Gives the calling thread real-time priority, the lowest there is, which is above all threads that have none. Returns
-/// whether the system permits it; without it everything works, but late on a busy computer.
+/// Gives the calling thread the lowest real-time priority, which is above all ordinary threads.
+///
+/// Returns true if the system permits it. Otherwise the program works, but with delays on a busy computer.
 #[cfg(target_os = "linux")]
 pub fn raise() -> bool {
     use thread_priority::unix::{
@@ -17,7 +20,7 @@ pub fn raise() -> bool {
     })
 }
 
-/// Other systems have ways of their own.
+/// Returns false: priorities are implemented only for Linux.
 #[cfg(not(target_os = "linux"))]
 pub fn raise() -> bool {
     false

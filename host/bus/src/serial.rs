@@ -1,6 +1,6 @@
-//! The link over a serial line: frames and messages in packets with a checksum, and the board's own report.
+//! Link over a serial line: frames and messages in packets with a checksum, and the board's own report.
 //!
-//! The bytes are those of [`rollwalk_protocol::serial`]. [`port`] takes any two ends of a line, [`open`] a
+//! The byte format is that of [`rollwalk_protocol::serial`]. [`port`] accepts any pair of ends of a line; [`open`] opens a
 //! device.
 
 use crate::error::OpenError;
@@ -15,7 +15,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 
-/// Group of the users who may use serial devices.
+/// User group that may access serial devices.
 pub const GROUP: &str = "dialout";
 
 /// Returns the command that adds the user to a group.
@@ -26,13 +26,14 @@ pub fn join(group: &str) -> String {
 /// Opens a device.
 ///
 /// # Errors
-/// The device does not exist, access is denied, or it does not support this rate.
+/// Returns an error if the device does not exist, access is denied, or it does not support this rate.
 pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     let (reader, writer) = open_device(device, baud)?;
     Ok(port(&device.display().to_string(), reader, writer))
 }
 
-/// Opens a serial device at `baud` bits per second, 8 data bits, no parity, one stop bit, no flow control; returns its two ends.
+/// Opens a serial device at `baud` bit/s with 8 data bits, no parity, one stop bit and no flow control. Returns its receiving
+/// and transmitting ends.
 pub(crate) fn open_device(
     device: &Path,
     baud: u32,
@@ -55,25 +56,29 @@ fn refused(device: &Path, baud: u32, error: &serialport::Error) -> OpenError {
         // The crate reports a device locked by another program in this way.
         ErrorKind::NoDevice => OpenError {
             what: format!("another program uses `{shown}`"),
-            help: format!("end it first; fuser {shown} shows which it is"),
+            help: format!("end the other program; `fuser {shown}` prints its process id"),
         },
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
-            OpenError { what: format!("you may not use `{shown}`"), help: join(GROUP) }
+            OpenError { what: format!("this user may not open `{shown}`"), help: join(GROUP) }
         }
         ErrorKind::InvalidInput => OpenError {
             what: format!("`{shown}` cannot run at {baud} bit/s ({error})"),
             help: format!(
-                "give another rate, such as serial:{shown}@115200; the board needs the same"
+                "give another rate, such as serial:{shown}@115200, and set the same rate on the \
+                 board"
             ),
         },
         _ => OpenError {
             what: format!("`{shown}` cannot be opened: {error}"),
-            help: format!("is it a serial port, and does no other program use it? fuser {shown}"),
+            help: format!(
+                "give a serial port that no other program uses; `fuser {shown}` prints \
+                the users of this one"
+            ),
         },
     }
 }
 
-/// Serial ports that look like adapters and boards, sorted: `/dev/ttyUSB0`.
+/// Serial ports that appear to be adapters or boards, sorted, such as `/dev/ttyUSB0`.
 pub fn list() -> Vec<String> {
     let names = fs::read_dir("/dev").into_iter().flatten().flatten();
     let names = names.filter_map(|entry| entry.file_name().into_string().ok());
@@ -86,12 +91,13 @@ pub fn list() -> Vec<String> {
 fn devices() -> String {
     let names = list();
     if names.is_empty() {
-        return "no adapter is plugged in; `sudo dmesg` shows what the kernel sees".into();
+        return "plug in an adapter; `sudo dmesg` lists the devices that the kernel detected"
+            .into();
     }
-    format!("plugged in: {}", names.join(", "))
+    format!("give a device that is plugged in: {}", names.join(", "))
 }
 
-/// Port of a line that carries [`Packet`]s; `name` is for messages.
+/// Creates the port of a line that carries [`Packet`]s. `name` is used in messages.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -100,7 +106,7 @@ pub fn port(
     both_ends(name, reader, writer, Some(Gateway::default()))
 }
 
-/// Port of a line with more than two ends; otherwise like [`port`]. Without a gateway, every packet is a frame for all ends.
+/// Creates the port of a line with more than two ends, like [`port`]. It has no gateway: every packet is a frame for all ends.
 pub(crate) fn shared_port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -127,14 +133,15 @@ pub(crate) fn inlet<R: Read + Send + 'static>(name: &str, reader: R) -> impl Inl
 
 struct SerialOutlet {
     writer: LineWriter,
-    /// Gateway of a line that carries whole messages.
+    /// Gateway of a line that carries complete messages.
     gateway: Option<Gateway>,
     started: Instant,
 }
 
 fn write(writer: &mut LineWriter, packet: &Packet<'_>) -> Result<(), LinkError> {
     let line = packet.encode();
-    let line = line.ok_or_else(|| LinkError::Down(format!("no line for {packet:?}")))?;
+    let line =
+        line.ok_or_else(|| LinkError::Down(format!("{packet:?} cannot be encoded as a line")))?;
     writer.put(&line)
 }
 
@@ -147,7 +154,7 @@ impl Outlet for SerialOutlet {
         if frame.standard_id().is_none() {
             let name = self.writer.name();
             return Err(LinkError::Down(format!(
-                "{name} carries no frames with 29-bit identifiers"
+                "{name} cannot carry frames with 29-bit identifiers"
             )));
         }
         // Fails before the gateway has recorded the frame.
@@ -216,7 +223,7 @@ mod tests {
     use std::thread;
     use std::time::Duration;
 
-    /// Far longer than anything takes.
+    /// Timeout far longer than any operation of the tests.
     const LONG: Duration = Duration::from_secs(60);
 
     fn line() -> (TcpStream, TcpStream) {
@@ -225,7 +232,7 @@ mod tests {
         (host, listener.accept().unwrap().0)
     }
 
-    /// Echoes frames under the next identifier, sends a frame before every report, and disconnects after `packets`.
+    /// Board that echoes frames under the next identifier, sends a frame before every report, and disconnects after `packets`.
     fn board(line: &TcpStream, packets: usize) {
         let mut writer = line;
         let mut deframer = Deframer::default();
@@ -279,12 +286,12 @@ mod tests {
         link.send(&frame).unwrap();
         board.join().unwrap();
         assert_eq!(link.receive(soon), Ok(Some(next(&frame))));
-        let hung_up = LinkError::Down("the line: the other end hung up".into());
+        let hung_up = LinkError::Down("the line: the other end closed the connection".into());
         assert_eq!(link.receive(soon), Err(hung_up.clone()));
         assert_eq!(link.receive(soon), Err(hung_up), "and it stays so");
     }
 
-    /// CAN bus with ISO-TP as seen by two ends; the line carries one packet each way.
+    /// A CAN bus with ISO-TP, as seen from both ends, over a line that carries a single packet in each direction.
     #[test]
     fn messages_cross_the_line_whole() {
         let (host, far) = line();

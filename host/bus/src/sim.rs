@@ -1,7 +1,7 @@
-//! A simulated robot's link on this computer: a socket that any number of programs join, as they would a bus.
+//! Link of a simulated robot on this computer: a socket that any number of programs join, like a bus.
 //!
-//! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs
-//! receive what one program sends.
+//! The socket carries the packets of a serial line ([`rollwalk_protocol::serial`]). The robot and all other programs receive
+//! the frames that a program sends.
 
 use crate::error::OpenError;
 use crate::line::{SIMULATED, WAIT};
@@ -24,12 +24,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Bytes that wait for a program that is late: some seconds of a robot with twenty motors.
+/// Maximum number of bytes buffered for a slow program: some seconds of traffic of a robot with twenty motors.
 const WAITING: usize = 256 << 10;
-/// Interval between attempts to pass them on.
+/// Interval between attempts to send the buffered bytes.
 const RETRY: Duration = Duration::from_millis(10);
 
-/// Default socket of a simulated robot, below the user's runtime folder.
+/// Default socket of a simulated robot, in the user's runtime directory.
 pub fn usual_socket() -> PathBuf {
     let folder = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     folder.unwrap_or_else(env::temp_dir).join("rollwalk-sim.sock")
@@ -38,7 +38,7 @@ pub fn usual_socket() -> PathBuf {
 /// Joins the link of a simulated robot.
 ///
 /// # Errors
-/// No simulated robot listens on the socket.
+/// Returns an error if no simulated robot listens on the socket.
 pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
     let path = socket.map_or_else(usual_socket, Path::to_owned);
     let stream = UnixStream::connect(&path).and_then(|stream| {
@@ -49,12 +49,15 @@ pub fn connect(socket: Option<&Path>) -> Result<Port, OpenError> {
     let (reader, writer) = stream.map_err(|error| {
         let what = format!("no simulated robot at {}: {error}", path.display());
         let name = socket.map_or("sim".into(), |path| format!("sim:{}", path.display()));
-        OpenError { what, help: format!("start one: rollwalk-sim ROBOT.toml --bus {name}") }
+        OpenError {
+            what,
+            help: format!("start a simulated robot: rollwalk-sim ROBOT.toml --bus {name}"),
+        }
     })?;
     Ok(serial::shared_port(SIMULATED, reader, writer))
 }
 
-/// A program that has joined.
+/// Program that has joined.
 struct Member {
     number: u64,
     stream: UnixStream,
@@ -64,10 +67,10 @@ struct Member {
 }
 
 impl Member {
-    /// Passes bytes on, after those that wait.
+    /// Sends bytes after those that are buffered.
     ///
     /// # Errors
-    /// The program is gone, or so late that it can be taken for one that does not listen.
+    /// Returns an error if the program has ended, or if its buffer is full because it does not read.
     fn pass(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.waiting.extend_from_slice(bytes);
         if Instant::now() < self.retry {
@@ -96,20 +99,20 @@ impl Member {
 /// Programs that have joined.
 type Members = Arc<Mutex<Vec<Member>>>;
 
-/// Makes the link of a simulated robot, for programs to join. The socket goes away with the outlet.
+/// Creates the link of a simulated robot, which programs can join. The socket is removed when the outlet is dropped.
 ///
 /// # Errors
-/// The socket cannot be made, or another robot is there already.
+/// Returns an error if the socket cannot be created or another robot already uses it.
 pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
     let path = socket.map_or_else(usual_socket, Path::to_owned);
     let failed = |error: io::Error| OpenError {
-        what: format!("no socket can be made at {}: {error}", path.display()),
-        help: "give the path of another: --bus sim:PATH".into(),
+        what: format!("cannot create a socket at {}: {error}", path.display()),
+        help: "give another path: --bus sim:PATH".into(),
     };
     if UnixStream::connect(&path).is_ok() {
         return Err(OpenError {
-            what: format!("another simulated robot is at {} already", path.display()),
-            help: "end it, or give this one another place: --bus sim:PATH".into(),
+            what: format!("another simulated robot already uses {}", path.display()),
+            help: "end the other robot, or give this one another path: --bus sim:PATH".into(),
         });
     }
     // Removes only a socket, left behind by a robot that was killed.
@@ -117,8 +120,8 @@ pub fn serve(socket: Option<&Path>) -> Result<Port, OpenError> {
         Ok(found) if found.file_type().is_socket() => fs::remove_file(&path).map_err(failed)?,
         Ok(_) => {
             return Err(OpenError {
-                what: format!("{} is there already, and is no socket", path.display()),
-                help: "give the path of one that is to be made: --bus sim:PATH".into(),
+                what: format!("{} exists, but is not a socket", path.display()),
+                help: "give a path at which no file exists: --bus sim:PATH".into(),
             });
         }
         Err(_) => {}
@@ -159,7 +162,7 @@ fn accept(listener: &UnixListener, members: &Members, to: &Sender<Frame>) {
     }
 }
 
-/// Sends a frame to all programs but one.
+/// Sends a frame to all programs except `but`.
 fn broadcast(members: &Members, frame: &Frame, but: Option<u64>) {
     let Some(line) = Packet::Link(*frame).encode() else { return };
     let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
@@ -254,7 +257,7 @@ mod tests {
         let file = folder.path().join("pup.toml");
         fs::write(&file, "name = \"pup\"").unwrap();
         let error = serve(Some(&file)).err().unwrap();
-        assert!(error.what.contains("pup.toml is there already, and is no socket"), "{error}");
+        assert!(error.what.contains("pup.toml exists, but is not a socket"), "{error}");
         assert_eq!(fs::read_to_string(&file).unwrap(), "name = \"pup\"");
     }
 

@@ -1,4 +1,4 @@
-//! A CAN adapter on a serial line that speaks SLCAN (Lawicel).
+//! CAN adapter on a serial line with the SLCAN protocol (Lawicel).
 
 use crate::error::OpenError;
 use crate::line::{LineWriter, read};
@@ -13,33 +13,35 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Rate of the serial line. Adapters on USB take any.
+/// Rate of the serial line, bit/s. USB adapters accept any rate.
 const BAUD: u32 = 1_000_000;
 
 /// Opens the adapter at `device` on a CAN bus of `bitrate` bit/s.
 ///
 /// # Errors
-/// The device does not exist, access is denied, or the protocol has no such bitrate.
+/// Returns an error if the device does not exist, access is denied, or the protocol does not support this bitrate.
 pub fn open(device: &Path, bitrate: u32) -> Result<Port, OpenError> {
     let digit = bitrate_digit(bitrate).ok_or_else(|| OpenError {
-        what: format!("SLCAN adapters have no bitrate of {bitrate} bit/s"),
-        help:
-            "they have 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s; a robot's is 1000000 \
-               unless configured otherwise"
-                .into(),
+        what: format!("SLCAN adapters do not support {bitrate} bit/s"),
+        help: "give 10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000 or 1000000 bit/s; \
+               robots use 1000000 by default"
+            .into(),
     })?;
     let (reader, writer) = open_device(device, BAUD)?;
     let name = device.display().to_string();
     port(&name, reader, writer, digit, bitrate).map_err(|error| OpenError {
-        what: format!("`{name}` does not take commands: {error}"),
-        help: "is it a CAN adapter that speaks SLCAN? Unplug it and plug it in again".into(),
+        what: format!("`{name}` does not accept commands: {error}"),
+        help:
+            "check that the device is a CAN adapter with SLCAN firmware, then unplug it and plug \
+            it in again"
+                .into(),
     })
 }
 
-/// Opens the CAN channel of an adapter at `bitrate` bit/s (Lawicel's `digit`) and returns both ends of its line.
+/// Opens the CAN channel of an adapter at `bitrate` bit/s (Lawicel's `digit`), and returns both ends of its line.
 ///
 /// # Errors
-/// Those of the line.
+/// Returns an error if the line is down.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -76,7 +78,7 @@ struct SlcanOutlet {
     bitrate: u32,
     /// True if the device has sent a valid SLCAN line. Some adapters do not confirm commands.
     answers: Arc<AtomicBool>,
-    /// True if the adapter has refused a command and confirmed none since.
+    /// True if the adapter has refused a command and has not confirmed one since.
     refuses: Arc<AtomicBool>,
 }
 
@@ -97,13 +99,14 @@ impl Outlet for SlcanOutlet {
         let name = self.writer.name();
         if !self.answers.load(Ordering::Relaxed) {
             return Some(format!(
-                "no SLCAN message from {name}: is it a CAN adapter that speaks SLCAN, and is the robot on its bus?"
+                "no SLCAN message from {name}: check that it is a CAN adapter with SLCAN firmware, \
+                 and that the robot is on its bus"
             ));
         }
         self.refuses.load(Ordering::Relaxed).then(|| {
             format!(
-                "the adapter {name} refuses frames: perhaps no other node acknowledges them, or the bus has \
-                 another bitrate (slcan:{name}@BITRATE)"
+                "the adapter {name} refuses frames: check that another node is on the bus, and \
+                 give the bitrate of the bus (slcan:{name}@BITRATE)"
             )
         })
     }

@@ -1,7 +1,7 @@
-//! Serial lines of actuators: raw bytes, both ways. [`open`] opens an adapter, such as a U2D2. [`serve`] makes a pseudo-terminal
-//! that replaces an adapter, with simulated servos behind it.
+//! Serial lines of actuators: raw bytes in both directions.
 //!
-//! Only one program may open the line: a second one is refused until the first has closed it or ended.
+//! [`open`] opens an adapter, such as a U2D2. [`serve`] creates a pseudo-terminal that replaces an adapter, with simulated
+//! servos behind it. Only one program may open the line: a second one is refused until the first has closed it or ended.
 
 use crate::error::OpenError;
 use crate::line::{LineWriter, read};
@@ -18,10 +18,10 @@ const DEVICES: &str = "/sys/bus/usb-serial/devices";
 /// Longest accepted latency of an FTDI adapter, ms. The factory setting is 16 ms, two control periods.
 const LATENCY_MS: u32 = 1;
 
-/// Opens a serial adapter at `baud` bits per second.
+/// Opens a serial adapter at `baud` bit/s.
 ///
 /// # Errors
-/// The device does not exist, access is denied, or it does not support this rate.
+/// Returns an error if the device does not exist, access is denied, or it does not support this rate.
 pub fn open(device: &Path, baud: u32) -> Result<Port, OpenError> {
     let (reader, writer) = open_device(device, baud)?;
     let complaint = device.file_name().and_then(|name| {
@@ -41,7 +41,8 @@ pub struct Latency {
 }
 
 impl Latency {
-    /// Reads the latency timer of a device, such as `ttyUSB0`. Only FTDI adapters have one; `None` for others.
+    /// Reads the latency timer of a device, such as `ttyUSB0`. Returns `None` for adapters other than FTDI, which have no such
+    /// timer.
     pub fn of(name: &str) -> Option<Self> {
         Self::below(Path::new(DEVICES), name)
     }
@@ -71,11 +72,12 @@ fn hurry(devices: &Path, name: &str) -> Option<String> {
     }
     let (ms, shorten) = (latency.ms, latency.shorten());
     Some(format!(
-        "the adapter keeps answers back for up to {ms} ms, and poses come too late: {shorten}"
+        "the FTDI latency timer of the adapter is {ms} ms, so poses arrive too late; shorten it: \
+         {shorten}"
     ))
 }
 
-/// Port of a line that carries bytes; `name` is for messages.
+/// Creates the port of a line that carries bytes. `name` is used in messages.
 pub fn port(
     name: &str,
     reader: impl Read + Send + 'static,
@@ -98,7 +100,7 @@ impl Outlet for TtyOutlet {
     }
 
     fn send(&mut self, _frame: &Frame) -> Result<(), LinkError> {
-        Err(LinkError::Down(format!("{} carries bytes, no frames", self.writer.name())))
+        Err(LinkError::Down(format!("{} carries bytes, not frames", self.writer.name())))
     }
 
     fn carries_bytes(&self) -> bool {
@@ -130,14 +132,15 @@ impl<R: Read + Send> Inlet for TtyInlet<R> {
 #[cfg(unix)]
 pub use pseudo::serve;
 
-/// Makes a pseudo-terminal, which this system does not have.
+/// Creates a pseudo-terminal, which this system does not support.
 ///
 /// # Errors
-/// Always.
+/// Always returns an error.
 #[cfg(not(unix))]
 pub fn serve(link: &Path) -> Result<Port, OpenError> {
-    let what = format!("`pty:{}` needs pseudo-terminals, which only Unix has", link.display());
-    Err(OpenError { what, help: "use two adapters and a cable between them".into() })
+    let what =
+        format!("`pty:{}` requires pseudo-terminals, which only Unix provides", link.display());
+    Err(OpenError { what, help: "use two adapters that are connected by a cable".into() })
 }
 
 #[cfg(unix)]
@@ -149,22 +152,23 @@ mod pseudo {
     use std::thread::sleep;
     use std::time::Duration;
 
-    /// Read timeout, after which the thread looks whether the port is still wanted.
+    /// Read timeout, after which the thread checks if the port is still in use.
     const WAIT: Duration = Duration::from_millis(50);
-    /// Interval at which the line looks for a program at its other end.
+    /// Polling interval while no program has the other end open.
     const LONELY: Duration = Duration::from_millis(5);
     /// Directory of the system's pseudo-terminals.
     const TERMINALS: &str = "/dev/pts";
 
-    /// Makes a pseudo-terminal, and at `link` a symbolic link to the end that other programs open; it is there as long as
-    /// the port. Programs may come and go.
+    /// Creates a pseudo-terminal, and a symbolic link at `link` to the end that other programs open.
+    ///
+    /// The link exists as long as the port. Programs may open and close their end repeatedly.
     ///
     /// # Errors
-    /// There is something else at `link`, or the system gives no pseudo-terminal.
+    /// Returns an error if another file exists at `link` or the system provides no pseudo-terminal.
     pub fn serve(link: &Path) -> Result<Port, OpenError> {
         let failed = |what: String| OpenError {
-            what: format!("`{}` cannot be made: {what}", link.display()),
-            help: "give a path in a folder that you may write, such as pty:/tmp/servos".into(),
+            what: format!("`{}` cannot be created: {what}", link.display()),
+            help: "give a path in a writable folder, such as pty:/tmp/servos".into(),
         };
         // What an earlier run that was killed has left.
         if fs::read_link(link).is_ok_and(|target| target.starts_with(TERMINALS)) {
@@ -173,14 +177,14 @@ mod pseudo {
         let (mut near, far) = TTYPort::pair().map_err(|error| failed(error.to_string()))?;
         near.set_timeout(WAIT).map_err(|error| failed(error.to_string()))?;
         let writer = near.try_clone_native().map_err(|error| failed(error.to_string()))?;
-        let device = far.name().ok_or_else(|| failed("it has no name".into()))?;
+        let device = far.name().ok_or_else(|| failed("the pseudo-terminal has no name".into()))?;
         symlink(&device, link).map_err(|error| failed(error.to_string()))?;
         let name = link.display().to_string();
         let Port { outlet, inlet } = port(&name, Patient(near), Patient(writer), None);
         Ok(Port { outlet: Box::new(Linked { outlet, link: link.to_owned(), device }), inlet })
     }
 
-    /// The end of a pseudo-terminal whose other end may be open or not.
+    /// End of a pseudo-terminal whose other end may be open or closed.
     struct Patient(TTYPort);
 
     /// True for transient errors: interrupted, timeout, would block.
@@ -207,7 +211,7 @@ mod pseudo {
     }
 
     impl Write for Patient {
-        /// Discards the bytes if no program reads them, as a wire does.
+        /// Discards the bytes if no program reads them, like a wire.
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             match self.0.write(bytes) {
                 Err(error) if !passes(&error) => Ok(bytes.len()),
@@ -220,7 +224,7 @@ mod pseudo {
         }
     }
 
-    /// Removes the link when the port is dropped.
+    /// Removes the symbolic link when the port is dropped.
     struct Linked {
         outlet: Box<dyn Outlet>,
         link: PathBuf,
@@ -261,10 +265,10 @@ mod tests {
     use crate::port::Hub;
     use std::time::{Duration, Instant};
 
-    /// Far longer than anything takes.
+    /// Timeout far longer than any operation of the tests.
     const LONG: Duration = Duration::from_secs(60);
 
-    /// Receives bytes from the port until there are at least `count`.
+    /// Receives at least `count` bytes from the port.
     fn heard(hub: &mut Hub, count: usize) -> Vec<u8> {
         let (start, mut all) = (Instant::now(), Vec::new());
         while all.len() < count {
@@ -316,7 +320,7 @@ mod tests {
         let path = folder.path().join("servos");
         fs::write(&path, "mine").unwrap();
         let error = serve(&path).err().unwrap();
-        assert!(error.what.contains("cannot be made"), "{error}");
+        assert!(error.what.contains("cannot be created"), "{error}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "mine");
     }
 

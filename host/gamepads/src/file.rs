@@ -1,30 +1,31 @@
-//! Mapping files from buttons and axes to actions (docs/gamepad.md).
+//! Mapping files, which assign actions to buttons and axes (docs/gamepad.md).
 
 use crate::inputs::{self, Input, Push};
 use rollwalk_host::operator::LetGo;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
-/// A validated mapping.
+/// Validated mapping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mapping {
-    /// Name, for messages.
+    /// Name of the mapping, for messages.
     pub name: String,
-    /// Parts of device names that it fits.
+    /// Substrings of the device names for which the mapping is made.
     pub devices: Vec<String>,
-    /// Inputs that stop the robot; at least one.
+    /// Inputs that stop the robot; never empty.
     pub estop: Vec<Input>,
     /// Button that the device's driver calls `BTN_NORTH`.
     pub north: North,
-    /// The deadman.
+    /// Input that must be held while the robot moves, the deadman.
     pub deadman: Hold,
-    /// The axis that sets the speed, if any.
+    /// Axis that sets the playback speed; `None` without one.
     pub speed: Option<Speed>,
     /// Actions of the other buttons.
     pub buttons: Vec<(Input, Does)>,
 }
 
-/// Button on the right that a driver calls `BTN_NORTH`: the top one or the left one. The driver calls the other one `BTN_WEST`. A
-/// mapping must state this, because browsers number buttons by their positions.
+/// Button on the right that a driver calls `BTN_NORTH`: the top or the left one. The driver calls the remaining one `BTN_WEST`.
+///
+/// A mapping must state this, because browsers number buttons by their positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum North {
     /// Top button, as Linux documents it.
@@ -34,21 +35,21 @@ pub enum North {
     Left,
 }
 
-/// The deadman: the input to hold while the robot moves.
+/// Deadman: the input that must be held while the robot moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hold {
-    /// The button.
+    /// Button or direction of an axis.
     pub input: Input,
-    /// Reaction of a moving robot when it is released.
+    /// Reaction of a moving robot when the input is released.
     pub released: LetGo,
-    /// Silence after which the gamepad counts as disconnected, s.
+    /// Time without events after which the gamepad counts as disconnected, s.
     pub silent_s: Option<f64>,
 }
 
-/// Playback speed by stick or trigger, as a fraction of the planned one.
+/// Playback speeds for a stick or trigger, as fractions of the planned speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// The axis and its positive direction.
+    /// Axis and its positive direction.
     pub push: Push,
     /// Dead zone, as a fraction of the travel.
     pub dead_zone: f32,
@@ -56,7 +57,7 @@ pub struct Speed {
     pub rest: f32,
     /// Speed at full deflection.
     pub pushed: f32,
-    /// Speed at full deflection the other way.
+    /// Speed at full deflection in the opposite direction.
     pub opposite: f32,
 }
 
@@ -65,7 +66,7 @@ pub struct Speed {
 pub enum Does {
     /// Plays a motion.
     Play(Motion),
-    /// Turns torque on.
+    /// Switches torque on.
     Arm,
     /// Clears a stop.
     Clear,
@@ -73,16 +74,16 @@ pub enum Does {
     Pause,
     /// Returns to SAFE.
     Return,
-    /// Returns to SAFE, then turns torque off.
+    /// Returns to SAFE, then switches torque off.
     Disarm,
 }
 
-/// Motion of a button.
+/// Motion that a button plays.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// Command code.
+    /// Motion with this command code.
     Code(u8),
-    /// Name in the library.
+    /// Motion with this name in the library.
     Named(String),
 }
 
@@ -90,10 +91,10 @@ pub enum Motion {
 const WORDS: [&str; 6] = ["play MOTION", "arm", "clear", "pause", "return", "disarm"];
 
 impl Mapping {
-    /// Reads and validates a mapping file. `file_name` is for messages only.
+    /// Reads and validates a mapping file. `file_name` is used only in messages.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Returns all defects of the file.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let mapping = mapping(&document);
@@ -101,19 +102,19 @@ impl Mapping {
     }
 }
 
-/// Inputs that have a meaning already, and which.
+/// Inputs that already have a meaning, with that meaning.
 #[derive(Default)]
 struct Taken(Vec<(Input, String)>);
 
 impl Taken {
-    /// Notes what an input is for; a fault when it is for something already.
+    /// Records the meaning of an input. Reports a fault if the input already has a meaning.
     fn take(&mut self, document: &Document<'_>, span: Span, input: Input, does: &str) {
         match self.0.iter().find(|(taken, _)| *taken == input) {
             Some((_, other)) => document.fault(
                 span,
-                format!("{input}: has two meanings, {other} and {does}"),
-                "a second meaning",
-                "give each button or direction one meaning",
+                format!("{input} has two actions, {other} and {does}"),
+                "a second action",
+                "give each button or direction one action",
             ),
             None => self.0.push((input, does.to_owned())),
         }
@@ -156,7 +157,7 @@ fn mapping(document: &Document<'_>) -> Option<Mapping> {
 fn estop(document: &Document<'_>, root: &Table<'_>, taken: &mut Taken) -> Option<Vec<Input>> {
     let names = root.strings("estop")?;
     if names.is_empty() {
-        let help = "name at least one button, such as estop = [\"BTN_EAST\"]";
+        let help = "give at least one button, such as estop = [\"BTN_EAST\"]";
         root.fault("estop", "is empty", "no emergency stop", help);
     }
     let mut inputs = Vec::new();
@@ -172,10 +173,10 @@ fn input(document: &Document<'_>, what: &str, name: &str, span: Span) -> Option<
     let found = Input::named(name);
     if found.is_none() {
         let known = inputs::names();
-        let message = format!("{what}: `{name}` is no button and no axis with its direction");
+        let message = format!("{what}: `{name}` is not a button, nor an axis with a direction");
         let help = match name {
             _ if inputs::push(&format!("{name}+")).is_some() => {
-                format!("say which way, `{name}+` or `{name}-`")
+                format!("add a direction: `{name}+` or `{name}-`")
             }
             _ => alternatives(name, known.iter().map(String::as_str)),
         };
@@ -210,15 +211,15 @@ fn speed(table: &Table<'_>) -> Option<Speed> {
         if push.is_none() {
             let known = inputs::axis_names();
             let help = match inputs::push(&format!("{name}+")) {
-                Some(_) => format!("say which way, `{name}+` or `{name}-`"),
+                Some(_) => format!("add a direction: `{name}+` or `{name}-`"),
                 None => alternatives(&name, known.iter().map(String::as_str)),
             };
-            table.fault("axis", format!("is \"{name}\""), "not an axis with its direction", help);
+            table.fault("axis", format!("is \"{name}\""), "not an axis with a direction", help);
         }
         push
     });
     let part = |key| table.number_in(key, 1.0 / 64.0..=1.0, "of the planned speed");
-    let dead_zone = table.number_in("dead_zone", 0.0..=0.9, "of the way");
+    let dead_zone = table.number_in("dead_zone", 0.0..=0.9, "of the full deflection");
     let (rest, pushed) = (part("rest"), part("pushed"));
     let opposite = if table.has("opposite") { part("opposite") } else { rest };
     table.done();
@@ -238,7 +239,7 @@ fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec
         let does = does(entry.text);
         if let Err(help) = &does {
             let message = format!("[buttons]: `{}` cannot be \"{}\"", entry.name, entry.text);
-            document.fault(entry.text_span, message, "not something to do", help);
+            document.fault(entry.text_span, message, "not an action", help);
         }
         if let (Some(input), Ok(does)) = (input, does) {
             taken.take(document, entry.name_span, input, entry.text);
@@ -248,7 +249,10 @@ fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec
     all
 }
 
-/// Parses the action of a button; the error states what would be valid.
+/// Parses the action of a button.
+///
+/// # Errors
+/// Returns a description of valid actions.
 fn does(text: &str) -> Result<Does, String> {
     match text {
         "arm" => return Ok(Does::Arm),
@@ -256,7 +260,7 @@ fn does(text: &str) -> Result<Does, String> {
         "pause" => return Ok(Does::Pause),
         "return" => return Ok(Does::Return),
         "disarm" => return Ok(Does::Disarm),
-        "estop" => return Err("put this button into `estop` above".into()),
+        "estop" => return Err("move this button into `estop` above".into()),
         _ => {}
     }
     let motion = match text.split_once(' ') {
@@ -266,13 +270,13 @@ fn does(text: &str) -> Result<Does, String> {
     };
     if motion.is_empty() || motion.contains(char::is_whitespace) {
         return Err(
-            "name one motion or its command code, such as \"play walk\" or \"play 3\"".into()
+            "give one motion or its command code, such as \"play walk\" or \"play 3\"".into()
         );
     }
     if motion.chars().all(|c| c.is_ascii_digit()) {
         return match motion.parse() {
             Ok(code @ 1..) => Ok(Does::Play(Motion::Code(code))),
-            _ => Err("command codes are 1 to 255".into()),
+            _ => Err("give a command code from 1 to 255".into()),
         };
     }
     Ok(Does::Play(Motion::Named(motion.to_owned())))
@@ -324,13 +328,18 @@ BTN_NORTH = "play 12"
     #[test]
     fn what_is_wrong_is_said_with_what_would_be_right() {
         for (from, to, message, help) in [
-            ("BTN_SOUTH =", "BTN_SUOTH =", "`BTN_SUOTH` is no button", "did you mean `BTN_SOUTH`"),
+            (
+                "BTN_SOUTH =",
+                "BTN_SUOTH =",
+                "`BTN_SUOTH` is not a button",
+                "did you mean `BTN_SOUTH`",
+            ),
             ("\"play walk\"", "\"jump\"", "cannot be \"jump\"", "`play MOTION`"),
             ("\"play walk\"", "\"play 300\"", "cannot be \"play 300\"", "1 to 255"),
             ("\"play walk\"", "\"play\"", "cannot be \"play\"", "play walk"),
             ("\"play walk\"", "\"estop\"", "cannot be \"estop\"", "`estop` above"),
-            ("BTN_NORTH =", "BTN_EAST =", "two meanings, estop and play 12", "one meaning"),
-            ("\"ABS_Z+\"", "\"ABS_Z\"", "`ABS_Z` is no button", "`ABS_Z+` or `ABS_Z-`"),
+            ("BTN_NORTH =", "BTN_EAST =", "two actions, estop and play 12", "one action"),
+            ("\"ABS_Z+\"", "\"ABS_Z\"", "`ABS_Z` is not a button", "`ABS_Z+` or `ABS_Z-`"),
             ("\"ABS_RZ+\"", "\"ABS_RZ\"", "`axis` is \"ABS_RZ\"", "`ABS_RZ+` or"),
             ("[\"BTN_EAST\"]", "[]", "`estop` is empty", "at least one"),
             ("\"pause\"", "\"stop\"", "`released` cannot be \"stop\"", "`pause`"),

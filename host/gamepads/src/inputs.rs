@@ -1,8 +1,8 @@
-//! Buttons and axes of a gamepad by the names that Linux has for them (`input-event-codes.h`).
+//! Buttons and axes of a gamepad, with the names that Linux uses (`input-event-codes.h`).
 
 use std::fmt;
 
-/// Buttons, with their numbers.
+/// Names and numbers of the buttons.
 const BUTTONS: [(&str, u16); 36] = [
     ("BTN_TRIGGER", 0x120),
     ("BTN_THUMB", 0x121),
@@ -42,7 +42,7 @@ const BUTTONS: [(&str, u16); 36] = [
     ("KEY_RECORD", 0xa7),
 ];
 
-/// Axes, with their numbers.
+/// Names and numbers of the axes.
 const AXES: [(&str, u16); 15] = [
     ("ABS_X", 0x00),
     ("ABS_Y", 0x01),
@@ -61,34 +61,34 @@ const AXES: [(&str, u16); 15] = [
     ("ABS_HAT1Y", 0x13),
 ];
 
-/// An axis in one of its directions: a stick pushed that way, a trigger pulled.
+/// Direction of an axis: a stick pushed to one side, or a trigger pulled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Push {
     /// Number of the axis.
     pub axis: u16,
-    /// Towards its greatest value.
+    /// True for the direction of increasing values.
     pub positive: bool,
 }
 
 impl Push {
-    /// Deflection in this direction, 0 to 1, of an axis at `value`, −1 to 1.
+    /// Deflection of an axis in this direction, 0 to 1. `value` is the position of the axis, −1 to 1.
     pub fn how_far(self, value: f32) -> f32 {
         let pushed = if self.positive { value } else { -value };
         if pushed.is_finite() { pushed.clamp(0.0, 1.0) } else { 0.0 }
     }
 }
 
-/// Something that can be pressed.
+/// Input that can be pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Input {
-    /// A button.
+    /// Button with this number.
     Button(u16),
-    /// An axis pushed more than half way.
+    /// Axis pushed more than half of its travel in a direction.
     Push(Push),
 }
 
 impl Input {
-    /// The input with this name, such as `BTN_SOUTH`, `ABS_RZ+` or `ABS_HAT0Y-`.
+    /// Parses an input such as `BTN_SOUTH`, `ABS_RZ+` or `ABS_HAT0Y-`.
     pub fn named(name: &str) -> Option<Self> {
         let button = BUTTONS.iter().find(|(known, _)| *known == name);
         if let Some(&(_, number)) = button {
@@ -98,7 +98,7 @@ impl Input {
     }
 }
 
-/// An axis with its direction, by name.
+/// Parses an axis with its direction, such as `ABS_RZ+`.
 pub fn push(name: &str) -> Option<Push> {
     let (name, positive) = match name.strip_suffix('+') {
         Some(name) => (name, true),

@@ -1,12 +1,12 @@
-//! Meaning of gamepad buttons (docs/gamepad.md). Events come from Linux, for the console, or from a browser, for the studio's
-//! page. The crate needs no device and no clock.
+//! Actions of gamepad buttons (docs/gamepad.md). Events come from Linux, for the console, or from a browser, for the studio's
+//! page. The crate depends on neither a device nor a clock.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
 //! | [`mod@file`] | mapping files |
-//! | [`pad`] | state machine from events to operator requests: motion only with the deadman held, emergency stop always |
-//! | [`standard`] | gamepads as browsers show them, as those events |
+//! | [`pad`] | state machine that turns events into operator requests: motion only with the deadman held, emergency stop always |
+//! | [`standard`] | events from the states of gamepads in browsers |
 //!
 //! ```
 //! let mapping = rollwalk_gamepads::shipped_for("Xbox Wireless Controller").expect("it ships");
@@ -26,18 +26,18 @@ mod tests;
 
 use file::Mapping;
 
-/// The files beside `Cargo.toml`, so that the package of this crate has them.
+/// Shipped mapping files, which are in this crate's directory so that its package contains them.
 const SHIPPED: [(&str, &str); 2] = [
     ("gamepads/xbox.toml", include_str!("../xbox.toml")),
     ("gamepads/playstation.toml", include_str!("../playstation.toml")),
 ];
 
-/// Paths in the checkout of the mappings that ship, with their texts; the first that fits a device counts.
+/// Paths and texts of the shipped mappings. The first that fits a device is used.
 pub fn shipped() -> impl Iterator<Item = (&'static str, &'static str)> {
     SHIPPED.iter().copied()
 }
 
-/// The shipped mapping that is made for a device, by its name.
+/// Shipped mapping that is made for a device with this name.
 pub fn shipped_for(device: &str) -> Option<Mapping> {
     let mut all = shipped().filter_map(|(path, text)| Mapping::from_toml(path, text).ok());
     all.find(|mapping| mapping.devices.iter().any(|part| device.contains(part.as_str())))

@@ -1,4 +1,4 @@
-//! State machine from gamepad events and time to operator requests.
+//! State machine that turns gamepad events and time into operator requests.
 
 use crate::file::{Does, Mapping, Motion, North, Speed};
 use crate::inputs::{Input, Push};
@@ -8,42 +8,43 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Position above which an axis counts as pressed.
 const PRESSED: f32 = 0.6;
-/// Position below which it is released. A trigger mistaken for a stick, or the reverse, rests at a half.
+/// Position below which an axis counts as released. A trigger that is mistaken for a stick rests at 0.5, and so does a stick
+/// that is mistaken for a trigger.
 const LET_GO: f32 = 0.45;
-/// Change of speed that is noise of the stick, 64ths.
+/// Largest change of the playback speed that is treated as noise of the stick, 64ths.
 const SPEED_NOISE: i8 = 2;
 
-/// An event of a gamepad.
+/// Event of a gamepad.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// The gamepad is connected. Inputs pressed at that time, except an emergency stop, count only after a release.
+    /// Connection of the gamepad. Inputs pressed at that time, except an emergency stop, count only after a release.
     Found {
         /// Name of the device.
         name: String,
-        /// Buttons that are down.
+        /// Numbers of the pressed buttons.
         buttons: Vec<u16>,
-        /// Axes, as in [`Event::Axis`].
+        /// Positions of axes, as in [`Event::Axis`].
         axes: Vec<(u16, f32)>,
     },
-    /// A button goes down or up.
+    /// Press or release of a button.
     Button {
         /// Button number.
         number: u16,
-        /// Down.
+        /// True if the button is pressed.
         down: bool,
     },
-    /// An axis moves.
+    /// Movement of an axis.
     Axis {
         /// Axis number.
         axis: u16,
         /// Position, −1 to 1; triggers 0 to 1.
         value: f32,
     },
-    /// The gamepad is disconnected, for the given reason.
+    /// Disconnection of the gamepad, with its reason.
     Gone(String),
 }
 
-/// Request that results from events.
+/// Request that results from an event.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
     /// Intent of the operator.
@@ -55,7 +56,7 @@ pub enum Wish {
 }
 
 impl Wish {
-    /// Passes the wish to the operator's core. `catalog` resolves names of motions in the active library to command codes.
+    /// Passes the request to the operator's core. `catalog` maps names of motions in the active library to command codes.
     pub fn give(self, now_us: u64, operator: &mut Operator, catalog: Option<&Catalog>) {
         match self {
             Self::Want(intent) => operator.want(now_us, intent),
@@ -64,7 +65,9 @@ impl Wish {
                 match catalog.and_then(|catalog| catalog.motion(&name)?.code) {
                     Some(code) => operator.want(now_us, Intent::Play { code }),
                     None => {
-                        let text = format!("the library has no motion `{name}` with a code");
+                        let text = format!(
+                            "the library does not have a motion `{name}` with a command code"
+                        );
                         operator.say(now_us, Weight::Refused, text);
                     }
                 }
@@ -76,7 +79,7 @@ impl Wish {
     }
 }
 
-/// A gamepad with its mapping.
+/// Gamepad with its mapping.
 #[derive(Clone, Debug)]
 pub struct Pad {
     mapping: Mapping,
@@ -85,13 +88,13 @@ pub struct Pad {
     /// Inputs that count only after a release.
     stale: BTreeSet<Input>,
     held: bool,
-    /// Last known position of each axis.
+    /// Latest position of each axis.
     axes: BTreeMap<u16, f32>,
     speed: Option<i8>,
     heard_us: u64,
     /// Time for which a button must be held to arm, µs.
     arm_hold_us: u64,
-    /// The button that is held to arm, and since when, µs.
+    /// Button that is held to arm, and time of its press, µs.
     arming: Option<(Input, u64)>,
 }
 
@@ -112,17 +115,17 @@ impl Pad {
         }
     }
 
-    /// Sets the time for which the button must be held to arm, together with the deadman.
+    /// Sets the time for which the button must be held, together with the deadman, to arm.
     pub fn arming_after(self, arm_hold_us: u64) -> Self {
         Self { arm_hold_us, ..self }
     }
 
-    /// Button of a browser's gamepad that is `BTN_NORTH`.
+    /// Button of a browser's gamepad that corresponds to `BTN_NORTH`.
     pub fn north(&self) -> North {
         self.mapping.north
     }
 
-    /// The gamepad in a few words.
+    /// Short description of the gamepad's state.
     pub fn words(&self) -> String {
         let hold = self.mapping.deadman.input;
         if self.is_there {
@@ -132,7 +135,7 @@ impl Pad {
         }
     }
 
-    /// Request at the start of every console with a gamepad: the deadman is not held.
+    /// Initial state of the deadman: not held.
     pub fn released(&self) -> Deadman {
         Deadman::Released(self.mapping.deadman.released)
     }
@@ -147,7 +150,7 @@ impl Pad {
         Wish::Want(Intent::Deadman(self.released()))
     }
 
-    /// Takes an event.
+    /// Processes an event, and returns the resulting requests.
     pub fn on_event(&mut self, now_us: u64, event: Event) -> Vec<Wish> {
         self.heard_us = now_us;
         match event {
@@ -160,7 +163,8 @@ impl Pad {
         }
     }
 
-    /// Processes timeouts: a deadman held without events for too long counts as released, and a button held for long enough arms.
+    /// Processes timeouts. A deadman that is held without events for too long counts as released, and a button that is held for
+    /// long enough arms.
     pub fn tick(&mut self, now_us: u64) -> Vec<Wish> {
         let mut wishes = self.tick_silence(now_us);
         if !self.held {
@@ -183,7 +187,8 @@ impl Pad {
         }
         self.held = false;
         self.stale.insert(self.mapping.deadman.input);
-        let text = format!("the gamepad has said nothing for {silent_s} s: as if it was let go");
+        let text =
+            format!("no data from the gamepad for {silent_s} s: the deadman counts as released");
         vec![self.let_go(), Wish::Say(text, true)]
     }
 
@@ -225,7 +230,7 @@ impl Pad {
         if !std::mem::take(&mut self.is_there) {
             return Vec::new();
         }
-        vec![self.let_go(), Wish::Say(format!("the gamepad is gone: {why}"), true)]
+        vec![self.let_go(), Wish::Say(format!("the gamepad is disconnected: {why}"), true)]
     }
 
     fn push(&mut self, now_us: u64, axis: u16, value: f32) -> Vec<Wish> {
@@ -260,7 +265,7 @@ impl Pad {
         Some(Wish::Want(Intent::Speed { sixty_fourths }))
     }
 
-    /// Processes a press or release of an input, also a repeated one.
+    /// Processes a press or release of an input, which may be a repetition.
     fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<Wish> {
         // Let go of too early, or of the deadman.
         self.arming
@@ -289,7 +294,7 @@ impl Pad {
             Does::Return => Wish::Want(Intent::Return),
             Does::Play(_) | Does::Arm if !self.held => {
                 let hold = self.mapping.deadman.input;
-                Wish::Say(format!("hold {hold} first: {input} makes the robot move"), false)
+                Wish::Say(format!("hold {hold} first, because {input} moves the robot"), false)
             }
             Does::Pause => Wish::Want(Intent::PauseOrResume),
             Does::Arm if self.arm_hold_us > 0 => {
@@ -304,7 +309,7 @@ impl Pad {
 }
 
 impl Speed {
-    /// Speed in 64ths when the axis is at `value`.
+    /// Speed in 64ths for an axis at `value`.
     fn sixty_fourths(&self, value: f32) -> i8 {
         let towards = |push: Push| {
             let past = push.how_far(value) - self.dead_zone;
@@ -322,8 +327,10 @@ fn whole(part: f32) -> i8 {
     ((64.0 * part).round() as i8).clamp(1, 64)
 }
 
-/// Normalised position of an axis: −1 to 1 for a stick, 0 to 1 for a trigger. Its name decides which it is, since the
-/// ranges are the same: a PlayStation's sticks go from 0 to 255 as its triggers do.
+/// Normalised position of an axis: −1 to 1 for a stick, 0 to 1 for a trigger.
+///
+/// The number of the axis determines its kind, because the ranges of values do not: a PlayStation's sticks and triggers both
+/// have the range 0 to 255.
 pub fn normal(axis: u16, raw: i32, min: i32, max: i32) -> f32 {
     // ABS_Z, ABS_RZ, ABS_THROTTLE, ABS_GAS, ABS_BRAKE.
     const TRIGGERS: [u16; 5] = [0x02, 0x05, 0x06, 0x09, 0x0a];

@@ -1,5 +1,5 @@
 //! Gamepads in browsers: the "standard gamepad" of the W3C's Gamepad API, which numbers buttons by their positions. A browser
-//! reports states, not events, so events are the differences between two states.
+//! reports states, so this module derives events from the differences between two states.
 
 use crate::file::North;
 use crate::inputs::{Input, Push};
@@ -7,7 +7,7 @@ use crate::pad::Event;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Buttons that are buttons, by their numbers in a browser. 6 and 7 are the triggers, 12 to 15 the cross.
+/// Indices in a browser of the inputs that are buttons for Linux. The triggers, 6 and 7, are also axes.
 const BUTTONS: [(usize, &str); 13] = [
     (0, "BTN_SOUTH"),
     (1, "BTN_EAST"),
@@ -23,9 +23,11 @@ const BUTTONS: [(usize, &str); 13] = [
     (11, "BTN_THUMBR"),
     (16, "BTN_MODE"),
 ];
+/// Index of the left one of the buttons on the right.
 const LEFT: usize = 2;
+/// Index of the top one of the buttons on the right.
 const TOP: usize = 3;
-/// Buttons that are axes for Linux: triggers, and the directions of the cross.
+/// Indices in a browser of the inputs that are axes for Linux: triggers, and the directions of the cross.
 const PUSHES: [(usize, &str); 6] = [
     (6, "ABS_Z+"),
     (7, "ABS_RZ+"),
@@ -34,12 +36,12 @@ const PUSHES: [(usize, &str); 6] = [
     (14, "ABS_HAT0X-"),
     (15, "ABS_HAT0X+"),
 ];
-/// The sticks, left and right.
+/// Axes of the left and the right stick.
 const AXES: [&str; 4] = ["ABS_X+", "ABS_Y+", "ABS_RX+", "ABS_RY+"];
-/// Value of a button from which it is down.
+/// Smallest pressure at which a button counts as pressed.
 const DOWN: f32 = 0.5;
 
-/// A gamepad as a browser has it at a moment.
+/// State of a gamepad as reported by a browser.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Snapshot {
     /// Name of the device.
@@ -50,21 +52,21 @@ pub struct Snapshot {
     pub axes: Vec<f32>,
 }
 
-/// Buttons that are down, and axes.
+/// Pressed buttons, and positions of axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct State {
     down: BTreeSet<u16>,
     axes: BTreeMap<u16, f32>,
 }
 
-/// A gamepad of a browser: its last state.
+/// Gamepad of a browser, with its previous state.
 #[derive(Clone, Debug, Default)]
 pub struct Standard {
     last: Option<State>,
 }
 
 impl Standard {
-    /// Events that lead from the last state to this one. Where the mapping has `BTN_NORTH` decides which of two buttons is that.
+    /// Events that lead from the previous state to `seen`. `north` determines which of two buttons is `BTN_NORTH`.
     pub fn events(&mut self, north: North, seen: &Snapshot) -> Vec<Event> {
         let now = state(north, seen);
         let events = match &self.last {
@@ -79,7 +81,7 @@ impl Standard {
         events
     }
 
-    /// The browser no longer lists the gamepad. When it comes back, buttons that are down then count as pressed before.
+    /// Handles a gamepad that the browser no longer lists. Buttons that are pressed when it returns count only after a release.
     pub fn gone(&mut self, why: &str) -> Option<Event> {
         self.last.take().map(|_| Event::Gone(why.to_owned()))
     }

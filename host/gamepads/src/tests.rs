@@ -60,7 +60,7 @@ fn found() -> Event {
     Event::Found { name: "pad".into(), buttons: Vec::new(), axes: vec![(5, 0.0), (1, 0.0)] }
 }
 
-/// Lines as `evtest` prints them: type, code, value; `SYN` between.
+/// Parses lines of `evtest`: type, code and value. Lines with `SYN` are skipped.
 fn recorded(text: &str) -> Vec<Event> {
     let event = |line: &str| {
         let mut words = line.split_whitespace();
@@ -124,8 +124,9 @@ EV_KEY BTN_TL 1
 ",
     );
     let all = wishes(&mut pad, session);
-    let first =
-        |input: &str| Wish::Say(format!("hold ABS_RZ+ first: {input} makes the robot move"), false);
+    let first = |input: &str| {
+        Wish::Say(format!("hold ABS_RZ+ first, because {input} moves the robot"), false)
+    };
     let full = Wish::Want(Intent::Speed { sixty_fourths: 64 });
     assert_eq!(
         all,
@@ -181,7 +182,7 @@ fn a_gamepad_that_is_gone_or_silent_holds_nothing() {
     let trigger = |value| Event::Axis { axis: 5, value };
     wishes(&mut pad, [found(), trigger(1.0)]);
     let gone = wishes(&mut pad, [Event::Gone("unplugged".into())]);
-    assert_eq!(gone, [RELEASED, Wish::Say("the gamepad is gone: unplugged".into(), true)]);
+    assert_eq!(gone, [RELEASED, Wish::Say("the gamepad is disconnected: unplugged".into(), true)]);
     assert_eq!(wishes(&mut pad, [trigger(0.0), trigger(1.0)]), []);
     assert_eq!(wishes(&mut pad, [Event::Gone("still".into())]), []);
     wishes(&mut pad, [found(), trigger(1.0)]);

@@ -5,16 +5,16 @@ use super::{Coding, Message, Order, Presence, Signal};
 /// Value of a signal in a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value<'a> {
-    /// The signal.
+    /// Definition of the signal.
     pub signal: &'a Signal,
-    /// The bits as an unsigned integer.
+    /// Bits of the signal as an unsigned integer.
     pub raw: u64,
-    /// The physical value, in the signal's unit.
+    /// Physical value, in the signal's unit.
     pub number: f64,
 }
 
 impl Value<'_> {
-    /// Name of the value, if the signal has one for it.
+    /// Name of the value; `None` if the signal does not name it.
     pub fn name(&self) -> Option<&str> {
         let named = self.signal.names.iter().find(|(number, _)| *number == self.raw);
         named.map(|(_, name)| name.as_str())
@@ -22,7 +22,7 @@ impl Value<'_> {
 }
 
 impl Signal {
-    /// The bits of the signal as an unsigned integer; `None` when the data is too short for it.
+    /// Bits of the signal as an unsigned integer; `None` if `data` is too short for the signal.
     pub fn raw(&self, data: &[u8]) -> Option<u64> {
         let mut raw = 0;
         for i in 0..self.bits {
@@ -40,7 +40,7 @@ impl Signal {
         Some(raw)
     }
 
-    /// Physical value of the bits.
+    /// Physical value of an unsigned integer with the signal's bits.
     fn number(&self, raw: u64) -> f64 {
         let unused = 64 - u32::from(self.bits);
         let number = match self.coding {

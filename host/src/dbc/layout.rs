@@ -1,9 +1,9 @@
-//! Builder of a message's fields in their order on the wire, as `docs/formats/wire-format.md` lists them.
+//! Builder of a message's fields in their order in the frame, as `docs/formats/wire-format.md` lists them.
 
 use super::{Coding, Order, Presence, Signal};
 use std::borrow::Cow;
 
-/// Fields added so far, and the first bit of the next one.
+/// Fields added so far, and the first bit of the next field.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     at: u16,
@@ -15,7 +15,7 @@ impl Layout {
         Self::default()
     }
 
-    /// A layout whose first byte is the checksum.
+    /// Creates a layout whose first byte is the checksum.
     pub fn sealed() -> Self {
         let text =
             "CRC-8/AUTOSAR over the identifier, low byte first, and the bytes after this one";
@@ -33,7 +33,7 @@ impl Layout {
         self.field(name, bits, Coding::Unsigned, scale, (0.0, round(max * scale)))
     }
 
-    /// Adds a signed physical value in steps of `scale`; the lowest integer means no value.
+    /// Adds a signed physical value in steps of `scale`. The lowest integer stands for an absent value.
     pub fn steps(self, name: &str, bits: u16, scale: f64) -> Self {
         let max = round(((1u64 << (bits - 1)) - 1) as f64 * scale);
         self.field(name, bits, Coding::Signed, scale, (-max, max))
@@ -43,7 +43,7 @@ impl Layout {
         self.field(name, 32, Coding::Float, 1.0, (0.0, 0.0))
     }
 
-    /// Adds flags of one bit each from the least significant bit on, `width` bits in all.
+    /// Adds a field of `width` bits with flags of one bit each. Bit numbers count from the field's least significant bit.
     pub fn flags(
         mut self,
         width: u16,
@@ -95,32 +95,32 @@ impl Layout {
         self
     }
 
-    /// Sets the unit of the last field.
+    /// Sets the unit of the previous field.
     pub fn unit(self, unit: &'static str) -> Self {
         self.last(|signal| signal.unit = unit)
     }
 
-    /// Sets the comment of the last field.
+    /// Sets the comment of the previous field.
     pub fn comment(self, text: impl Into<Cow<'static, str>>) -> Self {
         self.last(|signal| signal.comment = text.into())
     }
 
-    /// Sets the range of the last field.
+    /// Sets the range of the previous field.
     pub fn range(self, min: f64, max: f64) -> Self {
         self.last(|signal| (signal.min, signal.max) = (min, max))
     }
 
-    /// Sets names for values of the last field.
+    /// Adds names for values of the previous field.
     pub fn names(self, names: impl IntoIterator<Item = (u64, String)>) -> Self {
         self.last(|signal| signal.names.extend(names))
     }
 
-    /// Makes 255 mean "none" in the last field.
+    /// Makes 255 mean "none" in the previous field.
     pub fn or_none(self) -> Self {
         self.names([(0xFF, "none".into())])
     }
 
-    /// Makes the last field big-endian. It begins at a byte, or at the low half of a byte whose high half is the
+    /// Makes the previous field big-endian. The field begins at a byte, or at the low half of a byte whose high half is the
     /// field before.
     pub fn motorola(self) -> Self {
         self.last(|signal| {
@@ -130,7 +130,7 @@ impl Layout {
         })
     }
 
-    /// Makes the last field the selector of others.
+    /// Makes the previous field the selector of others.
     pub fn selects(self) -> Self {
         self.last(|signal| signal.presence = Presence::Selector)
     }
@@ -155,7 +155,7 @@ impl Layout {
     }
 }
 
-/// Rounds away the error of binary fractions: 65.534, not 65.53400000000001.
+/// Rounds to 6 decimals, which removes errors of binary fractions: 65.534, not 65.53400000000001.
 fn round(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }

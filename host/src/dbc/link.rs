@@ -12,9 +12,9 @@ use std::fmt::Debug;
 /// Controllers on the link.
 #[derive(Clone, Copy)]
 pub(super) enum Controllers<'a> {
-    /// A controller at each address.
+    /// Controllers at all addresses.
     All,
-    /// The controller of a robot.
+    /// Controller of one robot.
     One(Node, &'a RobotNames),
 }
 
@@ -26,7 +26,7 @@ enum From {
     Anyone,
 }
 
-/// A message without its address.
+/// Definition of a message without its address.
 struct Kind {
     schema: &'static str,
     class: u16,
@@ -42,7 +42,7 @@ struct Kind {
 
 const HOST: &str = "host";
 
-/// Kinds of commands, as in the table of `docs/formats/wire-format.md`.
+/// Names of the kinds of commands, as in the table of `docs/formats/wire-format.md`.
 const COMMAND_KINDS: [&str; 11] = [
     "Play",
     "Pause",
@@ -56,7 +56,7 @@ const COMMAND_KINDS: [&str; 11] = [
     "Stream",
     "Track",
 ];
-/// Kinds of requests about parameters.
+/// Names of the kinds of parameter requests.
 const PARAMETER_KINDS: [&str; 5] = ["Get", "Set", "Reset", "Save", "Origin"];
 
 pub(super) fn database(controllers: Controllers<'_>) -> Database {
@@ -126,7 +126,7 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
                 "estop",
                 0,
                 0,
-                "Stop: the identifier alone says it, any bytes may follow",
+                "Emergency stop by the identifier alone; data bytes are ignored",
                 Layout::new(),
             )
         },
@@ -137,32 +137,46 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             2,
             8,
             From::Host,
-            "Proof that the next message of a class is from a host with the key",
+            "Authenticates the next message of a class",
             authenticator(),
         ),
         Kind {
             period_ms: HEARTBEAT_PERIOD_MS,
-            ..to("heartbeat", 1, 6, "The host is there", host_ms)
+            ..to("heartbeat", 1, 6, "Sent regularly by the host", host_ms)
         },
         Kind {
             period_ms: HEARTBEAT_PERIOD_MS,
             ..from("heartbeat_reply", 1, 1, 6, "Answer to each heartbeat", controller_ms)
         },
-        to("command", 2, 8, "What the controller shall do, once", command()),
+        to("command", 2, 8, "Command to the controller, executed once", command()),
         Kind {
             period_ms: STATUS_PERIOD_MS,
-            ..from("status", 3, 0, 8, "How the controller is; also on change", status())
+            ..from(
+                "status",
+                3,
+                0,
+                8,
+                "State of the controller, sent regularly and on change",
+                status(),
+            )
         },
-        from("fault", 3, 1, 8, "A fault in detail: when it appears, then once a second", fault()),
+        from(
+            "fault",
+            3,
+            1,
+            8,
+            "Details of a fault, when it appears and then once a second",
+            fault(),
+        ),
         from("command_ack", 3, 2, 7, "Answer to each command", command_ack()),
-        from("joint", 4, 0, 8, "Measurements of one channel after the other", joint(names)),
+        from("joint", 4, 0, 8, "Measurements of one channel; channels alternate", joint(names)),
         kind(
             "setpoint",
             4,
             1,
             8,
             From::Host,
-            "Setpoint of one channel: streamed, 60 a second, or in answer to a sample",
+            "Setpoint of one channel, streamed at 60 Hz or in answer to a sample",
             setpoint(names),
         ),
         from("gyro", 4, 2, 7, "Angular velocity of the root link, in its axes", imu(2e-3, "rad/s")),
@@ -174,17 +188,17 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             "Specific force at the root link, in its axes, mean since the last sample",
             imu(5e-3, "m/s2"),
         ),
-        from("sample", 4, 4, 8, "End of the measurements of an instant", sample()),
+        from("sample", 4, 4, 8, "End of the measurements of one sample", sample()),
         kind("transport_to_controller", 5, 0, 8, From::Host, "ISO-TP: requests", isotp()),
         from("transport_to_host", 5, 1, 8, "ISO-TP: responses", isotp()),
-        to("parameter", 6, 8, "Gains and limits at run time", parameter()),
+        to("parameter", 6, 8, "Reads or sets gains and limits at run time", parameter()),
         from("parameter_ack", 6, 1, 8, "Answer to each PARAMETER", parameter_ack()),
-        to("discover", 7, 0, "Who is there?", Layout::new()),
+        to("discover", 7, 0, "Requests the addresses of all controllers", Layout::new()),
         from("discovered", 7, 1, 7, "Answer to DISCOVER", discovered()),
     ]
 }
 
-/// Numbers and names of an enumeration of the protocol.
+/// Codes and names of a protocol enumeration's values.
 fn coded<T: Copy + Debug>(all: &[T], code: fn(T) -> u8) -> Vec<(u64, String)> {
     all.iter().map(|&value| (u64::from(code(value)), format!("{value:?}"))).collect()
 }
@@ -220,12 +234,15 @@ fn authenticator() -> Layout {
 fn command() -> Layout {
     numbered(&COMMAND_KINDS)
         .unsigned("code", 8)
-        .comment("Of PLAY: command code of the motion; of TRACK: part of kp, %")
+        .comment("PLAY: command code of the motion; TRACK: fraction of kp, %")
         .steps("speed", 8, 1.0 / 64.0)
-        .comment("Of PLAY: part of the planned speed; of TRACK: 64ths are the part of kd, %")
+        .comment(
+            "PLAY: fraction of the planned speed; TRACK: 64 times this value is the fraction \
+            of kd, %",
+        )
         .range(-2.0, 127.0 / 64.0)
         .unsigned("arg", 16)
-        .comment("Of ARM and CLEAR, second step: the nonce; of TRACK: samples a second")
+        .comment("Second step of ARM and CLEAR: nonce; TRACK: sample rate, Hz")
         .unsigned("valid_until_ms", 16)
         .unit("ms")
         .comment("Clock of the controller, low 16 bits")
@@ -243,9 +260,9 @@ fn status() -> Layout {
         .flags(16, Fault::ALL.iter().map(fault))
         .unsigned("clip", 8)
         .or_none()
-        .comment("What is played: motions, then transitions, numbered as in the library")
+        .comment("Played clip: motions, then transitions, numbered as in the library")
         .unsigned("frame", 12)
-        .comment("Frame of the clip, 60 a second")
+        .comment("Frame of the clip, at 60 Hz")
         .unsigned("counter", 4)
         .unsigned("library", 8)
         .comment("Low byte of the active library's identity, 0 without library")
@@ -262,7 +279,7 @@ fn fault() -> Layout {
     .comment(fault_values())
 }
 
-/// Meaning of the value in a fault report, for each fault.
+/// Meaning of the value in a fault report, for each fault with a value.
 fn fault_values() -> String {
     let of = |fault: &Fault| Some(format!("{fault:?}: {}", fault.description().value?));
     Fault::ALL.iter().filter_map(of).collect::<Vec<_>>().join("; ")
@@ -277,19 +294,21 @@ fn command_ack() -> Layout {
         .unsigned("motion", 8)
         .or_none()
         .unsigned("value", 16)
-        .comment("A nonce, the frames until the motion starts, or samples a second")
+        .comment("Nonce, number of frames until the motion starts, or sample rate in Hz")
 }
 
 fn channel(layout: Layout) -> Layout {
-    layout.unsigned("channel", 8).or_none().comment("As in the robot's configuration")
+    layout.unsigned("channel", 8).or_none().comment("Numbered as in the robot's configuration")
 }
 
-/// Telemetry of a joint. Without a robot file the channel number is a field next to the measurements, which any tool
-/// reads; with one, the channel selects signals named after the joint, which tools plot by name.
+/// Telemetry of a joint.
+///
+/// Without a robot file, the channel number is a field next to the measurements, which any tool can read. With a robot file,
+/// the channel selects signals named after the joint, which tools plot by name.
 fn joint(names: Option<&RobotNames>) -> Layout {
     let layout = Layout::new().unsigned("channel", 8);
     let Some(names) = names else {
-        return servo::telemetry(layout.comment("As in the robot's configuration"));
+        return servo::telemetry(layout.comment("Numbered as in the robot's configuration"));
     };
     let names: Vec<_> = (0..).zip(names.identified()).map(|(i, (name, _))| (i, name)).collect();
     let mut layout = layout.names(names.clone()).selects();
@@ -309,26 +328,30 @@ fn imu(scale: f64, unit: &'static str) -> Layout {
 fn sample() -> Layout {
     Layout::sealed()
         .unsigned("number", 8)
-        .comment("Modulo 256: its setpoints have it as their frame")
+        .comment("Number of the sample modulo 256, repeated as frame of its setpoints")
         .unsigned("answered", 8)
         .comment("Sample whose setpoints were in force")
         .steps_up("delay", 8, 2e-4)
         .unit("s")
         .comment("From the measurements of the answered sample until the answer came into force")
         .unsigned("contacts", 24)
-        .comment("End effectors that touch the ground, a bit each")
+        .comment("One bit for each end effector that touches the ground")
         .unsigned("has_contacts", 1)
         .unsigned("has_answered", 1)
 }
 
-/// A setpoint of the host. With a robot file the channel selects signals named after the joint.
+/// Set-point of the host. With a robot file, the channel selects signals named after the joint.
 fn setpoint(names: Option<&RobotNames>) -> Layout {
     let layout = Layout::sealed()
         .unsigned("frame", 8)
-        .comment("From 0 after STREAM, modulo 256; number of the sample that is answered")
+        .comment(
+            "After STREAM, counter from 0, modulo 256; after TRACK, number of the answered sample",
+        )
         .unsigned("channel", 7);
     let stiff = |layout: Layout| {
-        layout.unsigned("stiff", 1).comment("With all of the gains, not the parts that TRACK named")
+        layout
+            .unsigned("stiff", 1)
+            .comment("1: full gains; 0: fractions of the gains given with TRACK")
     };
     let values = |layout: Layout, prefix: &str, unit| {
         layout
@@ -336,10 +359,10 @@ fn setpoint(names: Option<&RobotNames>) -> Layout {
             .unit(unit)
             .steps(&format!("{prefix}torque"), 16, 5e-3)
             .unit("Nm")
-            .comment("Torque that is fed forward")
+            .comment("Feed-forward torque")
     };
     let Some(names) = names else {
-        let layout = stiff(layout.comment("As in the robot's configuration"));
+        let layout = stiff(layout.comment("Numbered as in the robot's configuration"));
         return values(layout, "", "rad|rad/s");
     };
     let channels: Vec<_> = (0..).zip(names.identified()).collect();
@@ -353,8 +376,8 @@ fn setpoint(names: Option<&RobotNames>) -> Layout {
     layout
 }
 
-/// The four kinds of ISO-TP frames, distinguished by the high half of the first byte. Frames may be shorter: a signal
-/// beyond the end has no value.
+/// Layout of the four kinds of ISO-TP frames, distinguished by the high half of the first byte. A signal beyond the end of a
+/// short frame has no value.
 fn isotp() -> Layout {
     let bytes = |mut layout: Layout, prefix: &str, count: u16| {
         for i in 0..count {
@@ -386,7 +409,7 @@ fn isotp() -> Layout {
         .when(3, flow.finish())
 }
 
-/// Types of the messages that ISO-TP carries, as the schema lists them: `isotp 10 begin ...`.
+/// Types of the messages in ISO-TP frames, from lines of the schema such as `isotp 10 begin ...`.
 pub(super) fn isotp_types() -> Vec<(u64, String)> {
     SCHEMA
         .lines()

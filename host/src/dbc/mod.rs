@@ -1,5 +1,5 @@
-//! Database of all frames of the link and of the Rollwalk servo profile, signal by signal, as a table and as a DBC
-//! file for CAN tools.
+//! Database of all frames and signals of the link and of the Rollwalk servo profile, as a table and as a DBC file for CAN
+//! tools.
 //!
 //! | module | is |
 //! |---|---|
@@ -9,9 +9,9 @@
 //! | `extract` | values of a frame's signals, extracted according to the database |
 //! | `write` | writer of the DBC format |
 //!
-//! The database repeats what the codecs define, on purpose: a test encodes random messages with the codecs of
-//! `rollwalk_protocol` and reads them with the database. Link and actuator buses use the same identifiers for
-//! different messages, so each has a database of its own.
+//! The database deliberately repeats the definitions of the codecs: a test encodes random messages with the codecs of
+//! `rollwalk_protocol` and decodes them with the database. Link and actuator buses use the same identifiers for different
+//! messages, so each has its own database.
 
 mod extract;
 mod layout;
@@ -24,7 +24,7 @@ pub use extract::Value;
 use rollwalk_protocol::wire::Node;
 use std::borrow::Cow;
 
-/// Names from a robot file for the numbers on the buses.
+/// Names from a robot file, for the numbers on the buses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RobotNames {
     /// Name of the robot.
@@ -33,14 +33,14 @@ pub struct RobotNames {
     pub channels: Vec<ChannelName>,
 }
 
-/// A joint or wheel and its actuator.
+/// Name of a joint or wheel, and its actuator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChannelName {
     /// Name of the joint, or of the end effector with the wheel.
     pub name: String,
-    /// Bus of its actuator.
+    /// Bus number of the actuator.
     pub bus: u8,
-    /// Address of its actuator.
+    /// Address of the actuator.
     pub id: u8,
     /// True for a wheel.
     pub is_wheel: bool,
@@ -49,9 +49,9 @@ pub struct ChannelName {
 /// Byte order of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Least significant first; `start` is the least significant bit.
+    /// Least significant byte first; `start` is the least significant bit.
     Intel,
-    /// Most significant first; `start` is the most significant bit.
+    /// Most significant byte first; `start` is the most significant bit.
     Motorola,
 }
 
@@ -73,16 +73,16 @@ pub enum Presence {
     Always,
     /// Present in every frame; its value selects which other signals are present.
     Selector,
-    /// Present when the selector has this value.
+    /// Present if the selector has this value.
     When(u64),
 }
 
-/// A field of a message.
+/// Field of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
-    /// Name, an identifier of C.
+    /// Name, a valid C identifier.
     pub name: String,
-    /// First bit: eight times the byte index, plus the bit in the byte.
+    /// Number of the first bit: eight times the byte index, plus the bit index in the byte.
     pub start: u16,
     /// Length in bits.
     pub bits: u16,
@@ -92,38 +92,38 @@ pub struct Signal {
     pub coding: Coding,
     /// Physical value of one step.
     pub scale: f64,
-    /// Smallest physical value.
+    /// Smallest physical value. Without a range, both limits are 0.
     pub min: f64,
-    /// Largest physical value; both 0 when there is no limit.
+    /// Largest physical value. Without a range, both limits are 0.
     pub max: f64,
-    /// Unit in ASCII.
+    /// Unit, in ASCII.
     pub unit: &'static str,
     /// Names of raw values.
     pub names: Vec<(u64, String)>,
-    /// Meaning.
+    /// Meaning of the signal.
     pub comment: Cow<'static, str>,
-    /// Condition under which it is present.
+    /// Condition under which the signal is present.
     pub presence: Presence,
 }
 
-/// A message: the frames with one identifier.
+/// Message: all frames with one identifier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
     /// Name in [`rollwalk_protocol::wire::SCHEMA`].
     pub schema: &'static str,
-    /// Name, an identifier that no other message of the database has.
+    /// Name, a C identifier that is unique in the database.
     pub name: String,
     /// 11-bit identifier.
     pub id: u16,
     /// Largest length, bytes.
     pub len: u8,
-    /// Sending node; `None` when several may send it.
+    /// Sending node; `None` if several nodes may send the message.
     pub sender: Option<String>,
-    /// Receiving node; `None` for all.
+    /// Receiving node; `None` for all nodes.
     pub receiver: Option<String>,
     /// Period, ms; 0 for messages that are not periodic.
     pub period_ms: u16,
-    /// Purpose.
+    /// Purpose of the message.
     pub comment: &'static str,
     /// Fields of the message.
     pub signals: Vec<Signal>,
@@ -146,7 +146,7 @@ impl Database {
         link::database(link::Controllers::All)
     }
 
-    /// Database of the link with the controller of one robot: telemetry has the names of its joints.
+    /// Database of the link with the controller of one robot. Telemetry signals are named after its joints.
     pub fn link_of(node: Node, names: &RobotNames) -> Self {
         link::database(link::Controllers::One(node, names))
     }
@@ -156,12 +156,12 @@ impl Database {
         servo::database(None)
     }
 
-    /// Database of an actuator bus of a robot: messages have the names of its joints.
+    /// Database of an actuator bus of one robot. Messages are named after its joints.
     pub fn actuators_of(bus: u8, names: &RobotNames) -> Self {
         servo::database(Some((bus, names)))
     }
 
-    /// Writes the database as a DBC file: ASCII, always the same for the same messages.
+    /// Writes the database as a DBC file in ASCII. The output depends only on the database.
     pub fn to_dbc(&self) -> String {
         write::dbc(self)
     }
@@ -173,7 +173,7 @@ impl Database {
 }
 
 impl RobotNames {
-    /// Channels, each with its name as an identifier that no other channel has.
+    /// Channels, each with its name as an identifier that is unique among them.
     fn identified(&self) -> Vec<(String, &ChannelName)> {
         let mut all: Vec<(String, &ChannelName)> = Vec::new();
         for (number, channel) in self.channels.iter().enumerate() {
@@ -187,8 +187,9 @@ impl RobotNames {
     }
 }
 
-/// Converts a name to an identifier of C. Names beyond the 32 characters that some old tools allow are not cut off,
-/// because front and rear of a long name could become the same.
+/// Converts a name to a C identifier.
+///
+/// Names longer than 32 characters, the limit of some old tools, are not truncated, because two long names could become equal.
 fn identifier(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let mut text: String = name.chars().map(plain).collect();

@@ -4,7 +4,7 @@ use super::layout::Layout;
 use super::{Database, Message, RobotNames, Signal, identifier};
 use rollwalk_protocol::actuator::{ActuatorStatus, MAX_ID};
 
-/// An actuator: address, name, and whether it is a wheel, if known.
+/// Actuator, with its address, name and kind. The kind is `None` if it is unknown.
 struct Actuator {
     id: u8,
     name: String,
@@ -58,7 +58,7 @@ fn messages(actuator: &Actuator, node: &str) -> Vec<Message> {
         }
     };
     let mut messages = vec![
-        message("control", 0x080, 1, "Torque off, torque on, or only a question", control()),
+        message("control", 0x080, 1, "Switches torque off or on, or requests feedback", control()),
         message("feedback", 0x180, 8, "Answer to every CONTROL and setpoint", feedback()),
     ];
     if actuator.is_wheel != Some(true) {
@@ -91,7 +91,7 @@ fn joint_setpoint() -> Layout {
 }
 
 fn feedback() -> Layout {
-    let text = "Goes up by one with each feedback; the same again is a repeated frame";
+    let text = "Incremented with each feedback; an equal value marks a repeated frame";
     measured(Layout::new()).unsigned("counter", 8).comment(text)
 }
 
@@ -116,16 +116,19 @@ fn wheel_torque_setpoint() -> Layout {
     torque(short(layout, "torque_limit", "mNm"))
 }
 
-/// Adds what setpoints with a torque end with.
+/// Adds the final fields of set-points with a torque.
 fn torque(layout: Layout) -> Layout {
     let layout = short(short(layout, "kd", "0.1 mNms/rad"), "torque", "mNm");
     layout.unsigned("torque_sign", 1).comment("1: negative")
 }
 
-/// Adds a short number, in steps of `unit`: its value is no multiple of its bits, so that it stands here in two parts.
+/// Adds a floating-point number in steps of `unit`. Mantissa and exponent are two fields, because the value is not a multiple
+/// of the raw bits.
 fn short(layout: Layout, name: &str, unit: &str) -> Layout {
-    let text =
-        format!("Steps of {unit}; with an exponent e above 0: (128 + mantissa) 2^(e-1) of them");
+    let text = format!(
+        "In steps of {unit}; with an exponent e above 0, the value is (128 + mantissa) \
+            2^(e-1) steps"
+    );
     layout
         .unsigned(&format!("{name}_mantissa"), 7)
         .comment(text)
@@ -137,7 +140,7 @@ fn pose(layout: Layout) -> Layout {
     layout
         .steps("position", 16, 2e-4)
         .unit("rad")
-        .comment("Of a wheel from -pi to pi")
+        .comment("For a wheel from -pi to pi")
         .steps("velocity", 16, 2e-3)
         .unit("rad/s")
 }
@@ -147,9 +150,9 @@ fn measured(layout: Layout) -> Layout {
     reported(layout, &[])
 }
 
-/// Adds what telemetry has of an actuator.
+/// Adds the telemetry fields of an actuator.
 pub(super) fn telemetry(layout: Layout) -> Layout {
-    let text = "It was asked on its serial line and did not answer: the rest is of before";
+    let text = "No answer on the serial line; the other values are older";
     reported(layout, &[(ActuatorStatus::UNANSWERED, "unanswered", text)])
 }
 
@@ -157,7 +160,7 @@ fn reported(layout: Layout, more: &[(u8, &'static str, &'static str)]) -> Layout
     let flags = [
         (ActuatorStatus::ENABLED, "enabled", "Torque is on"),
         (ActuatorStatus::TORQUE_LIMITED, "torque_limited", "The torque is at its limit"),
-        (ActuatorStatus::POSITION_LIMITED, "position_limited", "At a limit of the actuator's own"),
+        (ActuatorStatus::POSITION_LIMITED, "position_limited", "At the actuator's own limit"),
         (ActuatorStatus::TIMED_OUT, "timed_out", "No setpoint for too long: torque off"),
         (ActuatorStatus::OVERHEATED, "overheated", "Too hot: torque off"),
         (ActuatorStatus::BAD_VOLTAGE, "bad_voltage", "Supply out of range: torque off"),
@@ -170,7 +173,7 @@ fn reported(layout: Layout, more: &[(u8, &'static str, &'static str)]) -> Layout
     pose(layout).steps("torque", 16, 5e-3).unit("Nm").flags(8, flags)
 }
 
-/// Fields of [`telemetry`] from bit `at` on, with signals named after a joint.
+/// Fields of [`telemetry`] beginning at bit `at`, with signals named after a joint.
 pub(super) fn telemetry_of(name: &str, at: u16) -> Vec<Signal> {
     let renamed = |signal: Signal| {
         let name = format!("{name}_{}", signal.name);

@@ -1,10 +1,10 @@
-//! Writer of the DBC format, as cantools, SavvyCAN and Wireshark read it.
+//! Writer of the DBC format as read by cantools, SavvyCAN and Wireshark.
 
 use super::{Coding, Database, Message, Order, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// Name that the DBC format reserves for an unspecified node; it is not a placeholder of ours.
+/// Name that the DBC format reserves for an unspecified node.
 const ANY_NODE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {
@@ -61,7 +61,7 @@ fn definition(signal: &Signal) -> String {
     )
 }
 
-/// Writes the comments of the first address only: those of the others are the same.
+/// Writes the comments of each kind of message once, for the first address. Comments do not depend on the address.
 fn comments(t: &mut String, database: &Database) {
     let mut described = BTreeSet::new();
     for message in database.messages.iter().filter(|message| described.insert(message.schema)) {

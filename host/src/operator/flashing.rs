@@ -1,4 +1,4 @@
-//! Transfer of a library beside the operator's other work: one request in flight, the next one with its answer.
+//! Transfer of a library during the operator's other work: one request at a time, the next one after its answer.
 
 use super::log::Weight;
 use super::{Operator, has_torque};
@@ -8,21 +8,21 @@ use crate::transfer::{Transfer, TransferError};
 use rollwalk_protocol::library::identity;
 use rollwalk_protocol::wire::transport::Response;
 
-/// A library on its way.
+/// Transfer of a library in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Flashing {
     transfer: Transfer<Vec<u8>>,
-    /// Instant at which the request in flight or its answer counts as lost, µs.
+    /// Time at which the request in flight or its answer counts as lost, µs.
     deadline_us: Option<u64>,
 }
 
 impl Flashing {
-    /// The transfer.
+    /// Transfer in progress.
     pub fn transfer(&self) -> &Transfer<Vec<u8>> {
         &self.transfer
     }
 
-    /// Sends the request that is due. Returns why there is none any more, if the transfer has ended.
+    /// Sends the request that is due. Returns the result of the transfer if it has ended.
     fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Result<(), TransferError>> {
         if self.deadline_us.is_some_and(|deadline_us| now_us >= deadline_us)
             && let Err(why) = self.lost()
@@ -47,8 +47,9 @@ impl Flashing {
 }
 
 impl Operator {
-    /// Transfers a library to the controller and activates it, if the robot is disarmed. A transfer that is under way is
-    /// replaced; one that was interrupted resumes where it stopped.
+    /// Transfers a library to the controller and activates it, if the robot is disarmed.
+    ///
+    /// Replaces a transfer in progress. Resumes an interrupted transfer of the same library.
     pub fn flash(&mut self, now_us: u64, library: Vec<u8>) {
         match self.may_flash() {
             Ok(max_block) => {
@@ -63,10 +64,13 @@ impl Operator {
         }
     }
 
-    /// The longest block that the controller takes.
+    /// Largest block that the controller accepts.
+    ///
+    /// # Errors
+    /// Returns the reason why a transfer is impossible now.
     fn may_flash(&self) -> Result<u16, String> {
         if let Some(why) = &self.bus_lost {
-            return Err(format!("the bus is lost, {why}"));
+            return Err(format!("the bus is lost ({why})"));
         }
         if let Some(why) = self.mismatch() {
             return Err(why);
@@ -74,11 +78,11 @@ impl Operator {
         if self.link.state().is_none_or(has_torque) {
             return Err("the robot is not disarmed".into());
         }
-        let hello = self.hello.ok_or("the controller has not said yet which robot it is")?;
+        let hello = self.hello.ok_or("the controller has not reported its identity yet")?;
         Ok(hello.max_block)
     }
 
-    /// Sends what the transfer under way has to send.
+    /// Sends the request of the transfer that is due.
     pub(super) fn poll_flashing(&mut self, now_us: u64) {
         let Some(flashing) = &mut self.flashing else { return };
         if let Some(ended) = flashing.poll(now_us, &mut self.client) {
@@ -86,7 +90,7 @@ impl Operator {
         }
     }
 
-    /// Takes the answer of the transfer under way.
+    /// Processes an answer to the transfer's request.
     pub(super) fn on_transfer_answer(&mut self, now_us: u64, response: Response) {
         let Some(flashing) = &mut self.flashing else { return };
         if let Some(reply) = flashing.transfer.answer(response) {
@@ -97,7 +101,7 @@ impl Operator {
         }
     }
 
-    /// The message in flight, or its answer, is lost.
+    /// Handles the loss of a transfer message in either direction.
     pub(super) fn on_transfer_lost(&mut self, now_us: u64) {
         let Some(flashing) = &mut self.flashing else { return };
         if flashing.deadline_us.is_some()
@@ -107,21 +111,21 @@ impl Operator {
         }
     }
 
-    /// Gives up a transfer, because the controller or the bus is not what it was.
+    /// Aborts a transfer, because the controller or the bus has changed.
     pub(super) fn break_off_flashing(&mut self, now_us: u64) {
         if self.flashing.take().is_some() {
-            let text = "the transfer of the library is broken off; the next one resumes it";
+            let text = "the transfer of the library was interrupted; the next transfer resumes it";
             self.log.say(now_us, Weight::Warning, text);
         }
     }
 
-    /// Compares the library that the controller has after a transfer with the one that was sent.
+    /// Compares the library that the controller has after a transfer with the transferred one.
     pub(super) fn check_flashed(&mut self, now_us: u64, found: Option<u32>) {
         let Some(sent) = self.awaited.take() else { return };
         let (weight, text) = if found == Some(sent) {
-            (Weight::Note, "the controller has it in use")
+            (Weight::Note, "the controller uses the transferred library")
         } else {
-            (Weight::Warning, "the controller has another library in use than the one sent")
+            (Weight::Warning, "the controller uses another library than the transferred one")
         };
         self.log.say(now_us, weight, text);
     }
@@ -134,7 +138,7 @@ impl Operator {
                 (Weight::Note, "the library is transferred".to_owned())
             }
             Err(TransferError::Silent) => {
-                (Weight::Warning, "no answer to the transfer of the library: try again".to_owned())
+                (Weight::Warning, "no answer to the transfer of the library; try again".to_owned())
             }
             Err(TransferError::Refused(reply)) => {
                 let why = transfer_refusal(&reply);

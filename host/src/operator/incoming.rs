@@ -124,7 +124,7 @@ impl Operator {
                 (Weight::Refused, format!("the controller refused to {words}: {why}"))
             }
             Outcome::Unanswered => {
-                (Weight::Warning, format!("no answer to the command to {words}: try again"))
+                (Weight::Warning, format!("no answer to the command to {words}; try again"))
             }
             Outcome::Unsent => {
                 (Weight::Warning, format!("the command to {words} was not sent: no contact"))
@@ -153,14 +153,14 @@ impl Operator {
             Order::Pause | Order::Resume | Order::Stream => {}
         }
         let words = match order {
-            Order::Arm => "armed: it goes to SAFE",
-            Order::Clear => "cleared: it tests itself, then it can be armed",
-            Order::Return => "it returns to SAFE",
-            Order::Disarm => "it returns to SAFE, then torque goes off",
-            Order::Pause => "it halts where it is",
-            Order::Stream => "it follows what is streamed",
-            Order::Track(_) => "it follows setpoints in closed loop",
-            _ => "it goes on",
+            Order::Arm => "armed: the robot moves to SAFE",
+            Order::Clear => "cleared: arm the robot after its self-test",
+            Order::Return => "the robot returns to SAFE",
+            Order::Disarm => "the robot returns to SAFE, then torque is switched off",
+            Order::Pause => "the robot halts",
+            Order::Stream => "the robot follows streamed setpoints",
+            Order::Track(_) => "the robot follows setpoints in closed loop",
+            _ => "the robot resumes the motion",
         };
         words.to_owned()
     }

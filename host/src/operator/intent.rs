@@ -1,45 +1,45 @@
-//! Inputs of an operator.
+//! Intents of an operator.
 
 use crate::tracking::Tracking;
 
-/// An input of the operator.
+/// Intent of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intent {
-    /// Turn torque on, in two steps.
+    /// Switch torque on, in two steps.
     Arm,
-    /// Play the motion with this command code, at the present speed setting.
+    /// Play the motion with this command code, at the current speed setting.
     Play {
-        /// The code.
+        /// Command code of the motion.
         code: u8,
     },
-    /// Halt the motion where it is; resume if it is halted.
+    /// Pause the motion, or resume it if it is paused.
     PauseOrResume,
-    /// Halt the motion where it is.
+    /// Pause the motion.
     Pause,
     /// Return to SAFE.
     Return,
-    /// Return to SAFE, then turn torque off.
+    /// Return to SAFE, then switch torque off.
     Disarm,
-    /// Turn torque off at once.
+    /// Switch torque off at once.
     Estop,
-    /// Leave an emergency stop or a latched fault, in two steps.
+    /// Clear an emergency stop or a latched fault, in two steps.
     Clear,
-    /// Set the playback speed of this and later motions. A loop that is being played changes its speed.
+    /// Set the playback speed of the current loop and of later motions.
     Speed {
-        /// 64ths of the planned speed, 1 to 64.
+        /// Speed in 64ths of the planned speed, 1 to 64.
         sixty_fourths: i8,
     },
-    /// Follow the setpoints that are [streamed](super::Operator::stream), from SAFE on.
+    /// Follow the set-points that are [streamed](super::Operator::stream), beginning in SAFE.
     Stream,
-    /// Send measurements, and follow the setpoints that [answer](super::Operator::answer) them, from SAFE on.
+    /// Send measurements, and follow the set-points that [answer](super::Operator::answer) them, beginning in SAFE.
     Track(Tracking),
-    /// State of the deadman; without any such intent there is no deadman.
+    /// State of the deadman. Without such an intent there is no deadman.
     Deadman(Deadman),
-    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
+    /// Return to SAFE, switch torque off and leave. A second time, leave at once.
     Quit,
 }
 
-/// A button that must be held while the robot moves.
+/// State of a button that must be held while the robot moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Deadman {
     /// The button is held.
@@ -48,13 +48,13 @@ pub enum Deadman {
     Released(LetGo),
 }
 
-/// Reaction to a released deadman while the robot moves. While it aligns, the reaction is always to disarm.
+/// Reaction to a released deadman while the robot moves. During alignment, the reaction is always to disarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LetGo {
-    /// Halt in place.
+    /// Pause the motion.
     Pause,
     /// Return to SAFE.
     Return,
-    /// Return to SAFE, then torque off.
+    /// Return to SAFE, then switch torque off.
     Disarm,
 }

@@ -1,4 +1,4 @@
-//! The controller as last heard: status, fault reports, joints, and the quality of the link.
+//! Latest reports of the controller: status, fault reports, joints, and the quality of the link.
 
 use super::log::{Log, Weight};
 use super::view::{FaultView, JointView, LinkView};
@@ -9,19 +9,19 @@ use rollwalk_protocol::faults::{Fault, FaultBits};
 use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status, Torque};
 use std::collections::BTreeMap;
 
-/// Age of the last STATUS at which contact is lost, µs.
+/// Age of the latest STATUS at which contact is lost, µs.
 const CONTACT_US: u64 = 500_000;
-/// Time in which the 4-bit counter of STATUS wraps, µs: after a longer gap losses cannot be counted.
+/// Time in which the 4-bit counter of STATUS wraps, µs. After a longer gap, losses cannot be counted.
 const COUNTED_US: u64 = 16 * 45_000;
-/// Time for which a fault that only refused ARM is shown, µs.
+/// Time for which a fault that refused ARM but is not latched is shown, µs.
 const SHOWN_US: u64 = 5_000_000;
 
-/// The controller as last heard.
+/// Latest reports of the controller.
 #[derive(Clone, Debug, Default)]
 pub struct LinkStatus {
-    /// The last status and its time of arrival, µs.
+    /// Latest status, and its time of arrival, µs.
     status: Option<(u64, Status)>,
-    /// Contact as last reported to the operator; `None` before the first.
+    /// True if contact was last reported to the operator, false if its loss was; `None` before the first contact.
     contact: Option<bool>,
     reports: BTreeMap<u8, (u64, FaultReport)>,
     joints: BTreeMap<u8, (u64, JointTelemetry)>,
@@ -31,7 +31,7 @@ pub struct LinkStatus {
 }
 
 impl LinkStatus {
-    /// The last status.
+    /// Latest status.
     pub fn status(&self) -> Option<Status> {
         self.status.map(|(_, status)| status)
     }
@@ -41,7 +41,7 @@ impl LinkStatus {
         self.actuators = actuators;
     }
 
-    /// Kind of the robot's actuator buses: of the one that a latched fault is about, or of all.
+    /// Kind of the actuator bus that a latched fault concerns, or otherwise the common kind of all buses.
     pub fn bus_kind(&self) -> Option<BusKind> {
         let first = self.status().and_then(|status| status.faults.first());
         let report = first.and_then(|fault| self.reports.get(&fault.code())).map(|(_, of)| of);
@@ -51,17 +51,17 @@ impl LinkStatus {
         }
     }
 
-    /// State according to the last status.
+    /// State according to the latest status.
     pub fn state(&self) -> Option<State> {
         self.status().map(|status| status.state)
     }
 
-    /// True if the last status is recent.
+    /// True if the latest status is recent.
     pub fn in_contact(&self, now_us: u64) -> bool {
         self.status.is_some_and(|(at_us, _)| now_us.saturating_sub(at_us) < CONTACT_US)
     }
 
-    /// Processes a status; reports changes to the operator.
+    /// Processes a status, and reports changes to the operator.
     pub fn on_status(&mut self, now_us: u64, status: Status, log: &mut Log) {
         let before = self.status.replace((now_us, status));
         self.received += 1;
@@ -101,7 +101,7 @@ impl LinkStatus {
         }
     }
 
-    /// Takes the state of an acknowledged emergency stop, which is newer than the last status.
+    /// Applies the state of an acknowledged emergency stop, which is newer than the latest status.
     pub fn on_stopped(&mut self, state: State) {
         if let Some((_, status)) = &mut self.status {
             status.state = state;
@@ -125,17 +125,18 @@ impl LinkStatus {
         self.joints.insert(joint.channel, (now_us, joint));
     }
 
-    /// Records the loss of the bus, which has been reported already.
+    /// Records the loss of contact after a loss of the bus, which was reported already.
     pub fn lose_contact(&mut self) {
         self.contact = self.contact.map(|_| false);
     }
 
-    /// Reports a loss of contact; returns whether it happened just now. `way_out` is what a person does to stop a robot with
-    /// torque; without a person there is none.
+    /// Reports a loss of contact; returns true if contact was lost since the previous call.
+    ///
+    /// `way_out` is the action by which a person can stop a robot with torque; `None` if no person watches it.
     pub fn watch(&mut self, now_us: u64, way_out: Option<&str>, log: &mut Log) -> bool {
         if self.contact == Some(true) && !self.in_contact(now_us) {
             self.contact = Some(false);
-            let mut text = "no contact: nothing was heard for 0.5 s".to_owned();
+            let mut text = "no contact: no frame arrived for 0.5 s".to_owned();
             let has_torque = self.state().is_some_and(|state| state.torque() != Torque::Off);
             if let Some(way_out) = way_out.filter(|_| has_torque) {
                 text += &format!("; {way_out}, and {LEFT_ALONE}");
@@ -146,7 +147,7 @@ impl LinkStatus {
         false
     }
 
-    /// Faults that are present or recently refused ARM.
+    /// Faults that are present or have recently refused ARM.
     pub fn faults(&self, now_us: u64) -> Vec<FaultView> {
         let latched = self.status().map_or(FaultBits::default(), |status| status.faults);
         let view = |&fault: &Fault| {

@@ -1,8 +1,8 @@
-//! Messages to the operator, with times.
+//! Messages to the operator, with their times.
 
 use std::collections::VecDeque;
 
-/// Number of messages kept.
+/// Maximum number of messages kept.
 const KEPT: usize = 200;
 
 /// Importance of a message.
@@ -10,13 +10,13 @@ const KEPT: usize = 200;
 pub enum Weight {
     /// Information.
     Note,
-    /// A command was refused.
+    /// Refused command.
     Refused,
-    /// Something is wrong.
+    /// Problem with robot, link or host.
     Warning,
 }
 
-/// A message.
+/// Message to the operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
     /// Sequence number of the message, counted from 1.
@@ -25,13 +25,13 @@ pub struct Message {
     pub at_us: u64,
     /// Importance.
     pub weight: Weight,
-    /// The message.
+    /// Text of the message.
     pub text: String,
-    /// Number of the [intent](super::Operator::wished) whose outcome it is: a [`Weight::Note`] says that it is done.
+    /// Number of the [intent](super::Operator::wished) whose outcome the message reports. A [`Weight::Note`] reports success.
     pub answers: Option<u64>,
 }
 
-/// The last messages, oldest first.
+/// Latest messages, oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct Log {
     kept: VecDeque<Message>,
@@ -57,7 +57,7 @@ impl Log {
         self.kept.push_back(Message { number: self.said, at_us, weight, text, answers });
     }
 
-    /// The messages kept, oldest first.
+    /// Messages kept, oldest first.
     pub fn messages(&self) -> &VecDeque<Message> {
         &self.kept
     }

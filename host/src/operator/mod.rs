@@ -1,18 +1,21 @@
-//! Core of an operator's console, without terminal, gamepad or bus: intents, frames and the time go in, frames and a
-//! [`View`] come out. No call blocks.
+//! Core of an operator's console, without terminal, gamepad or bus.
 //!
-//! An [`Operator`] sends heartbeats, so it is the robot's host while it is polled. One command is in flight at a
-//! time, repeated with the same number until it is answered or expires; a newer motion supersedes a waiting one.
-//! Stopping commands pre-empt motion commands, no motion replaces one that waits, and an emergency stop pre-empts everything.
+//! The caller passes intents, frames and the time, and receives frames and a [`View`]. No call blocks.
 //!
-//! [Setpoints](Operator::stream) are sent while the controller is Streaming. Who streams decides what a released deadman means: it can stop the robot on its
-//! feet, a command cannot.
+//! An [`Operator`] sends heartbeats, so it is the robot's host while it is polled. A single command is in flight at a time. It
+//! is repeated with the same number until it is answered or expires. A newer motion command replaces a waiting one. Stopping
+//! commands pre-empt motion commands, a motion command cannot replace a waiting stopping command, and an emergency stop
+//! pre-empts everything.
 //!
-//! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not
-//! held; a controller with another protocol or robot. A released deadman is a condition, not a single command: as
-//! long as STATUS reports motion, stopping commands repeat. Without contact the operator cannot know whether commands
-//! arrive. A released deadman, leaving, or a host [without a person](Operator::unwatched) then withholds heartbeats, and the
-//! robot returns to SAFE on the timeout.
+//! [Set-points](Operator::stream) are sent while the controller is Streaming. The program that streams decides on the effect of
+//! a released deadman: the stream can stop the robot on its feet, which a command cannot.
+//!
+//! Three interlocks bar motion: an emergency stop, until the operator has cleared and armed; a deadman that is not held; a
+//! controller with another protocol or robot. A released deadman is a condition, not a single command: while STATUS reports
+//! motion, stopping commands are repeated.
+//!
+//! Without contact, the operator cannot verify that commands arrive. A released deadman, leaving, or a host
+//! [without a person](Operator::unwatched) then withholds heartbeats, and the robot returns to SAFE on the timeout.
 
 mod flashing;
 mod incoming;
@@ -49,25 +52,25 @@ use setpoints::Setpoints;
 
 /// Interval between HELLO requests until the controller answers, µs.
 const HELLO_US: u64 = 500_000;
-/// Repeat interval of PAUSE while the deadman is released, µs.
+/// Repetition interval of PAUSE while the deadman is released, µs.
 const PAUSE_US: u64 = 100_000;
-/// Repeat interval of RETURN and DISARM while the deadman is released or the operator leaves, µs.
+/// Repetition interval of RETURN and DISARM while the deadman is released or the operator leaves, µs.
 const HOME_US: u64 = 1_000_000;
-/// Shortest interval between changes of speed while a loop plays, µs.
+/// Shortest interval between speed changes while a loop plays, µs.
 const SPEED_US: u64 = 200_000;
 /// Longest interval between polls, µs.
 const TICK_US: u64 = 20_000;
-/// Delay before a frame that the bus refused is tried again, µs.
+/// Delay before a frame that the bus refused is sent again, µs.
 const BUSY_US: u64 = 500;
-/// The planned speed in 64ths.
+/// Planned speed in 64ths.
 const FULL_SPEED: i8 = 64;
 
-/// The operator of one controller.
+/// Operator of one controller.
 #[derive(Clone, Debug)]
 pub struct Operator {
     client: Client,
     peer: Peer,
-    /// Reason for which there is no authenticated session.
+    /// Reason why there is no authenticated session.
     no_session: Option<NoSession>,
     /// Required hash of the controller's configuration; `None` accepts any.
     config_hash: Option<u32>,
@@ -82,37 +85,37 @@ pub struct Operator {
     deadman: Option<Deadman>,
     leaving: Leaving,
     speed_64ths: i8,
-    /// Code and speed of the last accepted motion command.
+    /// Code and speed of the latest accepted motion command.
     asked: Option<(u8, i8)>,
-    /// Earliest instant of the next automatic command, µs.
+    /// Earliest time of the next automatic command, µs.
     automatic_us: u64,
     bus_lost: Option<String>,
     /// Diagnosis of the bus adapter.
     complaint: Option<String>,
-    /// The controller speaks another protocol: only HELLO and ESTOP are sent.
+    /// True if the controller uses another protocol: only HELLO and ESTOP are sent.
     visiting: bool,
-    /// Heartbeats are withheld until a frame of the controller arrives.
+    /// True if heartbeats are withheld until a frame of the controller arrives.
     silent: bool,
-    /// True if no operator is known to be at the controls.
+    /// True if no operator is at the controls.
     unattended: bool,
     /// True if no person watches the robot.
     unwatched: bool,
-    /// True for a program without keys and deadman, which Ctrl-C ends.
+    /// True for a program without keys and deadman, which is ended by Ctrl-C.
     scripted: bool,
-    /// A frame that the bus refused.
+    /// Frame that the bus refused.
     unsent: Option<Frame>,
-    /// A library on its way to the controller.
+    /// Transfer of a library in progress.
     flashing: Option<Flashing>,
-    /// Setpoints on their way to the controller.
+    /// Set-points to send.
     setpoints: Setpoints,
-    /// The stream was ended by RETURN.
+    /// True if RETURN has ended the stream.
     ends_stream: bool,
-    /// Identity of the library that was transferred, until HELLO says which one is in use.
+    /// Identity of the transferred library, until HELLO reports the active one.
     awaited: Option<u32>,
 }
 
 impl Operator {
-    /// An operator without contact yet. With `config_hash` it arms that robot only.
+    /// Creates an operator without contact yet. If `config_hash` is given, it only arms a robot with this configuration.
     pub fn new(peer: impl Into<Peer>, config_hash: Option<u32>) -> Self {
         let peer = peer.into();
         Self {
@@ -148,86 +151,93 @@ impl Operator {
         }
     }
 
-    /// Configures the host for a robot that no person watches. When contact is lost with torque on, it withholds heartbeats until
-    /// a frame of the controller arrives: the robot's state is unknown, and commands may not reach it.
+    /// Configures the operator for a robot that no person watches.
+    ///
+    /// When contact is lost with torque on, the operator withholds heartbeats until a frame of the controller arrives. The
+    /// robot's state is then unknown, and commands may not reach it.
     #[must_use]
     pub fn unwatched(mut self) -> Self {
         self.unwatched = true;
         self
     }
 
-    /// Configures the host for a program without keys and gamepad, which Ctrl-C ends.
+    /// Configures the operator for a program without keys and gamepad, which is ended by Ctrl-C.
     #[must_use]
     pub fn scripted(mut self) -> Self {
         self.scripted = true;
         self
     }
 
-    /// Action of a person who watches the robot, for when contact is lost; `None` without one.
+    /// Action by which a person who watches the robot can stop it when contact is lost; `None` if no person watches.
     fn way_out(&self) -> Option<&'static str> {
         match self.deadman {
             _ if self.unwatched => None,
-            _ if self.scripted => Some("Ctrl-C ends this program"),
-            Some(Deadman::Held) => Some("let go of the deadman"),
+            _ if self.scripted => Some("end this program with Ctrl-C"),
+            Some(Deadman::Held) => Some("release the deadman"),
             // Heartbeats are withheld already.
             Some(Deadman::Released(_)) => None,
             None => Some("quit"),
         }
     }
 
-    /// Adds a frame to the stream of setpoints, of all channels. A stream begins anew with [`Intent::Stream`]: then its first
-    /// frames are added, before the controller follows them.
+    /// Adds a frame with set-points of all channels to the stream.
+    ///
+    /// [`Intent::Stream`] begins a new stream. Its first frames are added after the intent, before the controller follows them.
     pub fn stream(&mut self, frame: Vec<Target>) {
         self.setpoints.push(frame);
     }
 
-    /// Frames of the stream that the controller has not taken yet.
+    /// Number of streamed frames that the controller has not taken yet.
     pub fn streamed_ahead(&self) -> usize {
         self.setpoints.ahead()
     }
 
-    /// Takes the oldest sample, of those of a controller that sends them ([`Intent::Track`]) that were not taken yet.
+    /// Removes and returns the oldest sample that was not taken yet. A controller sends samples after [`Intent::Track`].
     pub fn take_sample(&mut self) -> Option<Measured> {
         self.setpoints.take_sample()
     }
 
-    /// Answers a sample with setpoints of all channels. An answer to an older one that is not through is dropped.
+    /// Answers a sample with set-points of all channels. Drops an unfinished answer to an older sample.
     pub fn answer(&mut self, number: u64, stiff: bool, targets: Vec<Target>) {
         self.setpoints.answer(number, stiff, targets);
     }
 
-    /// Samples a second that the controller has acknowledged, and how many of them did not arrive.
+    /// Rate of samples that the controller has acknowledged, Hz, and number of samples that did not arrive.
     pub fn sampled(&self) -> Option<(u16, u64)> {
         self.setpoints.sampled()
     }
 
-    /// Sets the catalog of the controller's library: names for messages, and which motions loop.
+    /// Sets the catalog of the controller's library, with names for messages and the looping motions.
     pub fn set_catalog(&mut self, catalog: Option<Catalog>) {
         let actuators = catalog.as_ref().map(|catalog| catalog.actuators.clone());
         self.link.set_actuators(actuators.unwrap_or_default());
         self.catalog = catalog;
     }
 
-    /// Sets the actuators of the robot, where it is known without its library: words about faults depend on their buses.
+    /// Sets the actuators of a robot whose library is unknown. Descriptions of faults depend on their buses.
     pub fn set_actuators(&mut self, actuators: Actuators) {
         self.link.set_actuators(actuators);
     }
 
-    /// The controller's identity.
+    /// Identity of the controller.
     pub fn hello(&self) -> Option<&Hello> {
         self.hello.as_ref()
     }
 
-    /// Says whether an operator is at the controls, for programs whose controls run apart from the link. While none is,
-    /// heartbeats are withheld, so that an armed robot returns to SAFE by itself, and nothing that moves it is sent.
+    /// Sets the presence of an operator at the controls, for programs whose controls run separately from the link.
+    ///
+    /// Without an operator, heartbeats are withheld, so that an armed robot returns to SAFE on the timeout. Commands that move
+    /// it are not sent.
     pub fn set_attended(&mut self, now_us: u64, attended: bool) {
         if self.unattended == attended {
             if attended {
-                self.log.say(now_us, Weight::Note, "the controls answer again");
+                self.log.say(now_us, Weight::Note, "the controls respond again");
             } else {
                 self.asked = None;
                 self.drop_moving();
-                let text = format!("the controls do not answer: no heartbeats, and {LEFT_ALONE}");
+                let text = format!(
+                    "the controls do not respond: heartbeats are withheld, and {LEFT_ALONE}"
+                );
                 self.log.say(now_us, Weight::Warning, text);
             }
         }
@@ -239,7 +249,7 @@ impl Operator {
         self.log.say(now_us, weight, text);
     }
 
-    /// Handles the loss of the bus. An unacknowledged emergency stop goes out when it is back.
+    /// Handles the loss of the bus. An unacknowledged emergency stop is sent when the bus is back.
     pub fn on_bus_lost(&mut self, now_us: u64, why: &str) {
         if self.bus_lost.replace(why.to_owned()).is_none() {
             self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
@@ -269,15 +279,13 @@ impl Operator {
         if kind(&self.complaint) != kind(&complaint) {
             match &complaint {
                 Some(why) => self.log.say(now_us, Weight::Warning, why),
-                None => {
-                    self.log.say(now_us, Weight::Note, "nothing is wrong with the bus any more")
-                }
+                None => self.log.say(now_us, Weight::Note, "the bus has no errors any more"),
             }
         }
         self.complaint = complaint;
     }
 
-    /// Next frame to send at `now_us`; call until `None`, also after an intent or a frame.
+    /// Returns the next frame to send at `now_us`. Call it until it returns `None`, also after an intent or a frame.
     pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         self.update_silence(now_us);
         if let Some(frame) = self.unsent.take() {
@@ -317,7 +325,7 @@ impl Operator {
         }
     }
 
-    /// The next setpoint, for a controller that follows them.
+    /// Next set-point, for a controller that follows set-points.
     fn poll_stream(&mut self, now_us: u64) -> Option<Frame> {
         let follows = self.link.state() == Some(State::Streaming) && self.link.in_contact(now_us);
         let stopped = self.latch != Latch::Open || self.client.is_stopping();
@@ -326,13 +334,12 @@ impl Operator {
         if may { self.setpoints.poll(self.peer.node) } else { None }
     }
 
-    /// Returns a frame that the bus refused; [`poll`](Self::poll) gives it once more unless a stopping command
-    /// comes first.
+    /// Takes back a frame that the bus refused. [`poll`](Self::poll) returns it again unless a stopping command comes first.
     pub fn not_sent(&mut self, frame: Frame) {
         self.unsent = Some(frame);
     }
 
-    /// Latest instant of the next [`poll`](Self::poll).
+    /// Latest time of the next [`poll`](Self::poll), µs.
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
         // Behind a frame that the bus refused others may wait.
         if self.unsent.is_some() {
@@ -342,7 +349,7 @@ impl Operator {
         next_us.min(now_us + TICK_US)
     }
 
-    /// Snapshot of everything that a console shows.
+    /// Snapshot of the state that a console shows.
     pub fn view(&self, now_us: u64) -> View {
         let status = self.link.status();
         let advice = match status {
@@ -372,18 +379,18 @@ impl Operator {
         }
     }
 
-    /// Number of the last intent: messages name it that [answer](Message::answers) it.
+    /// Number of the latest intent. A message that [answers](Message::answers) an intent contains its number.
     pub fn wished(&self) -> u64 {
         self.wished
     }
 
-    /// True if the command of this intent is in flight or waits to be sent. A command that is neither, and has no answering
-    /// message, was dropped.
+    /// True if the command of this intent is in flight or waits to be sent. If it is false and no message answers the intent,
+    /// the command was dropped.
     pub fn is_asking(&self, wish: u64) -> bool {
         self.orders.has(wish)
     }
 
-    /// Commanded speed in 64ths of the planned one.
+    /// Commanded speed in 64ths of the planned speed.
     pub fn speed_64ths(&self) -> i8 {
         self.speed_64ths
     }
@@ -393,9 +400,10 @@ impl Operator {
         self.leaving
     }
 
-    /// Withholds heartbeats from a robot that must stop but is not heard: commands may not reach it, or only the
-    /// host's frames may. Without heartbeats it is certain to stop. Holding the deadman again does not end this, only
-    /// a frame of the controller does.
+    /// Withholds heartbeats from a robot that must stop but whose frames do not arrive.
+    ///
+    /// Commands may not reach it, or only frames of the host may still arrive; without heartbeats it stops in either case.
+    /// Holding the deadman again does not resume heartbeats. A frame of the controller does.
     fn update_silence(&mut self, now_us: u64) {
         if self.link.in_contact(now_us) {
             self.silent = false;
@@ -407,7 +415,7 @@ impl Operator {
                 // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
-                    let text = format!("no heartbeats any more: {LEFT_ALONE}");
+                    let text = format!("heartbeats are withheld, and {LEFT_ALONE}");
                     self.log.say(now_us, Weight::Warning, text);
                 }
             }
@@ -433,20 +441,20 @@ impl Operator {
         let _ = self.client.request(&request);
     }
 
-    /// Drops every command: in flight, waiting, or refused by the bus.
+    /// Drops all commands: in flight, waiting, or refused by the bus.
     fn forget_orders(&mut self) {
         self.orders.forget(&mut self.client);
         self.unsent = None;
     }
 
-    /// Drops every command that moves the robot, and the frame that the bus refused: it may be one, and any other is
-    /// made again.
+    /// Drops all commands that move the robot. Also drops the frame that the bus refused, which may be such a command; other
+    /// frames are created again.
     fn drop_moving(&mut self) {
         self.orders.drop_moving(&mut self.client);
         self.unsent = None;
     }
 
-    /// Command that the situation requires without an intent, and the interval after which it repeats, µs.
+    /// Command that the situation requires without an intent, and its repetition interval, µs.
     fn automatic(&self, now_us: u64) -> Option<(Order, u64)> {
         if !self.link.in_contact(now_us) {
             return None;

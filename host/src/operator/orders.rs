@@ -1,4 +1,4 @@
-//! Command queue: one in flight, repeated until it is answered or expires, and one waiting.
+//! Command queue: one command in flight, repeated until it is answered or expires, and one waiting.
 
 use crate::catalog::Catalog;
 use crate::client::{ACK_TIMEOUT_US, COMMAND_LIFE_US, Client, SEQUENCE_TRIES};
@@ -9,7 +9,7 @@ use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 /// Timeout of a waiting order, µs.
 const WAIT_US: u64 = 1_000_000;
 
-/// A command of the operator.
+/// Command of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     Play {
@@ -20,13 +20,13 @@ pub enum Order {
     Resume,
     Return,
     Disarm,
-    /// Turns torque on, in two steps: request and confirmation.
+    /// Switches torque on, in two steps: request and confirmation.
     Arm,
     /// Clears a latched stop, in two steps: request and confirmation.
     Clear,
-    /// Follows streamed setpoints.
+    /// Follows streamed set-points.
     Stream,
-    /// Sends measurements and follows setpoints that answer them.
+    /// Sends measurements and follows set-points that answer them.
     Track(Tracking),
 }
 
@@ -68,7 +68,7 @@ impl Order {
                     .map_or_else(|| format!("play code {code}"), |m| format!("play {}", m.name));
             }
             Order::Pause => "pause",
-            Order::Resume => "go on",
+            Order::Resume => "resume",
             Order::Return => "return to SAFE",
             Order::Disarm => "disarm",
             Order::Arm => "arm",
@@ -80,12 +80,12 @@ impl Order {
     }
 }
 
-/// A command in flight.
+/// Command in flight.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
     order: Order,
     command: Command,
-    /// The second of two steps.
+    /// True for the second of two steps.
     confirming: bool,
     wish: Option<u64>,
     numbers: u32,
@@ -93,7 +93,7 @@ struct Flight {
     until_us: u64,
 }
 
-/// An order waiting for the one in flight.
+/// Order that waits for the one in flight.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     order: Order,
@@ -101,12 +101,12 @@ struct Waiting {
     until_us: u64,
 }
 
-/// A completed order.
+/// Completed order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ended {
     pub order: Order,
     pub outcome: Outcome,
-    /// Number of the intent. Without one the situation required the order, and its outcome is not reported.
+    /// Number of the intent; `None` for an automatic order, whose outcome is not reported.
     pub wish: Option<u64>,
 }
 
@@ -116,15 +116,15 @@ pub enum Outcome {
     Done(CommandAck),
     Refused(String),
     Unanswered,
-    /// Sending failed.
+    /// Order that could not be sent in time.
     Unsent,
 }
 
-/// An order was not taken, because a stopping one waits.
+/// Refusal of an order because a stopping order waits.
 #[derive(Clone, Copy, Debug)]
 pub struct StopWaits;
 
-/// Commands in flight and waiting.
+/// Orders in flight and waiting.
 #[derive(Clone, Debug, Default)]
 pub struct Orders {
     flight: Option<Flight>,
@@ -132,18 +132,18 @@ pub struct Orders {
 }
 
 impl Orders {
-    /// The order in flight, else the one waiting.
+    /// Order in flight, or otherwise the waiting one.
     pub fn current(&self) -> Option<Order> {
         let waiting = self.waiting.map(|waiting| waiting.order);
         self.flight.map(|flight| flight.order).or(waiting)
     }
 
-    /// Instant of the next repetition, µs.
+    /// Time of the next repetition, µs.
     pub fn next_us(&self) -> u64 {
         self.flight.map_or(u64::MAX, |flight| flight.next_us)
     }
 
-    /// True if the order of this intent is in flight or waits.
+    /// True if the order of this intent is in flight or waiting.
     pub fn has(&self, wish: u64) -> bool {
         let wishes = [self.flight.and_then(|of| of.wish), self.waiting.and_then(|of| of.wish)];
         wishes.contains(&Some(wish))
@@ -152,7 +152,7 @@ impl Orders {
     /// Queues an order in place of the waiting one. A stopping order also withdraws a motion command in flight.
     ///
     /// # Errors
-    /// A stopping order waits, which no other one may replace.
+    /// Returns an error if a stopping order waits, which only another stopping order may replace.
     pub fn give(
         &mut self,
         now_us: u64,
@@ -175,7 +175,7 @@ impl Orders {
         client.withdraw_command();
     }
 
-    /// Drops motion commands.
+    /// Drops motion orders in flight and waiting.
     pub fn drop_moving(&mut self, client: &mut Client) {
         if self.flight.is_some_and(|flight| flight.order.moves()) {
             self.flight = None;
@@ -184,7 +184,7 @@ impl Orders {
         self.waiting = self.waiting.filter(|waiting| !waiting.order.moves());
     }
 
-    /// Sends the command that is due; returns an order that timed out.
+    /// Sends the command that is due. Returns an order that has timed out.
     pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Ended> {
         if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
             self.flight = None;
@@ -218,7 +218,7 @@ impl Orders {
         None
     }
 
-    /// Processes an answer; returns the order that it completes.
+    /// Processes an answer. Returns the order that it completes.
     pub fn on_ack(&mut self, now_us: u64, ack: CommandAck, client: &mut Client) -> Option<Ended> {
         let flight = self.flight.take_if(|flight| {
             (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())

@@ -1,4 +1,4 @@
-//! Interlocks: they decide which intents become orders and bar the others.
+//! Interlocks, which decide on the intents that become orders.
 
 use super::log::Weight;
 use super::orders::{Order, StopWaits};
@@ -8,14 +8,14 @@ use super::{Deadman, Intent, LetGo, Operator, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
-/// Interlock after an emergency stop: the operator has to clear and to arm before anything moves.
+/// Interlock after an emergency stop: the operator must clear and arm before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Latch {
-    /// Open: motion is permitted.
+    /// Motion is permitted.
     Open,
-    /// Stopped and not cleared.
+    /// Stopped, and not cleared yet.
     Stopped,
-    /// Cleared and not armed.
+    /// Cleared, and not armed yet.
     Cleared,
 }
 
@@ -56,12 +56,12 @@ impl Operator {
         }
     }
 
-    /// Reason for which this host must not arm the controller.
+    /// Reason why this host must not arm the controller.
     pub(super) fn mismatch(&self) -> Option<String> {
         let hello = self.hello?;
         if (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH) {
             return Some(format!(
-                "the controller speaks protocol {}.{} (schema {:08x}), this host \
+                "the controller uses protocol {}.{} (schema {:08x}), this host \
                  {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build both from the \
                  same release",
                 hello.major, hello.minor, hello.schema_hash
@@ -69,8 +69,8 @@ impl Operator {
         }
         let ours = self.config_hash.filter(|&ours| ours != hello.config_hash)?;
         Some(format!(
-            "the controller is for another robot (configuration {:08x}, this host has {ours:08x}): \
-             name the right robot file and library",
+            "the controller is for another robot (configuration {:08x}, the robot file has \
+             {ours:08x}): give the robot file and library of the controller",
             hello.config_hash
         ))
     }
@@ -107,7 +107,7 @@ impl Operator {
         }
         if matches!(self.link.state(), Some(State::Playing | State::Aligning | State::Paused)) {
             let held = deadman == Deadman::Held;
-            let text = if held { "the deadman is held" } else { "the deadman was let go" };
+            let text = if held { "the deadman is held" } else { "the deadman was released" };
             self.log.say(now_us, Weight::Note, text);
         }
     }
@@ -119,7 +119,7 @@ impl Operator {
                 self.forget_orders();
                 self.automatic_us = now_us;
                 let text = if self.link.in_contact(now_us) && self.bus_lost.is_none() {
-                    "going home: it returns to SAFE, then torque goes off"
+                    "leaving: the robot returns to SAFE, then torque is switched off"
                 } else {
                     "no contact: quit again to leave at once"
                 };
@@ -135,7 +135,7 @@ impl Operator {
             Ok(()) => {
                 let wish = Some(self.wished);
                 if let Err(StopWaits) = self.orders.give(now_us, order, wish, &mut self.client) {
-                    let why = "a command that stops the robot is sent first; try again";
+                    let why = "a stop command is sent first; try again";
                     return self.refuse(now_us, order, why);
                 }
                 self.automatic_us = self.automatic_us.max(now_us);
@@ -173,10 +173,10 @@ impl Operator {
     fn permit(&self, order: Order) -> Result<(), Barred> {
         let refused = |why: &str| Err(Barred::Refused(why.to_owned()));
         if let Some(why) = &self.bus_lost {
-            return refused(&format!("the bus is lost, {why}"));
+            return refused(&format!("the bus is lost ({why})"));
         }
         if self.unattended && order.moves() {
-            return refused("no hand is at the controls");
+            return refused("no operator is at the controls");
         }
         if let Some(why) = self.mismatch()
             && (self.visiting || order.moves())
@@ -184,7 +184,7 @@ impl Operator {
             return refused(&why);
         }
         if self.leaving != Leaving::No && order != Order::Disarm {
-            return refused("the robot is on its way home");
+            return refused("this program is ending, and the robot returns to SAFE");
         }
         let state = self.link.state();
         match (order, self.latch) {
@@ -195,25 +195,25 @@ impl Operator {
                 }
                 let latched = matches!(state, Some(State::EStopped | State::TorqueOff) | None);
                 if !latched {
-                    let why = "nothing is left to be cleared; arm";
+                    let why = "there is no stop to clear; arm the robot";
                     return Err(Barred::NeedsNothing(Latch::Cleared, why));
                 }
                 return Ok(());
             }
             (Order::Clear, _) => return Ok(()),
             (_, Latch::Stopped) => {
-                return refused("the emergency stop is latched; clear it first, then arm");
+                return refused("the emergency stop is latched; clear the stop, then arm");
             }
             (Order::Arm, Latch::Cleared) if state.is_some_and(has_torque) => {
-                return Err(Barred::NeedsNothing(Latch::Open, "it is armed already"));
+                return Err(Barred::NeedsNothing(Latch::Open, "the robot is already armed"));
             }
             (Order::Arm, _) | (_, Latch::Open) => {}
             (_, Latch::Cleared) => {
-                return refused("the robot is not armed since the emergency stop; arm first");
+                return refused("the robot was not armed after the emergency stop; arm it first");
             }
         }
         if order == Order::Arm && self.hello.is_none() {
-            return refused("the controller has not said yet which robot it is");
+            return refused("the controller has not reported its identity yet");
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
             // With another reaction configured, RETURN would move a paused robot.
@@ -227,10 +227,10 @@ impl Operator {
     }
 }
 
-/// Reason for which an intent does not become an order.
+/// Reason why an intent does not become an order.
 enum Barred {
-    /// An interlock bars it.
+    /// Intent barred by an interlock, with the reason for the operator.
     Refused(String),
-    /// The robot is in the requested state already: new latch, and message to the operator.
+    /// Intent whose requested state is already reached, with the new latch and a message to the operator.
     NeedsNothing(Latch, &'static str),
 }

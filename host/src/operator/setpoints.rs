@@ -1,6 +1,7 @@
-//! Setpoints of a host on their way to the controller, of one of two kinds: [streamed](Stream) ahead of time, or answers to samples.
+//! Set-points of a host on their way to the controller, of one of two kinds: [streamed](Stream) ahead of time, or answers to
+//! samples.
 //!
-//! The other kind's frames and measurements change nothing.
+//! Calls that belong to the kind not in use have no effect.
 
 use crate::stream::{Stream, Target};
 use crate::tracking::{Answer, Measured, Samples};
@@ -8,31 +9,31 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Node, Sample};
 use std::collections::VecDeque;
 
-/// Samples that are kept for a program that was held up: what the controller waits for an answer at most, and more.
+/// Number of samples kept for a program that was delayed. It covers the controller's timeout for an answer.
 const SAMPLES_KEPT: usize = 256;
 
-/// Setpoints of a host.
+/// Set-points of a host.
 #[derive(Clone, Debug)]
 pub enum Setpoints {
-    /// Sent ahead of time.
+    /// Set-points sent ahead of time.
     Streamed(Stream),
     /// Answers to samples.
     Answers(Loop),
 }
 
-/// A loop that is closed over the link.
+/// Control loop that is closed over the link.
 #[derive(Clone, Debug, Default)]
 pub struct Loop {
     samples: Samples,
-    /// Samples that were not taken yet, the oldest first.
+    /// Samples that were not taken yet, oldest first.
     waiting: VecDeque<Measured>,
     answer: Answer,
-    /// Samples a second, once the controller has acknowledged them.
+    /// Rate of samples, Hz; `None` until the controller has acknowledged it.
     rate_hz: Option<u16>,
 }
 
 impl Loop {
-    /// Creates a loop at a rate that the controller has acknowledged, without samples yet.
+    /// Creates a loop without samples yet, at a rate that the controller has acknowledged.
     pub fn acknowledged(rate_hz: u16) -> Self {
         Self { rate_hz: Some(rate_hz), ..Self::default() }
     }
@@ -46,19 +47,19 @@ impl Setpoints {
         }
     }
 
-    /// Frames of the stream that the controller has not taken yet.
+    /// Number of streamed frames that the controller has not taken yet.
     pub fn ahead(&self) -> usize {
         if let Self::Streamed(stream) = self { stream.ahead() } else { 0 }
     }
 
-    /// Takes the count of frames in a STATUS of the state Streaming.
+    /// Processes the number of frames in a STATUS of the state Streaming.
     pub fn on_status(&mut self, frame: u16) {
         if let Self::Streamed(stream) = self {
             stream.on_status(frame);
         }
     }
 
-    /// Passes a measurement to the batch that it is a part of.
+    /// Adds a measurement to the current batch.
     pub fn on_measurement(&mut self, take: impl FnOnce(&mut Samples)) {
         if let Self::Answers(of) = self {
             take(&mut of.samples);
@@ -77,19 +78,19 @@ impl Setpoints {
         }
     }
 
-    /// Takes the oldest sample of those that were not taken yet.
+    /// Removes and returns the oldest sample that was not taken yet.
     pub fn take_sample(&mut self) -> Option<Measured> {
         if let Self::Answers(of) = self { of.waiting.pop_front() } else { None }
     }
 
-    /// Answers a sample. An answer to an older one that is not through is dropped.
+    /// Answers a sample. Drops an unfinished answer to an older sample.
     pub fn answer(&mut self, number: u64, stiff: bool, targets: Vec<Target>) {
         if let Self::Answers(of) = self {
             of.answer = Answer::new(number, stiff, targets);
         }
     }
 
-    /// Samples a second that the controller has acknowledged, and how many of them did not arrive.
+    /// Rate of samples that the controller has acknowledged, Hz, and number of samples that did not arrive.
     pub fn sampled(&self) -> Option<(u16, u64)> {
         match self {
             Self::Answers(of) => of.rate_hz.map(|rate_hz| (rate_hz, of.samples.lost())),
@@ -97,7 +98,7 @@ impl Setpoints {
         }
     }
 
-    /// The next message.
+    /// Returns the next message.
     pub fn poll(&mut self, to: Node) -> Option<Frame> {
         match self {
             Self::Streamed(stream) => stream.poll(to),

@@ -1,4 +1,4 @@
-//! Single cases of the operator; [`any_sequence`] tests the invariants.
+//! Individual cases of the operator. [`any_sequence`] tests the invariants.
 
 mod any_sequence;
 
@@ -40,7 +40,7 @@ fn catalog() -> Catalog {
     }
 }
 
-/// An operator with all the frames that it sent.
+/// Operator, with all messages that it has sent.
 struct Desk {
     operator: Operator,
     now_us: u64,
@@ -51,7 +51,7 @@ struct Desk {
 }
 
 impl Desk {
-    /// An operator in contact with a controller, whose clock is known.
+    /// Creates an operator in contact with a controller whose clock is known.
     fn new() -> Self {
         let operator = Operator::new(node(), None);
         let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false };
@@ -74,7 +74,7 @@ impl Desk {
         desk
     }
 
-    /// An operator that has heard nothing yet, with a deadman that is not held.
+    /// Creates an operator that has received nothing yet, with a released deadman.
     fn without_contact(let_go: LetGo) -> Self {
         let mut operator = Operator::new(node(), None);
         operator.want(0, Intent::Deadman(Deadman::Released(let_go)));
@@ -132,7 +132,7 @@ impl Desk {
         self.sent.iter().filter_map(command).collect()
     }
 
-    /// Answers the last command.
+    /// Answers the latest command.
     fn answer(&mut self, result: CommandResult, value: u16) {
         let command = *self.commands().last().expect("a command was sent");
         let (seq, kind) = (command.seq, command.action.kind());
@@ -168,7 +168,7 @@ fn arming_takes_two_steps_and_confirms_by_itself() {
     desk.answer(CommandResult::Ok, 0);
     let actions: Vec<_> = desk.commands().iter().map(|command| command.action).collect();
     assert_eq!(actions, [Action::ArmRequest, Action::ArmConfirm { nonce: 777 }]);
-    assert_eq!(desk.last_words(), "armed: it goes to SAFE");
+    assert_eq!(desk.last_words(), "armed: the robot moves to SAFE");
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn a_motion_does_not_replace_a_stop_that_waits() {
         let wish = desk.operator.wished();
         for other in [Intent::Play { code: 3 }, Intent::Arm, Intent::Stream] {
             desk.want(other);
-            assert!(desk.last_words().contains("stops the robot is sent first"), "{other:?}");
+            assert!(desk.last_words().contains("a stop command is sent first"), "{other:?}");
         }
         assert!(desk.operator.is_asking(wish));
         desk.pass(1_500_000);
@@ -336,7 +336,7 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     desk.want(Intent::Play { code: 3 });
     assert_eq!(
         desk.last_words(),
-        "the command to play code 3 was not sent: the robot is not armed since the emergency stop; arm first"
+        "the command to play code 3 was not sent: the robot was not armed after the emergency stop; arm it first"
     );
     desk.want(Intent::Arm);
     desk.poll();
@@ -347,7 +347,7 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     assert!(matches!(desk.commands().last().unwrap().action, Action::Play { code: 3, .. }));
 }
 
-/// Another host has cleared and armed: this operator still has to ask for both, but no command is sent.
+/// Another host has cleared and armed. This operator must still request both, but no command is sent.
 #[test]
 fn what_another_host_has_cleared_needs_no_command() {
     let mut desk = Desk::new();
@@ -388,8 +388,7 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
     assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
 }
 
-/// The robot may not have received the order, but an operator who pushes the stick afterwards does not mean the motion
-/// before it.
+/// An unanswered order may not have reached the robot. A speed change afterwards must still not restart the earlier motion.
 #[test]
 fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
     let playing = |counter| Status { clip: Some(2), ..status(State::Playing, counter) };
@@ -452,7 +451,7 @@ fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
     assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
 }
 
-/// The operator who reads the message has the key, the deadman or the Ctrl-C that it names.
+/// A loss of contact is reported with the control that the operator has: a key, the deadman or Ctrl-C.
 #[test]
 fn a_loss_of_contact_names_the_control_that_this_program_has() {
     let told = |state, prepare: fn(&mut Desk)| {
@@ -464,19 +463,19 @@ fn a_loss_of_contact_names_the_control_that_this_program_has() {
         let mut text = messages.iter().map(|message| &message.text);
         text.rfind(|text| text.starts_with("no contact")).cloned().unwrap()
     };
-    let bare = "no contact: nothing was heard for 0.5 s";
+    let bare = "no contact: no frame arrived for 0.5 s";
     assert_eq!(told(State::Disarmed, |_| ()), bare);
     let by = |what: &str| format!("{bare}; {what}, and {LEFT_ALONE}");
     assert_eq!(told(State::Playing, |_| ()), by("quit"));
     assert_eq!(
         told(State::Playing, |desk| desk.want(Intent::Deadman(Deadman::Held))),
-        by("let go of the deadman")
+        by("release the deadman")
     );
     let scripted = |desk: &mut Desk| desk.operator = desk.operator.clone().scripted();
-    assert_eq!(told(State::Streaming, scripted), by("Ctrl-C ends this program"));
+    assert_eq!(told(State::Streaming, scripted), by("end this program with Ctrl-C"));
 }
 
-/// An operator at a console reads what the buses of this robot can have.
+/// Faults are described for the kind of bus that this robot has.
 #[test]
 fn faults_of_a_serial_line_are_told_in_its_words() {
     let bus =
@@ -513,9 +512,9 @@ fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hea
         desk.pass(600_000);
         let messages: Vec<_> =
             desk.operator.log.messages().iter().map(|message| &*message.text).collect();
-        let left = messages.iter().any(|text| text.starts_with("no heartbeats any more"));
+        let left = messages.iter().any(|text| text.starts_with("heartbeats are withheld"));
         assert_eq!(left, is_left, "{messages:?}");
-        assert_eq!(desk.last_words(), "no contact: nothing was heard for 0.5 s");
+        assert_eq!(desk.last_words(), "no contact: no frame arrived for 0.5 s");
         desk.sent.clear();
         desk.pass(400_000);
         let lives = desk.sent.iter().any(|sent| matches!(sent, ToController::Heartbeat(_)));
@@ -595,7 +594,11 @@ fn leaving_waits_for_torque_to_go_off_or_for_a_second_wish() {
     desk.answer(CommandResult::Ok, 0);
     assert_eq!(desk.operator.leaving(), Leaving::WhenHome);
     desk.want(Intent::Play { code: 3 });
-    assert!(desk.last_words().ends_with("on its way home"), "{}", desk.last_words());
+    assert!(
+        desk.last_words().ends_with("this program is ending, and the robot returns to SAFE"),
+        "{}",
+        desk.last_words()
+    );
     let mut other = Desk { operator: desk.operator.clone(), sent: Vec::new(), ..desk };
     desk.operator.on_frame(desk.now_us, &status(State::TorqueOff, 1).encode(node()));
     assert_eq!(desk.operator.leaving(), Leaving::WhenHome);

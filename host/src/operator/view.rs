@@ -1,4 +1,4 @@
-//! Snapshot of the operator's state with everything that a console shows.
+//! Snapshot of the operator's state that a console shows.
 
 use super::log::Message;
 use crate::transfer::Progress;
@@ -7,44 +7,44 @@ use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_protocol::wire::{JointTelemetry, Status};
 use std::collections::{BTreeMap, VecDeque};
 
-/// A snapshot for the console.
+/// Snapshot for a console.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Time of the snapshot, µs.
     pub now_us: u64,
-    /// The controller's address.
+    /// Address of the controller.
     pub node: u8,
     /// Quality of the link.
     pub link: LinkView,
-    /// Cause of the loss of the bus, if it is lost.
+    /// Cause of the loss of the bus; `None` if the bus is not lost.
     pub bus_lost: Option<String>,
-    /// A known fault of the bus and its remedy.
+    /// Known fault of the bus and its remedy.
     pub complaint: Option<String>,
-    /// The controller's identity.
+    /// Identity of the controller.
     pub hello: Option<Hello>,
-    /// Reason for which this host must not arm the controller.
+    /// Reason why this host must not arm the controller.
     pub mismatch: Option<String>,
-    /// Last status of the controller.
+    /// Latest status of the controller.
     pub status: Option<Status>,
-    /// Faults that are present, or because of which ARM was refused recently.
+    /// Faults that are present, or because of which ARM was recently refused.
     pub faults: Vec<FaultView>,
-    /// Advice on the next step, without naming keys.
+    /// Advice on the next step, without names of keys.
     pub advice: &'static str,
     /// Joints and wheels by channel.
     pub joints: BTreeMap<u8, JointView>,
     /// Commanded playback speed, in 64ths of the planned speed.
     pub speed_64ths: i8,
-    /// Code and speed, in 64ths, of the last accepted motion command.
+    /// Code and speed, in 64ths, of the latest accepted motion command.
     pub asked: Option<(u8, i8)>,
-    /// The command that is in flight or waits to be sent.
+    /// Description of the command in flight, or otherwise of the waiting one.
     pub asking: Option<String>,
-    /// An emergency stop was sent and is not acknowledged yet.
+    /// True if an emergency stop was sent and is not acknowledged yet.
     pub stopping: bool,
     /// True while the deadman is held; `None` without a deadman.
     pub deadman_held: Option<bool>,
     /// Stage of the operator's exit.
     pub leaving: Leaving,
-    /// Progress of the transfer of a library that is under way.
+    /// Progress of a library transfer.
     pub transfer: Option<Progress>,
     /// Messages, oldest first.
     pub messages: VecDeque<Message>,
@@ -53,35 +53,35 @@ pub struct View {
 /// Quality of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkView {
-    /// True if the last status is recent.
+    /// True if the latest status is recent.
     pub contact: bool,
     /// Time from a heartbeat to its answer, µs.
     pub round_trip_us: Option<u64>,
-    /// Age of the last status, µs.
+    /// Age of the latest status, µs.
     pub status_age_us: Option<u64>,
-    /// Status frames received.
+    /// Number of received status frames.
     pub received: u64,
-    /// Status frames lost, by their counter.
+    /// Number of lost status frames, according to their counter.
     pub lost: u64,
 }
 
-/// A fault.
+/// Fault to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultView {
     /// The fault.
     pub fault: Fault,
-    /// True if STATUS reports the fault, false if ARM was refused because of it.
+    /// True if STATUS reports the fault; false if ARM was refused because of it.
     pub present: bool,
-    /// Channel of its report.
+    /// Channel of the fault's report.
     pub channel: Option<u8>,
-    /// Value of its report; `None` before a report.
+    /// Value of the fault's report; `None` before a report.
     pub value: Option<f32>,
 }
 
-/// A joint or wheel.
+/// State of a joint or wheel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointView {
-    /// Last telemetry.
+    /// Latest telemetry.
     pub telemetry: JointTelemetry,
     /// Age of the telemetry, µs.
     pub age_us: u64,
@@ -94,6 +94,6 @@ pub enum Leaving {
     No,
     /// The operator leaves once the robot has reached SAFE and torque is off.
     WhenHome,
-    /// The operator leaves at once: torque is off, or the operator insists.
+    /// The operator leaves at once, because torque is off or the operator has requested it twice.
     Now,
 }

@@ -1,4 +1,4 @@
-//! Errors of a session, in sentences for the operator.
+//! Errors of a session, described for the operator.
 
 use crate::actuators::Actuators;
 use crate::authentication::NoSession;
@@ -14,37 +14,37 @@ use rollwalk_protocol::wire::{
 /// Failure of a session.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
-    /// The bus itself failed.
+    /// Failure of the bus.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The controller did not answer, even to repetitions.
+    /// Missing answer of the controller, even to repetitions.
     #[error("controller {node} does not answer ({what}): {why}")]
     Silent {
         /// Address of the controller.
         node: u8,
-        /// The request, in words.
+        /// Description of the request.
         what: &'static str,
-        /// Likely cause: the diagnosis of the bus.
+        /// Likely cause, from the diagnosis of the bus.
         why: String,
     },
-    /// The controller has another host.
-    #[error("controller {node} has a host already: another program sends it heartbeats")]
+    /// Controller that already has another host.
+    #[error("controller {node} already has a host: another program sends heartbeats")]
     HasHost {
         /// Address of the controller.
         node: u8,
     },
-    /// Another program's transport message is in flight, which a request would break off.
+    /// Transport message of another program in flight, which a request would interrupt.
     #[error(
-        "another program is in the middle of a transfer with controller {node}: try again after it"
+        "another program is transferring data to controller {node}: try again after the transfer"
     )]
     Transferring {
         /// Address of the controller.
         node: u8,
     },
-    /// Host and controller use different protocols.
+    /// Different protocols of host and controller.
     #[error(
-        "controller {node} speaks protocol {major}.{minor} (schema {schema_hash:08x}), this host \
-         speaks {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build host and \
+        "controller {node} uses protocol {major}.{minor} (schema {schema_hash:08x}), this host \
+         uses {PROTOCOL_MAJOR}.{PROTOCOL_MINOR} (schema {SCHEMA_HASH:08x}): build host and \
          firmware from the same release"
     )]
     ProtocolMismatch {
@@ -57,83 +57,85 @@ pub enum SessionError {
         /// Schema hash of the controller's protocol.
         schema_hash: u32,
     },
-    /// The controller is configured for another robot than the host.
+    /// Controller configured for another robot than the host.
     #[error(
-        "controller {node} is configured for another robot (hash {found:08x}) than the given robot \
-         file describes ({expected:08x}): give the file that its firmware was built from"
+        "controller {node} is for another robot (configuration {found:08x}) than the given robot \
+         file ({expected:08x}): give the robot file that its firmware was built from"
     )]
     OtherRobot {
         /// Address of the controller.
         node: u8,
-        /// Hash of its configuration.
+        /// Hash of the controller's configuration.
         found: u32,
-        /// Hash of the robot file's.
+        /// Hash of the robot file's configuration.
         expected: u32,
     },
-    /// The controller insists on authentication and gave this host no session, or does not insist although this host has
+    /// Missing authenticated session.
+    ///
+    /// Either the controller requires authentication and gave this host no session, or it requires none although this host has
     /// a key.
     #[error("controller {node} {}", session_refusal(*why))]
     NoSession {
         /// Address of the controller.
         node: u8,
-        /// The reason.
+        /// Reason why there is no session.
         why: NoSession,
     },
-    /// A command was refused.
+    /// Refused command.
     #[error("the controller refused to {what}: {}", command_refusal_in(*result, *state, *fault))]
     Refused {
-        /// The request, in words.
+        /// Description of the request.
         what: &'static str,
         /// Answer of the controller.
         result: CommandResult,
-        /// State of the controller, if it has answered.
+        /// State of the controller; `None` if it has not answered.
         state: Option<State>,
-        /// The fault that it reported with its answer.
+        /// Fault that the controller reported with its answer.
         fault: Option<FaultReport>,
     },
-    /// A request about parameters was refused.
+    /// Refused parameter request.
     #[error("the controller refused to {what}: {}", parameter_refusal(*result, *value, *state))]
     ParameterRefused {
-        /// The request, in words.
+        /// Description of the request.
         what: &'static str,
         /// Answer of the controller.
         result: ParameterResult,
-        /// Limit that the request exceeded, if any.
+        /// Limit that the request exceeded, or otherwise 0.
         value: f32,
-        /// State of the controller, if it is known.
+        /// State of the controller; `None` if it is unknown.
         state: Option<State>,
     },
-    /// A library, or a step of its transfer, was refused.
+    /// Refusal of a library, or of a step of its transfer.
     #[error("the controller refused the library: {}", transfer_refusal(reply))]
     LibraryRefused {
         /// Answer of the controller.
         reply: Reply,
     },
-    /// After a successful transfer the controller has a different library active.
+    /// Other active library on the controller after a successful transfer.
     #[error(
-        "the controller has {} in use and not the library that was transferred: transfer it again",
+        "the controller uses {}, not the transferred library: transfer the library again",
         found.map_or("no library".into(), |found| format!("library {found:08x}"))
     )]
     NotInUse {
         /// Identity of the active library.
         found: Option<u32>,
     },
-    /// The robot entered a state from which it does not reach the expected one.
+    /// State from which the robot does not reach the expected one.
     #[error("waited for {waited_for}, but the robot is {}", condition(status, &Actuators::default()))]
     WentElsewhere {
-        /// The expected state, in words.
+        /// Description of the expected state.
         waited_for: String,
-        /// Last status.
+        /// Latest status.
         status: Status,
     },
-    /// The robot did not reach the expected state in time.
+    /// Expected state not reached before the timeout.
     #[error("waited {waited_s} s for {waited_for}, but the robot is still {}", condition(status, &Actuators::default()))]
     TookTooLong {
-        /// The expected state, in words.
+        /// Description of the expected state.
         waited_for: String,
-        /// The timeout, s.
+        /// Timeout, s.
         waited_s: f64,
-        /// Last status.
+        /// Latest status.
         status: Status,
     },
 }

@@ -11,37 +11,37 @@ use rollwalk_protocol::wire::{
     ParameterResult, Status,
 };
 
-/// Largest number of transmissions of a command. The command expires before its last answer times
-/// out, so a command that was given up is not executed later.
+/// Maximum number of transmissions of a command. The command expires before its final answer times out, so a command that was
+/// given up is not executed later.
 const COMMAND_SENDS: u32 = 9;
 const _: () = assert!(ACK_TIMEOUT_US * COMMAND_SENDS as u64 > COMMAND_LIFE_US);
-/// Longest wait for a status that says why a request is refused, µs.
+/// Longest wait for a status that contains the reason of a refusal, µs.
 const STATUS_US: u64 = 200_000;
 /// Longest wait for an authenticated session, µs: 20 requests.
 const SESSION_TIMEOUT_US: u64 = 3_000_000;
 /// Interval between attempts to send while the transmit queue is full, µs.
 const BUSY_RETRY_US: u64 = 500;
-/// Lateness of a wake-up that shows a busy computer, µs.
+/// Lateness of a wake-up that indicates a busy computer, µs.
 const LATE_US: u64 = 10_000;
-/// Largest number of late wake-ups that a timeout allows for: some computers are always late.
+/// Maximum number of late wake-ups that extend a timeout. On some computers all wake-ups are late.
 const ALLOWANCES: u32 = 10;
-/// Time during which a silence may be due to the lateness before it, µs: that of all repetitions of a command.
+/// Time for which a late wake-up is a likely cause of a missing answer, µs. It covers all repetitions of a command.
 const LATE_MEMORY_US: u64 = 1_000_000;
-/// Largest number of frames that are looked at after a timeout: some buses are never silent.
+/// Maximum number of frames that are processed after a timeout. Some buses are never silent.
 const LOOKS: u32 = 1000;
-/// Largest number of new attempts of a command that arrived too late.
+/// Maximum number of new attempts of a command that arrived too late.
 const EXPIRED_TRIES: u32 = 3;
 
-/// A bus and the client on it.
+/// Bus, and the client that uses it.
 pub(super) struct Exchange<B> {
     pub bus: B,
     client: Client,
     node: Node,
-    /// A frame refused by a full transmit queue.
+    /// Frame refused by a full transmit queue.
     unsent: Option<Frame>,
-    /// The latest wake-up of late, if it shows a busy computer: when it came and by how much it was late, µs.
+    /// Time and lateness of the latest wake-up that indicates a busy computer, µs.
     late: Option<(u64, u64)>,
-    /// Another controller that was heard.
+    /// Address of another controller on the bus.
     other: Option<u8>,
 }
 
@@ -50,30 +50,30 @@ impl<B: LinkBus> Exchange<B> {
         Self { bus, client, node, unsent: None, late: None, other: None }
     }
 
-    /// The controller's address.
+    /// Address of the controller.
     pub fn node(&self) -> u8 {
         self.node.number()
     }
 
-    /// The controller's last status.
+    /// Latest status of the controller.
     pub fn status(&self) -> Option<Status> {
         self.client.status()
     }
 
-    /// Starts an emergency stop, which is repeated until it is acknowledged. A frame that waits for
-    /// room in the transmit queue is dropped.
+    /// Starts an emergency stop, which is repeated until it is acknowledged. Drops a frame that waits for room in the transmit
+    /// queue.
     pub fn estop(&mut self) {
         self.unsent = None;
         self.client.estop(self.bus.now_us());
     }
 
-    /// Waits until the controller answers a heartbeat: one of this host, or of the host beside it.
+    /// Waits until the controller answers a heartbeat of this host, or of the host beside it. Returns false on a timeout.
     pub fn is_alive(&mut self) -> Result<bool, SessionError> {
         let alive = |incoming| (incoming == Incoming::Alive).then_some(());
         Ok(self.pump(CONNECT_TIMEOUT_US, alive)?.is_some())
     }
 
-    /// Waits for the authenticated session of a client that has a key, while it has none.
+    /// Waits for an authenticated session if the client has a key and no session.
     pub fn begin_session(&mut self) -> Result<(), SessionError> {
         if !self.client.needs_session() {
             return Ok(());
@@ -89,7 +89,7 @@ impl<B: LinkBus> Exchange<B> {
         }
     }
 
-    /// Sends a command and repeats it until the answer arrives; one other than `Ok` is an error.
+    /// Sends a command and repeats it until the answer arrives. An answer other than `Ok` is an error.
     pub fn command(
         &mut self,
         what: &'static str,
@@ -139,8 +139,7 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::Refused { what, result, state: None, fault: None })
     }
 
-    /// Sends a request about parameters and repeats it until the answer arrives; one other than
-    /// `Ok` is an error.
+    /// Sends a parameter request and repeats it until the answer arrives. An answer other than `Ok` is an error.
     pub fn parameter(
         &mut self,
         what: &'static str,
@@ -179,8 +178,7 @@ impl<B: LinkBus> Exchange<B> {
         Err(SessionError::ParameterRefused { what, result, value: 0.0, state: None })
     }
 
-    /// Sends a transport request up to `sends` times until `wanted` accepts an answer. Every request is safe to
-    /// repeat.
+    /// Sends a transport request up to `sends` times until `wanted` accepts an answer. All requests are safe to repeat.
     pub fn respond<T>(
         &mut self,
         request: &Request<'_>,
@@ -196,7 +194,7 @@ impl<B: LinkBus> Exchange<B> {
         Err(self.silent("transfer"))
     }
 
-    /// Sends a transport request once; `None` when it or its answer got lost.
+    /// Sends a transport request once; returns `None` if the request or its answer was lost.
     pub fn respond_once<T>(
         &mut self,
         request: &Request<'_>,
@@ -217,36 +215,41 @@ impl<B: LinkBus> Exchange<B> {
         Ok(answer.flatten())
     }
 
-    /// The error of a controller that does not answer.
+    /// Creates the error for a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
         let mut why = match (self.bus.complaint(), self.status(), self.other) {
             (Some(why), ..) => why,
             (None, Some(_), _) => {
-                "its status is heard, so what this computer sends is lost: look at the cable and the adapter".into()
+                "its status arrives, but frames of this computer are lost; check the cable and the \
+                 adapter"
+                    .into()
             }
             (None, None, Some(other)) => {
-                format!("controller {other} is on this bus; name it with --node {other}")
+                format!("controller {other} is on this bus; to reach that one, give --node {other}")
             }
-            (None, None, None) => "is it powered, and on this bus?".into(),
+            (None, None, None) => "check its power, and that it is on this bus".into(),
         };
         if let Some(late_us) = self.lately() {
             let late_ms = late_us / 1000;
             why += &format!(
-                " This computer is busy: it let this program go on {late_ms} ms late; end other programs and try again"
+                ". This computer is busy and delayed this program by {late_ms} ms; end other \
+                 programs and try again"
             );
         }
         SessionError::Silent { node: self.node.number(), what, why }
     }
 
-    /// Lateness of a wake-up within the last second, µs.
+    /// Lateness of the latest late wake-up, µs; `None` if it was more than a second ago.
     fn lately(&self) -> Option<u64> {
         let now_us = self.bus.now_us();
         let recent = |(at_us, _): &(u64, u64)| now_us.saturating_sub(*at_us) <= LATE_MEMORY_US;
         self.late.filter(recent).map(|(_, late_us)| late_us)
     }
 
-    /// Sends and receives frames until `wanted` accepts a message, at most for `timeout_us`. Time that passed before a busy
-    /// computer let this program go on does not count, and what has arrived by then is looked at first.
+    /// Sends and receives frames until `wanted` accepts a message, for at most `timeout_us`.
+    ///
+    /// If a busy computer delays this program, the timeout is extended by the delay, and frames that have arrived are processed
+    /// first.
     pub fn pump<T>(
         &mut self,
         timeout_us: u64,
@@ -300,8 +303,9 @@ impl<B: LinkBus> Exchange<B> {
         }
     }
 
-    /// Sends the client's frames until none is left, the transmit queue is full or a message has failed. Returns the
-    /// failed message and, with a full queue, the time of the next attempt, µs.
+    /// Sends the client's frames until none is left, the transmit queue is full or a message has failed.
+    ///
+    /// Returns the failed message, and the time of the next attempt, µs, if the queue is full.
     fn send_all(&mut self) -> Result<(Option<Incoming>, Option<u64>), SessionError> {
         let now_us = self.bus.now_us();
         loop {

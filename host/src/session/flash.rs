@@ -6,8 +6,9 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::library::identity;
 
 impl<B: LinkBus> Session<B> {
-    /// Transfers, checks and activates a library; the controller must be disarmed. `progress` is called after every
-    /// block. An interrupted transfer resumes where it stopped.
+    /// Transfers, checks and activates a library. The controller must be disarmed.
+    ///
+    /// Calls `progress` after every block. Resumes an interrupted transfer of the same library.
     pub fn flash(
         &mut self,
         library: &[u8],

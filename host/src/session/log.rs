@@ -5,12 +5,12 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_protocol::wire::transport::{Request, Response};
 use rollwalk_protocol::wire::{Log, LogEntry, State};
 
-/// The controller's log.
+/// Log of the controller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
-    /// Controller's clock at the time of the answer, low 32 bits of ms.
+    /// Controller's clock at the time of the answer, low 32 bits, ms.
     pub now_ms: u32,
-    /// Changes of its state and new faults, oldest first, with their numbers since power-on.
+    /// State changes and new faults, oldest first, with their numbers since power-on.
     pub entries: Vec<(u32, LogEntry)>,
 }
 
@@ -20,8 +20,10 @@ impl History {
         self.now_ms.wrapping_sub(entry.at_ms)
     }
 
-    /// Entry that explains the last stop: the last one that led out of Ready, Playing, Paused or Streaming, but for the way of
-    /// a stream to SAFE, or from a robot that was disarmed or aligned to a stop that has to be cleared.
+    /// Entry that explains the latest stop.
+    ///
+    /// This is the latest entry that led out of Ready, Playing, Paused or Streaming, except from a stream to SAFE. An entry
+    /// that led from Disarmed or Aligning to a stop that must be cleared also counts.
     pub fn last_stop(&self) -> Option<&LogEntry> {
         let latched = |entry: &LogEntry| {
             matches!(entry.before, State::Disarmed | State::Aligning)
@@ -35,13 +37,13 @@ impl History {
     }
 }
 
-/// True in the states in which the robot is ready, or follows a motion or a stream.
+/// True in the states in which the robot is ready or follows a motion or a stream.
 fn follows(state: State) -> bool {
     matches!(state, State::Ready | State::Playing | State::Paused | State::Streaming)
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Reads the entries since power-on that the controller still has. This is possible in every state.
+    /// Reads the entries since power-on that the controller still has. Possible in every state.
     pub fn history(&mut self) -> Result<History, SessionError> {
         let mut since = 0;
         let mut entries = Vec::new();

@@ -26,22 +26,22 @@ use rollwalk_protocol::wire::{
     Status,
 };
 
-/// Longest wait for a sign of life, µs.
+/// Longest wait for the answer to a heartbeat, µs.
 const CONNECT_TIMEOUT_US: u64 = 1_000_000;
-/// Timeout of HELLO, µs: its answer is half a dozen frames, and the request is repeated when one gets lost.
+/// Timeout of HELLO, µs. The answer consists of half a dozen frames, and the request is repeated if one is lost.
 const HELLO_TIMEOUT_US: u64 = 150_000;
-/// Largest number of HELLO requests.
+/// Maximum number of HELLO requests.
 const HELLO_SENDS: u32 = 20;
-/// Timeout of an emergency stop, µs. On a link on which nothing else works half of the frames may get lost.
+/// Timeout of an emergency stop, µs. On a link that is otherwise unusable, half of the frames may be lost.
 const STOP_TIMEOUT_US: u64 = 3_000_000;
 /// Timeout for feedback of all actuators, µs.
 const FEEDBACK_TIMEOUT_US: u64 = 500_000;
-/// Interval of attempts to arm until that feedback has arrived, µs.
+/// Interval between attempts to arm until this feedback has arrived, µs.
 const FEEDBACK_RETRY_US: u64 = 50_000;
 /// Timeout of aligning, returning to SAFE and damping, µs.
 const STATE_TIMEOUT_US: u64 = 30_000_000;
 
-/// A host connected to one controller.
+/// Host connected to one controller.
 pub struct Session<B> {
     exchange: Exchange<B>,
     hello: Hello,
@@ -50,14 +50,14 @@ pub struct Session<B> {
 }
 
 impl<B: LinkBus> Session<B> {
-    /// Connects to the controller `peer`, a node or one with a link key, as its only host, and reads its identity.
+    /// Connects to a controller as its only host, and reads its identity. `peer` is a node, with a link key if required.
     pub fn connect(bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         let node = peer.node;
         Self::alive(Exchange::new(bus, node, Client::new(peer)), node)
     }
 
-    /// Connects as [`connect`](Self::connect) unless the controller has another host: listens first.
+    /// Connects as in [`connect`](Self::connect), but listens first and returns an error if the controller has another host.
     pub fn connect_alone(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         if listener::find_host(&mut bus, peer.node)?.has_host() {
@@ -66,9 +66,10 @@ impl<B: LinkBus> Session<B> {
         Self::connect(bus, peer)
     }
 
-    /// Connects beside the controller's host, in a pause of its transport messages: without heartbeats, so that the
-    /// host's absence would still be noticed, and with the clock of the replies to it. Without a host, connects as
-    /// [`connect`](Self::connect).
+    /// Connects beside the controller's host, during a pause of its transport messages.
+    ///
+    /// This session sends no heartbeats, so that the loss of the host is still detected. It takes the controller's clock from
+    /// the replies to the host. Without a host, connects as in [`connect`](Self::connect).
     pub fn join(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         let node = peer.node;
@@ -92,15 +93,17 @@ impl<B: LinkBus> Session<B> {
         }
     }
 
-    /// Reads the identity of controller `node` without becoming its host. Parameters can be read and set, the robot can
-    /// be stopped; commands need a host beside it, whose clock it reads from their frames.
+    /// Reads the identity of a controller without becoming its host.
+    ///
+    /// Parameters can then be read and set, and the robot can be stopped. Commands require another host, because the
+    /// controller's clock is taken from the replies to it.
     pub fn visit(bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         let node = peer.node;
         Self::introduced(Exchange::new(bus, node, Client::visitor(peer)), node)
     }
 
-    /// Visits as [`visit`](Self::visit) in a pause of others' transport messages: listens first.
+    /// Connects as in [`visit`](Self::visit), but first waits for a pause of other programs' transport messages.
     pub fn visit_in_pause(mut bus: B, peer: impl Into<Peer>) -> Result<Self, SessionError> {
         let peer = peer.into();
         let listener = Listener::new(bus.now_us(), peer.node);
@@ -132,40 +135,41 @@ impl<B: LinkBus> Session<B> {
         &mut self.exchange.bus
     }
 
-    /// The controller's identity and library.
+    /// Identity of the controller and its library.
     pub fn hello(&self) -> &Hello {
         &self.hello
     }
 
-    /// Sets the robot that this must be, by [`RobotConfig::hash`](rollwalk_protocol::config::RobotConfig::hash):
-    /// no other is armed.
+    /// Sets the required hash of the controller's configuration
+    /// ([`RobotConfig::hash`](rollwalk_protocol::config::RobotConfig::hash)). Another robot is not armed.
     pub fn expect_robot(&mut self, config_hash: u32) {
         self.expected_config = Some(config_hash);
     }
 
-    /// The controller's last status.
+    /// Latest status of the controller.
     pub fn status(&self) -> Option<Status> {
         self.exchange.status()
     }
 
-    /// The bus.
+    /// Returns a reference to the bus.
     pub fn bus(&self) -> &B {
         &self.exchange.bus
     }
 
-    /// Ends the session.
+    /// Ends the session and returns the bus.
     pub fn into_bus(self) -> B {
         self.exchange.bus
     }
 
-    /// Turns torque on in two steps and waits until the robot stands in the SAFE pose.
+    /// Switches torque on in two steps, and waits until the robot stands in the SAFE pose.
     pub fn arm(&mut self) -> Result<(), SessionError> {
         let nonce = self.arm_request()?;
         self.arm_confirm(nonce)
     }
 
-    /// First step of arming: the nonce for [the second](Self::arm_confirm). Retries for a moment, because just after
-    /// power-on and after a stop there is no feedback of the actuators yet.
+    /// Requests arming, the first of two steps; returns the nonce for [the second](Self::arm_confirm).
+    ///
+    /// Retries for half a second, because just after power-on or a stop the actuators have not sent feedback yet.
     pub fn arm_request(&mut self) -> Result<u16, SessionError> {
         use CommandResult::{FaultPresent, PoseUnknown};
         let until_us = self.bus().now_us() + FEEDBACK_TIMEOUT_US;
@@ -181,29 +185,30 @@ impl<B: LinkBus> Session<B> {
         }
     }
 
-    /// Second step of arming, until the robot stands in the SAFE pose. Unless it was refused, torque may be on even
-    /// after an error.
+    /// Confirms arming, the second of two steps, and waits until the robot stands in the SAFE pose.
+    ///
+    /// Torque may be on even after an error, unless the error is a refusal.
     pub fn arm_confirm(&mut self, nonce: u16) -> Result<(), SessionError> {
         self.command("arm", Action::ArmConfirm { nonce })?;
         self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
     }
 
-    /// Commands a motion by its code, at the planned speed.
+    /// Plays the motion with a code, at the planned speed.
     pub fn select(&mut self, code: u8) -> Result<CommandAck, SessionError> {
         self.select_at(code, 64)
     }
 
-    /// Commands a motion by its code, at a speed of 1 to 64 64ths of the planned one.
+    /// Plays the motion with a code, at a speed of 1 to 64, in 64ths of the planned speed.
     pub fn select_at(&mut self, code: u8, speed_64ths: i8) -> Result<CommandAck, SessionError> {
         self.command("play this code", Action::Play { code, speed_64ths })
     }
 
-    /// Halts the motion where it is.
+    /// Pauses the motion.
     pub fn pause(&mut self) -> Result<(), SessionError> {
         self.command("pause", Action::Pause).map(|_| ())
     }
 
-    /// Goes on after [`Self::pause`].
+    /// Resumes after [`Self::pause`].
     pub fn resume(&mut self) -> Result<(), SessionError> {
         self.command("resume", Action::Resume).map(|_| ())
     }
@@ -214,7 +219,7 @@ impl<B: LinkBus> Session<B> {
         self.wait_for_state(State::Ready, STATE_TIMEOUT_US)
     }
 
-    /// Turns torque off in an orderly way and waits until it is off.
+    /// Disarms: the robot returns to SAFE, and torque is switched off. Waits until it is off.
     pub fn disarm(&mut self) -> Result<(), SessionError> {
         self.command("disarm", Action::Disarm)?;
         self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
@@ -227,7 +232,8 @@ impl<B: LinkBus> Session<B> {
         stopped.then_some(()).ok_or_else(|| self.exchange.silent("emergency stop"))
     }
 
-    /// Sends an emergency stop without connecting first, and repeats it until it is acknowledged or the bus is gone;
+    /// Sends an emergency stop without connecting first, and repeats it until it is acknowledged or the bus is lost.
+    ///
     /// `unanswered` receives the likely cause each time that the acknowledgement is overdue.
     pub fn estop_at(
         bus: B,
@@ -242,19 +248,19 @@ impl<B: LinkBus> Session<B> {
         Ok(())
     }
 
-    /// Leaves a latched stop or fault in two steps and waits until the robot can be armed again.
+    /// Clears a latched stop or fault in two steps, and waits until the robot can be armed again.
     pub fn clear(&mut self) -> Result<(), SessionError> {
         let nonce = self.command("clear the stop", Action::ClearRequest)?.value;
         self.command("clear the stop", Action::ClearConfirm { nonce })?;
         self.wait_for_state(State::Disarmed, STATE_TIMEOUT_US)
     }
 
-    /// Keeps the session alive for a while.
+    /// Keeps the session alive for a duration.
     pub fn run_for(&mut self, duration_us: u64) -> Result<(), SessionError> {
         self.exchange.pump(duration_us, |_| None::<()>).map(|_| ())
     }
 
-    /// Keeps the session alive until the next status, or for this long; returns the status.
+    /// Keeps the session alive until the next status or for `longest_us`; returns the status, or `None` after a timeout.
     pub fn next_status(&mut self, longest_us: u64) -> Result<Option<Status>, SessionError> {
         self.exchange.pump(longest_us, |incoming| match incoming {
             Incoming::Status(status) => Some(status),
@@ -262,13 +268,12 @@ impl<B: LinkBus> Session<B> {
         })
     }
 
-    /// The error of a controller that sends no status.
+    /// Creates the error for a controller that sends no status.
     pub fn silent(&self) -> SessionError {
         self.exchange.silent("status")
     }
 
-    /// Waits until the controller reports a state. Ends early in a state that the robot does not leave towards it by
-    /// itself.
+    /// Waits until the controller reports a state. Returns an error at once if `state` is unreachable without another command.
     pub fn wait_for_state(&mut self, state: State, timeout_us: u64) -> Result<(), SessionError> {
         self.wait_until(&format!("the robot to be {}", state_name(state)), timeout_us, |status| {
             if status.state == state {
@@ -283,8 +288,9 @@ impl<B: LinkBus> Session<B> {
         })
     }
 
-    /// Waits for a status on which `judge` decides: `Some(true)` for success, `Some(false)` if it has become
-    /// impossible. `waited_for` completes "waited for ...".
+    /// Waits for a status on which `judge` decides: `Some(true)` for success, `Some(false)` for failure.
+    ///
+    /// `waited_for` completes the message "waited for ...".
     pub fn wait_until(
         &mut self,
         waited_for: &str,
@@ -307,8 +313,9 @@ impl<B: LinkBus> Session<B> {
         }
     }
 
-    /// Sends a command until it is answered; an answer other than `Ok` is an error. `what` completes
-    /// "the controller refused to ...".
+    /// Sends a command until it is answered. An answer other than `Ok` is an error.
+    ///
+    /// `what` completes the message "the controller refused to ...".
     pub fn command(
         &mut self,
         what: &'static str,
@@ -320,7 +327,7 @@ impl<B: LinkBus> Session<B> {
         self.exchange.command(what, action)
     }
 
-    /// Reads the identity once more: the controller or its image may have been exchanged.
+    /// Reads the identity again and compares the configuration, because the controller or its image may have been exchanged.
     fn check_robot(&mut self) -> Result<(), SessionError> {
         let Some(expected) = self.expected_config else { return Ok(()) };
         self.hello = ask_hello(&mut self.exchange)?;
@@ -332,7 +339,7 @@ impl<B: LinkBus> Session<B> {
     }
 }
 
-/// Listens for a pause in others' transport messages.
+/// Waits for a pause in other programs' transport messages.
 fn wait_for_pause(
     bus: &mut impl LinkBus,
     node: Node,
@@ -343,7 +350,7 @@ fn wait_for_pause(
     may_ask.then_some(()).ok_or(SessionError::Transferring { node: node.number() })
 }
 
-/// Repeats an emergency stop for a while; whether it was acknowledged.
+/// Repeats an emergency stop for a limited time; returns true if it was acknowledged.
 fn is_stopped<B: LinkBus>(exchange: &mut Exchange<B>) -> Result<bool, SessionError> {
     let stopped = exchange.pump(STOP_TIMEOUT_US, |incoming| {
         matches!(incoming, Incoming::EstopAck(_)).then_some(())

@@ -11,8 +11,9 @@ impl<B: LinkBus> Session<B> {
         self.exchange.parameter("read a parameter", get)
     }
 
-    /// Sets a parameter of a channel: at once while torque is off, otherwise within half a second.
-    /// It holds until it is set again or power fails.
+    /// Sets a parameter of a channel, at once while torque is off and otherwise within half a second.
+    ///
+    /// The value stays in force until it is set again or power fails.
     pub fn set_parameter(
         &mut self,
         parameter: Parameter,
@@ -23,17 +24,17 @@ impl<B: LinkBus> Session<B> {
         self.exchange.parameter("set a parameter", set).map(|_| ())
     }
 
-    /// Sets all parameters to the robot's configuration.
+    /// Resets all parameters to the robot's configuration.
     pub fn reset_parameters(&mut self) -> Result<(), SessionError> {
         self.exchange.parameter("reset the parameters", ParameterAction::Reset).map(|_| ())
     }
 
-    /// Saves the present values across power cycles. The controller must be disarmed.
+    /// Saves the current values across power cycles. The controller must be disarmed.
     pub fn save_parameters(&mut self) -> Result<(), SessionError> {
         self.exchange.parameter("save the parameters", ParameterAction::Save).map(|_| ())
     }
 
-    /// Reads the origin of the values in force after power-on.
+    /// Reads the origin of the values that were in force after power-on.
     pub fn parameter_origin(&mut self) -> Result<ParameterOrigin, SessionError> {
         let what = "read the origin of its parameters";
         let code = self.exchange.parameter(what, ParameterAction::Origin)?;

@@ -1,4 +1,4 @@
-//! Sessions on a simulated bus, on which time passes only during [`LinkBus::receive`].
+//! Sessions on a simulated bus on which time passes only during [`LinkBus::receive`].
 
 use super::*;
 use rollwalk_bus::link::LinkError;
@@ -7,14 +7,14 @@ use rollwalk_protocol::faults::{FaultBits, Severity};
 use rollwalk_protocol::wire::{CommandAck, EstopAck, Heartbeat, HeartbeatReply, ToController};
 use std::collections::VecDeque;
 
-/// Returns the answer to a sent frame, if any.
+/// Function that returns the answer to a sent frame, if any.
 type Answer = Box<dyn FnMut(&ToController) -> Option<Frame>>;
 
-/// A bus on which a controller and other programs send scripted frames.
+/// Bus on which a controller and other programs send scripted frames.
 pub struct Wire {
     now_us: u64,
     said: VecDeque<(u64, Frame)>,
-    /// Messages of the host under test, in the order sent.
+    /// Messages of the host under test, in the order of sending.
     pub sent: Vec<ToController>,
     first_sent_us: Option<u64>,
     answer: Answer,
@@ -25,23 +25,23 @@ pub fn node() -> Node {
 }
 
 impl Wire {
-    /// A bus without any other node.
+    /// Bus without any other node.
     pub fn silent() -> Self {
         Self::answering(|_| None)
     }
 
-    /// A bus with a controller that answers.
+    /// Bus with a controller that answers.
     pub fn answering(answer: impl FnMut(&ToController) -> Option<Frame> + 'static) -> Self {
         let (said, sent) = (VecDeque::new(), Vec::new());
         Self { now_us: 0, said, sent, first_sent_us: None, answer: Box::new(answer) }
     }
 
-    /// Schedules a frame of another node at `at_us`, after all frames scheduled before.
+    /// Schedules a frame of another node at `at_us`, after all frames scheduled earlier.
     pub fn says(&mut self, at_us: u64, frame: Frame) {
         self.said.push_back((at_us, frame));
     }
 
-    /// A status of the controller.
+    /// Status of the controller.
     pub fn status(state: State) -> Frame {
         let (faults, severity) = (FaultBits::default(), Severity::None);
         Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 }
@@ -118,7 +118,7 @@ fn a_second_host_is_refused_before_it_sends_anything() {
     assert_eq!(wire.sent, []);
 }
 
-/// A controller may write its flash for a while between two blocks of another host's transfer.
+/// A controller may pause to write its flash between two blocks of another host's transfer.
 #[test]
 fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames() {
     let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
@@ -148,7 +148,7 @@ fn without_another_host_the_one_who_joins_is_it() {
     assert!(!wire.sent.is_empty() && wire.sent.iter().all(is_heartbeat), "{:?}", wire.sent);
 }
 
-/// A console that ends at this moment leaves a controller that sends its status, and no heartbeats that it could answer.
+/// A console that ends during the connection leaves a controller that sends its status but answers no heartbeats.
 #[test]
 fn a_host_that_ends_while_another_joins_is_replaced() {
     let mut wire = Wire::answering(|message| match message {
@@ -167,7 +167,7 @@ fn a_host_that_ends_while_another_joins_is_replaced() {
     let text = error.to_string();
     assert!(!text.contains("heartbeat"), "{text}");
     assert!(wire.sent.iter().any(is_heartbeat), "{:?}", wire.sent);
-    assert!(text.contains("its status is heard"), "{text}");
+    assert!(text.contains("its status arrives"), "{text}");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn another_controller_on_the_bus_is_named() {
     let error = Session::connect(&mut wire, Node::new(3).unwrap()).err().unwrap();
     assert_eq!(
         error.to_string(),
-        "controller 3 does not answer (heartbeat): controller 1 is on this bus; name it with --node 1"
+        "controller 3 does not answer (heartbeat): controller 1 is on this bus; to reach that one, give --node 1"
     );
 }
 
@@ -195,10 +195,10 @@ fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     Session::estop_at(&mut wire, node(), |error| told.push(error)).unwrap();
     assert_eq!(wire.sent, [ToController::Estop; 100]);
     assert_eq!(told.len(), 3);
-    assert!(told[0].to_string().contains("(emergency stop): is it powered"), "{}", told[0]);
+    assert!(told[0].to_string().contains("(emergency stop): check its power"), "{}", told[0]);
 }
 
-/// A bus on a busy computer: the first wait lasts longer than it should, and what has arrived is read after it.
+/// Bus on a busy computer: the first wait is too long, and frames that have arrived are read after it.
 struct Late(Wire, bool);
 
 impl LinkBus for Late {
@@ -240,11 +240,11 @@ fn a_silence_while_the_computer_was_late_says_so() {
         exchange.silent("pause").to_string()
     };
     let said = why(&mut exchange);
-    assert!(said.contains("it let this program go on 200 ms late"), "{said}");
+    assert!(said.contains("delayed this program by 200 ms"), "{said}");
     // It is not the reason for a silence long afterwards.
     exchange.pump(1_000_000, |_| None::<()>).unwrap();
     let said = why(&mut exchange);
-    assert!(said.ends_with("(pause): is it powered, and on this bus?"), "{said}");
+    assert!(said.ends_with("(pause): check its power, and that it is on this bus"), "{said}");
 }
 
 #[test]

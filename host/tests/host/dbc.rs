@@ -1,4 +1,4 @@
-//! The table of frames against the codecs, the schema, and the files that are made of it.
+//! Checks of the frame database against the codecs, the schema, and the generated files.
 
 use crate::dbc_frames::{Sample, actuators, link};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use rollwalk_host::dbc::{ChannelName, Database, Message, Presence, RobotNames};
 use rollwalk_protocol::wire::{Node, SCHEMA};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Asserts that the table decodes the frame to the encoded values.
+/// Asserts that the database decodes a frame to the encoded values.
 fn check(database: &Database, (schema, frame, expected): &Sample) {
     let message = database.messages.iter().find(|message| Some(message.id) == frame.standard_id());
     let message = message.unwrap_or_else(|| panic!("no message for {frame:?}"));
@@ -46,7 +46,7 @@ proptest! {
     }
 }
 
-/// Identifiers that a line of the schema stands for.
+/// Identifiers that match the pattern in a line of the schema.
 fn ids(pattern: &str) -> Vec<u16> {
     let number = |digits: &str| u16::from_str_radix(digits, 16).unwrap();
     match pattern.strip_suffix("+n") {
@@ -55,7 +55,7 @@ fn ids(pattern: &str) -> Vec<u16> {
     }
 }
 
-/// Name and width of a field of the schema: `state:4`, `uid:6*u8`, `position:i16*2e-4rad`.
+/// Name and width of a schema field, such as `state:4`, `uid:6*u8` or `position:i16*2e-4rad`.
 fn field(text: &str) -> (&str, u16) {
     let Some((name, kind)) = text.split_once(':') else {
         assert_eq!(text, "crc8");
@@ -69,7 +69,7 @@ fn field(text: &str) -> (&str, u16) {
     (name, count * kind.trim_start_matches(['u', 'i', 'f']).parse::<u16>().unwrap())
 }
 
-/// Asserts that the signals cover the bits of each schema field, in the schema's order, under the field's name.
+/// Asserts that the signals cover the bits of each schema field, in the schema's order and under the field's name.
 fn check_fields(message: &Message, fields: &str) {
     let mut at = 0;
     for (name, bits) in fields.split_whitespace().map(field) {
@@ -217,7 +217,7 @@ fn with_a_robot_joints_have_their_names() {
     assert_eq!(messages, expected);
 }
 
-/// The files are up to date; with `ROLLWALK_UPDATE_DOCS` set they are written instead.
+/// Checks that the files are up to date. Writes them instead if `ROLLWALK_UPDATE_DOCS` is set.
 #[test]
 fn the_files_in_docs_are_generated() {
     for (file, database) in

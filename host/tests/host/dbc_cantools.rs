@@ -1,7 +1,6 @@
-//! The DBC files as cantools reads them: the same numbers as ours.
+//! DBC files as cantools reads them: values must equal those of our decoder.
 //!
-//! Not among the tests that run by themselves, because it needs cantools: `cargo xtask test --only dbc` installs
-//! it and runs this.
+//! This test is not run by default, because it requires cantools. `cargo xtask test --only dbc` installs cantools and runs it.
 
 use crate::dbc_frames::{Sample, actuators, link};
 use proptest::strategy::{BoxedStrategy, Strategy, ValueTree};
@@ -12,7 +11,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// Seeded, hence the same frames every time.
+/// Random frames of a generator with a fixed seed, and thus the same in every run.
 fn samples(count: usize) -> Vec<(&'static str, Sample)> {
     let mut runner = TestRunner::deterministic();
     let mut sample = |strategy: &BoxedStrategy<Sample>| {
@@ -24,7 +23,7 @@ fn samples(count: usize) -> Vec<(&'static str, Sample)> {
         .collect()
 }
 
-/// Decodes the samples with decode_log.py; returns its lines.
+/// Decodes the samples with decode_log.py; returns its output lines.
 fn decode(samples: &[(&'static str, Sample)]) -> Vec<Value> {
     let entry = |(i, (interface, (_, frame, _))): (usize, &(&'static str, Sample))| LogEntry {
         at_us: 1_000_000 + i as u64,

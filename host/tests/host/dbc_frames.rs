@@ -1,4 +1,4 @@
-//! A random frame of each message, made by the codecs, and the values that were put in.
+//! Random frames of each message, encoded by the codecs, with the encoded values.
 
 use proptest::prelude::*;
 use rollwalk_protocol::actuator::{
@@ -11,14 +11,14 @@ use rollwalk_protocol::wire::isotp::{Endpoint, Output, Timing};
 use rollwalk_protocol::wire::transport::{frame_to_controller, frame_to_host};
 use rollwalk_protocol::wire::*;
 
-/// The name in the schema, the frame, and what its signals must say.
+/// Name in the schema, frame, and expected values of its signals.
 pub type Sample = (&'static str, Frame, Vec<(String, f64)>);
 
 fn node() -> impl Strategy<Value = Node> {
     (0u8..15).prop_map(|number| Node::new(number).unwrap())
 }
 
-/// An address or all.
+/// Address of a controller or of all controllers.
 fn to() -> impl Strategy<Value = Node> {
     prop_oneof![4 => node(), 1 => Just(Node::BROADCAST)]
 }
@@ -31,7 +31,7 @@ fn float() -> impl Strategy<Value = f32> {
     prop_oneof![any::<f32>(), -100.0f32..100.0]
 }
 
-/// 0 to 254, or none.
+/// Value from 0 to 254, or `None`.
 fn option() -> impl Strategy<Value = Option<u8>> {
     any::<u8>().prop_map(|byte| (byte < 255).then_some(byte))
 }
@@ -266,7 +266,7 @@ fn fault() -> impl Strategy<Value = Sample> {
     )
 }
 
-/// Raw steps of position, velocity and torque, and a status.
+/// Raw values of position, velocity and torque, and a status byte.
 fn measured() -> impl Strategy<Value = ([i16; 3], u8)> {
     (prop::array::uniform3(-32767i16..=32767), 0u8..128)
 }
@@ -361,7 +361,7 @@ fn discovery() -> impl Strategy<Value = Sample> {
     ]
 }
 
-/// A frame of a conversation over ISO-TP, in either direction, read by the standard's rules.
+/// Frame of an ISO-TP transfer in either direction, with values decoded by the rules of the standard.
 fn transport() -> impl Strategy<Value = Sample> {
     let message = prop::collection::vec(any::<u8>(), 1..60);
     let timing = (any::<u8>(), any::<u8>());
@@ -421,7 +421,7 @@ fn isotp_says(data: &[u8]) -> Vec<(String, f64)> {
     values
 }
 
-/// Mantissa and exponent of a short number, and what it is in steps.
+/// Mantissa and exponent of a short floating-point number, and its value in steps.
 fn short() -> impl Strategy<Value = (u8, u8, f32)> {
     (0u8..128, 0u8..12).prop_map(|(mantissa, exponent)| {
         let m = f32::from(mantissa);
@@ -437,7 +437,7 @@ fn torque() -> impl Strategy<Value = ((u8, u8, f32), bool)> {
 
 type Short = (u8, u8, f32);
 
-/// Signals at the end of a setpoint with torque: mantissas and exponents, and the torque's sign.
+/// Signals at the end of a set-point with torque: mantissas and exponents, and the sign of the torque.
 fn shorts(
     first: &str,
     a: Short,

@@ -1,5 +1,6 @@
-//! Tests of the operator's end through its public face.
+//! Tests of the host crate through its public interface.
 
 mod dbc;
 mod dbc_cantools;
 mod dbc_frames;
+mod examples;

@@ -1,4 +1,4 @@
-//! Numbers of a contact, and derivatives of its wrench by each.
+//! Parameters of a contact, and derivatives of its wrench with respect to each.
 
 use super::place::{Tip, across};
 use super::{Contact, RESISTANCE_SPEED_M_S};
@@ -6,27 +6,27 @@ use crate::force::{View, Wrench};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Surface;
 
-/// A number of a contact.
+/// Parameter of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfContact {
     /// Stiffness along the normal, N/m.
     Stiffness,
     /// Damping along the normal, N·s/m.
     Damping,
-    /// Depth over which the damping comes in, m.
+    /// Depth over which the damping rises to its full value, m.
     Ramp,
     /// Coefficient of friction.
     Friction,
-    /// Friction over sliding velocity while it sticks, N·s/m.
+    /// Ratio of friction to sliding velocity of a sticking contact, N·s/m.
     Stick,
-    /// Rolling resistance at any speed, as a share of the load.
+    /// Speed-independent rolling resistance, as a fraction of the load.
     Resistance,
     /// Increase of the rolling resistance per speed, s/m.
     ResistancePerSpeed,
 }
 
 impl OfContact {
-    /// The number, in a contact.
+    /// Reference to the parameter in a contact.
     pub(crate) fn place(self, contact: &mut Contact) -> &mut f64 {
         match self {
             Self::Stiffness => &mut contact.normal.stiffness_n_m,
@@ -41,7 +41,7 @@ impl OfContact {
 }
 
 impl Contact {
-    /// Derivative of the wrench by one of the contact's numbers; none while it does not touch.
+    /// Derivative of the wrench with respect to a parameter; `None` if the contact is open.
     pub(crate) fn wrench_by(&self, number: OfContact, view: &View<'_>) -> Option<Wrench> {
         let body = &view.now[0];
         let place = self.place(body);

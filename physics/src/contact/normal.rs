@@ -1,36 +1,36 @@
-//! The force along the normal of a contact: a spring, and damping that comes in with depth.
+//! Normal force of a contact: a spring, and damping that increases with depth.
 
-/// Stiffness and damping along the normal.
+/// Stiffness and damping of the normal force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Normal {
     /// Stiffness k_n, N/m.
     pub stiffness_n_m: f64,
     /// Damping k_d, N·s/m.
     pub damping_n_s_m: f64,
-    /// Depth over which the damping comes in, m. A damping that jumps at the surface leaves steps without any solution;
-    /// 0 is such a jump, for comparisons with closed forms.
+    /// Depth over which the damping rises to its full value, m. Damping that jumps at the surface leaves some steps without a
+    /// solution. The value 0 gives such a jump, for comparisons with closed forms.
     pub ramp_m: f64,
-    /// True if the contact may pull: damping exceeds the spring force when a body leaves fast. The pull grows with depth, so a
-    /// step can have several solutions and a rollout jumps with its parameters. If false, the normal force is 0 instead of a
-    /// pull. Friction and rolling resistance depend on the spring force in either case.
+    /// True if the contact may pull: damping exceeds the spring force when a body leaves fast. The pull grows with depth, so
+    /// that a step can have several solutions and a rollout can jump with its parameters. If false, the normal force is 0
+    /// instead of a pull. Friction and rolling resistance depend on the spring force in either case.
     pub pulls: bool,
 }
 
-/// The force along the normal at a gap and at the rate at which the gap opens.
+/// Normal force at a gap and an opening speed, with derivatives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Press {
     /// Spring force alone, N; friction and rolling resistance depend on it.
     pub spring_n: f64,
-    /// Force of spring and damping together, N.
+    /// Total force of spring and damping, N.
     pub force_n: f64,
-    /// Derivative of the force by the gap, N/m.
+    /// Derivative of the force with respect to the gap, N/m.
     pub by_gap: f64,
-    /// Derivative of the force by the rate at which the gap opens, N·s/m.
+    /// Derivative of the force with respect to the opening speed, N·s/m.
     pub by_opening: f64,
 }
 
 impl Normal {
-    /// The force at a gap below 0, and at a rate at which it opens, m/s.
+    /// Normal force at a negative gap, m, and an opening speed, m/s.
     pub(crate) fn press(&self, gap_m: f64, opening_m_s: f64) -> Press {
         let (share, share_slope) = self.damping_share(gap_m);
         let spring_n = -self.stiffness_n_m * gap_m;
@@ -46,7 +46,7 @@ impl Normal {
         }
     }
 
-    /// Derivatives of that force by stiffness, damping and ramp.
+    /// Derivatives of the normal force with respect to stiffness, damping and ramp.
     pub(crate) fn press_by(&self, gap_m: f64, opening_m_s: f64) -> [f64; 3] {
         let (share, share_slope) = self.damping_share(gap_m);
         let damping_n = self.damping_n_s_m * share * opening_m_s;
@@ -62,7 +62,7 @@ impl Normal {
         force_n < 0.0 && !self.pulls
     }
 
-    /// Share of the damping at a gap, and its derivative by the gap, 1/m.
+    /// Fraction of the damping at a gap, and its derivative with respect to the gap, 1/m.
     fn damping_share(&self, gap_m: f64) -> (f64, f64) {
         let ramp_m = self.ramp_m;
         if -gap_m < ramp_m { (-gap_m / ramp_m, -1.0 / ramp_m) } else { (1.0, 0.0) }
@@ -76,7 +76,8 @@ mod tests {
     const NORMAL: Normal =
         Normal { stiffness_n_m: 200.0, damping_n_s_m: 3.0, ramp_m: 0.02, pulls: true };
 
-    /// Cases: on the ramp and below it; approaching, leaving, and leaving so fast that damping exceeds the spring force.
+    /// Tests depths on the ramp and below it, and bodies that approach, leave, or leave so fast that damping exceeds the spring
+    /// force.
     #[test]
     fn the_force_has_its_derivatives() {
         let mut pulled = 0;

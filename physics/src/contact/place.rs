@@ -1,31 +1,31 @@
-//! Contact point of a sphere, rim or blade: the lowest point, and how it moves over the body as the body turns.
+//! Contact point of a sphere, rim or blade: the lowest point, and its movement on the body as the body turns.
 
 use crate::motion::Motion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 
-/// A wheel whose plane is nearer to the ground's than this has no lowest point: sine of the angle between them.
+/// Sine of the angle between wheel plane and ground below which a rim is regarded as flat, without a unique lowest point.
 const LEAST_SINE: f64 = 1e-3;
 
-/// Shape that touches the ground.
+/// Shape of the contacting part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tip {
-    /// A sphere; with radius 0 a point.
+    /// Sphere; a point if the radius is 0.
     Sphere,
-    /// A rim about an axis in the body.
+    /// Rim about an axis of the body.
     Rim {
         /// Unit axis, in body axes.
         axis: Vector3<f64>,
     },
-    /// A blade across an axis of the body: it slides along itself, and not across.
+    /// Blade across an axis of the body. The blade glides along itself and resists sideways motion.
     Blade {
         /// Unit vector across the blade, in body axes.
         axis: Vector3<f64>,
     },
 }
 
-/// The contact point, with its derivatives by the body's pose.
+/// Contact point, with its derivatives with respect to the body's pose.
 pub(super) struct Place {
     pub surface: Surface,
     /// Vector from the centre of mass to the contact point, m.
@@ -36,12 +36,12 @@ pub(super) struct Place {
     pub gap_by_rotation: RowVector3<f64>,
     pub normal_by_position: Matrix3<f64>,
     pub normal_by_rotation: Matrix3<f64>,
-    /// World axis of a rim or blade.
+    /// Axis of a rim or blade in world axes; `None` for a sphere.
     pub axis: Option<Vector3<f64>>,
 }
 
 impl Place {
-    /// Computes the contact point of a tip about a centre in body axes, at a motion of its body.
+    /// Computes the contact point of a tip for a motion of its body. `center` is in body axes.
     pub fn new(
         center: &Vector3<f64>,
         radius_m: f64,
@@ -101,7 +101,8 @@ impl Place {
     }
 }
 
-/// Vector from the centre of a disc to its lowest point, with derivatives by axis and normal: −r (n − a (a·n)) / √(1 − (a·n)²).
+/// Vector from the centre of a disc to its lowest point, −r (n − a (a·n)) / √(1 − (a·n)²), with derivatives with respect to
+/// axis and normal.
 fn rim(
     radius_m: f64,
     axis: &Vector3<f64>,
@@ -118,7 +119,8 @@ fn rim(
     (down * of_down, by_axis, by_normal)
 }
 
-/// The unit vector along a blade's axis in the plane across a normal, with derivatives by axis and normal.
+/// Unit vector along the projection of a blade's axis onto the plane perpendicular to a normal, with derivatives with respect
+/// to axis and normal.
 pub(super) fn across(
     axis: &Vector3<f64>,
     normal: &Vector3<f64>,

@@ -1,19 +1,19 @@
-//! Adam: steps along gradients of a few samples at a time, each parameter's scaled by how large its gradient has been
-//! (thesis 4.7.5; Kingma & Ba 2015).
+//! Adam: steps along gradients of small samples, each parameter scaled by the magnitude of its past gradients (thesis 4.7.5;
+//! Kingma & Ba 2015).
 //!
-//! For what Gauss–Newton's method cannot do: weights of a controller that is trained on many rollouts, of which each step
-//! sees some.
+//! Adam suits problems beyond Gauss–Newton's method, such as the weights of a controller that is trained on many rollouts, a
+//! few in each step.
 
-/// Rates of Adam.
+/// Step length and decay rates of Adam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Largest change of a parameter in a step, about.
+    /// Approximate maximum change of a parameter in a step.
     pub step: f64,
-    /// β₁: share of the mean gradient that is kept from step to step.
+    /// Decay rate β₁ of the mean gradient.
     pub mean: f64,
-    /// β₂: the same of the mean of squares.
+    /// Decay rate β₂ of the mean squared gradient.
     pub square: f64,
-    /// ε: what is added to the root of the mean square.
+    /// Constant ε, added to the root of the mean square.
     pub least: f64,
 }
 
@@ -23,27 +23,27 @@ impl Default for Rates {
     }
 }
 
-/// State of Adam: means of the gradients so far and of their squares.
+/// State of Adam: means of gradients and of their squares.
 #[derive(Clone, Debug)]
 pub struct Adam {
-    /// Rates; the step may be reduced during training.
+    /// Rates. The caller may reduce the step during training.
     pub rates: Rates,
     means: Vec<f64>,
     squares: Vec<f64>,
-    /// β₁ and β₂ to the power of the number of steps.
+    /// Powers of β₁ and β₂ with the number of steps as the exponent.
     kept: [f64; 2],
 }
 
 impl Adam {
-    /// Before the first step, of so many parameters.
+    /// Creates the state before the first step, for a given number of parameters.
     pub fn new(parameters: usize, rates: Rates) -> Self {
         Self { rates, means: vec![0.0; parameters], squares: vec![0.0; parameters], kept: [1.0; 2] }
     }
 
-    /// Moves parameters against a gradient.
+    /// Moves the parameters against a gradient.
     ///
     /// # Panics
-    /// There are not as many parameters, or derivatives, as at the beginning.
+    /// If the number of parameters or derivatives differs from that in [`new`](Self::new).
     pub fn step(&mut self, parameters: &mut [f64], gradient: &[f64]) {
         let counts = [parameters.len(), gradient.len()];
         assert_eq!(counts, [self.means.len(); 2], "a derivative for each parameter");
@@ -67,7 +67,8 @@ impl Adam {
 mod tests {
     use super::*;
 
-    /// The first step is as long as the rate, whatever the gradient's size; of the second the closed form is short.
+    /// Tests that the first step has the length of the rate for any gradient, and compares the second step with its closed
+    /// form.
     #[test]
     fn steps_are_those_of_the_formulas() {
         let rates = Rates { step: 0.1, mean: 0.95, square: 0.999, least: 0.0 };

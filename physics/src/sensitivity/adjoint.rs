@@ -1,27 +1,31 @@
-//! The adjoint method: derivatives of one number by all parameters, from the last step to the first.
+//! Adjoint method: derivatives of one scalar with respect to all parameters, from the final step to the first.
 
 use crate::sensitivity::parameter::Start;
 use crate::sensitivity::record::{Layout, Part, Rollout};
 use crate::sensitivity::{Residual, Variation};
 use nalgebra::Vector3;
 
-/// Derivatives of the objective by motions and by displacements, carried backward step by step.
+/// Derivatives of the objective with respect to motions and displacements, propagated backward step by step.
 struct Backward<'a> {
     layout: &'a Layout,
-    /// Derivatives by poses, then by rates, at the end of the current step; at its beginning; one step earlier.
+    /// Derivatives with respect to poses, then rates, at the end of the present step.
     by_now: Vec<f64>,
+    /// Derivatives with respect to poses, then rates, at the beginning of the step.
     by_last: Vec<f64>,
+    /// Derivatives with respect to poses, then rates, one step earlier.
     by_before: Vec<f64>,
+    /// Derivatives with respect to the displacements of the step; later the adjoint variables μ.
     by_moved: Vec<f64>,
+    /// Derivatives with respect to the displacements of the previous step.
     by_moved_before: Vec<f64>,
 }
 
 impl Rollout {
-    /// Derivatives by all parameters of a number that depends on motions after some steps: for each, its derivatives by a body's
-    /// motion.
+    /// Derivatives of a scalar with respect to all parameters. `by` lists the derivatives of the scalar with respect to
+    /// motions, as step, body and derivative.
     ///
     /// # Panics
-    /// Newton's matrix of a step is singular, although the step was solved with it.
+    /// If the Newton matrix of a step is singular.
     pub fn adjoint<'b>(
         &self,
         by: impl IntoIterator<Item = (usize, usize, &'b Variation)>,
@@ -65,7 +69,7 @@ impl Rollout {
         gradient
     }
 
-    /// Gradient of half the sum of squares of residuals, by the adjoint method.
+    /// Gradient of half the sum of squared residuals, by the adjoint method.
     pub fn gradient(&self, residuals: &[Residual]) -> Vec<f64> {
         let scaled: Vec<_> = (residuals.iter())
             .flat_map(|residual| {
@@ -77,7 +81,7 @@ impl Rollout {
 }
 
 impl Layout {
-    /// Derivative of the objective by a parameter through the initial state: motions, those one step earlier, and displacements.
+    /// Vectors of the initial derivatives with respect to one parameter: motions, motions one step earlier, and displacements.
     pub fn stacked(&self, start: &Start) -> [Vec<f64>; 3] {
         let size = self.size();
         let parts =
@@ -124,7 +128,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Through the motions at the end of a step to what it moved, and to the motions at its beginning.
+    /// Maps derivatives with respect to motions at the end of a step to displacements in the step and motions at its beginning.
     fn motions(&mut self, part: &Part) {
         let size = self.layout.size();
         let (poses, rates) = self.by_now.split_at(size);
@@ -152,8 +156,7 @@ impl Backward<'_> {
         }
     }
 
-    /// Carries the derivatives through the residual of a step, to parameters and earlier motions. The displacements' place
-    /// holds μ.
+    /// Maps derivatives through the residual of a step to parameters and earlier motions. `by_moved` contains μ.
     fn residual(&mut self, part: &Part, gradient: &mut [f64]) {
         let mu = &self.by_moved;
         for entry in &part.columns {

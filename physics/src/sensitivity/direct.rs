@@ -1,19 +1,19 @@
-//! The direct method: derivatives of all motions by all parameters, step by step.
+//! Direct method: derivatives of all motions with respect to all parameters, step by step.
 //!
-//! Parameters go in groups of a few lanes, so that a group with the factors of a step stays in the processor's cache; groups
-//! that nothing has moved yet, such as those of targets still to come, cost nothing.
+//! Parameters are processed in groups of a few lanes, so that a group and the factors of a step stay in the processor's cache.
+//! Groups without effect so far, such as later targets, cost nothing.
 
 use crate::sensitivity::record::{Entry, Layout, Part, Rollout};
 use crate::sensitivity::{Residual, Variation};
 use nalgebra::{DMatrix, Vector3};
 use std::ops::Range;
 
-/// Parameters of a group.
+/// Number of parameters in a group.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];
 
-/// Derivatives of the motions at one time by all parameters.
+/// Derivatives of the motions at one time with respect to all parameters.
 #[derive(Debug)]
 pub struct Tangents<'a> {
     layout: &'a Layout,
@@ -21,16 +21,18 @@ pub struct Tangents<'a> {
     parameters: usize,
 }
 
-/// Derivatives by some parameters.
+/// Derivatives with respect to one group of parameters.
 #[derive(Clone, Debug)]
 struct Group {
-    /// True if any derivative is other than 0.
+    /// True if any derivative is nonzero.
     moves: bool,
-    /// Derivatives of poses, then of rates, of all bodies: now, and one step earlier.
+    /// Derivatives of poses, then rates, of all bodies at the end of the present step.
     now: Vec<Lanes>,
+    /// Derivatives of poses, then rates, of all bodies one step earlier.
     before: Vec<Lanes>,
-    /// Derivatives of the displacements, and the right sides of the next step.
+    /// Derivatives of the displacements.
     moved: Vec<Lanes>,
+    /// Right-hand sides of the next step.
     next: Vec<Lanes>,
 }
 
@@ -40,7 +42,7 @@ impl Tangents<'_> {
         self.parameters
     }
 
-    /// Derivative of a body's motion by a parameter.
+    /// Derivative of a body's motion with respect to a parameter.
     pub fn of(&self, body: usize, parameter: usize) -> Variation {
         let (group, lane) = (&self.groups[parameter / LANES], parameter % LANES);
         let (size, first) = (self.layout.size(), self.layout.firsts[body]);
@@ -57,7 +59,8 @@ impl Tangents<'_> {
         }
     }
 
-    /// Adds the derivatives of a number that depends on a body's motion, by all parameters, to a row.
+    /// Adds the derivatives of a scalar with respect to all parameters to `row`. `by` is the derivative of the scalar with
+    /// respect to the motion of `body`.
     pub fn add_to(&self, body: usize, by: &Variation, row: &mut [f64]) {
         let (size, first) = (self.layout.size(), self.layout.firsts[body]);
         let turn = if self.layout.turns(body) { 3 } else { 0 };
@@ -82,11 +85,11 @@ impl Tangents<'_> {
 }
 
 impl Rollout {
-    /// Derivatives of the motions at the beginning, and after every step, by all parameters: `visit` gets them with the number
-    /// of steps taken. They are not kept.
+    /// Computes the derivatives of the motions with respect to all parameters. `visit` receives the number of completed steps
+    /// and the derivatives, first for 0 steps. The derivatives are not stored.
     ///
     /// # Panics
-    /// Newton's matrix of a step is singular, although the step was solved with it.
+    /// If the Newton matrix of a step is singular.
     pub fn direct(&self, mut visit: impl FnMut(usize, &Tangents<'_>)) {
         let Self { layout, parts, ends, .. } = self;
         let mut matrix = layout.matrix();
@@ -137,7 +140,7 @@ impl Rollout {
         starts.collect()
     }
 
-    /// Derivatives of residuals of an objective, a row for each, by the direct method.
+    /// Jacobian of residuals with respect to all parameters, by the direct method. Each residual has one row.
     pub fn jacobian(&self, residuals: &[Residual]) -> DMatrix<f64> {
         let mut at_step: Vec<Vec<(usize, &usize, &Variation)>> = vec![Vec::new(); self.steps() + 1];
         for (row, residual) in residuals.iter().enumerate() {
@@ -158,7 +161,7 @@ impl Rollout {
 }
 
 impl Part {
-    /// Entries of a range of parameters.
+    /// Entries for a range of parameters.
     fn entries(&self, parameters: Range<usize>) -> &[Entry] {
         let place =
             |end: usize| self.columns.partition_point(|entry| (entry.parameter as usize) < end);
@@ -179,7 +182,7 @@ impl Group {
         }
     }
 
-    /// Derivatives of the motions at the end of the step, from those of its displacements.
+    /// Derivatives of the motions at the end of the step, from the derivatives of its displacements.
     fn carry(&mut self, layout: &Layout, part: &Part) {
         let size = layout.size();
         let Self { now, before, moved, next, .. } = self;

@@ -1,19 +1,20 @@
-//! Gauss–Newton's method on sums of squares of rollouts (thesis 4.7.1), with a shift of the Hessian that grows where a step
-//! makes things worse.
+//! Gauss–Newton method for sums of squares on rollouts (thesis 4.7.1), with a shift of the Hessian that grows after an
+//! unsuccessful step.
 //!
-//! H = JᵀJ + the penalties' own, which is SᵀO_qqS of the thesis; a step solves (H + λ diag H) Δp = −∇O. Touch-downs that move
-//! make the model wrong over more than small steps: then λ shortens the step and turns it towards the gradient, which a line
-//! search along one direction does not. A rollout that fails, because a robot falls or a step does not converge, counts as
-//! infinitely bad.
+//! H is JᵀJ plus the Hessian of the penalties, which is SᵀO_qqS in the thesis. A step solves (H + λ diag H) Δp = −∇O. When
+//! touch-downs move, the model is valid for small steps only. A larger λ shortens the step and turns it towards the gradient,
+//! which a line search along one direction cannot. A rollout that fails, because a robot falls or a step does not converge,
+//! counts as infinitely bad.
 
 use crate::sensitivity::{Residual, Rollout};
 use nalgebra::{DMatrix, DVector};
 
-/// Residuals of a rollout with some parameters.
+/// Residuals of a rollout at given parameters.
 pub struct Evaluation {
-    /// The residuals.
+    /// Values of the residuals.
     pub values: Vec<f64>,
-    /// Evaluates the derivatives of the residuals by the parameters, a row per residual. Called where a step ends.
+    /// Computes the Jacobian of the residuals with respect to the parameters, one row for each residual. Called only for
+    /// accepted steps.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub jacobian: Box<dyn FnOnce() -> DMatrix<f64>>,
 }
@@ -31,18 +32,18 @@ impl From<(Rollout, Vec<Residual>)> for Evaluation {
     }
 }
 
-/// A residual of the parameters alone: Σ c p − target.
+/// Residual of the parameters alone: Σ c p − target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Penalty {
-    /// Parameters, by number, and their factors c.
+    /// Indices of parameters, with their factors c.
     pub factors: Vec<(usize, f64)>,
-    /// The target.
+    /// Target of the sum.
     pub target: f64,
 }
 
 impl Penalty {
-    /// Penalises the change from knot to knot of this many curves side by side, ordered as in [`Control::of_all`]; squares have
-    /// the factor β.
+    /// Penalises differences between adjacent knots of several curves. Parameters have the order of [`Control::of_all`]. β is
+    /// the factor of the squares.
     ///
     /// [`Control::of_all`]: crate::sensitivity::parameter::Control::of_all
     pub fn smooth(curves: usize, knots: usize, periodic: bool, beta: f64) -> Vec<Self> {
@@ -57,7 +58,7 @@ impl Penalty {
         pairs.flat_map(of_pair).collect()
     }
 
-    /// Penalises this many parameters themselves; squares have the factor β.
+    /// Penalises the first `parameters` parameters themselves. β is the factor of the squares.
     pub fn small(parameters: usize, beta: f64) -> Vec<Self> {
         let of = |k: usize| Self { factors: vec![(k, beta.sqrt())], target: 0.0 };
         (0..parameters).map(of).collect()
@@ -72,14 +73,14 @@ impl Penalty {
 /// Stopping criteria and step limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Most iterations, each with derivatives.
+    /// Maximum number of iterations, each with derivatives.
     pub iterations: usize,
-    /// Share of the objective by which an iteration has to improve it; its square is the share of the first objective below
-    /// which nothing but rounding is left.
+    /// Smallest relative improvement of the objective in an iteration. The method also ends if the objective falls below
+    /// `tolerance²` times its initial value.
     pub tolerance: f64,
-    /// Largest change of a parameter in an iteration.
+    /// Maximum change of a parameter in an iteration.
     pub most: f64,
-    /// λ at the beginning.
+    /// Initial shift λ.
     pub shift: f64,
 }
 
@@ -89,37 +90,37 @@ impl Default for Options {
     }
 }
 
-/// Times that the shift grows before a minimum is taken to be found.
+/// Number of successive increases of the shift after which a minimum is assumed.
 const TRIALS: u32 = 8;
-/// Factor of the shift after a step that made things worse, and its inverse after one that did not.
+/// Factor of the shift after an unsuccessful step; its inverse applies after a successful one.
 const FACTOR: f64 = 10.0;
-/// Share of the largest entry of the Hessian's diagonal that the shift takes for one that is 0: nothing depends on that
-/// parameter.
+/// Lower bound of the diagonal entries in the shift, relative to the largest entry. A parameter without effect on any residual
+/// has the entry 0.
 const LEAST: f64 = 1e-9;
 
 /// Result of the method.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The best parameters.
+    /// Best parameters.
     pub parameters: Vec<f64>,
-    /// Objective ½ Σ e² at the beginning and after every iteration, penalties included.
+    /// Objective ½ Σ e², including penalties: initially and after each iteration.
     pub costs: Vec<f64>,
-    /// Rollouts, failed ones included.
+    /// Number of rollouts, including failed ones.
     pub rollouts: usize,
-    /// True if the last iteration improved the objective by less than the tolerance, no step improved it, or nothing is left to
-    /// improve.
+    /// True if the final iteration improved the objective by less than the tolerance, no step improved it, or the objective is
+    /// 0 to rounding.
     pub converged: bool,
-    /// JᵀJ where the last step began, penalties included: its inverse is the parameters' covariance if residuals are in units of
-    /// their own deviations.
+    /// Matrix JᵀJ at the beginning of the final step, including penalties. If residuals are in units of their standard
+    /// deviations, its inverse is the covariance of the parameters.
     pub hessian: DMatrix<f64>,
 }
 
-/// Share of the largest below which an eigenvalue of a Hessian, its diagonal scaled to 1, is rounding.
+/// Smallest significant eigenvalue of a Hessian with unit diagonal, relative to the largest.
 const ROUNDING: f64 = 1e-12;
 
 impl Fit {
-    /// Standard deviations of the parameters, if residuals are in units of their own standard deviations. Infinite if the
-    /// residuals do not depend on a parameter, or not on a combination that includes it.
+    /// Standard deviations of the parameters, if residuals are in units of their standard deviations. Infinite if the residuals
+    /// do not determine a parameter, or a combination that includes it.
     pub fn deviations(&self) -> Vec<f64> {
         let scale = self.hessian.diagonal().map(f64::sqrt);
         let inverse = scale.map(|scale| if scale > 0.0 { 1.0 / scale } else { 0.0 });
@@ -147,10 +148,10 @@ impl Fit {
     }
 }
 
-/// Minimises half the sum of squares of residuals and penalties. `run` gives a rollout's with some parameters, or none where
-/// that fails.
+/// Minimises half the sum of squared residuals and penalties. `run` evaluates a rollout at given parameters; `None` if the
+/// rollout fails.
 ///
-/// Returns none if the rollout fails with the parameters at the beginning.
+/// Returns `None` if the rollout fails at the initial parameters.
 pub fn minimise(
     start: &[f64],
     penalties: &[Penalty],
@@ -221,7 +222,7 @@ pub fn minimise(
     Some(fit)
 }
 
-/// −(H + λ diag H)⁻¹ ∇O.
+/// Step −(H + λ diag H)⁻¹ ∇O; `None` if the shifted Hessian is not positive definite.
 fn shifted_step(
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,
@@ -240,7 +241,7 @@ fn shifted_step(
 mod tests {
     use super::*;
 
-    /// Rosenbrock's valley as a sum of squares, with a parameter that nothing depends on and a region where nothing runs.
+    /// Tests Rosenbrock's valley as a sum of squares, with a parameter without effect and a region in which rollouts fail.
     #[test]
     fn it_finds_the_end_of_a_bent_valley() {
         let run = |p: &[f64]| {
@@ -257,7 +258,7 @@ mod tests {
         assert!(minimise(&[0.0, 3.0, 0.0], &[], &options, run).is_none());
     }
 
-    /// Measures only the sum of the first two parameters, and nothing of the last.
+    /// Tests residuals that depend on the sum of the first two parameters only, and not on the final one.
     #[test]
     fn deviations_say_what_residuals_do_not_tell() {
         let jacobian = DMatrix::from_row_slice(

@@ -4,29 +4,28 @@ use crate::event::ContactEvent;
 use crate::sensitivity::Rollout;
 use std::ops::Range;
 
-/// Growth of the derivatives of a rollout, and derivatives that are 0.
+/// Growth of a rollout's derivatives, and derivatives that are 0.
 ///
-/// Robots that stand on their servos forget disturbances: derivatives by the initial state keep their size. In throws, falls and
-/// tumbling they grow, and a gradient over many bounces hardly predicts finite changes.
+/// For robots that stand on their servos, derivatives with respect to the initial state do not grow, because disturbances
+/// decay. They grow in throws, falls and tumbling. A gradient over many bounces hardly predicts finite changes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Health {
-    /// Largest derivative of a body's place, m, or turn, rad, by any of the parameters, after each step, the beginning
-    /// included.
+    /// Largest derivative of a body's position, m, or turn, rad, with respect to any parameter: initially and after each step.
     pub size: Vec<f64>,
-    /// Contact events, with the number of their step.
+    /// Contact events, each with its step.
     pub events: Vec<(usize, ContactEvent)>,
-    /// Steps that were taken in parts.
+    /// Steps that were halved.
     pub halved: Vec<usize>,
-    /// Parameters that no place, turn or velocity depends on: of friction where nothing slips, of motors at their limits.
+    /// Parameters on which no position, turn or velocity depends, such as friction without slip, or gains of saturated motors.
     pub without_effect: Vec<usize>,
-    /// Parameters whose derivatives become exactly 0, and after which step.
+    /// Parameters whose derivatives become exactly 0, each with the step after which they do.
     pub vanishing: Vec<(usize, usize)>,
     /// True if all derivatives are finite.
     pub finite: bool,
 }
 
 impl Health {
-    /// Evaluates the derivatives of some bodies by all parameters, with the direct method.
+    /// Evaluates the derivatives of given bodies with respect to all parameters, by the direct method.
     pub fn of(rollout: &Rollout, bodies: Range<usize>) -> Self {
         let parameters = rollout.parameters();
         let mut health = Self {
@@ -69,8 +68,7 @@ impl Health {
         health
     }
 
-    /// Ratio of the size of the derivatives at the end to that at the beginning, for rollouts whose parameters are initial
-    /// states.
+    /// Ratio of the final to the initial size of the derivatives, for rollouts whose parameters are initial states.
     pub fn growth(&self) -> f64 {
         self.size[self.size.len() - 1] / self.size[0]
     }

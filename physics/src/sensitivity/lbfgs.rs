@@ -1,20 +1,20 @@
-//! The limited-memory BFGS method on rollouts (thesis 4.7.4), with gradients by the adjoint method.
+//! Limited-memory BFGS method on rollouts (thesis 4.7.4), with gradients from the adjoint method.
 //!
-//! For objectives that are no sums of a few squares, or that have so many parameters and residuals that a Jacobian is dear.
-//! Steps end at points of sufficient decrease whose slope is less steep than at the beginning (weak Wolfe conditions), found
-//! by a bracket: it needs no smoothness, which contacts do not leave (Lewis & Overton 2013). A rollout that fails counts as
-//! infinitely bad and is an upper end of the bracket.
+//! The method suits objectives that are not sums of a few squares, and problems with too many parameters and residuals for a
+//! Jacobian. A bracketing line search finds points with sufficient decrease and a flatter slope (weak Wolfe conditions). It
+//! requires no smoothness, which contacts do not provide (Lewis & Overton 2013). A failed rollout counts as infinitely bad and
+//! becomes the upper end of the bracket.
 
 use crate::sensitivity::objective::cost;
 use crate::sensitivity::{Residual, Rollout};
 use nalgebra::DVector;
 use std::collections::VecDeque;
 
-/// Objective of a rollout with some parameters.
+/// Objective of a rollout at given parameters.
 pub struct Evaluation {
-    /// The objective.
+    /// Value of the objective.
     pub cost: f64,
-    /// Evaluates the gradient. Called where the objective has decreased enough.
+    /// Computes the gradient. Called only for points with sufficient decrease.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub gradient: Box<dyn FnOnce() -> Vec<f64>>,
 }
@@ -34,15 +34,15 @@ impl From<(Rollout, Vec<Residual>)> for Evaluation {
 /// Stopping criteria and step limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Most rollouts.
+    /// Maximum number of rollouts.
     pub rollouts: usize,
-    /// Share of the first objective at which the method ends.
+    /// Ratio of the objective to its initial value at which the method ends.
     pub cost: f64,
-    /// Share of the first gradient's norm at which it ends.
+    /// Ratio of the gradient's norm to its initial value at which the method ends.
     pub gradient: f64,
-    /// Largest change of a parameter in the first iteration, where nothing is known yet of the objective's curvature.
+    /// Maximum change of a parameter in the first iteration, before the curvature of the objective is known.
     pub first: f64,
-    /// Largest change of a parameter in an iteration.
+    /// Maximum change of a parameter in an iteration.
     pub most: f64,
 }
 
@@ -52,31 +52,31 @@ impl Default for Options {
     }
 }
 
-/// Steps and changes of the gradient that are kept.
+/// Maximum number of stored steps, with their changes of the gradient.
 const MEMORY: usize = 10;
-/// Share of the decrease that the slope promises, which a step has to bring.
+/// Smallest ratio of the actual to the linearly predicted decrease of an accepted step.
 const DECREASE: f64 = 1e-4;
-/// Share of the slope at the beginning of a step that may be left at its end.
+/// Largest ratio of the final to the initial slope of an accepted step.
 const SLOPE: f64 = 0.9;
-/// Trials of one step.
+/// Maximum number of rollouts in a line search.
 const TRIALS: u32 = 30;
-/// Least distance of a trial from the ends of its bracket, as a share of the bracket.
+/// Smallest distance of a trial from the ends of its bracket, as a fraction of the bracket.
 const NEAREST: f64 = 0.1;
-/// Share of the bracket that is left where its upper end is a rollout that failed.
+/// Fraction of the bracket for the next trial after a failed rollout.
 const AFTER_FAILURE: f64 = 0.25;
 
 /// Result of the method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Minimum {
-    /// The best parameters.
+    /// Best parameters.
     pub parameters: Vec<f64>,
-    /// Best objective after each rollout, from that at the beginning on.
+    /// Best objective so far, initially and after each rollout.
     pub best: Vec<f64>,
-    /// Rollouts that failed.
+    /// Number of failed rollouts.
     pub failures: usize,
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: usize,
-    /// True if the method ended by objective or gradient, or because no step improves the objective any more.
+    /// True if the objective or gradient reached its limit, or no step improves the objective.
     pub converged: bool,
 }
 
@@ -92,16 +92,16 @@ impl Minimum {
     }
 }
 
-/// A point with its objective and gradient.
+/// Parameters with their objective and gradient.
 struct Point {
     at: DVector<f64>,
     cost: f64,
     gradient: DVector<f64>,
 }
 
-/// Minimises an objective. `run` gives that of a rollout with some parameters, or none where it fails.
+/// Minimises an objective. `run` evaluates a rollout at given parameters; `None` if the rollout fails.
 ///
-/// Returns none if the rollout fails with the parameters at the beginning.
+/// Returns `None` if the rollout fails at the initial parameters.
 pub fn minimise(
     start: &[f64],
     options: &Options,
@@ -145,7 +145,7 @@ pub fn minimise(
     Some(Minimum { parameters: now.at.as_slice().to_vec(), best, failures, iterations, converged })
 }
 
-/// Steps and the changes of the gradient over them, from which the inverse Hessian is approximated.
+/// Previous steps and their changes of the gradient, which approximate the inverse Hessian.
 #[derive(Default)]
 struct Memory {
     pairs: VecDeque<(DVector<f64>, DVector<f64>)>,
@@ -162,7 +162,7 @@ impl Memory {
         }
     }
 
-    /// The approximate inverse Hessian times a gradient.
+    /// Product of the approximate inverse Hessian and a gradient.
     fn times(&self, gradient: &DVector<f64>) -> DVector<f64> {
         let mut product = gradient.clone();
         let mut shares = Vec::with_capacity(self.pairs.len());
@@ -197,7 +197,7 @@ impl<Run: FnMut(&[f64]) -> Option<Evaluation>> Search<'_, Run> {
         evaluation
     }
 
-    /// Goes along a direction; none if nothing better is found.
+    /// Line search along a direction. Returns `None` if it finds no better point.
     fn step(&mut self, from: &Point, direction: &DVector<f64>) -> Option<Point> {
         let slope = from.gradient.dot(direction);
         if slope.is_nan() || slope >= 0.0 {
@@ -251,7 +251,7 @@ impl<Run: FnMut(&[f64]) -> Option<Evaluation>> Search<'_, Run> {
 mod tests {
     use super::*;
 
-    /// Rosenbrock's valley, where y below `wall` is all that runs.
+    /// Rosenbrock's valley. Rollouts fail unless y is below `wall`.
     fn valley(wall: f64) -> impl FnMut(&[f64]) -> Option<Evaluation> {
         move |p: &[f64]| {
             let (across, along) = (10.0 * (p[1] - p[0] * p[0]), 1.0 - p[0]);
@@ -276,7 +276,7 @@ mod tests {
         assert!(minimise(&[0.0, 2.0], &Options::default(), valley(1.0)).is_none());
     }
 
-    /// A convex quadratic of n variables takes little more than n steps, and the budget of rollouts is kept.
+    /// Tests that a convex quadratic of n variables takes little more than n steps, and that the budget of rollouts is kept.
     #[test]
     fn a_quadratic_is_minimised_within_the_budget() {
         let run = |p: &[f64]| {
@@ -293,7 +293,7 @@ mod tests {
         assert!(found.best.windows(2).all(|pair| pair[1] <= pair[0]), "{found:?}");
     }
 
-    /// A kink along the valley's ground, as contacts make: no step is longer than allowed.
+    /// Tests a kink along the bottom of the valley, as from contacts, and the limit on the step length.
     #[test]
     fn kinks_do_not_stop_it_early() {
         let mut last: Option<Vec<f64>> = None;

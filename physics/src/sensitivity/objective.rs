@@ -1,8 +1,8 @@
-//! Objectives on rollouts, as sums of squares, with derivatives by the motions that they look at.
+//! Objectives on rollouts as sums of squares, with derivatives with respect to motions.
 //!
-//! O = ½ Σ e², with residuals e that each are one number of some motions. Their derivatives by parameters are the rows of a
-//! Jacobian J ([`Rollout::jacobian`]); then ∇O = Jᵀe, and JᵀJ is the SᵀO_qqS of the thesis's Gauss–Newton method (4.7.1). The
-//! gradient alone comes cheaper from the adjoint method ([`Rollout::gradient`]).
+//! The objective is O = ½ Σ e². Each residual e depends on some motions. Its derivatives with respect to the parameters are a
+//! row of the Jacobian J ([`Rollout::jacobian`]). Then ∇O = Jᵀe, and JᵀJ is SᵀO_qqS of the thesis's Gauss–Newton method
+//! (4.7.1). The adjoint method computes the gradient alone at lower cost ([`Rollout::gradient`]).
 
 use crate::motor::Motor;
 use crate::sensitivity::{Rollout, Variation};
@@ -10,17 +10,18 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::{log, right_jacobian_inverse};
 use std::f64::consts::TAU;
 
-/// A number that is to be 0.
+/// Quantity with the target 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residual {
     /// Value of the residual.
     pub value: f64,
-    /// Derivatives of the value by motions: step, body, and the derivative by that body's motion after that step.
+    /// Derivatives of the value with respect to motions, as step, body, and derivative with respect to the body's motion after
+    /// this step.
     pub by: Vec<(usize, usize, Variation)>,
 }
 
 impl Residual {
-    /// Place of a body after a step, from a target along a direction of length `weight`.
+    /// Deviation of a body's position from a target after a step, along the direction of `weight` and multiplied by its length.
     pub fn position(
         rollout: &Rollout,
         step: usize,
@@ -33,7 +34,7 @@ impl Residual {
         Self { value, by: vec![(step, body, by)] }
     }
 
-    /// Velocity of a body after a step, from a target along a direction of length `weight`.
+    /// Deviation of a body's velocity from a target after a step, along the direction of `weight` and multiplied by its length.
     pub fn velocity(
         rollout: &Rollout,
         step: usize,
@@ -46,7 +47,8 @@ impl Residual {
         Self { value, by: vec![(step, body, by)] }
     }
 
-    /// The turn that leads a body after a step from a target, as a rotation vector: one residual for each component.
+    /// Rotation vector from a target orientation to a body's orientation after a step, multiplied by `weight`. One residual for
+    /// each component.
     pub fn orientation(
         rollout: &Rollout,
         step: usize,
@@ -63,7 +65,7 @@ impl Residual {
         })
     }
 
-    /// Reading of a gyroscope along an axis of a body after a step, rad/s, minus a target.
+    /// Deviation of a gyroscope's reading along a body axis from a target after a step, rad/s, multiplied by `weight`.
     pub fn gyroscope(
         rollout: &Rollout,
         step: usize,
@@ -79,7 +81,8 @@ impl Residual {
         Self { value, by: vec![(step, body, by)] }
     }
 
-    /// Angle of a motor after a step less a target, rad, whole turns aside: what its encoder measures.
+    /// Deviation of a motor's angle from a target after a step, rad, multiplied by `weight`. Whole turns are ignored, as by an
+    /// encoder.
     pub fn angle(
         rollout: &Rollout,
         step: usize,
@@ -96,7 +99,7 @@ impl Residual {
         Self { value, by: vec![(step, first, of(-turn)), (step, second, of(turn))] }
     }
 
-    /// Speed of a motor after a step less a target, rad/s.
+    /// Deviation of a motor's speed from a target after a step, rad/s, multiplied by `weight`.
     pub fn speed(
         rollout: &Rollout,
         step: usize,
@@ -116,7 +119,8 @@ impl Residual {
         }
     }
 
-    /// Centre of mass of all bodies after a step, from a target along a direction of length `weight`.
+    /// Deviation of the common centre of mass from a target after a step, along the direction of `weight` and multiplied by its
+    /// length.
     pub fn com(
         rollout: &Rollout,
         step: usize,
@@ -133,7 +137,8 @@ impl Residual {
         residual
     }
 
-    /// Mean velocity of the centre of mass between two steps, from a target, m/s, along a direction of length `weight`.
+    /// Deviation of the centre of mass's mean velocity between two steps from a target, m/s, along the direction of `weight`
+    /// and multiplied by its length.
     pub fn mean_velocity(
         rollout: &Rollout,
         [from, to]: [usize; 2],
@@ -149,7 +154,7 @@ impl Residual {
     }
 }
 
-/// Half the sum of squares.
+/// Half the sum of squared residuals.
 pub fn cost(residuals: &[Residual]) -> f64 {
     0.5 * residuals.iter().map(|residual| residual.value * residual.value).sum::<f64>()
 }

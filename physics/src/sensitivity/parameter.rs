@@ -1,21 +1,21 @@
-//! Parameters that derivatives are taken by: one kind in each file of this folder.
+//! Parameters for derivatives: one kind in each file of this folder.
 //!
-//! | kind | is |
+//! | kind | parameter |
 //! |---|---|
-//! | [`Control`] | a knot of a curve that a motor's target follows |
-//! | [`Initial`] | where bodies begin, and how fast |
-//! | [`BodyMass`] | mass, or an entry of the inertia, of a body |
+//! | [`Control`] | knot of a curve for a motor's target |
+//! | [`Initial`] | initial pose and velocity of bodies |
+//! | [`BodyMass`] | mass of a body, or an entry of its inertia |
 //! | [`Softness`] | shear modulus, λ, viscosity or density of a soft body |
 //! | [`Touching`] | stiffness and damping of contacts, friction, rolling resistance |
-//! | [`Drive`] | gains of motors, and their rotors' inertia |
-//! | [`Targets`] | anything that changes motors' targets: a delay, an offset |
+//! | [`Drive`] | gains and rotor inertia of motors |
+//! | [`Targets`] | any quantity that changes motors' targets, such as a delay or an offset |
 //! | [`Elastic`] | stiffness and damping of springs and joints |
-//! | [`Handle`] | a knot of a curve that an anchor's place follows |
-//! | [`Pose`] | a knot of a curve that the pose of a hold's place follows: a gripper |
-//! | [`Gravity`] | gravity along an axis: the tilt of the ground |
+//! | [`Handle`] | knot of a curve for the position of an anchor |
+//! | [`Pose`] | knot of a curve for the pose of a hold, such as a gripper |
+//! | [`Gravity`] | gravity along an axis, which models a tilt of the ground |
 //!
-//! A kind is an implementation of [`Parameter`], and of [`Constant`] where it is a number that a system keeps. It gives the
-//! derivative of the residual of a step, and of where the bodies begin. Nothing else is needed for both methods.
+//! A kind implements [`Parameter`], and [`Constant`] if the system stores its value. The implementation gives the derivatives
+//! of a step's residual and of the initial motions. Both methods need nothing else.
 
 mod contact;
 mod control;
@@ -54,50 +54,50 @@ pub use pose::{Coordinate, Pose};
 pub use spring::{Elastic, OfSpring, Springy};
 pub use targets::Targets;
 
-/// A number that a rollout depends on.
+/// Scalar on which a rollout depends.
 pub trait Parameter: Debug + Send + Sync {
-    /// Adds the derivative of the residual of a step that has been solved.
+    /// Adds the derivative of the residual of a solved step.
     fn residual(&self, solved: &Solved<'_>, column: &mut Column);
 
-    /// Adds the derivative of the motions at the beginning.
+    /// Adds the derivative of the initial motions.
     fn start(&self, _system: &System, _start: &mut Start) {}
 }
 
-/// A number of the system that does not change during a rollout.
+/// Parameter whose value is stored in the system and constant during a rollout.
 pub trait Constant: Parameter {
     /// Current value.
     fn value(&self, system: &System) -> f64;
 
-    /// Sets the value, before the first step.
+    /// Sets the value before the first step.
     fn set(&self, system: &mut System, value: f64);
 }
 
-/// A step that has been solved, as a parameter sees it.
+/// Solved step, from which a parameter computes its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct Solved<'a> {
     pub(crate) step: &'a Step<'a>,
     pub(crate) motions: &'a [Motion],
     pub(crate) held: &'a [Option<Held>],
-    /// Time at the end of the whole step, of which this one may be a part, s.
+    /// Time at the end of the whole step, s. The solved step may be a substep.
     pub time_s: f64,
 }
 
 impl Solved<'_> {
-    /// A body.
+    /// Returns a body.
     pub fn body(&self, body: usize) -> &Body {
         &self.step.bodies[body]
     }
 
-    /// A force of a kind.
+    /// Returns a force of type `F`.
     ///
     /// # Panics
-    /// It is not of this kind.
+    /// If the force is of another type.
     pub fn force<F: Force>(&self, force: usize) -> &F {
         let force: &dyn Any = self.step.forces[force].as_ref();
         force.downcast_ref().expect("a parameter's force is of its kind")
     }
 
-    /// Evaluates `what` for the motions that a force was evaluated with.
+    /// Evaluates `what` at the motions with which the force was evaluated.
     pub fn view<T>(&self, force: usize, what: impl FnOnce(&View<'_>) -> T) -> T {
         let bodies = self.step.forces[force].bodies();
         let of = |all: &[Motion]| -> Vec<Motion> { bodies.iter().map(|&body| all[body]).collect() };
@@ -107,24 +107,24 @@ impl Solved<'_> {
         what(&View { now: &now, last: &last, before: &before, weights, tame, held })
     }
 
-    /// Rate of a quantity of a body's motion, as the step has it.
+    /// Rate of a quantity of a body's motion, by the backward difference of the step.
     pub fn rate(&self, body: usize, of: impl Fn(&Motion) -> Vector3<f64>) -> Vector3<f64> {
         let [now, last, before] = [self.motions, self.step.now, self.step.last];
         self.step.weights.rate(of(&now[body]), of(&last[body]), of(&before[body]))
     }
 
-    /// Acceleration of a body less gravity, m/s²: what its mass resists.
+    /// Acceleration of a body minus gravity, m/s².
     pub fn resisted_m_s2(&self, body: usize) -> Vector3<f64> {
         self.rate(body, |motion| motion.velocity) - self.step.gravity_m_s2
     }
 }
 
-/// Derivative of all residuals by one parameter.
+/// Derivative of the whole residual with respect to one parameter.
 #[derive(Clone, Debug)]
 pub struct Column {
     firsts: Vec<usize>,
     parts: Vec<f64>,
-    /// Bodies to which something was added.
+    /// Bodies with added entries.
     touched: Vec<usize>,
 }
 
@@ -134,7 +134,7 @@ impl Column {
         Self { firsts, parts, touched: Vec::new() }
     }
 
-    /// Rows and values other than 0; they are 0 from now on.
+    /// Returns the nonzero entries as row and value, and resets the column to 0.
     pub(super) fn take(&mut self) -> Vec<(usize, f64)> {
         let mut taken = Vec::new();
         self.touched.sort_unstable();
@@ -150,14 +150,14 @@ impl Column {
         taken
     }
 
-    /// Adds to the residual of a body, force and moment; moments on particles are none.
+    /// Adds to the residual of a body. Moments on particles are ignored.
     pub fn add(&mut self, body: usize, residual: &Wrench) {
         self.touched.push(body);
         let rows = &mut self.parts[self.firsts[body]..self.firsts[body + 1]];
         rows.iter_mut().zip(&residual.stacked()).for_each(|(row, part)| *row += part);
     }
 
-    /// Adds the derivative of a force's wrenches on its bodies, which the residual has with the opposite sign.
+    /// Adds the derivative of a force's wrenches on its bodies. The sign is reversed, because the residual subtracts forces.
     pub fn add_force(&mut self, bodies: &[usize], wrenches: &[Wrench]) {
         for (&body, wrench) in bodies.iter().zip(wrenches) {
             self.add(body, &Wrench { force: -wrench.force, moment: -wrench.moment });
@@ -165,12 +165,13 @@ impl Column {
     }
 }
 
-/// Derivative of the motions at the beginning by one parameter.
+/// Derivative of the initial motions with respect to one parameter.
 #[derive(Clone, Debug)]
 pub struct Start {
     pub(super) now: Vec<Variation>,
-    /// Variations one step earlier, and displacements from there, for a system that is already moving.
+    /// Derivatives of the motions one step earlier, for a system that already moves.
     pub(super) last: Vec<Variation>,
+    /// Derivatives of the displacements since then.
     pub(super) moved: Vec<Displacement>,
 }
 

@@ -1,4 +1,4 @@
-//! Rollouts that are recorded while they are simulated: of every step the derivatives of its residual.
+//! Recording of rollouts during simulation: the derivatives of each step's residual.
 
 use crate::body::Body;
 use crate::force::{Derivative, Held, View, Wrench};
@@ -15,42 +15,43 @@ use crate::system::{Observer, StepError, System};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::collections::BTreeMap;
 
-/// Stiffness, as a multiple of that with which the solver finds the friction of a rigid body's contact, by which its derivatives
-/// hold what sticks. A body that is held at many points is held too often, and a much larger one would hold what the
-/// solver lets go.
+/// Stiffness of held contacts of rigid bodies in derivatives, relative to the stiffness in the solver. A body held at many
+/// points is overdetermined, and a much larger stiffness would hold contacts that the solver releases.
 const HARDER: f64 = 100.0;
 
-/// Share of its limit by which friction is taken to be beyond it that was found to be at it.
+/// Relative amount by which derivatives move friction at its limit beyond the limit. The contact then counts as sliding.
 const BEYOND: f64 = 1e-6;
 
-/// Record of a step, or of a part of a step that was halved.
+/// Record of a step, or of a substep of a halved step.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    /// Values of Newton's matrix B.
+    /// Values of the Newton matrix B.
     pub matrix: Vec<f64>,
-    /// Derivatives by the motions at the beginning, poses first: P.
+    /// Matrix P of derivatives with respect to the motions at the beginning, poses first.
     pub by_last: Rows,
-    /// Derivatives by the motions one step earlier, and by the displacements from there: Q and N. Only with BDF2.
+    /// Matrices Q and N of derivatives with respect to the motions one step earlier and the displacements since then. `None`
+    /// for backward Euler.
     pub by_before: Option<(Rows, Rows)>,
     pub turns: Vec<Turn>,
-    /// g and s, 1/s.
+    /// Weight g, 1/s.
     pub gain: f64,
+    /// Weight s, 1/s.
     pub share: f64,
-    /// ∂r/∂p by parameter.
+    /// Columns of ∂r/∂p, by parameter.
     pub columns: Vec<Entry>,
 }
 
 /// Propagation of a body's turn over a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
-    /// Exp(φ).
+    /// Rotation Exp(φ).
     pub carried: Matrix3<f64>,
-    /// J_l(φ).
+    /// Left Jacobian J_l(φ).
     pub turn_by_phi: Matrix3<f64>,
     pub spin_by_phi: Matrix3<f64>,
 }
 
-/// An entry of a derivative by a parameter.
+/// Entry of a derivative with respect to a parameter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub parameter: u32,
@@ -58,14 +59,14 @@ pub(super) struct Entry {
     pub value: f64,
 }
 
-/// A simulated rollout, with what its derivatives need.
+/// Simulated rollout, with the records for its derivatives.
 #[derive(Debug)]
 pub struct Rollout {
     pub(super) layout: Layout,
     pub(super) parameters: Vec<Box<dyn Parameter>>,
     pub(super) starts: Vec<Start>,
     pub(super) parts: Vec<Part>,
-    /// Number of parts at the end of each step.
+    /// Number of records at the end of each step.
     pub(super) ends: Vec<usize>,
     masses_kg: Vec<f64>,
     motions: Vec<Vec<Motion>>,
@@ -73,12 +74,12 @@ pub struct Rollout {
     reports: Vec<StepReport>,
 }
 
-/// Unknowns of bodies, and which blocks of the matrix may be other than 0.
+/// Unknowns of the bodies, and pattern of the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     unknowns: Vec<usize>,
     pub firsts: Vec<usize>,
-    /// Rows and columns of blocks, in the order of rows.
+    /// Row and column of each block, ordered by row.
     pairs: Vec<(usize, usize)>,
 }
 
@@ -92,7 +93,7 @@ impl Layout {
         BlockMatrix::new(&self.unknowns, self.pairs.iter().copied())
     }
 
-    /// True if a body can turn.
+    /// Returns true if a body has rotation unknowns.
     pub fn turns(&self, body: usize) -> bool {
         self.unknowns[body] == 6
     }
@@ -109,7 +110,7 @@ impl Rollout {
         self.parameters.len()
     }
 
-    /// Motions of all bodies after so many steps; those at the beginning after 0.
+    /// Motions of all bodies after `step` steps; initial motions for 0.
     pub fn motions(&self, step: usize) -> &[Motion] {
         &self.motions[step]
     }
@@ -119,37 +120,38 @@ impl Rollout {
         &self.masses_kg
     }
 
-    /// Time after so many steps, s.
+    /// Time after `step` steps, s.
     pub fn time_s(&self, step: usize) -> f64 {
         self.times_s[step]
     }
 
-    /// Reports of all steps: cost, and events at contacts.
+    /// Reports of all steps: cost and contact events.
     pub fn reports(&self) -> &[StepReport] {
         &self.reports
     }
 }
 
-/// Takes steps with a system, and keeps what derivatives by parameters need.
+/// Recorder for the steps of a system, which stores the data for derivatives with respect to parameters.
 ///
-/// The system may be changed between steps, by the forces' own methods; what changes with a parameter is that parameter's
-/// concern.
+/// The system may be changed between steps through the methods of its forces. Changes that depend on a parameter must be part
+/// of that parameter's derivatives.
 #[derive(Debug)]
 pub struct Recorder {
     rollout: Rollout,
-    /// Indices of each force's pairs of bodies among all pairs; `diagonal` has each body's pair with itself.
+    /// Indices of each force's body pairs in the list of all pairs.
     of_force: Vec<Vec<usize>>,
+    /// Index of each body's pair with itself.
     diagonal: Vec<usize>,
     matrix: BlockMatrix,
-    /// Derivatives of each pair by the motions at the end of the step, at its beginning and one step earlier.
+    /// Derivatives of each pair with respect to the motions at the end of the step, at its beginning, and one step earlier.
     blocks: [Vec<Derivative>; 3],
     column: Column,
-    /// End of the step that is being taken, s.
+    /// Time at the end of the present step, s.
     time_s: f64,
 }
 
 impl Recorder {
-    /// Begins where a system is.
+    /// Creates a recorder that starts at the present state of a system.
     pub fn new(system: &System, parameters: Vec<Box<dyn Parameter>>) -> Self {
         let (bodies, forces) = (system.bodies(), system.forces());
         let mut numbers: BTreeMap<(usize, usize), usize> = BTreeMap::new();
@@ -196,12 +198,12 @@ impl Recorder {
         }
     }
 
-    /// The rollout up to here.
+    /// Returns the rollout up to the present step.
     pub fn finish(self) -> Rollout {
         self.rollout
     }
 
-    /// The derivatives of the residual by motions.
+    /// Computes the derivatives of the residual with respect to motions.
     fn derive(
         &mut self,
         step: &Step<'_>,
@@ -252,7 +254,7 @@ impl Recorder {
         }
     }
 
-    /// The derivatives by parameters.
+    /// Computes the derivatives of the residual with respect to parameters.
     fn columns(&mut self, solved: &Solved<'_>) -> Vec<Vec<(usize, f64)>> {
         let Self { rollout, column, .. } = self;
         let mut of = |parameter: &dyn Parameter| {
@@ -262,7 +264,7 @@ impl Recorder {
         rollout.parameters.iter().map(|parameter| of(parameter.as_ref())).collect()
     }
 
-    /// Puts the velocity across the normal in place of that part of a held particle's equations, in all derivatives.
+    /// Replaces the tangential equations of held particles by zero tangential velocity, in all derivatives.
     fn hold(&mut self, sticking: &Sticking, columns: &mut [Vec<(usize, f64)>]) {
         let layout = &self.rollout.layout;
         for hold in sticking.holds() {
@@ -369,10 +371,10 @@ impl Observer for Recorder {
 }
 
 impl System {
-    /// [`step`](Self::step), with what derivatives need kept in a record of this system.
+    /// [`step`](Self::step) with a recorder, which must have been created for this system.
     ///
     /// # Errors
-    /// As `step`. The record, too, is then as it was before.
+    /// Returns the errors of `step`. The record is then unchanged.
     pub fn step_recorded(
         &mut self,
         step_s: f64,
@@ -383,7 +385,8 @@ impl System {
 }
 
 impl Layout {
-    /// A matrix of blocks by pair and column, so many of them beside one another: its columns are all unknowns for each.
+    /// Builds a sparse matrix from `N` square matrices side by side. `blocks` returns the `N` blocks of a pair of bodies, given
+    /// the index of the pair and its second body.
     fn rows<const N: usize>(&self, blocks: impl Fn(usize, usize) -> [Matrix6<f64>; N]) -> Rows {
         let mut rows = Rows::default();
         let mut begin = 0;
@@ -422,7 +425,8 @@ fn entries(columns: &[Vec<(usize, f64)>]) -> Vec<Entry> {
     columns.iter().enumerate().flat_map(of).collect()
 }
 
-/// Holds on contacts with hardly any compliance: what sticks does not move, and what slides has the friction of the cone.
+/// Stiffens held contacts for derivatives, so that sticking contacts do not move and sliding contacts have friction on the
+/// cone.
 fn harder(step: &Step<'_>, motions: &[Motion], held: &[Option<Held>]) -> Vec<Option<Held>> {
     let of = |(k, held): (usize, &Option<Held>)| {
         let held = (*held)?;

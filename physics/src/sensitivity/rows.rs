@@ -1,16 +1,16 @@
-//! Sparse matrices by rows, as a record keeps them: a value for every entry that is not 0.
+//! Sparse matrices in compressed rows, for records.
 
-/// A matrix that is multiplied and nothing else.
+/// Sparse matrix that supports products only.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
-    /// End of each row.
+    /// End index of each row.
     ends: Vec<u32>,
     columns: Vec<u32>,
     values: Vec<f64>,
 }
 
 impl Rows {
-    /// Adds an entry to the row that is being written.
+    /// Adds an entry to the present row.
     pub fn push(&mut self, column: usize, value: f64) {
         if value != 0.0 {
             self.columns.push(column as u32);
@@ -18,7 +18,7 @@ impl Rows {
         }
     }
 
-    /// Ends a row.
+    /// Ends the present row.
     pub fn end_row(&mut self) {
         self.ends.push(self.values.len() as u32);
     }
@@ -31,7 +31,7 @@ impl Rows {
         })
     }
 
-    /// Subtracts the product with several vectors.
+    /// Subtracts the product of the matrix and several vectors.
     pub fn subtract_product<const W: usize>(&self, with: &[[f64; W]], from: &mut [[f64; W]]) {
         for ((columns, values), lanes) in self.rows().zip(from) {
             let mut sum = *lanes;
@@ -44,7 +44,7 @@ impl Rows {
         }
     }
 
-    /// Subtracts the product of the transposed matrix with a vector.
+    /// Subtracts the product of the transposed matrix and a vector.
     pub fn subtract_transposed(&self, with: &[f64], from: &mut [f64]) {
         for ((columns, values), part) in self.rows().zip(with) {
             for (&column, value) in columns.iter().zip(values) {

@@ -1,4 +1,4 @@
-//! The whole scheme against numbers that were found without it.
+//! Tests of derivatives against independently computed values.
 
 use super::parameter::{Column, OfContact, Parameter, Solved, Start, Touching};
 use super::{Recorder, Residual, Variation};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 const STEP_S: f64 = 1.0 / 240.0;
 const STEPS: usize = 120;
 
-/// Height or speed of a mass that comes from a uniform motion.
+/// Initial height or speed of a mass with a uniform motion before the start.
 #[derive(Debug)]
 enum From {
     Height,
@@ -43,9 +43,9 @@ impl Parameter for From {
     }
 }
 
-/// A unit mass that falls onto a spring and a damper, by BDF2 with a uniform motion before: derivatives of
-/// (q_n − 0.2)²/2 + Σ q_i²/20 by height, speed, stiffness and damping. The reference differentiated a few lines of scalar
-/// arithmetic by complex steps.
+/// Tests a unit mass that falls onto a spring and a damper, with BDF2 and a uniform motion before the start. The derivatives of
+/// (q_n − 0.2)²/2 + Σ q_i²/20 are with respect to height, speed, stiffness and damping. The reference values are complex-step
+/// derivatives of a scalar simulation.
 #[test]
 fn a_mass_on_a_wall_has_the_derivatives_of_an_independent_calculation() {
     let mut assembly = Assembly::default();

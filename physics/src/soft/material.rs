@@ -1,9 +1,9 @@
-//! An elastic and viscous material: stress and its derivatives, by the deformation gradient (thesis 4.5.1).
+//! Elastic and viscous material: stress and its derivatives with respect to the deformation gradient (thesis 4.5.1).
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Neo-Hookean elasticity Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/4 (J² − 1) − λ/2 ln J, and a viscosity that no rotation
-/// feels.
+/// Neo-Hookean material with viscosity. The energy density is Ψ = μ/2 (tr FᵀF − 3) − μ ln J + λ/4 (J² − 1) − λ/2 ln J. Rigid
+/// rotation causes no viscous stress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Density at rest, kg/m³.
@@ -12,26 +12,27 @@ pub struct Material {
     pub mu_pa: f64,
     /// Lamé parameter λ, Pa.
     pub lambda_pa: f64,
-    /// Viscosity η of the stress 2 η F D, with the rate of Green's strain D = (ḞᵀF + FᵀḞ)/2, Pa·s. It is 32 times the ν of
-    /// the thesis's tables.
+    /// Viscosity η, Pa·s. The viscous stress is 2 η F D, with the rate of Green's strain D = (ḞᵀF + FᵀḞ)/2. The value is 32
+    /// times the ν in the thesis's tables.
     pub viscosity_pa_s: f64,
 }
 
-/// Stress of a deformation, and what its derivatives need.
+/// Stress of a deformation, with terms for its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stress {
     material: Material,
     deformation: Matrix3<f64>,
     rate: Matrix3<f64>,
     inverse: Matrix3<f64>,
-    /// J² − 1, and J².
+    /// Relative growth J² − 1.
     growth: f64,
+    /// Squared volume ratio J².
     squared: f64,
     strain_rate: Matrix3<f64>,
 }
 
 impl Material {
-    /// Creates a material with Young's modulus, Pa, and Poisson's ratio, without viscosity.
+    /// Creates a material without viscosity from Young's modulus, Pa, and Poisson's ratio.
     pub fn elastic(density_kg_m3: f64, young_pa: f64, poisson: f64) -> Self {
         Self {
             density_kg_m3,
@@ -41,7 +42,7 @@ impl Material {
         }
     }
 
-    /// Energy of a deformation gradient, J/m³; not a number where it is turned inside out.
+    /// Energy density of a deformation gradient, J/m³; NaN if the gradient is inverted.
     pub(super) fn energy_density(&self, deformation: &Matrix3<f64>) -> f64 {
         let volume = deformation.determinant();
         let &Self { mu_pa, lambda_pa, .. } = self;
@@ -52,7 +53,7 @@ impl Material {
 }
 
 impl Stress {
-    /// Stress of a deformation gradient F and its rate Ḟ, 1/s. Returns `None` if F is turned inside out.
+    /// Computes the stress of a deformation gradient F and its rate Ḟ, 1/s. Returns `None` if F is inverted.
     pub fn new(
         material: &Material,
         deformation: &Matrix3<f64>,
@@ -74,7 +75,7 @@ impl Stress {
         })
     }
 
-    /// First Piola–Kirchhoff stress, Pa: μ (F − F⁻ᵀ) + λ/2 (J² − 1) F⁻ᵀ + 2 η F D.
+    /// First Piola–Kirchhoff stress μ (F − F⁻ᵀ) + λ/2 (J² − 1) F⁻ᵀ + 2 η F D, Pa.
     pub fn value(&self) -> Matrix3<f64> {
         let Material { mu_pa, lambda_pa, viscosity_pa_s, .. } = self.material;
         (self.deformation - self.inverse) * mu_pa
@@ -82,8 +83,8 @@ impl Stress {
             + self.deformation * self.strain_rate * (2.0 * viscosity_pa_s)
     }
 
-    /// Derivatives of the traction P a by the vectors x and ẋ where F = … + x bᵀ and Ḟ = … + ẋ bᵀ, Pa: what moving one node
-    /// does to the force on another, if a and b are the gradients of their shape functions.
+    /// Derivatives of the traction P a with respect to the vectors x and ẋ, Pa, where F = … + x bᵀ and Ḟ = … + ẋ bᵀ. If a and b
+    /// are gradients of the shape functions of two nodes, this is the effect of one node's motion on the force on the other.
     // The compiler leaves it a call otherwise, and a soft body's step takes a tenth longer.
     #[inline(always)]
     pub fn derivatives(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> [Matrix3<f64>; 2] {

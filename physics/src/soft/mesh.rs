@@ -1,25 +1,25 @@
-//! Shapes of soft bodies.
+//! Meshes of soft bodies.
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Nodes and the tetrahedra between them.
+/// Nodes and tetrahedra of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Places of the nodes at rest, m.
+    /// Positions of the nodes at rest, m.
     pub places: Vec<Vector3<f64>>,
-    /// Nodes of the elements; seen from the first, the others go round against the clock.
+    /// Node indices of each element. Seen from the first node, the other three are counter-clockwise.
     pub elements: Vec<[usize; 4]>,
 }
 
-/// Error of a mesh that is not a body.
+/// Error of an invalid mesh.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// An element without volume.
+    /// An element has no positive volume.
     #[error(
-        "the tetrahedron of nodes {nodes:?} has a volume of {volume_m3:.3e} m³: it must be positive; swapping two nodes \
-         changes its sign"
+        "the tetrahedron of nodes {nodes:?} has a volume of {volume_m3:.3e} m³; expected a volume \
+         above 0 m³: swap two nodes to change the sign"
     )]
     Flat {
         /// Nodes of the element.
@@ -29,12 +29,12 @@ pub enum MeshError {
     },
 }
 
-/// The six tetrahedra of a cube around its diagonal from corner 0 to corner 7; bit k of a corner is its place on axis k.
+/// Tetrahedra of a cube around its diagonal from corner 0 to corner 7. Bit k of a corner number is its coordinate on axis k.
 const OF_CUBE: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 impl Mesh {
-    /// A box from a corner, m, with edges, m, of so many cells of six elements each.
+    /// Box from a corner, m, with given edges, m, and given numbers of cells. A cell has six elements.
     pub fn block(corner: Vector3<f64>, edges_m: Vector3<f64>, cells: [usize; 3]) -> Self {
         let [nx, ny, nz] = cells.map(|count| count + 1);
         let number = |at: [usize; 3]| at[0] + nx * (at[1] + ny * at[2]);
@@ -54,8 +54,9 @@ impl Mesh {
         mesh
     }
 
-    /// A ring about the z axis, of so many bent cells around, of six elements each, and `across` of them in each direction of
-    /// its round section: from the origin to the middle of the section, and from there to the surface, m.
+    /// Ring about the z axis with a round section. `radius_m` is the distance from the origin to the middle of the section;
+    /// `tube_m` is the radius of the section. `around` and `across` are the numbers of cells along the ring and in each
+    /// direction of the section. A cell has six elements.
     pub fn ring(radius_m: f64, tube_m: f64, around: usize, across: usize) -> Self {
         let beam = Self::block(
             Vector3::new(0.0, -1.0, -1.0),
@@ -81,8 +82,8 @@ impl Mesh {
         Self { places, elements }
     }
 
-    /// A ball about the origin, m: an icosahedron of so many layers, each drawn to a sphere. Its surface is nearly the same all
-    /// around, with 10 n² + 2 nodes for n layers, and it has 20 n³ elements.
+    /// Ball about the origin: an icosahedron of `layers` layers, each projected onto a sphere. For n layers, the surface has 10
+    /// n² + 2 nearly uniform nodes, and the ball has 20 n³ elements.
     pub fn ball(radius_m: f64, layers: usize) -> Self {
         let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
         let corners: Vec<Vector3<f64>> = (0..12)
@@ -105,9 +106,10 @@ impl Mesh {
         mesh.shaped(|place| place * radius_m)
     }
 
-    /// The part of a unit ball between the origin and a face of an icosahedron: steps along its edges from the origin to the
-    /// first corner, to the second, to the third make a grid, whose cubes are split as those of a block. `numbers` are those of
-    /// the nodes that are there.
+    /// Adds the wedge of a unit ball between the origin and one face of the icosahedron.
+    ///
+    /// The nodes form a grid with steps along the edges from the origin to the first corner, to the second, and to the third.
+    /// Cubes of this grid are divided as in a block. `numbers` has the indices of existing nodes by position.
     fn add_wedge(
         &mut self,
         [a, b, c]: [Vector3<f64>; 3],
@@ -146,13 +148,13 @@ impl Mesh {
         self.elements.extend(elements);
     }
 
-    /// The mesh with its places changed, by which boxes become other shapes.
+    /// Maps the positions of the nodes, for example to bend a box into another shape.
     pub fn shaped(mut self, shape: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
         self.places.iter_mut().for_each(|place| *place = shape(*place));
         self
     }
 
-    /// Mass that each node stands for, kg: a quarter of each of its elements.
+    /// Mass of each node, kg: a quarter of the mass of each adjacent element.
     pub fn masses_kg(&self, density_kg_m3: f64) -> Vec<f64> {
         let mut masses = vec![0.0; self.places.len()];
         for element in &self.elements {
@@ -163,7 +165,7 @@ impl Mesh {
         masses
     }
 
-    /// Area of the surface that each node stands for, m²: a third of each triangle that belongs to one element only.
+    /// Surface area of each node, m²: a third of each adjacent triangle that belongs to one element only.
     pub fn areas_m2(&self) -> Vec<f64> {
         let mut faces: BTreeMap<[usize; 3], usize> = BTreeMap::new();
         for element in &self.elements {
@@ -189,7 +191,8 @@ mod tests {
     use crate::assembly::Assembly;
     use crate::soft::{Material, SoftBody};
 
-    /// Volume and surface approach those of a torus, 2 π² R r² and 4 π² R r, from below: the mesh is inscribed in its circles.
+    /// Tests a ring against the volume 2 π² R r² and surface 4 π² R r of a torus. The mesh is inscribed, so that both values
+    /// are smaller.
     #[test]
     fn a_ring_has_nearly_the_mass_and_the_surface_of_a_torus() {
         let (radius, tube) = (0.1, 0.03);
@@ -204,7 +207,8 @@ mod tests {
         assert!((0.97..1.0).contains(&surface), "{surface}");
     }
 
-    /// Nodes and elements by their closed forms, inscribed in the sphere; the surface nodes stand for nearly the same area.
+    /// Tests the numbers of nodes and elements of a ball against closed forms, and its volume and surface against an inscribed
+    /// sphere. The surface nodes have nearly equal areas.
     #[test]
     fn a_ball_has_nearly_the_mass_and_the_surface_of_a_sphere() {
         let radius = 0.02;

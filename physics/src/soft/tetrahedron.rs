@@ -1,4 +1,4 @@
-//! A tetrahedron of soft material between four particles: linear finite element.
+//! Linear finite element: a tetrahedron of soft material between four particles.
 
 use super::MeshError;
 use super::material::{Material, Stress};
@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 #[derive(Clone, Debug)]
 pub struct Tetrahedron {
     nodes: [usize; 4],
-    /// Gradients of the nodes' shape functions at rest, 1/m.
+    /// Gradients of the shape functions at rest, 1/m.
     gradients: [Vector3<f64>; 4],
     volume_m3: f64,
     material: Material,
@@ -20,7 +20,7 @@ impl Tetrahedron {
     /// Creates an element between particles at rest at `places`, m.
     ///
     /// # Errors
-    /// The places have no volume, or are in the order of a mirror.
+    /// If the element has no volume, or its nodes have the mirrored order.
     pub fn new(
         nodes: [usize; 4],
         places: [Vector3<f64>; 4],
@@ -38,7 +38,7 @@ impl Tetrahedron {
         &self.nodes
     }
 
-    /// Material of the element. The particles carry its mass: the density here is only the one that they were made with.
+    /// Material of the element. The particles carry the mass; the density has no further effect.
     pub fn material(&self) -> &Material {
         &self.material
     }
@@ -52,7 +52,7 @@ impl Tetrahedron {
         self.volume_m3
     }
 
-    /// Deformation gradient and its rate.
+    /// Deformation gradient and its rate, 1/s.
     fn deformation(&self, now: &[Motion]) -> [Matrix3<f64>; 2] {
         let mut both = [Matrix3::zeros(); 2];
         for (motion, gradient) in now.iter().zip(&self.gradients) {
@@ -67,7 +67,7 @@ impl Tetrahedron {
         Stress::new(&self.material, &deformation, &rate)
     }
 
-    /// Adds the forces that another material would have here.
+    /// Adds the forces that a different material would cause.
     pub(crate) fn of_material(&self, material: Material, now: &[Motion], wrenches: &mut [Wrench]) {
         let [deformation, rate] = self.deformation(now);
         self.add(Stress::new(&material, &deformation, &rate), wrenches);
@@ -133,7 +133,7 @@ mod tests {
         Tetrahedron::new([0, 1, 2, 3], places(), MATERIAL).unwrap()
     }
 
-    /// Forces on nodes with these motions.
+    /// Forces on the nodes of an element.
     fn forces(element: &Tetrahedron, now: &[Motion]) -> [Vector3<f64>; 4] {
         let weights = Weights::new(Scheme::Bdf1, 0.01);
         let view = View { now, last: now, before: now, weights: &weights, tame: false, held: None };

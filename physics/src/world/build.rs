@@ -1,4 +1,4 @@
-//! Puts a robot's bodies, hinges, motors and contacts together.
+//! Construction of a robot's bodies, hinges, motors and contacts.
 
 use super::foot;
 use super::hinge::{Hinge, gyration_m, perpendicular, stops};
@@ -18,21 +18,21 @@ use rollwalk_robot::{EndEffector, Robot};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A robot while it is put together: its links are the first bodies, in their order.
+/// Robot under construction. Its links are the first bodies, in their order.
 pub(super) struct Build<'a> {
     robot: &'a Robot,
     parameters: &'a Parameters,
     pub assembly: Assembly,
-    /// Centres of mass of the links' bodies, in the links, m.
+    /// Centres of mass of the links' bodies, in link axes, m.
     pub centers: Vec<Vector3<f64>>,
     inertias: Vec<Inertia>,
     spinning: Vec<(usize, Inertia)>,
-    /// Forces that are motors, by channel.
+    /// Force index of each motor, by channel.
     pub motors: Vec<usize>,
 }
 
 impl<'a> Build<'a> {
-    /// The links, without the wheels that spin.
+    /// Adds the links, without their spinning wheels.
     pub fn links(robot: &'a Robot, parameters: &'a Parameters, state: &RobotState) -> Self {
         let (mut inertias, mut centers, mut spinning) = (Vec::new(), Vec::new(), Vec::new());
         for link in 0..robot.links.len() {
@@ -53,7 +53,7 @@ impl<'a> Build<'a> {
         Self { robot, parameters, assembly, centers, inertias, spinning, motors: Vec::new() }
     }
 
-    /// The joints and their motors.
+    /// Adds the joints and their motors.
     pub fn joints(&mut self, state: &RobotState) {
         for (joint, &angle_rad) in self.robot.joints.iter().zip(&state.joint_rad) {
             let turn = joint.parent_from_joint.rotation.to_rotation_matrix();
@@ -73,7 +73,7 @@ impl<'a> Build<'a> {
         }
     }
 
-    /// The wheels that spin, their hinges and motors; the body of each, by end effector.
+    /// Adds the spinning wheels, their hinges and their motors. Returns the body of each wheel, by end effector.
     pub fn wheels(&mut self, state: &RobotState) -> Vec<Option<usize>> {
         let mut wheels = vec![None; self.robot.end_effectors.len()];
         for &(number, inertia) in &self.spinning {
@@ -105,7 +105,7 @@ impl<'a> Build<'a> {
         wheels
     }
 
-    /// The contacts of each end effector, and soft feet.
+    /// Adds the contacts of each end effector, and soft feet. Returns their force indices.
     pub fn contacts(
         &mut self,
         wheels: &[Option<usize>],
@@ -125,8 +125,8 @@ impl<'a> Build<'a> {
         contacts
     }
 
-    /// Contacts of the links' shapes, which touch the ground when the robot lies: the ends of capsules, the corners of
-    /// boxes.
+    /// Adds contacts of the links' shapes, which touch the ground when the robot lies: the ends of capsules and the corners of
+    /// boxes. Returns their force indices.
     pub fn shapes(&mut self, ground: &Arc<dyn Ground>) -> Range<usize> {
         let before = self.assembly.forces.len();
         for (number, link) in self.robot.links.iter().enumerate() {
@@ -151,7 +151,7 @@ impl<'a> Build<'a> {
         before..self.assembly.forces.len()
     }
 
-    /// A contact with each part of its ground; the forces.
+    /// Adds a contact with each part of its ground, and returns the force indices.
     fn add_contact(&mut self, contact: &Contact) -> Range<usize> {
         let before = self.assembly.forces.len();
         for ground in parts_of(&contact.ground) {
@@ -193,7 +193,7 @@ impl<'a> Build<'a> {
     }
 }
 
-/// Spheres at the outermost points of a shape: centres in the link, m, and radii, m.
+/// Spheres at the outermost points of a shape: centres in link axes, m, and radii, m.
 fn points(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
     match *shape {
         Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {

@@ -1,4 +1,4 @@
-//! Soft feet: balls of soft material on rigid links, in place of rigid spheres and of wheels that do not turn.
+//! Soft feet: balls of soft material on rigid links, instead of rigid spheres and of wheels that do not turn.
 
 use crate::assembly::Assembly;
 use crate::body::Inertia;
@@ -8,14 +8,14 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_robot::{EndEffector, SoftMaterial};
 use std::ops::Range;
 
-/// Elements across a foot, in each direction: two give 27 nodes.
+/// Number of cells across a foot in each direction. Two cells give 27 nodes.
 const CELLS: usize = 2;
-/// Stiffness that attaches a node of the upper side to the link, by that of a joint: nine nodes.
+/// Stiffness of an attached node, as a fraction of a joint's stiffness. Nine nodes are attached.
 pub(super) const ATTACH_SHARE: f64 = 1.0 / 9.0;
-/// Share of the radius above which nodes are attached to the link.
+/// Height above the centre, as a fraction of the radius, from which nodes are attached to the link.
 const ATTACHED: f64 = 0.5;
 
-/// Puts a soft ball where a contact has its sphere; the forces that are its contacts.
+/// Adds a soft ball in place of a rigid contact, and returns the force indices of its contacts.
 pub(super) fn add(
     assembly: &mut Assembly,
     rigid: &Contact,
@@ -49,7 +49,7 @@ pub(super) fn add(
     body.touch(assembly, &rigid.ground, &contact)
 }
 
-/// A cube, its points drawn to the sphere inside of it.
+/// Mesh of a ball: a cube whose points are projected onto inscribed spheres.
 fn ball(radius_m: f64) -> Mesh {
     let cube = Mesh::block(Vector3::repeat(-1.0), Vector3::repeat(2.0), [CELLS; 3]);
     cube.shaped(|point| point * (point.amax() / point.norm().max(f64::MIN_POSITIVE) * radius_m))
@@ -60,7 +60,8 @@ fn material(of: &SoftMaterial) -> Material {
     Material { viscosity_pa_s: of.viscosity_pa_s, ..elastic }
 }
 
-/// Inertia of an end effector's soft foot about its centre, which is part of its link's.
+/// Inertia of an end effector's soft foot about its centre; `None` for a rigid foot. Robot files include this inertia in the
+/// link.
 pub(super) fn inertia(end_effector: &EndEffector) -> Option<Inertia> {
     let soft = end_effector.soft.as_ref()?;
     let mesh = ball(end_effector.radius_m);

@@ -1,4 +1,4 @@
-//! Hinges of a robot: a ball joint, parallel axes and a motor.
+//! Hinges of a robot: ball joint, parallel axes and motor.
 
 use crate::assembly::Assembly;
 use crate::body::Inertia;
@@ -9,21 +9,21 @@ use crate::world::Parameters;
 use nalgebra::Vector3;
 use rollwalk_robot::Joint;
 
-/// Angle by which the motor's greatest torque bends a stop, rad.
+/// Deflection of a stop under the motor's maximum torque, rad.
 const STOP_RAD: f64 = 0.02;
 
-/// A hinge between two bodies.
+/// Hinge between two bodies.
 pub(super) struct Hinge {
     pub bodies: [usize; 2],
     pub points: [Vector3<f64>; 2],
     pub axes: [Vector3<f64>; 2],
     pub across: [Vector3<f64>; 2],
-    /// Size of what turns, m.
+    /// Size of the turning part, m.
     pub size_m: f64,
 }
 
 impl Hinge {
-    /// Holds the two bodies together.
+    /// Adds the forces that connect the two bodies.
     pub fn add(&self, assembly: &mut Assembly, parameters: &Parameters) {
         let &Self { bodies, points, axes, size_m, .. } = self;
         let lever_m = parameters.lever * size_m;
@@ -40,7 +40,7 @@ impl Hinge {
         });
     }
 
-    /// Creates the motor of the hinge at an angle, rad, without power.
+    /// Creates the motor of the hinge without power, at an angle, rad.
     pub fn motor(&self, armature_kg_m2: f64, stops: Option<Stops>, angle_rad: f64) -> Motor {
         let &Self { bodies, axes, across, .. } = self;
         let (axis, law) = (axes[0], Law::default());
@@ -48,19 +48,19 @@ impl Hinge {
     }
 }
 
-/// Stops at the limits of a joint.
+/// Mechanical stops at the limits of a joint.
 pub(super) fn stops(joint: &Joint) -> Stops {
     let range_rad = [joint.position_min_rad, joint.position_max_rad];
     Stops { range_rad, stiffness_nm_rad: joint.actuator.torque_max_nm / STOP_RAD }
 }
 
-/// Radius of gyration of a body, m: about its thickest axis.
+/// Radius of gyration of a body about the axis of largest inertia, m.
 pub(super) fn gyration_m(inertia: &Inertia) -> f64 {
     let moments = inertia.about_com_kg_m2.symmetric_eigenvalues();
     (moments.max() / inertia.mass_kg).sqrt()
 }
 
-/// A unit vector across another.
+/// Unit vector perpendicular to `axis`.
 pub(super) fn perpendicular(axis: &Vector3<f64>) -> Vector3<f64> {
     let least = if axis.x.abs() < 0.6 { Vector3::x() } else { Vector3::z() };
     (least - axis * axis.dot(&least)).normalize()

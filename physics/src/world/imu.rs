@@ -1,17 +1,17 @@
-//! Sensors at a robot's body: an IMU at the origin of its root link, and contact switches.
+//! Sensors on a robot: an IMU at the origin of its root link, and contact switches.
 
 use super::World;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::rotation;
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Part of the weight from which on an end effector counts as touching.
+/// Normal force that closes a contact switch, as a fraction of the weight.
 const TOUCHES: f64 = 0.005;
 
-/// An IMU without errors.
+/// Ideal IMU.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Imu {
-    /// Velocity of the IMU, m/s, and world from body at the last sample.
+    /// Velocity of the IMU, m/s, and its rotation to world axes, both at the previous sample.
     last: Option<(Vector3<f64>, Matrix3<f64>)>,
 }
 
@@ -20,12 +20,12 @@ pub struct Imu {
 pub struct ImuSample {
     /// Angular velocity, rad/s.
     pub gyro_rad_s: Vector3<f64>,
-    /// Specific force, acceleration minus gravity, mean since the last sample, m/s²; none at the first.
+    /// Specific force (acceleration minus gravity), averaged since the previous sample, m/s²; `None` at the first sample.
     pub force_m_s2: Option<Vector3<f64>>,
 }
 
 impl Imu {
-    /// Samples at the end of a step of `step_s` since the last sample.
+    /// Samples the IMU at the end of a step. `step_s` is the time since the previous sample.
     pub fn sample(&mut self, world: &World, step_s: f64) -> ImuSample {
         let (velocity_m_s, spin_rad_s) = world.base_velocity();
         let (_, world_from_body) = world.base();
@@ -41,7 +41,7 @@ impl Imu {
 }
 
 impl World {
-    /// Contact switch of each end effector: true if closed.
+    /// Contact switches of the end effectors: true if closed.
     pub fn switches(&self) -> impl Iterator<Item = bool> {
         let mass_kg: f64 = self.system.bodies().iter().map(|body| body.mass_kg()).sum();
         let least_n = TOUCHES * mass_kg * GRAVITY_M_S2;

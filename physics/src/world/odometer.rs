@@ -1,7 +1,7 @@
-//! Way of a robot through its world, what it cost, and whether the robot fell.
+//! Odometer of a simulated robot: distance, cost and falls.
 //!
-//! Both what plays plans without a bus and what plays them behind firmware and bus measure with it, so that their numbers
-//! can be compared.
+//! Simulations without a bus and simulations behind firmware and bus use the same odometer, so that their results can be
+//! compared.
 
 use crate::World;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -10,40 +10,39 @@ use serde::Serialize;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Tilt against the start beyond which a robot has fallen, rad.
+/// Tilt from the starting attitude above which a robot has fallen, rad.
 const FALLEN_RAD: f64 = 1.0;
-/// Distance of the centre of mass from the ground beneath which a robot has fallen, as a share of that at the start.
+/// Height of the centre of mass below which a robot has fallen, as a fraction of its starting height.
 const FALLEN_HEIGHT: f64 = 0.4;
 
-/// Steepest ground that a robot begins on: the vertical part of its normal.
+/// Smallest vertical component of the ground normal at a robot's start.
 const STEEPEST: f64 = 0.5;
 
-/// Normal of the ground at the origin, where robots begin. Beside a wall the ground is level.
+/// Normal of the ground at the origin, where robots start. Beside a wall, the vertical.
 pub fn normal_at_start(ground: &dyn Ground) -> Vector3<f64> {
     let normal = ground.at(&Vector3::zeros()).normal;
     if normal.z > STEEPEST { normal } else { Vector3::z() }
 }
 
-/// Rotation from world axes to those in which distances along the ground are measured; their z axis is its [`normal_at_start`].
+/// Rotation from world axes to the axes of distance measurements. Their z axis is the [`normal_at_start`].
 pub fn ground_from_world(ground: &dyn Ground) -> Rotation3<f64> {
     let rotation = Rotation3::rotation_between(&normal_at_start(ground), &Vector3::z());
     rotation.expect("ground faces up")
 }
 
-/// Way of the centre of mass ahead and to the left, as the robot faced at the beginning, m, and turn about the vertical, rad;
-/// whole turns count.
+/// Displacement of the centre of mass in the starting heading, and turn about the vertical. The turn includes whole turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Way {
-    /// m.
+    /// Displacement forward, m.
     pub forward_m: f64,
-    /// m.
+    /// Displacement to the left, m.
     pub left_m: f64,
-    /// rad.
+    /// Turn, rad.
     pub turn_rad: f64,
 }
 
 impl Way {
-    /// Values in the order of the fields.
+    /// Returns the values in the order of the fields.
     pub fn values(&self) -> [f64; 3] {
         [self.forward_m, self.left_m, self.turn_rad]
     }
@@ -55,23 +54,23 @@ impl From<[f64; 3]> for Way {
     }
 }
 
-/// Totals along the way.
+/// Totals since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Totals {
-    /// Greatest angle between the body's z axis and that of the axes in which the way is measured, rad.
+    /// Largest angle between the body's z axis and the z axis of the measurement, rad.
     pub tilt_max_rad: f64,
-    /// Way that end effectors in contact slid, m, all together.
+    /// Sliding distance of the end effectors in contact, summed, m.
     pub slid_m: f64,
-    /// Greatest force of the ground on one end effector, N.
+    /// Largest force of the ground on one end effector, N.
     pub force_max_n: f64,
     /// Mechanical work of the motors, J; braking counts as negative.
     pub work_j: f64,
 }
 
-/// Measures the way of a robot, step by step.
+/// Measures the distance that a robot covers, step by step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Odometer {
-    /// Rotation from world axes to those in which the way is measured, with z out of the ground.
+    /// Rotation from world axes to the axes of the measurement, whose z axis is the ground normal.
     ground_from_world: Rotation3<f64>,
     start_com: Vector3<f64>,
     start_heading_rad: f64,
@@ -82,8 +81,8 @@ pub struct Odometer {
 }
 
 impl Odometer {
-    /// Begins where the world is. The way is measured in axes whose z axis is the normal of the ground, and not
-    /// along world axes, where `ground_from_world` turns.
+    /// Starts a measurement at the present pose. `ground_from_world` rotates to the axes of the measurement, whose z axis
+    /// should be the ground normal.
     pub fn new(world: &World, ground_from_world: Rotation3<f64>) -> Self {
         let com = ground_from_world * world.com().0;
         let heading_rad = heading_rad(&(ground_from_world.matrix() * world.base().1));
@@ -98,7 +97,7 @@ impl Odometer {
         }
     }
 
-    /// Takes in a step that ended now.
+    /// Adds a step that ended now.
     pub fn add(&mut self, world: &World, step_s: f64) {
         let rotation = self.ground_from_world.matrix() * world.base().1;
         self.com = self.ground_from_world * world.com().0;
@@ -118,7 +117,7 @@ impl Odometer {
         totals.work_j += step_s * power_w.sum::<f64>();
     }
 
-    /// Way since the beginning, or since [`begin_again`](Self::begin_again).
+    /// Displacement since the start, or since [`begin_again`](Self::begin_again).
     pub fn way(&self) -> Way {
         let (sine, cosine) = self.start_heading_rad.sin_cos();
         let moved = self.com - self.start_com;
@@ -129,47 +128,47 @@ impl Odometer {
         }
     }
 
-    /// Begins a new way here. The totals go on.
+    /// Starts a new displacement at the present pose. The totals continue.
     pub fn begin_again(&mut self) {
         (self.start_com, self.start_heading_rad, self.turn_rad) = (self.com, self.heading_rad, 0.0);
     }
 
-    /// Totals since the beginning.
+    /// Totals since the start.
     pub fn totals(&self) -> Totals {
         self.totals
     }
 }
 
-/// A fall.
+/// State of a fallen robot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Fall {
-    /// Tilt against the start, rad.
+    /// Tilt from the starting attitude, rad.
     pub tilt_rad: f64,
-    /// Distance of the centre of mass from the ground, m.
+    /// Distance of the centre of mass above the ground, m.
     pub height_m: f64,
 }
 
 impl Fall {
-    /// True if the robot has tilted, not only sunk down.
+    /// Returns true if the robot has tilted over, and not merely collapsed.
     pub fn is_toppled(&self) -> bool {
         self.tilt_rad > FALLEN_RAD
     }
 }
 
-/// Sees whether a robot has fallen.
+/// Detects falls of a robot.
 #[derive(Clone, Debug)]
 pub struct FallWatch {
     ground: Arc<dyn Ground>,
-    /// Out of the ground at the origin.
+    /// Normal of the ground at the origin.
     up: Vector3<f64>,
-    /// The same in axes of the body at the start: not every robot begins level, and one that turns leans elsewhere.
+    /// Ground normal in body axes at the start. Robots may start tilted, and then lean in another direction after a turn.
     start_up_in_body: Vector3<f64>,
-    /// Distance of the centre of mass from the ground at the start, m: not of the body's origin, which may lie anywhere.
+    /// Height of the centre of mass above the ground at the start, m.
     standing_m: f64,
 }
 
 impl FallWatch {
-    /// Creates a watch of a robot that stands at present.
+    /// Creates the detector for a robot that stands at present.
     pub fn new(world: &World, ground: &Arc<dyn Ground>) -> Self {
         let up = normal_at_start(ground.as_ref());
         Self {
@@ -180,8 +179,8 @@ impl FallWatch {
         }
     }
 
-    /// The fall of a robot that has tilted by more than 1 rad, or whose centre of mass is nearer to the ground than 0.4 of what
-    /// it was.
+    /// Returns the fall of a robot that has tilted by more than 1 rad, or whose centre of mass is below 0.4 of its starting
+    /// height.
     pub fn look(&self, world: &World) -> Option<Fall> {
         let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
@@ -194,12 +193,12 @@ impl FallWatch {
     }
 }
 
-/// Direction of the body's x axis about the z axis, rad.
+/// Heading of the body's x axis about the z axis, rad.
 pub fn heading_rad(world_from_body: &Matrix3<f64>) -> f64 {
     world_from_body[(1, 0)].atan2(world_from_body[(0, 0)])
 }
 
-/// An angle between −π and π that differs by whole turns.
+/// Equivalent angle between −π and π.
 fn wrapped(angle_rad: f64) -> f64 {
     (angle_rad + PI).rem_euclid(2.0 * PI) - PI
 }

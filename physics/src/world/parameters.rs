@@ -1,4 +1,4 @@
-//! Stiffnesses and dampings of a robot's joints and contacts, scaled with its weight.
+//! Stiffness and damping of a robot's joints and contacts, scaled with its weight.
 
 use crate::contact::Normal;
 use crate::friction::Model;
@@ -7,49 +7,50 @@ use crate::motion::Scheme;
 use crate::system::Settings;
 use rollwalk_robot::Robot;
 
-/// Stiffnesses and dampings of everything that is ideal in a robot file.
+/// Stiffness and damping of joints and contacts, which robot files treat as rigid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// The stepper.
+    /// Parameters of the stepper.
     pub settings: Settings,
-    /// Stiffness of a joint against its two points coming apart, N/m.
+    /// Stiffness of a joint against separation of its two points, N/m.
     pub joint_n_m: f64,
-    /// Length by which that stiffness makes one against the axes tilting, as a multiple of the size of what turns. As
-    /// large in its own unit, the latter would be far too stiff for small wheels.
+    /// Lever arm of a joint's rotational stiffness, as a multiple of the size of the turning part. The rotational stiffness is
+    /// `joint_n_m` times the squared lever arm. A constant rotational stiffness would be far too large for small wheels.
     pub lever: f64,
-    /// Along the normal of the ground.
+    /// Law of the normal force.
     pub normal: Normal,
-    /// Model of friction.
+    /// Friction law.
     pub friction: Model,
-    /// Friction over sliding velocity of a contact that sticks, N·s/m.
+    /// Ratio of friction to sliding velocity of a sticking contact, N·s/m.
     pub stick_n_s_m: f64,
-    /// Coefficient of friction of the shapes of links, which robot files do not have.
+    /// Friction coefficient of link shapes, which robot files do not contain.
     pub shape_friction: f64,
-    /// Stiffness and damping of a hoist that holds the root link.
+    /// Stiffness and damping of the hoist that can hold the root link.
     pub grip: Grip,
 }
 
-/// Residual at which a step is solved, as a share of the weight: as a force that pushes the robot all the time it would
-/// change its velocity by 1 µm/s in a second.
+/// Residual of a solved step, as a fraction of the weight. As a constant force, this residual would accelerate the robot by 1
+/// µm/s².
 const TOLERANCE: f64 = 1e-7;
-/// Depth to which a quarter of a robot's weight presses a contact, m.
+/// Depth of a contact under a quarter of the robot's weight, m.
 const DEPTH_M: f64 = 3e-4;
-/// Time constant of a contact, s: its damping over its stiffness. A leg of a fourteenth of the robot's mass lands critically
-/// damped; with a quarter of that, feet bounce where they touch down, and gaits with flight come to nine tenths of their way.
+/// Ratio of damping to stiffness of a contact, s. A leg with 1/14 of the robot's mass then lands critically damped. With a
+/// quarter of this damping, feet bounce at touch-down, and gaits with flight cover only 90 % of their distance.
 const DAMPING_S: f64 = 6e-3;
-/// Creep of a contact that bears a quarter of the weight and is pulled with as much, m/s.
+/// Creep speed of a contact under a quarter of the weight and an equal tangential force, m/s.
 const CREEP_M_S: f64 = 9e-4;
-/// Friction of plastic and metal on a floor.
+/// Friction coefficient of plastic and metal on a floor.
 const SHAPE_FRICTION: f64 = 0.4;
-/// Depth to which the whole weight sinks in a hoist, m.
+/// Deflection of the hoist under the whole weight, m.
 const HOIST_M: f64 = 2e-3;
-/// Distance from the hoist at which the weight turns the body by as much, m.
+/// Lever arm of the hoist's rotational stiffness, m. The rotational stiffness is the translational one times the squared lever
+/// arm.
 const HOIST_LEVER_M: f64 = 0.3;
-/// Distance by which a quarter of the weight pulls a joint apart, m.
+/// Separation of a joint under a quarter of the weight, m.
 const JOINT_GAP_M: f64 = 2e-5;
 
 impl Parameters {
-    /// Parameters for a robot's weight: the same depth, creep and gaps for all robots.
+    /// Scales the parameters to a robot's weight, so that depth, creep and separation are equal for all robots.
     pub fn new(robot: &Robot) -> Self {
         let mut settings = Settings::default();
         let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
@@ -84,7 +85,7 @@ impl Parameters {
         }
     }
 
-    /// The same with contacts of so many times the stiffness along the normal; their damping ratio stays.
+    /// Multiplies the normal stiffness of contacts by `times`, with constant damping ratio.
     #[must_use]
     pub fn with_contact_stiffness(mut self, times: f64) -> Self {
         self.normal.stiffness_n_m *= times;

@@ -1,11 +1,11 @@
-//! Parts that move relative to the link that robot files count them to: wheels that spin, and soft feet.
+//! Parts that move relative to their link in the robot file: spinning wheels and soft feet.
 
 use super::foot;
 use crate::body::Inertia;
 use rollwalk_multibody::RigidPart;
 use rollwalk_robot::Robot;
 
-/// The soft feet of a link, as its parts.
+/// Soft feet of a link, as rigid parts.
 pub(super) fn soft_feet_of(robot: &Robot, link: usize) -> Vec<RigidPart> {
     let on_link = robot.end_effectors.iter().filter(|end_effector| end_effector.link == link);
     let soft = on_link.filter_map(|end_effector| {

@@ -1,4 +1,4 @@
-//! Pose and velocity of a robot, and of the bodies that it is made of.
+//! Pose and velocity of a robot and of its bodies.
 
 use crate::motion::Motion;
 use nalgebra::{Matrix3, Vector3};
@@ -8,9 +8,9 @@ use rollwalk_robot::Robot;
 /// Pose and velocity of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotState {
-    /// Origin of the root link in world, m.
+    /// Position of the root link's origin in world axes, m.
     pub base_position_m: Vector3<f64>,
-    /// World from body.
+    /// Rotation from body to world axes.
     pub world_from_body: Matrix3<f64>,
     /// Velocity of the origin of the root link, m/s.
     pub base_velocity_m_s: Vector3<f64>,
@@ -20,7 +20,7 @@ pub struct RobotState {
     pub joint_rad: Vec<f64>,
     /// Speeds of the joints, rad/s.
     pub joint_rad_s: Vec<f64>,
-    /// Speeds of the end effectors' wheels about their axes, relative to their links, rad/s; 0 for what does not spin.
+    /// Speed of each end effector's wheel about its axis relative to its link, rad/s; 0 for end effectors that do not spin.
     pub wheel_rad_s: Vec<f64>,
 }
 
@@ -39,7 +39,7 @@ impl RobotState {
     }
 }
 
-/// Motions of the links' bodies, whose centres of mass are at `centers` in their links.
+/// Motions of the links' bodies. `centers` are their centres of mass in link axes.
 pub(super) fn link_motions(
     robot: &Robot,
     state: &RobotState,

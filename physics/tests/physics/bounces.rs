@@ -1,4 +1,4 @@
-//! Contacts that come and go: energy over many bounces, restitution, symmetry, events.
+//! Tests of repeated contacts: energy over many bounces, restitution, symmetry, events.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
@@ -31,8 +31,8 @@ fn dropped(scheme: Scheme, stiffness_n_m: f64, height_m: f64) -> System {
     System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
 }
 
-/// Energy after ten seconds of bouncing without damping: reference values of another implementation. BDF2 keeps it while a
-/// contact lasts fifteen steps or more; BDF1 does not (thesis Fig. 4.5).
+/// Tests the energy after ten seconds of undamped bouncing against values from another implementation. BDF2 keeps the energy if
+/// a contact lasts fifteen steps or more; BDF1 does not (thesis Fig. 4.5).
 #[test]
 fn a_bounce_keeps_its_energy_as_far_as_the_scheme_resolves_it() {
     for (scheme, stiffness, per_second, expected) in [
@@ -55,7 +55,7 @@ fn a_bounce_keeps_its_energy_as_far_as_the_scheme_resolves_it() {
     }
 }
 
-/// A cube with so many points along each edge of its lower face, falling flat.
+/// Cube that falls flat, with `points` contact points along each edge of its lower face.
 fn cube(
     points: u32,
     stiffness_n_m: f64,
@@ -75,8 +75,8 @@ fn cube(
     System::new(settings(Scheme::Bdf2, gravity), assembly)
 }
 
-/// Restitution does not depend on how many points share stiffness and damping (thesis Fig. A.4), and is that of the closed
-/// form exp(−π k_d / √(4 k_n m − k_d²)).
+/// Tests that restitution is independent of the number of points that share stiffness and damping (thesis Fig. A.4). The closed
+/// form is exp(−π k_d / √(4 k_n m − k_d²)).
 #[test]
 fn restitution_is_that_of_the_oscillator_for_any_number_of_points() {
     let (stiffness, damping, mass) = (1e3, 6.0, 0.7_f64);
@@ -98,7 +98,7 @@ fn restitution_is_that_of_the_oscillator_for_any_number_of_points() {
     }
 }
 
-/// A cube that falls flat bounces straight for as long as it bounces.
+/// Tests that a cube that falls flat keeps bouncing vertically.
 #[test]
 fn symmetric_bounces_stay_symmetric() {
     let gravity = Vector3::new(0.0, 0.0, -9.81);
@@ -110,7 +110,7 @@ fn symmetric_bounces_stay_symmetric() {
     assert!(motion.position.xy().norm() < 1e-9 && motion.spin.norm() < 1e-9, "{motion:?}");
 }
 
-/// Tumbling of a cube that falls slightly askew.
+/// Tests that a cube that falls slightly askew tumbles.
 #[test]
 fn a_cube_that_falls_askew_tumbles() {
     let gravity = Vector3::new(0.0, 0.0, -9.81);

@@ -27,7 +27,7 @@ fn alone(
     System::new(settings, assembly)
 }
 
-/// An asymmetric top after two seconds of free flight; the exact axis is from a fine reference solution.
+/// Tests an asymmetric top after two seconds of free flight. The exact axis is from a fine reference solution.
 #[test]
 fn a_free_top_keeps_its_angular_momentum_and_turns_as_euler_has_it() {
     let exact = Vector3::new(0.05312, -0.19352, 0.97966);
@@ -74,7 +74,8 @@ fn kilogram() -> Inertia {
     Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() * 0.01 }
 }
 
-/// Creep speed of a sticking point is the force over the sticking stiffness; tanh has its own closed form.
+/// Tests the creep speed of a sticking point. The speed is the ratio of force to sticking stiffness; tanh has its own closed
+/// form.
 #[test]
 fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
     let angle_rad = 10f64.to_radians();
@@ -99,7 +100,7 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
     }
 }
 
-/// The largest speed upwards after the first contact, against the reference and the closed form without gravity.
+/// Tests the largest upward speed after the first contact against the reference, and against the closed form without gravity.
 #[test]
 fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
     let normal = Normal { stiffness_n_m: 1e3, damping_n_s_m: 5.0, ramp_m: 0.0, pulls: true };
@@ -126,7 +127,7 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
     }
 }
 
-/// The ground is left out of steps that do not reach it, and taken in where one does against all appearance.
+/// Tests a body at rest above the ground that falls into the ground within one step.
 #[test]
 fn a_step_does_not_jump_through_ground_that_was_far() {
     let load = 2e3;
@@ -162,7 +163,7 @@ fn particle_on_incline(
     System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
 }
 
-/// A box on four points on an incline, as a rigid body.
+/// Rigid box on four points on an incline.
 fn box_on_incline(model: Model, angle_rad: f64, velocity: Vector3<f64>, scheme: Scheme) -> System {
     let ground = Plane::rising(angle_rad);
     let load = 9.81 * angle_rad.cos();
@@ -184,8 +185,8 @@ fn box_on_incline(model: Model, angle_rad: f64, velocity: Vector3<f64>, scheme: 
     System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
 }
 
-/// The lower points of a box bear more of it, so that with tanh they creep less under their share than the upper ones
-/// would: all creep with one velocity, at which the sum of their frictions is what pulls the box down.
+/// Tests the creep of a box on an incline. The lower points of the box bear more load than the upper ones. With tanh, they
+/// would creep less under an equal force. All points creep at one velocity, and their total friction equals the downhill force.
 #[test]
 fn a_box_on_an_incline_creeps_as_its_friction_model_says_and_with_hybrid_friction_not_at_all() {
     let angle_rad = 20f64.to_radians();
@@ -220,8 +221,8 @@ fn a_box_on_an_incline_creeps_as_its_friction_model_says_and_with_hybrid_frictio
     }
 }
 
-/// Friction stops a box that is thrown along level ground after v²/(2 μ g), hybrid friction for good. On an incline steeper than
-/// the cone the box slides with g (sin α − μ cos α).
+/// Tests that friction stops a box on level ground after v²/(2 μ g), and that hybrid friction stops it without creep. On an
+/// incline steeper than the cone, the box accelerates with g (sin α − μ cos α).
 #[test]
 fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
     for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
@@ -242,7 +243,7 @@ fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
     assert!(stopped.velocity.norm() < 1e-6, "{stopped:?}");
 }
 
-/// Hybrid friction holds the particle without creep, and takes its weight along the incline.
+/// Tests that hybrid friction holds a particle without creep and balances its weight along the incline.
 #[test]
 fn a_particle_with_hybrid_friction_stands_on_an_incline() {
     let angle_rad = 20f64.to_radians();
@@ -258,8 +259,8 @@ fn a_particle_with_hybrid_friction_stands_on_an_incline() {
     }
 }
 
-/// Particles on an incline steeper than the cone slide with g (sin α − μ cos α) for every model. Hybrid friction stops a particle
-/// that is thrown along level ground for good, at the predicted distance.
+/// Tests that particles on an incline steeper than the cone accelerate with g (sin α − μ cos α) for every model. Hybrid
+/// friction stops a particle on level ground without creep, at the predicted distance.
 #[test]
 fn what_slides_is_slowed_by_the_cone_and_hybrid_friction_stops_it() {
     for model in [Model::Linear, Model::Tanh, Model::Hybrid] {

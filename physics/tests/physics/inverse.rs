@@ -1,4 +1,4 @@
-//! Inverse problems: parameters found from what a rollout is to do, or has done.
+//! Tests of inverse problems: parameters found from a desired or an observed rollout.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -21,7 +21,7 @@ fn settings(scheme: Scheme) -> Settings {
     Settings { scheme, tolerance: 1e-10, ..Settings::default() }
 }
 
-/// A ball above level ground, or a box on it.
+/// Builds a ball above level ground, or a box on it.
 fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: Motion) -> System {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * 2e-3;
@@ -42,7 +42,7 @@ fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: Motion) -> System {
     System::new(settings(Scheme::Bdf2), assembly)
 }
 
-/// A ball is thrown so that after a bounce it comes to a place, with the spin that it has.
+/// Tests that a ball with a given spin is thrown so that it reaches a target after a bounce.
 #[test]
 fn a_throw_finds_its_target_with_a_bounce() {
     let aim = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| Initial {
@@ -89,7 +89,7 @@ const CORNERS: [Vector3<f64>; 4] = [
     Vector3::new(-0.1, -0.06, -0.03),
 ];
 
-/// A box that slides to a stop, with a logarithm of its friction, and a speed.
+/// Simulates a box that slides to a stop. The parameters are the logarithm of its friction coefficient, and its speed.
 fn slide(p: &[f64]) -> Option<Rollout> {
     let velocity = Vector3::new(p[1], 0.3, 0.0);
     let motion = Motion { velocity, spin: Vector3::z(), ..Motion::at(Vector3::z() * 0.0276) };
@@ -104,7 +104,8 @@ fn slide(p: &[f64]) -> Option<Rollout> {
     Some(recorder.finish())
 }
 
-/// Friction and speed of a box as it was seen, with errors of a millimetre and a milliradian; `noise` is in these.
+/// Estimates friction and speed of a box from observed poses, with errors of 1 mm and 1 mrad. `noise` returns errors in these
+/// units.
 fn recover(truth: &Rollout, mut noise: impl FnMut() -> f64) -> Fit {
     const SEEN_EVERY: usize = 4;
     let errors: Vec<f64> = (0..5 * truth.steps()).map(|_| noise()).collect();
@@ -132,7 +133,7 @@ fn recover(truth: &Rollout, mut noise: impl FnMut() -> f64) -> Fit {
     minimise(&[0.6_f64.ln(), 0.8], &[], &options, evaluate).unwrap()
 }
 
-/// Estimates are exact without noise; with noise they scatter by their standard deviations.
+/// Tests that estimates are exact without noise, and scatter by their standard deviations with noise.
 #[test]
 fn friction_is_recovered_from_how_a_box_slides() {
     let truth = [0.27_f64.ln(), 1.1];
@@ -156,7 +157,7 @@ fn friction_is_recovered_from_how_a_box_slides() {
     assert!(squares.iter().all(|square| (0.5..1.7).contains(square)), "{squares:?}");
 }
 
-/// A contact that sticks does not tell its friction, and one that is never touched nothing.
+/// Tests that the friction of a sticking contact, and every parameter of an open contact, has no effect.
 #[test]
 fn health_says_what_has_no_effect_and_what_happens() {
     let motion = Motion { velocity: Vector3::x() * 0.01, ..Motion::at(Vector3::z() * 0.0276) };
@@ -192,7 +193,8 @@ fn robot(name: &str) -> Robot {
 const STEP_S: f64 = 1.0 / 60.0;
 const STEPS: usize = 90;
 
-/// A robot that crouches and sways with its servos' gains times a factor; offsets of targets by knots and joints.
+/// Robot that crouches and sways, with a factor on the gains of its servos. Offsets of the targets are ordered by knot, then
+/// joint.
 struct Crouch {
     robot: Robot,
     gain: f64,
@@ -245,7 +247,7 @@ impl Crouch {
     }
 }
 
-/// A robot on its wheels and servos: where it began is where it stays, and how fast it began it forgets.
+/// Tests a robot on its wheels and servos: a change of the initial position persists, a change of the initial velocity decays.
 #[test]
 fn derivatives_by_where_a_robot_began_do_not_grow() {
     let robot = robot("agilebot");
@@ -272,7 +274,7 @@ fn derivatives_by_where_a_robot_began_do_not_grow() {
     assert!(health.without_effect.is_empty() && health.finite, "{health:?}");
 }
 
-/// Weak servos are given targets with which the robot moves as strong ones move it.
+/// Tests the optimisation of targets for weak servos: the robot then moves as with strong servos.
 #[test]
 fn targets_make_up_for_weak_servos() {
     let robot = robot("agilebot");
@@ -318,7 +320,7 @@ fn targets_make_up_for_weak_servos() {
     assert!(after < 0.05 * before, "{before}, {after}");
 }
 
-/// Checks the terms of objectives against central differences of rollouts.
+/// Tests the terms of objectives against central differences of rollouts.
 #[test]
 fn residuals_have_their_derivatives() {
     let robot = robot("agilebot");

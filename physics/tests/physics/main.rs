@@ -1,7 +1,8 @@
-//! The simulator as other crates use it: one binary, one module per subject.
+//! Integration tests of the simulator: one binary, one module per subject.
 
 mod bounces;
 mod closed_forms;
+mod examples;
 mod inverse;
 mod robots;
 mod sensitivities;

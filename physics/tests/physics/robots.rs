@@ -1,4 +1,4 @@
-//! Robots of the robot files on the ground.
+//! Tests of shipped robots on the ground.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -45,7 +45,7 @@ fn a_standing_robot_bears_its_weight_and_hardly_creeps() {
     }
 }
 
-/// Speed of a robot whose drives only damp: what creeps under the wheels, and what the drives let roll.
+/// Tests the speed of a robot on an incline whose drives only damp: creep of the wheels' contacts plus roll of the drives.
 #[test]
 fn on_an_incline_a_robot_rolls_with_the_droop_of_its_drives() {
     let robot = robot("agilebot");
@@ -94,7 +94,7 @@ fn wheels_that_are_driven_roll_without_slip() {
     assert!(shaft_rad > 5.0 && (turns - turns.round()).abs() < 1e-3, "{shaft_rad}, {wheel_rad}");
 }
 
-/// Soft feet bear what rigid ones do, and sink by their own softness.
+/// Tests that soft feet bear the same load as rigid ones, and sink further by their own compliance.
 #[test]
 fn a_robot_stands_on_soft_feet() {
     for name in ["legbot", "creature3"] {
@@ -118,8 +118,8 @@ fn a_robot_stands_on_soft_feet() {
     }
 }
 
-/// Feet of a robot creep on an incline, on average with the pulling force over the sticking stiffness. Hybrid friction holds
-/// them.
+/// Tests that a robot's feet creep on an incline, and that hybrid friction holds them. The mean creep speed is the ratio of
+/// downhill force to sticking stiffness.
 #[test]
 fn on_an_incline_hybrid_friction_holds_a_robot() {
     let robot = robot("legbot");
@@ -153,7 +153,7 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
     }
 }
 
-/// Centre of mass of AgileBot, m, after it has swung its legs and driven for two seconds. Refuses steps in parts.
+/// Centre of mass of AgileBot, m, after swinging its legs and driving for two seconds. Panics on halved steps.
 fn driven(scheme: Scheme, per_second: u32) -> Vector3<f64> {
     let robot = robot("agilebot");
     let mut parameters = Parameters::new(&robot);
@@ -178,7 +178,7 @@ fn driven(scheme: Scheme, per_second: u32) -> Vector3<f64> {
     world.com().0
 }
 
-/// While wheels roll and feet stick. Impacts take one order from both (see [`Scheme`]).
+/// Tests the accuracy of both schemes while wheels roll and feet stick. Impacts reduce the order of both (see [`Scheme`]).
 #[test]
 fn bdf2_is_much_nearer_than_backward_euler_for_robots_that_roll() {
     let exact = driven(Scheme::Bdf2, 960);
@@ -190,7 +190,7 @@ fn bdf2_is_much_nearer_than_backward_euler_for_robots_that_roll() {
     }
 }
 
-/// A leg on a stand whose joints turn by more than once, its body held in the air.
+/// Leg whose body is held in the air. Its joints can turn by more than one revolution.
 fn leg(range_rad: f64) -> World {
     let robot = leg_of(range_rad);
     let mut world = standing(&robot, Plane::level(), &Parameters::new(&robot));

@@ -1,4 +1,4 @@
-//! Derivatives of whole rollouts against central differences, and the adjoint method against the direct one.
+//! Tests derivatives of whole rollouts against central differences, and the adjoint method against the direct one.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -20,10 +20,10 @@ use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// A way to change a fresh scene by so much of a parameter.
+/// Function that changes a new scene by a given amount of a parameter.
 type Change = Box<dyn Fn(&mut System, &mut Vec<f64>, f64)>;
 
-/// A parameter, how to change a scene by it, and a difference that is small for it.
+/// Parameter with its change of a scene, and a small difference for it.
 struct Case {
     name: String,
     parameter: Box<dyn Parameter>,
@@ -31,7 +31,7 @@ struct Case {
     difference: f64,
 }
 
-/// A constant as parameter and as change.
+/// Test case for a constant.
 fn constant<C: Constant + Clone + 'static>(name: &str, constant: C, system: &System) -> Case {
     let value = constant.value(system);
     let changed = constant.clone();
@@ -58,20 +58,20 @@ fn initial(freedom: Freedom, bodies: &[usize], axis: Vector3<f64>) -> Case {
 }
 
 impl Case {
-    /// Widens the difference, where the solver's tolerance would be too large a part of a small one.
+    /// Multiplies the difference, for cases in which the solver's tolerance would dominate a smaller one.
     fn wider(self, times: f64) -> Self {
         Self { difference: times * self.difference, ..self }
     }
 }
 
-/// Something that is simulated; `steer` acts before each step, by what controls add.
+/// Simulated scene. `steer` acts before each step, with offsets of the controls.
 struct Scene<'a> {
     build: &'a dyn Fn() -> System,
     steer: &'a dyn Fn(&mut System, &[f64]),
     controls: usize,
     step_s: f64,
     steps: usize,
-    /// Error of differences, relative.
+    /// Accepted relative error of the differences.
     bound: f64,
 }
 
@@ -97,7 +97,7 @@ impl Scene<'_> {
         recorder.finish()
     }
 
-    /// Compares derivatives of the last motions with central differences, and both methods with one another.
+    /// Compares derivatives of the final motions with central differences, and both methods with each other.
     fn check(&self, cases: Vec<Case>) -> Rollout {
         let (changes, parameters): (Vec<_>, Vec<_>) = cases
             .into_iter()
@@ -153,7 +153,7 @@ fn difference(ahead: &Motion, behind: &Motion, over: f64) -> Variation {
     }
 }
 
-/// A number of many motions at many steps: its derivatives by both methods.
+/// Compares both methods for a scalar that depends on many motions at many steps.
 fn agree(rollout: &Rollout) {
     let mut rng = fastrand::Rng::with_seed(1);
     let mut random = || Vector3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
@@ -189,7 +189,7 @@ fn settings(scheme: Scheme) -> Settings {
 
 fn no_steer(_: &mut System, _: &[f64]) {}
 
-/// A box that is thrown onto an incline, where it bounces, tumbles and slides.
+/// Box that is thrown onto an incline, where it bounces, tumbles and slides.
 fn thrown_box(settings: Settings, model: Model) -> System {
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(1e-3, 2e-3, 2.5e-3));
     let mut assembly = Assembly::default();
@@ -266,7 +266,7 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
     }
 }
 
-/// Steps of few iterations are taken in parts, of which the first of BDF2 is one of backward Euler.
+/// Tests steps with few iterations, which are halved. With BDF2, the first substep is backward Euler.
 #[test]
 fn steps_that_were_halved_have_their_derivatives() {
     let few = Settings { iterations: 2, ..settings(Scheme::Bdf2) };
@@ -290,7 +290,8 @@ fn steps_that_were_halved_have_their_derivatives() {
     assert!(halved >= 3, "{halved}");
 }
 
-/// A soft cube that falls and slides, of which one node is pushed apart by nothing but its material.
+/// Soft cube that falls and slides, with the force indices of its elements and contacts, and its nodes. The interior node has
+/// no contact.
 fn soft_cube() -> (System, std::ops::Range<usize>, std::ops::Range<usize>, Vec<usize>) {
     let mut assembly = Assembly::default();
     let mesh = Mesh::block(Vector3::z() * 0.01, Vector3::repeat(0.1), [2; 3]);
@@ -341,7 +342,7 @@ fn robot(name: &str) -> Robot {
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A robot that swings its joints and drives its wheels, with drives of a fifth of their gain.
+/// Tests a robot that swings its joints and drives its wheels, with a fifth of the drives' gains.
 #[test]
 fn agilebot_has_derivatives_by_its_targets_gains_and_ground() {
     for scheme in [Scheme::Bdf1, Scheme::Bdf2] {
@@ -354,7 +355,7 @@ fn swizzlebot_has_derivatives_by_its_targets_gains_and_ground() {
     moving_robot("swizzlebot", Scheme::Bdf1, None, 1e-5);
 }
 
-/// SkaterBot moves on blades. The small effect of spin on it is not much larger than the error of the solver's tolerance.
+/// Tests SkaterBot on blades. The effect of spin is small, and only slightly larger than the error from the solver's tolerance.
 #[test]
 fn skaterbot_has_derivatives_by_its_targets_gains_and_ground() {
     moving_robot("skaterbot", Scheme::Bdf2, None, 3e-4);
@@ -368,7 +369,7 @@ fn legbot_on_soft_feet_has_derivatives() {
     moving_robot("legbot", Scheme::Bdf1, Some(material), 1e-5);
 }
 
-/// Amplitude of a joint's swing, rad: legs lift one after the other.
+/// Amplitude of a joint's swing, rad, chosen so that legs lift one after another.
 fn swing_rad(joint: usize) -> f64 {
     0.04 + 0.02 * (joint % 4) as f64
 }
@@ -488,7 +489,7 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
     scene.check(cases);
 }
 
-/// A particle and a box on an incline, which hybrid friction holds, or lets slide.
+/// Tests derivatives for a particle and a box on an incline, which hybrid friction either holds or releases.
 #[test]
 fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
     for (angle_rad, scheme) in [(0.3, Scheme::Bdf1), (0.3, Scheme::Bdf2), (0.6, Scheme::Bdf1)] {

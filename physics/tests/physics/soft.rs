@@ -1,4 +1,4 @@
-//! Soft bodies and springs against closed forms and conserved quantities.
+//! Tests of soft bodies and springs against closed forms and conserved quantities.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -21,7 +21,7 @@ fn run(system: &mut System, step_s: f64, steps: usize) {
     }
 }
 
-/// Mass, kg, and centre of mass, m.
+/// Total mass, kg, and centre of mass, m.
 fn center(system: &System) -> (f64, Vector3<f64>) {
     let (mut mass, mut moment) = (0.0, Vector3::zeros());
     for (body, motion) in system.bodies().iter().zip(system.motions()) {
@@ -31,7 +31,7 @@ fn center(system: &System) -> (f64, Vector3<f64>) {
     (mass, moment / mass)
 }
 
-/// Anchors particles where they are.
+/// Anchors particles at their present positions.
 fn bolt(assembly: &mut Assembly, soft: &SoftBody, chosen: impl Fn(&Vector3<f64>) -> bool) {
     for node in soft.nodes.clone() {
         let place = assembly.motions[node].position;
@@ -47,7 +47,7 @@ fn bolt(assembly: &mut Assembly, soft: &SoftBody, chosen: impl Fn(&Vector3<f64>)
     }
 }
 
-/// Mean of a quantity over the nodes that lie at chosen places at rest.
+/// Mean of a quantity over the nodes with chosen positions at rest.
 fn mean(
     soft: &SoftBody,
     mesh: &Mesh,
@@ -59,7 +59,7 @@ fn mean(
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// An oscillator against its cosine: BDF1 is of first order, BDF2 with its first step of BDF1 of second.
+/// Tests an oscillator against its cosine: BDF1 has first order. BDF2 has second order, although its first step is BDF1.
 #[test]
 fn errors_shrink_with_the_order_of_the_scheme() {
     for (scheme, expected) in [(Scheme::Bdf1, 1.0), (Scheme::Bdf2, 2.0)] {
@@ -93,7 +93,8 @@ fn a_soft_block_falls_as_any_body_does() {
     }
 }
 
-/// A soft block with a rigid body attached, thrown with a spin and deforming: no viscosity takes from its momenta.
+/// Tests the conservation of momenta of a spinning, deforming soft block with a rigid body attached. Viscosity must not change
+/// them.
 #[test]
 fn momenta_are_conserved_in_free_flight() {
     let mut assembly = Assembly::default();
@@ -120,7 +121,7 @@ fn momenta_are_conserved_in_free_flight() {
     assert!(drift < 1e-3, "{drift}");
 }
 
-/// A bar that hangs by its top: it grows by ρ g L²/(2 E), and is thickest strained at the top.
+/// Tests a bar that hangs from its top: its length grows by ρ g L²/(2 E), and the strain is largest at the top.
 #[test]
 fn a_hanging_bar_stretches_by_its_weight() {
     let (density, young_pa, length) = (1000.0, 1e6, 0.2);
@@ -138,8 +139,8 @@ fn a_hanging_bar_stretches_by_its_weight() {
     assert!((-lowest / expected - 1.0).abs() < 3e-3, "{lowest}, {expected}");
 }
 
-/// Sag of a cantilever against Euler and Bernoulli's beam, with Timoshenko's shear. Linear elements are too stiff in
-/// bending, by a share that goes with the square of their size: two meshes tell the stiffness without it.
+/// Tests the sag of a cantilever against the Euler–Bernoulli beam with Timoshenko's shear. Linear elements are too stiff in
+/// bending, with an error proportional to their squared size. Two meshes therefore give the extrapolated stiffness.
 #[test]
 fn a_cantilever_sags_as_a_beam() {
     let (density, young_pa, length, height) = (1000.0, 2e7, 0.1, 0.0125);
@@ -187,8 +188,8 @@ fn on_incline(model: Model, angle_rad: f64) -> (System, std::ops::Range<usize>, 
     (System::new(settings(Scheme::Bdf1, GRAVITY), assembly), contacts, area * 1e4)
 }
 
-/// A soft puck on an incline: its contacts bear its weight; it creeps with what pulls it over what sticks, and not at all
-/// with hybrid friction, of which no contact exceeds its cone (thesis Fig. 4.1).
+/// Tests a soft puck on an incline. Its contacts bear its weight, and its creep speed is the ratio of downhill force to
+/// sticking stiffness. With hybrid friction it does not creep, and every contact stays within its cone (thesis Fig. 4.1).
 #[test]
 fn a_soft_puck_stands_on_an_incline() {
     let angle_rad = 15f64.to_radians();

@@ -1,4 +1,4 @@
-//! Particles and springs: strings, cloth and hinges, hanging and lying on solids.
+//! Tests of particles and springs: strings, cloth and hinges, hanging and lying on solids.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Grid, Ground, Sphere};
@@ -28,8 +28,8 @@ fn hold(body: usize, place: Vector3<f64>) -> Anchor {
     Anchor { body: [body], point: Vector3::zeros(), place, stiffness_n_m, damping_n_s_m }
 }
 
-/// A rope of stiff strings between two bolts sags as a catenary: with length L over a span d, 2 a sinh(d / 2a) = L and the
-/// sag is a (cosh(d / 2a) − 1).
+/// Tests that a rope of stiff strings between two bolts sags as a catenary. A length L over a span d gives 2 a sinh(d / 2a) = L
+/// and the sag a (cosh(d / 2a) − 1).
 #[test]
 fn a_rope_hangs_as_a_catenary() {
     let (parts, length, span) = (40, 1.2, 1.0);
@@ -83,7 +83,7 @@ fn a_string_is_slack_until_it_is_taut() {
     }
 }
 
-/// A cloth that falls on a ball, given as distances on a grid, lies on it (thesis Fig. 4.6).
+/// Tests that a cloth falls onto a ball and rests on it (thesis Fig. 4.6). The ball is a grid of distances.
 #[test]
 fn cloth_lies_on_a_solid_of_a_grid() {
     let ball = Sphere { center: Vector3::zeros(), radius_m: 0.15 };
@@ -133,7 +133,8 @@ fn cloth_lies_on_a_solid_of_a_grid() {
     assert!(system.motions().iter().all(|motion| motion.velocity.norm() < 0.05));
 }
 
-/// A soft bar that two balls on one line hold to a rigid body swings about that line, with the period of its pendulum.
+/// Tests a soft bar that two ball joints on one line attach to a rigid body. It swings about that line with the period of a
+/// pendulum.
 #[test]
 fn two_balls_on_a_line_are_a_hinge_between_soft_and_rigid() {
     let mut assembly = Assembly::default();

@@ -1,4 +1,4 @@
-//! A soft object of three tori, one in each plane, in flight and thrown at a slope and a wall (thesis Fig. 4.4).
+//! Tests of a soft object of three tori, one in each plane, in flight and thrown at a slope and a wall (thesis Fig. 4.4).
 
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -15,7 +15,7 @@ const RADIUS_M: f64 = 0.06;
 const TUBE_M: f64 = 0.015;
 const TOLERANCE: f64 = 1e-10;
 
-/// The tori about a place, moving and spinning about it, joined where their middles meet.
+/// Adds three tori about a centre, moving and spinning about it, joined where their tubes meet.
 fn tori(
     assembly: &mut Assembly,
     center: Vector3<f64>,
@@ -54,7 +54,7 @@ fn settings(gravity_m_s2: Vector3<f64>) -> Settings {
     Settings { scheme: Scheme::Bdf2, gravity_m_s2, tolerance: TOLERANCE, ..Settings::default() }
 }
 
-/// Viscosity that knows rotations takes the elastic oscillation, and nothing from the spin.
+/// Tests that viscosity damps the elastic oscillation and does not change the angular momentum.
 #[test]
 fn tori_in_flight_keep_their_angular_momentum() {
     let mut assembly = Assembly::default();
@@ -79,7 +79,7 @@ fn tori_in_flight_keep_their_angular_momentum() {
     assert!(most_j[1] < 0.3 * most_j[0], "{most_j:?} J");
 }
 
-/// The tori above a slope of 20 degrees, thrown at a wall; with the contacts on the two.
+/// Tori above a slope of 20 degrees, thrown at a wall. Also returns the force indices of the contacts with slope and wall.
 fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
     let mut assembly = Assembly::default();
     let (velocity, spin) = (Vector3::new(-1.5, 0.2, 0.0), Vector3::new(0.0, -10.0, 2.0));
@@ -103,8 +103,8 @@ fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
     (System::new(settings(GRAVITY), assembly), on_slope, on_wall)
 }
 
-/// Checks that all steps converge, that the momentum changes by what gravity and the contacts give, and that friction is within
-/// its cones.
+/// Tests that all steps converge, that the momentum changes by the impulse of gravity and contacts, and that friction stays
+/// within its cones.
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {

@@ -1,4 +1,5 @@
-//! Two balls that meet, without friction: the one hands its speed to the other, and so the derivatives of where it goes.
+//! Tests of a frictionless collision of two balls. The first ball transfers its speed to the second, and with it the
+//! derivatives of the final position.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::force::{By, Derivative, Force, View, Wrench};
@@ -6,7 +7,7 @@ use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual};
 use rollwalk_physics::{Assembly, Body, Motion, Scheme, Settings, System};
 
-/// Pushes two balls apart that are nearer to one another than a distance.
+/// Force that pushes two balls apart below a given distance.
 #[derive(Debug)]
 struct Bumper {
     balls: [usize; 2],
@@ -27,7 +28,7 @@ impl Force for Bumper {
         wrenches[1].force += push;
     }
 
-    /// Derivatives for balls that meet head-on.
+    /// Adds the derivatives for balls that meet head-on.
     fn derivatives(&self, view: &View<'_>, wrenches: &mut [Wrench], by: &mut [Derivative]) {
         self.wrenches(view, wrenches);
         let apart = view.now[1].position - view.now[0].position;
@@ -42,7 +43,7 @@ impl Force for Bumper {
 
 const DURATION_S: f64 = 1.0;
 
-/// Derivatives of the last place of the second ball by places and speeds of both.
+/// Derivatives of the second ball's final position with respect to the initial positions and speeds of both balls.
 fn derivatives(stiffness_n_m: f64, steps: u32) -> Vec<f64> {
     let mut assembly = Assembly::default();
     let ball = Body::Particle { mass_kg: 1.0 };
@@ -72,12 +73,12 @@ fn derivatives(stiffness_n_m: f64, steps: u32) -> Vec<f64> {
     rollout.adjoint(place.by.iter().map(|(step, body, by)| (*step, *body, by)))
 }
 
-/// The second ball goes on where the first would be, a diameter ahead: derivatives (1, 0, T, 0). A bumper that takes the
-/// time τ = π √(m/2k) gives (1, 0, T − τ/2, τ/2), which comes to that as it gets harder. Nimble, with a collision in no time,
-/// gave (0.75, 0.25, 0.91, 0.08).
+/// Tests the derivatives of a collision. The second ball continues the motion of the first, one diameter ahead: derivatives (1,
+/// 0, T, 0). A bumper with the contact time τ = π √(m/2k) gives (1, 0, T − τ/2, τ/2), which converges to these values for a
+/// hard bumper. Nimble, with instantaneous collisions, gave (0.75, 0.25, 0.91, 0.08).
 ///
-/// When within a step the balls meet changes their speeds a little, in proportion to the square of the step, but within a
-/// way as short as the step: what is left of it in derivatives is up to 2k/m h.
+/// The time of impact within a step changes the speeds slightly, in proportion to the squared step. This change occurs over a
+/// displacement as short as a step, so that the derivatives have an error of up to 2k/m h.
 #[test]
 fn derivatives_are_handed_over_with_the_speed() {
     for (stiffness_n_m, steps) in [(100.0_f64, 4_000), (1e3, 16_000)] {

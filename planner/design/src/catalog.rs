@@ -1,19 +1,19 @@
-//! The catalogue of servos: real ones with their makers' values, and what a motion may use of them.
+//! Catalogue of servos: makers' values, and the limits that motions may use.
 //!
-//! **Derating.** A maker's stall torque is a peak that is read in an instant, and at stall the motor does nothing but heat; its
-//! speed without load is one at which no torque is left. Motions may use [`SPEED_USED`] of that speed and [`TORQUE_USED`]
-//! of that torque, as the robot files that ship do. Where a maker rates what a drive holds without getting too hot, that counts.
+//! **Derating.** A stall torque is a short peak, at which the motor only heats up. At the no-load speed no torque is left.
+//! Motions may therefore use [`TORQUE_USED`] of the stall torque and [`SPEED_USED`] of the no-load speed, as in the shipped
+//! robot files. A rated torque in the catalogue replaces the derated stall torque.
 
 use rollwalk_robot::document::{Document, DocumentError, Table};
 use std::f64::consts::TAU;
 
-/// Part of the speed without load that motions may use.
+/// Fraction of the no-load speed that joints may use.
 pub const SPEED_USED: f64 = 0.75;
-/// Part of the speed without load that wheels may use: they need hardly any torque on level ground.
+/// Fraction of the no-load speed that wheels may use: wheels need little torque on level ground.
 pub const WHEEL_SPEED_USED: f64 = 0.85;
-/// Part of the stall torque that motions may use.
+/// Fraction of the stall torque that motions may use.
 pub const TORQUE_USED: f64 = 0.60;
-/// Most servos of a catalogue.
+/// Maximum number of servos in a catalogue.
 const SERVOS_MAX: usize = 1000;
 
 /// A servo or drive with position or speed control.
@@ -21,76 +21,76 @@ const SERVOS_MAX: usize = 1000;
 pub struct Servo {
     /// Name in the maker's document.
     pub name: String,
-    /// The maker.
+    /// Name of the maker.
     pub maker: String,
-    /// Supply voltage to which the values belong.
+    /// Supply voltage of the listed values.
     pub voltage_v: f64,
     /// Speed without load.
     pub no_load_speed_rad_s: f64,
-    /// Stall torque; none for drives whose maker rates a torque instead.
+    /// Stall torque; `None` for drives with a rated torque only.
     pub stall_torque_nm: Option<f64>,
-    /// Speed that a joint may have.
+    /// Speed limit of a joint.
     pub speed_max_rad_s: f64,
-    /// Torque that a motion may use.
+    /// Torque limit in a motion.
     pub torque_max_nm: f64,
     /// Mass.
     pub mass_kg: f64,
-    /// The document that the values are from.
+    /// Document with the maker's values.
     pub source: String,
 }
 
-/// Servos by name.
+/// List of servos with unique names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Catalog {
     servos: Vec<Servo>,
 }
 
 impl Servo {
-    /// Speed that a wheel of it may have, rad/s.
+    /// Speed limit of a wheel on this servo, rad/s.
     pub fn wheel_speed_max_rad_s(&self) -> f64 {
         to_thousandth(WHEEL_SPEED_USED * self.no_load_speed_rad_s)
     }
 }
 
 impl Catalog {
-    /// The catalogue that ships.
+    /// Returns the shipped catalogue.
     ///
     /// # Panics
-    /// Never: a test reads what ships.
+    /// Never: a test reads the shipped file.
     pub fn shipped() -> Self {
         Self::from_toml("planner/design/servos.toml", SHIPPED)
             .expect("the catalogue that ships is sound")
     }
 
-    /// Reads a catalogue. `name` is for messages only.
+    /// Parses a catalogue. `name` appears in messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Returns every fault of the text.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(name, text)?;
         let catalog = catalog(&document);
         document.finish(catalog)
     }
 
-    /// The servos, in the order of the file.
+    /// Servos in the order of the file.
     pub fn servos(&self) -> &[Servo] {
         &self.servos
     }
 
-    /// The servo of a name.
+    /// Returns the servo with this name.
     pub fn get(&self, name: &str) -> Option<&Servo> {
         self.servos.iter().find(|servo| servo.name == name)
     }
 }
 
-/// Text of the catalogue that ships.
+/// Text of the shipped catalogue.
 const SHIPPED: &str = include_str!("../servos.toml");
 
 fn catalog(document: &Document<'_>) -> Option<Catalog> {
     let root = document.root();
     let tables = root.tables_up_to("servo", SERVOS_MAX);
     if tables.is_empty() {
-        root.fault("servo", "is missing", "no servos", "write [[servo]] tables");
+        root.fault("servo", "is missing", "no servos", "write at least one [[servo]] table");
     }
     root.done();
     let mut servos: Vec<Servo> = Vec::new();
@@ -98,8 +98,8 @@ fn catalog(document: &Document<'_>) -> Option<Catalog> {
         let span = table.clone();
         let servo = servo(table)?;
         if servos.iter().any(|other| other.name == servo.name) {
-            let problem = format_args!("is \"{}\" a second time", servo.name);
-            span.fault("name", problem, "again", "servos are chosen by name: give each its own");
+            let problem = format_args!("is \"{}\", the name of an earlier servo", servo.name);
+            span.fault("name", problem, "again", "give each servo its own name");
         }
         servos.push(servo);
     }
@@ -118,7 +118,8 @@ fn servo(mut table: Table<'_>) -> Option<Servo> {
     let [stall, rated] = ["stall_torque_nm", "rated_torque_nm"].map(torque);
     table.done();
     let Some(torque_max_nm) = rated.or(stall.map(|stall| TORQUE_USED * stall)) else {
-        let help = "give `stall_torque_nm`, or `rated_torque_nm` where the maker rates one";
+        let help = "give `stall_torque_nm`, or `rated_torque_nm` if the maker states a rated \
+            torque";
         table.fault("stall_torque_nm", "is missing", "no torque", help);
         return None;
     };

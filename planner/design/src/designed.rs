@@ -1,4 +1,4 @@
-//! A robot under design: the robot file at any values of its parameters, with the motions that it is for.
+//! Robot under design: a robot file with parameters, and the motions that the robot must do.
 
 use crate::catalog::Servo;
 use crate::file::{self, DesignFile};
@@ -11,10 +11,10 @@ use rollwalk_robot::document::DocumentError;
 use std::path::Path;
 use toml_edit::DocumentMut;
 
-/// A file that has been read.
+/// Name and content of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedText {
-    /// Name of the file in messages.
+    /// Name of the file, for messages.
     pub name: String,
     /// Content of the file.
     pub text: String,
@@ -32,13 +32,13 @@ impl MotionText {
         Self { document: file.text.parse().unwrap_or_default(), name: file.name }
     }
 
-    /// File name without folder and ending, by which parameters name the motion.
+    /// File name without folder and extension. Parameters refer to the motion by this stem.
     fn stem(&self) -> &str {
         Path::new(&self.name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
     }
 }
 
-/// A robot file with parameters, and motion files.
+/// Robot file with parameters, and motion files.
 #[derive(Clone, Debug)]
 pub struct Designed {
     /// The design file.
@@ -47,30 +47,30 @@ pub struct Designed {
     text: RobotText,
     motions: Vec<MotionText>,
     original: Vec<f64>,
-    /// Error of the original robot if it does not reach the targets of its motions; `None` if it does.
+    /// Error of the original robot if it cannot reach the targets of its motions; `None` if it can.
     beyond: Option<DocumentError>,
 }
 
-/// A robot at some values of the parameters.
+/// Robot at given values of the parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
-    /// Values of the parameters, each in its kind's unit.
+    /// Values of the parameters, in the units of their kinds.
     pub values: Vec<f64>,
-    /// The robot file, comments kept.
+    /// Text of the robot file, comments kept.
     pub text: String,
-    /// The robot that it describes.
+    /// Robot of this text.
     pub robot: Robot,
-    /// The motion files, comments kept.
+    /// Texts of the motion files, comments kept.
     pub motion_texts: Vec<String>,
-    /// The motions, as this robot does them.
+    /// Motions of this robot.
     pub motions: Vec<Motion>,
 }
 
 impl Designed {
-    /// Reads the text of a design file, the robot file and the motion files that it names, which are in its order.
+    /// Reads a design file with its robot file and its motion files. `motions` must be in the order of the design file.
     ///
     /// # Errors
-    /// Everything that is wrong with one of them, and parameters that do not fit the robot.
+    /// Returns the faults of the first invalid file, or the parameters that do not fit the robot.
     pub fn new(
         design: &NamedText,
         robot: NamedText,
@@ -87,7 +87,11 @@ impl Designed {
             let known = || motions.iter().map(MotionText::stem).collect::<Vec<_>>().join(", ");
             let motion = motion.ok_or_else(|| Nothing {
                 problem: format!("the design has no motion file `{stem}`"),
-                help: format!("there are {}: give {}/duration_s, for example", known(), stem),
+                help: format!(
+                    "give one of the motion files {}, as in {}/duration_s",
+                    known(),
+                    stem
+                ),
             })?;
             number::value(&motion.document, &place.name)
         };
@@ -97,8 +101,8 @@ impl Designed {
         Self { file, robot, text, motions, original, beyond: None }.checked()
     }
 
-    /// Checks that the motions fit the original robot, or one with all parameters at their most or all at their least. Targets
-    /// may be beyond the reach of the original.
+    /// Checks that the motions fit a robot of this design: the original, or the one with all parameters at their maximum, or at
+    /// their minimum. The original may be unable to reach the targets.
     fn checked(mut self) -> Result<Self, DocumentError> {
         self.beyond = self.at(&self.original).err();
         if let Some(error) = &self.beyond {
@@ -112,23 +116,23 @@ impl Designed {
         Ok(self)
     }
 
-    /// Error of the original robot if it does not reach the targets of its motions; `None` if it does.
+    /// Error of the original robot if it cannot reach the targets of its motions; `None` if it can.
     pub fn beyond(&self) -> Option<&DocumentError> {
         self.beyond.as_ref()
     }
 
-    /// A robot file and motions of which nothing may change.
+    /// Design without parameters.
     ///
     /// # Errors
-    /// Everything that is wrong with one of them.
+    /// Returns the faults of the first invalid file.
     pub fn fixed(robot: NamedText, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
         Self::with_parameters(robot, motions, Vec::new())
     }
 
-    /// A robot file and motions with parameters of no design file. Those that the robot file does not have are left out.
+    /// Design with parameters that no design file lists. Parameters that the robot file lacks are dropped.
     ///
     /// # Errors
-    /// Everything that is wrong with one of the files.
+    /// Returns the faults of the first invalid file.
     pub fn with_parameters(
         robot: NamedText,
         motions: Vec<NamedText>,
@@ -143,59 +147,59 @@ impl Designed {
         Self { file, robot, text, motions, original, beyond: None }.checked()
     }
 
-    /// The same with other motions.
+    /// Replaces the motions.
     ///
     /// # Errors
-    /// They do not fit the robot.
+    /// If the motions do not fit the robot.
     pub fn with_motions(mut self, motions: Vec<NamedText>) -> Result<Self, DocumentError> {
         self.motions = motions.into_iter().map(MotionText::new).collect();
         self.checked()
     }
 
-    /// The same with the speed, torque and torque-speed line of another servo in an actuator of the robot file, and with its mass
-    /// in the parts that are this actuator.
+    /// Replaces the servo of an actuator in the robot file: speed limit, torque limit, torque-speed line, and the mass of the
+    /// parts that name the actuator.
     ///
     /// # Errors
-    /// The robot file breaks a rule with it.
+    /// If the changed robot file breaks a rule.
     pub fn with_servo(mut self, actuator: &str, servo: &Servo) -> Result<Self, DocumentError> {
         self.text.set_servo(actuator, servo);
         self.checked()
     }
 
-    /// Model of an actuator of the robot file; `None` if it has none of this name.
+    /// Model of an actuator in the robot file; `None` if the file has no actuator with this name.
     pub fn model_of(&self, actuator: &str) -> Option<&str> {
         self.text.model_of(actuator)
     }
 
-    /// A warning if no part of the robot file is this actuator, so that the mass stays as it is with another servo.
+    /// Warning if no part of the robot file names this actuator. Another servo then leaves the masses unchanged.
     pub fn mass_unknown(&self, actuator: &str) -> Option<String> {
         let known = !self.text.clone().parts_of(actuator).is_empty();
         (!known).then(|| {
             format!(
-                "warning: no part of {} has actuator = \"{actuator}\": masses stay as they are with another servo \
-                 (docs/robot-files.md)",
+                "warning: no part of {} has actuator = \"{actuator}\", so another servo does not \
+                 change the masses (docs/robot-files.md)",
                 self.robot.name
             )
         })
     }
 
-    /// Present value of a place in the robot file.
+    /// Present value of a parameter in the robot file.
     ///
     /// # Errors
-    /// The robot has no such part.
+    /// If the robot lacks the part that the parameter changes.
     pub fn value_of(&self, place: &Place) -> Result<f64, Nothing> {
         self.text.clone().value(place)
     }
 
-    /// Values of the parameters in the robot file.
+    /// Values of the parameters in the original robot file.
     pub fn original(&self) -> &[f64] {
         &self.original
     }
 
-    /// The robot at other values, within their bounds or not.
+    /// Builds the robot at other values, which may exceed the bounds of the parameters.
     ///
     /// # Errors
-    /// It breaks a rule of robot files, or a motion file does not fit it any more.
+    /// If the robot file breaks a rule at these values, or a motion file does not fit the robot.
     pub fn at(&self, values: &[f64]) -> Result<Variant, DocumentError> {
         let mut text = self.text.clone();
         // Templates of all limbs first: later some limbs have copies.
@@ -224,10 +228,10 @@ impl Designed {
         Ok(Variant { values: values.to_vec(), text, robot, motion_texts, motions })
     }
 
-    /// Neighbours on either side of some values along a parameter, from which derivatives by it are taken.
+    /// Returns the two robots for central differences with respect to one parameter.
     ///
     /// # Errors
-    /// As [`at`](Self::at).
+    /// Returns the errors of [`at`](Self::at).
     pub fn around(&self, values: &[f64], parameter: usize) -> Result<Neighbours, DocumentError> {
         let half = HALF_DIFFERENCE * self.unit(parameter);
         let at = |by: f64| {
@@ -238,9 +242,8 @@ impl Designed {
         Ok(Neighbours { ahead: at(half)?, behind: at(-half)?, apart: 2.0 * half })
     }
 
-    /// A change of a parameter that is small, but not very small: 1 cm, 0.1 rad, a tenth of a limit, a mass or a number of a
-    /// motion. Parameters are
-    /// compared in these units.
+    /// Unit of change of a parameter: 0.01 m, 0.1 rad, or 10 % of a speed, torque, mass or motion value. Changes of different
+    /// parameters are compared in these units.
     pub fn unit(&self, parameter: usize) -> f64 {
         match self.file.parameters[parameter].place.kind {
             Kind::Tilt => 0.1,
@@ -251,10 +254,10 @@ impl Designed {
     }
 }
 
-/// Distance of a neighbour, in units of its parameter.
+/// Half of the step of central differences, in units of the parameter.
 const HALF_DIFFERENCE: f64 = 1e-3;
 
-/// Neighbours of a robot along one parameter.
+/// Robots on both sides of a design, for central differences with respect to one parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Neighbours {
     ahead: Variant,
@@ -263,7 +266,7 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Parameter of the plan of one of the motions, on that plan's samples.
+    /// Parameter for the sensitivity of one plan. `motions` comes from [`motions`](Self::motions).
     pub fn of_motion<'a>(&'a self, motions: &'a [Motion; 2]) -> Parameter<'a> {
         let [ahead, behind] = motions;
         Parameter {
@@ -273,13 +276,13 @@ impl Neighbours {
         }
     }
 
-    /// A motion as the neighbours do it, on the samples of a plan.
+    /// Motion `index` of both neighbours, on the samples of `planned`.
     pub fn motions(&self, index: usize, planned: &Motion) -> [Motion; 2] {
         [&self.ahead, &self.behind].map(|variant| on_samples_of(&variant.motions[index], planned))
     }
 }
 
-/// A motion on the samples of a plan of it: plans may have more than their motion files ask for.
+/// Copies a motion onto the samples of its plan. A plan may have more samples than its motion file requests.
 pub fn on_samples_of(motion: &Motion, planned: &Motion) -> Motion {
     Motion { stance: planned.stance.clone(), ..motion.clone() }
 }

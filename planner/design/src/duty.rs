@@ -1,4 +1,4 @@
-//! Duty of the motors in the motions of a design, and the servos that suffice for it.
+//! Duty of the motors in the motions of a design, and the servos that suffice.
 
 use crate::catalog::{Catalog, Servo};
 use crate::plans::Plans;
@@ -7,28 +7,28 @@ use rollwalk_planner::sample::{PlanSpline, driven_wheels};
 use rollwalk_planner::torque::InverseDynamics;
 use rollwalk_robot::Actuator;
 
-/// Times per second at which motors are looked at: those of motion libraries.
+/// Sampling rate of the duty, Hz: the frame rate of motion libraries.
 const RATE_HZ: f64 = 60.0;
 
-/// Required speeds and torques of the motors of one model, which move joints or wheels.
+/// Required speeds and torques of all motors of one model, either in joints or in wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Duty {
-    /// Model of the actuator, as the robot file has it.
+    /// Model of the actuator in the robot file.
     pub model: String,
-    /// True if the motors turn wheels.
+    /// True if the motors drive wheels.
     pub wheels: bool,
-    /// Names of the joints and wheels that it drives.
+    /// Names of the driven joints or wheels.
     pub motors: Vec<String>,
     /// Largest speed in any motion, rad/s.
     pub speed_rad_s: f64,
     /// Largest torque in any motion, N·m.
     pub torque_nm: f64,
-    /// Speeds and torques at once, amounts.
+    /// Simultaneous absolute speeds and torques, `[rad/s, N·m]`.
     points: Vec<[f64; 2]>,
 }
 
 impl Duty {
-    /// True if a servo suffices: largest speed and torque, and the torque-speed line of a motor.
+    /// Returns true if the speed limit, the torque limit and the torque-speed line of a servo suffice.
     pub fn can(&self, servo: &Servo) -> bool {
         let on_line = |[speed, torque]: &[f64; 2]| {
             let stall = servo.stall_torque_nm.map_or(0.0, |stall| torque / stall);
@@ -41,7 +41,7 @@ impl Duty {
             && self.points.iter().all(on_line)
     }
 
-    /// Servos of a catalogue that can do it, lightest first.
+    /// Servos of a catalogue that suffice, lightest first.
     pub fn servos<'c>(&self, catalog: &'c Catalog) -> Vec<&'c Servo> {
         let mut servos: Vec<&Servo> =
             catalog.servos().iter().filter(|servo| self.can(servo)).collect();
@@ -50,7 +50,7 @@ impl Duty {
     }
 }
 
-/// Duties of the motors of a design in its motions, by model.
+/// Computes the duties of the motors in all motions of a design, by model.
 pub fn duties(plans: &Plans) -> Vec<Duty> {
     let mut duties: Vec<Duty> = Vec::new();
     for plan in plans.plans() {
@@ -88,8 +88,8 @@ pub fn duties(plans: &Plans) -> Vec<Duty> {
     duties
 }
 
-/// Speeds and torques of each motor, joints first, then driven wheels, as a library has them: it keeps speeds of wheels and
-/// torques within their limits.
+/// Samples absolute speed and torque of each motor: joints first, then driven wheels. Wheel speeds and all torques are clamped
+/// to their limits, as in a motion library.
 fn points(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
     let (spline, mut inverse) = (PlanSpline::new(plan), InverseDynamics::new(plan));
     let robot = &plan.robot;

@@ -1,4 +1,4 @@
-//! Design files: what may change about a robot, within which bounds, beside its robot file.
+//! Design files: parameters of a robot file with their bounds, and the goal of a design.
 //!
 //! ```toml
 //! name = "agilebot_legs"
@@ -10,7 +10,7 @@
 //! length_of = "leg/*_thigh"   # template/link; other keys: parameter.rs
 //! min_m = 0.09
 //! max_m = 0.16
-//! step_m = 0.001              # of what can be made
+//! step_m = 0.001              # manufacturing step
 //!
 //! [[parameter]]
 //! name = "track"
@@ -21,16 +21,16 @@
 //! [[parameter]]
 //! name = "front_shank"
 //! length_of = "leg/*_shank"
-//! limbs = ["front_left", "front_right"]   # these get a template of their own
+//! limbs = ["front_left", "front_right"]   # these limbs get their own template
 //! min_m = 0.09
 //! max_m = 0.16
 //!
-//! [goal]                      # of `optimise`
+//! [goal]                      # for `optimise`
 //! minimise = { peak_joint_speed = 1.0 }
 //! keep = { peak_joint_torque_nm = 1.8 }
 //!
-//! [repair]                    # of a robot that cannot do a motion
-//! pull = 3e-3                 # price of a change; larger ones change less, and more evenly
+//! [repair]                    # if the robot cannot do a motion
+//! pull = 3e-3                 # price of a change; larger prices give smaller and more even changes
 //! ```
 
 use crate::goal::Goal;
@@ -38,71 +38,72 @@ use crate::parameter::{Axis, Kind, Place};
 use crate::text::Nothing;
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
-/// Most parameters of a design.
+/// Maximum number of parameters in a design.
 const PARAMETERS_MAX: usize = 64;
-/// Most motions of a design.
+/// Maximum number of motions in a design.
 const MOTIONS_MAX: usize = 32;
 
-/// Parameters of a robot that may change, and the motions that they change for.
+/// Parameters of a robot, and the motions of the design.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DesignFile {
     /// Name of the design.
     pub name: String,
     /// Path of the robot file, relative to the design file.
     pub robot: String,
-    /// The motions.
+    /// Motions of the design, with weights.
     pub motions: Vec<WeightedMotion>,
-    /// The parameters; never empty.
+    /// Parameters; never empty.
     pub parameters: Vec<Parameter>,
     /// Goal of the optimisation, if the file has one.
     pub goal: Option<Goal>,
-    /// Price of a change in a repair, per square of a parameter's unit, if it says so.
+    /// Price of a change in a repair, per squared unit of a parameter; `None` if the file has no `[repair]`.
     pub repair_pull: Option<f64>,
 }
 
-/// The least step of a parameter, in its unit.
+/// Smallest manufacturing step of a parameter, in the unit of its kind.
 const STEP_LEAST: f64 = 1e-6;
 
-/// A motion that a design is for.
+/// Motion of a design with its weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightedMotion {
-    /// Path of its file, relative to the design file.
+    /// Path of the motion file, relative to the design file.
     pub file: String,
-    /// Weight of the motion in objectives.
+    /// Weight of the motion in the objective.
     pub weight: f64,
 }
 
-/// A parameter with its bounds, in its kind's unit.
+/// Parameter with its bounds, in the unit of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Name in the design file.
     pub name: String,
-    /// Number that the parameter changes.
+    /// Number in the robot file or motion file that the parameter changes.
     pub place: Place,
-    /// Least value.
+    /// Lower bound.
     pub min: f64,
-    /// Largest value.
+    /// Upper bound.
     pub max: f64,
-    /// Step of what can be made; results are rounded to it.
+    /// Manufacturing step. Results are rounded to its multiples.
     pub step: Option<f64>,
 }
 
 impl DesignFile {
-    /// Reads a design file. `file_name` is for messages only.
+    /// Parses a design file. `file_name` appears in messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with the file itself.
+    /// Returns every fault of the design file itself.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let design = design(&document);
         document.finish(design)
     }
 
-    /// Checks the parameters against a robot file and motion files: every one changes something of them, no two the same, and
-    /// its values are within the bounds. `value` has the present ones.
+    /// Checks the parameters against the robot file and the motion files, and returns their present values. Each parameter must
+    /// change an existing number, no two may change the same one, and the present value must be within the bounds. `value`
+    /// returns the present value of a parameter.
     ///
     /// # Errors
-    /// Parameters that do not fit.
+    /// Returns the parameters that do not fit.
     pub fn check(
         &self,
         file_name: &str,
@@ -126,7 +127,10 @@ impl DesignFile {
                 }
                 Ok(value) if !(*min..=*max).contains(&value) => {
                     let unit = place.kind.unit().0;
-                    let help = format!("it is {value} {unit} in its file: include it");
+                    let help = format!(
+                        "widen the bounds to include {value} {unit}, the value in \
+                        the file"
+                    );
                     let problem = format_args!(
                         "of parameter `{name}` is {value} {unit}, outside its bounds {min} to {max}"
                     );
@@ -137,9 +141,11 @@ impl DesignFile {
             if let Some(other) =
                 self.parameters[..index].iter().find(|other| other.place.meets(place))
             {
-                let problem =
-                    format_args!("of parameter `{name}` changes what `{}` changes", other.name);
-                table.fault(key, problem, "again", "leave one of them out");
+                let problem = format_args!(
+                    "of parameter `{name}` changes the same value as `{}`",
+                    other.name
+                );
+                table.fault(key, problem, "again", "leave out one of the two parameters");
             }
         }
         document.finish(Some(values))
@@ -154,7 +160,13 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
         root.tables_up_to("motions", MOTIONS_MAX).iter().map(motion).collect::<Option<_>>();
     let tables = root.tables_up_to("parameter", PARAMETERS_MAX);
     if tables.is_empty() {
-        root.fault("parameter", "is missing", "nothing may change", "write [[parameter]] tables");
+        root.fault(
+            "parameter",
+            "is missing",
+            "no parameters",
+            "write at least one [[parameter]] \
+            table",
+        );
     }
     let parameters = tables.into_iter().map(parameter).collect::<Vec<_>>();
     let names = parameters.iter().flatten().map(|of| of.name.clone()).collect::<Vec<_>>();
@@ -199,8 +211,13 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
     let given: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| table.has(kind.key())).collect();
     let [kind] = given[..] else {
         let keys: Vec<&str> = Kind::ALL.iter().map(|kind| kind.key()).collect();
-        let problem = if given.is_empty() { "changes nothing" } else { "changes several things" };
-        let help = format!("give one of {}", keys.join(", "));
+        let problem = if given.is_empty() {
+            "belongs to a parameter that changes nothing"
+        } else {
+            "belongs \
+            to a parameter that changes several values"
+        };
+        let help = format!("give exactly one of {}", keys.join(", "));
         table.fault("name", problem, "one kind of change", help);
         return None;
     };
@@ -212,15 +229,15 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
     let [min_value, max_value] = [bounds[0]?, bounds[1]?];
     if min_value >= max_value {
         let problem = format_args!("is {max_value}, not above `{min}` = {min_value}");
-        table.fault(max, problem, "no room", "give the least value first");
+        table.fault(max, problem, "no room", "give a value above the lower bound");
     }
     if kind.is_positive() && min_value <= 0.0 {
-        let problem = format_args!("is {min_value}, and must be above 0");
-        table.fault(min, problem, "nothing is left", "give the least that can be made");
+        let problem = format_args!("is {min_value}; expected a value above 0");
+        table.fault(min, problem, "not above 0", "give the smallest value that can be made");
     }
     if step_given.is_some_and(|step| step < STEP_LEAST) {
         let problem = format_args!("must be at least {STEP_LEAST}");
-        let help = "give the smallest change that can be made, or leave it out";
+        let help = "give the smallest change that can be made, or leave out the step";
         table.fault(step, problem, "no step", help);
     }
     Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })
@@ -233,7 +250,7 @@ fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
         (false, _) => (given.as_str(), None),
         (true, Some((part, letter))) if Axis::of(letter).is_some() => (part, Axis::of(letter)),
         (true, _) => {
-            let help = format!("add the coordinate, `{given}.x`, `.y` or `.z`");
+            let help = format!("add the coordinate: `{given}.x`, `.y` or `.z`");
             table.fault(key, format_args!("is \"{given}\", without a coordinate"), "which?", help);
             return None;
         }

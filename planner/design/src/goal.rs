@@ -1,27 +1,26 @@
-//! Goal of a design: the `[goal]` of a design file.
+//! `[goal]` table of a design file.
 
 use rollwalk_planner::sensitivity::Objective;
 use rollwalk_robot::document::{NamedNumber, Table};
 
-/// Pull towards the original design, if a file names none: a part of the objective per square of a unit of a parameter. A
-/// change of 5 cm counts as much as a thousandth of the objective.
+/// Default pull towards the original design, per squared unit of a parameter. A change of 5 cm then costs a thousandth of the
+/// objective.
 const PULL: f64 = 4e-5;
 
 /// Quantities to minimise, and bounds to keep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Objectives with their weights; each is compared with its value at the original design.
+    /// Objectives with their weights. Each value is divided by its value at the original design.
     pub minimise: Vec<(Objective, f64)>,
-    /// Parameters by index with their weights, as shares of their original values; negative weights for those that shall be
-    /// large.
+    /// Indices of parameters with their weights. Each parameter is divided by its original value. A negative weight maximises.
     pub parameters: Vec<(usize, f64)>,
-    /// Quantities that must not exceed a number, in their units, in any motion.
+    /// Quantities with their upper bounds, which apply to every motion.
     pub keep: Vec<(Objective, f64)>,
-    /// Price of a change, as a part of the objective per square of a parameter's unit.
+    /// Price of a change, as a fraction of the objective per squared unit of a parameter.
     pub pull: f64,
 }
 
-/// An objective as people know it.
+/// Objective with its names and unit in design files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
     /// Objective of the planner.
@@ -30,9 +29,9 @@ pub struct Quantity {
     pub name: &'static str,
     /// Name in `keep`, with its unit.
     pub bound: &'static str,
-    /// Symbol of its unit; empty for none.
+    /// Symbol of the unit; empty for dimensionless quantities.
     pub unit: &'static str,
-    /// Value below which changes are not compared with it: a steady motion has next to nothing of it.
+    /// Smallest reference value. It prevents division by a value near 0, such as the power of a steady motion.
     pub little: f64,
 }
 
@@ -45,7 +44,7 @@ impl Quantity {
         Self { objective, name, bound, unit, little }
     }
 
-    /// Quantities of all objectives.
+    /// List of the quantities, one for each objective.
     pub const ALL: [Self; 6] = [
         Self::new(Objective::PlanCost, ["plan_cost", "plan_cost", ""], 1e-3),
         Self::new(
@@ -71,7 +70,7 @@ impl Quantity {
 }
 
 impl Goal {
-    /// Reads a `[goal]` table of a design with these parameters.
+    /// Parses the `[goal]` table. `parameters` are the names of the design's parameters.
     pub(crate) fn read(table: &Table<'_>, parameters: &[String]) -> Option<Self> {
         let read = |key, names: &[&'static str], parameters: &[String]| match table.has(key) {
             true => list(table, key, names, parameters),
@@ -99,14 +98,14 @@ impl Goal {
     }
 }
 
-/// Quantities, and parameters by index, with their numbers.
+/// Quantities and parameter indices, with the values of the file.
 #[derive(Default)]
 struct Lists {
     quantities: Vec<(Objective, f64)>,
     parameters: Vec<(usize, f64)>,
 }
 
-/// Quantities by these names and parameters of an inline table, with their positive numbers.
+/// Parses an inline table of positive values, keyed by quantity or parameter.
 fn list(
     table: &Table<'_>,
     key: &'static str,

@@ -1,15 +1,14 @@
-//! Semi-automatic design (thesis 2.5.2): some parameters are given, the others change so that a feature of the motions stays.
+//! Semi-automatic design (thesis 2.5.2): some parameters are given; the others change so that a feature of the motions stays.
 //!
-//! To first order the feature f of the optimal plan changes by J Δp. Of the changes within the bounds the one is taken that
-//! minimises
+//! To first order, the feature f of the optimal plan changes by J Δp. The free parameters minimise, within their bounds,
 //!
 //! ```text
 //! ‖J (Δp_given + Δp_free) + f(p) − f(p₀)‖² + (δ‖J‖)² ‖Δp_free‖²
 //! ```
 //!
-//! The drift f(p) − f(p₀) of steps before has the sign that takes it back; Eq. 2.22 has it with the other one, which doubles it
-//! with every step. Without the damping δ the least squares has no unique solution, and every part moves by centimetres for
-//! hundredths of a degree.
+//! The drift f(p) − f(p₀) of the previous steps enters with the sign that cancels it. Eq. 2.22 prints the opposite sign, which
+//! doubles the drift in every step. Without the damping δ the least-squares problem has no unique solution. Every part would
+//! then move by centimetres to gain hundredths of a degree.
 
 use crate::designed::{Designed, on_samples_of};
 use crate::plans::{Failed, Plans, Watch, unless_interrupted};
@@ -18,18 +17,18 @@ use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::sensitivity::{Change, Design, Feature, Optimal};
 use rollwalk_planner::{Options, Progress};
 
-/// Damping δ of free parameters, in their units.
+/// Damping δ of the free parameters, in their units.
 const DAMPING: f64 = 1e-2;
-/// Steps in which a change is made.
+/// Number of steps that divide the given change.
 const STEPS: usize = 4;
-/// Part of the drift that a step takes back: all of it. Eq. 2.22 as printed has −1.
+/// Fraction of the drift that a step cancels. Eq. 2.22 as printed has −1.
 const TAKEN_BACK: f64 = 1.0;
 
-/// Changes the parameters `given` to their values and all others so that a feature of all motions stays as it is in `plans`.
-/// The result is on the samples of `plans`, not refined and not rounded.
+/// Sets the parameters `given`, and changes the others so that a feature of all motions stays as in `plans`. The result has the
+/// samples of `plans`. It is neither refined nor rounded.
 ///
 /// # Errors
-/// A plan has no derivatives, a robot on the way cannot do a motion, or the caller stops it.
+/// If a plan has no derivatives, an intermediate robot cannot do a motion, or the caller stops the work.
 pub fn keep(
     designed: &Designed,
     plans: &Plans,
@@ -40,7 +39,7 @@ pub fn keep(
     keep_in(STEPS, TAKEN_BACK, designed, plans, given, feature, watch)
 }
 
-/// [`keep`] in any number of steps, with any part of the drift taken back in each.
+/// [`keep`] with a given number of steps and a given cancelled fraction of the drift.
 fn keep_in(
     steps: usize,
     taken_back: f64,
@@ -75,7 +74,7 @@ fn keep_in(
     Ok(here)
 }
 
-/// The damped least squares step of the free parameters, in their units.
+/// Damped least-squares step of the free parameters, in their units.
 fn least_change(
     designed: &Designed,
     values: &[f64],
@@ -107,13 +106,13 @@ fn least_change(
     quadratic.minimum().map(|(step, _)| step)
 }
 
-/// Feature of the motions, linear in the parameters.
+/// Linearisation of the feature in the parameters.
 struct Linear {
-    /// Optimum of each motion, and its change per unit of each parameter.
+    /// Optimum of each motion, and the change of the plan with respect to each parameter.
     optima: Vec<(Optimal, Vec<Change>)>,
-    /// The feature, all motions one after the other.
+    /// Feature values of all motions, concatenated.
     feature: Vec<f64>,
-    /// Change of the feature per unit of each parameter.
+    /// Jacobian of the feature, per unit of each parameter.
     jacobian: DMatrix<f64>,
 }
 
@@ -143,7 +142,8 @@ impl Linear {
         Ok(linear)
     }
 
-    /// Plans of a step, in units, from where the optima go.
+    /// Replans all motions after `step`, which is in units of the parameters. Each solve starts at the linearly predicted
+    /// optimum.
     fn follow(
         &self,
         designed: &Designed,

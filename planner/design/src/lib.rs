@@ -1,23 +1,23 @@
-//! Designs: what may change about a robot, and the robot file that comes of a change (thesis 2.5).
+//! Robot design (thesis 2.5): parameters of a robot file, and the motions that depend on them.
 //!
-//! A parameter changes numbers of the robot *file*, from which the robot is read again. So a design means exactly what the file
-//! says that is written in the end, templates and mirrored sides included, and comments stay.
+//! A parameter changes values of the robot *file*, and the robot is parsed again from the changed text. A design is therefore
+//! exactly the file that is finally written, with templates and mirrored sides. Comments stay.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | [`catalog`] | servos that can be bought, and what motions may use of them |
-//! | [`designed`] | a robot under design: its file at any values of the parameters, with its motions |
-//! | [`duty`] | what motors must do, and which servos would do it |
-//! | [`file`](mod@file) | design files: parameters with their bounds, beside a robot file |
-//! | [`goal`] | what a design is optimised for |
+//! | [`catalog`] | servos on the market, and the limits that motions may use |
+//! | [`designed`] | robot under design: its file at any values of the parameters, and its motions |
+//! | [`duty`] | required speeds and torques of the motors, and the servos that suffice |
+//! | [`file`](mod@file) | design files: parameters with their bounds |
+//! | [`goal`] | goal of an optimisation |
 //! | [`keep`](mod@keep) | semi-automatic changes: some parameters are given, the others keep a feature of the motions |
-//! | [`made`] | the design that can be made around one that was found |
-//! | [`optimise`](mod@optimise) | parameters with which the motions are best |
+//! | [`made`] | rounding of a result to manufacturing steps |
+//! | [`optimise`](mod@optimise) | optimisation of the parameters |
 //! | [`parameter`] | kinds of parameters |
 //! | [`plans`] | plans of all motions of a design |
-//! | [`repair`](mod@repair) | the least change after which motions can be done that cannot be done as it is |
-//! | [`sweep`] | sweeps over designs, in parts that know nothing of each other |
-//! | [`text`] | a robot file in which parameters change numbers |
+//! | [`repair`](mod@repair) | smallest change that makes infeasible motions feasible |
+//! | [`sweep`] | sweeps over designs, in independent chains |
+//! | [`text`] | text of a robot file with changeable values |
 //!
 //! ```
 //! use rollwalk_design::parameter::Place;

@@ -1,4 +1,4 @@
-//! The design that can be made: parameters at multiples of their steps, around those that were found.
+//! Rounding of a design: parameters at multiples of their manufacturing steps, near the optimum.
 
 use crate::designed::Designed;
 use crate::file::Parameter;
@@ -8,20 +8,21 @@ use rollwalk_planner::Weights;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sensitivity::Objective;
 
-/// Roundings that are compared by what they are predicted to be worth: all of six parameters.
+/// Maximum number of roundings whose merits are predicted: 2⁶, all roundings of six parameters.
 const COMPARED: usize = 64;
-/// Roundings that are planned, at most.
+/// Maximum number of roundings that are planned.
 const PLANNED: usize = 8;
-/// Part of a bound by which a quantity may be beyond it: plans of a solve that starts elsewhere differ by as much.
+/// Relative excess over a bound that is accepted. Solves from different starts differ by this much.
 const OPEN: f64 = 1e-4;
 
 impl Designed {
-    /// Values brought to multiples of what can be made, and within their bounds.
+    /// Rounds values to the nearest multiples of the manufacturing steps within the bounds.
     pub fn rounded(&self, values: &[f64]) -> Vec<f64> {
         self.roundings(values).swap_remove(0)
     }
 
-    /// Values brought to multiples of what can be made on either side, within their bounds: the nearest first.
+    /// Rounds values to multiples of the manufacturing steps within the bounds, in both directions. The nearest combination
+    /// comes first.
     pub fn roundings(&self, values: &[f64]) -> Vec<Vec<f64>> {
         // The nearest and the other neighbour of each parameter, with how much further that is, in steps.
         let of_each = self.file.parameters.iter().zip(values);
@@ -43,12 +44,14 @@ impl Designed {
         sets.into_iter().map(|(_, set)| set).collect()
     }
 
-    /// Plans of a design around `found` that can be made. Of the nearest designs those are planned first of which `predicted` is
-    /// least, and taken to their optima. The first is taken with which all motions hold and keep the bounds of the goal, if the
-    /// design file has one. If there is none, motions that hold are worth more than bounds.
+    /// Plans the best design near `found` on the manufacturing steps.
+    ///
+    /// The roundings with the least `predicted` merit are planned and polished. The first design is returned whose motions all
+    /// pass the checks and keep the bounds of the goal. If there is none, the result is the design with the least excess over
+    /// the bounds; designs whose motions pass the checks have priority.
     ///
     /// # Errors
-    /// There is no robot at these values, or the caller stops it.
+    /// If the robot is invalid at these values, or the caller stops the work.
     pub fn made(
         &self,
         found: &Plans,
@@ -84,7 +87,7 @@ impl Designed {
         Ok(plans)
     }
 
-    /// Quantities that the goal of the design file keeps, for each motion that has them.
+    /// Returns the bounded quantities of the goal for each motion that defines them.
     pub fn kept(&self, plans: &Plans) -> Vec<Kept> {
         let Some(goal) = &self.file.goal else { return Vec::new() };
         let of_plan = |plan: &Plan| {
@@ -105,33 +108,33 @@ impl Designed {
     }
 }
 
-/// A quantity of a motion that must not exceed its bound.
+/// Quantity of a motion with an upper bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept {
     /// Name of the motion.
     pub motion: String,
-    /// Quantity that is kept.
+    /// Bounded quantity.
     pub quantity: Quantity,
-    /// Value in the plan; NaN without one.
+    /// Value in the plan; NaN if the motion has no plan.
     pub value: f64,
-    /// Largest value.
+    /// Upper bound.
     pub bound: f64,
 }
 
 impl Kept {
-    /// Excess over the bound, as a part of the bound; negative within.
+    /// Relative excess over the bound; negative within the bound.
     pub fn excess(&self) -> f64 {
         self.value / self.bound - 1.0
     }
 
-    /// True if the value is within its bound, to the accuracy of a solve.
+    /// Returns true if the value is within its bound, to the accuracy of a solve.
     pub fn is_within(&self) -> bool {
         self.excess() <= OPEN
     }
 }
 
-/// The nearest multiple of a parameter's step within its bounds; the one on the other side of a value, and how many steps further
-/// away it is.
+/// Neighbouring multiples of a parameter's step within its bounds. The first is the nearest one. The second is the multiple on
+/// the other side of `value`, with its additional distance in steps.
 fn neighbours(of: &Parameter, value: f64) -> (f64, Option<(f64, f64)>) {
     let Some(step) = of.step else { return (value.clamp(of.min, of.max), None) };
     // Multiples of a step of which its reciprocal is whole are decimals as they are written.

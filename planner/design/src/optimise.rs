@@ -1,14 +1,15 @@
-//! Automatic design (thesis 2.5.3): parameters within their bounds with which the motions are best.
+//! Automatic design (thesis 2.5.3): optimises the parameters within their bounds.
 //!
-//! Sequential quadratic programming. One adjoint solve gives the gradient of each objective and of each kept quantity
-//! ([`Optimal::gradients`](rollwalk_planner::sensitivity::Optimal::gradients)), BFGS the curvature. Steps stay within a trust region of a
-//! centimetre or two, because plans change smoothly that far only. A step is taken if the merit falls,
+//! The method is sequential quadratic programming. One adjoint solve gives the gradient of each objective and of each bounded
+//! quantity ([`Optimal::gradients`](rollwalk_planner::sensitivity::Optimal::gradients)). BFGS updates give the curvature. A
+//! trust region of one or two centimetres limits the steps, because plans change smoothly only over that distance. A step is
+//! accepted if it lowers the merit
 //!
 //! ```text
 //! Σ_motions Σ_objectives w q(p) / q(p₀) + Σ_parameters w p / p₀ + pull ‖Δp‖² + μ Σ max(0, kept / bound − 1),    μ = 10
 //! ```
 //!
-//! A robot that cannot do one of the motions is no step, however good it is at the others.
+//! A step is rejected if the robot cannot do one of the motions.
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
@@ -18,59 +19,60 @@ use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::Weights;
 use rollwalk_planner::sensitivity::{Curvature, Objective};
 
-/// Trust region, in units of the parameters: at first, at most, and when no smaller step is tried.
+/// Initial radius of the trust region, in units of the parameters.
 const TRUST: f64 = 1.0;
+/// Maximum radius of the trust region.
 const TRUST_MAX: f64 = 2.0;
+/// Radius of the trust region below which the search ends.
 const TRUST_MIN: f64 = 0.02;
-/// Steps that are taken at most.
+/// Maximum number of accepted steps.
 const STEPS_MAX: usize = 15;
-/// Gain of the merit below which a step is not worth planning, and a design is not better.
+/// Smallest gain of the merit. A smaller predicted gain ends the search; a smaller actual gain does not make a design better.
 const GAIN_MIN: f64 = 2e-4;
-/// Curvature to begin with, per square of a unit.
+/// Initial curvature of the merit, per squared unit of a parameter.
 const CURVATURE: f64 = 1e-2;
 
-/// A design that was tried and taken.
+/// Accepted design of an optimisation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// Values of the parameters.
     pub values: Vec<f64>,
-    /// The merit.
+    /// Merit of the design.
     pub merit: f64,
-    /// Values of the objectives, then of what is kept, of each motion.
+    /// Values of the objectives, then of the bounded quantities, for each motion.
     pub quantities: Vec<Vec<f64>>,
 }
 
 /// Result of an optimisation.
 #[derive(Clone, Debug)]
 pub struct Optimised {
-    /// The designs, from the original one on.
+    /// Accepted designs; the first is the original one.
     pub steps: Vec<Step>,
-    /// Plans of the last, on the samples of the first.
+    /// Plans of the final design, on the samples of the original plans.
     pub plans: Plans,
-    /// The merit around the last.
+    /// Merit and its gradient at the final design.
     merit: Merit,
-    /// Names of motions that robots could not do which were tried on the way, with what their plans came to.
+    /// Reasons for which trial designs were rejected, such as a motion that the robot cannot do.
     pub lost: Vec<String>,
-    /// Gain of the merit, and the predicted one, summed over all steps that were tried and planned.
+    /// Actual and predicted gain of the merit, each summed over all planned trial steps.
     gains: [f64; 2],
-    /// Names of motions whose derivatives are estimates with the curvature of Gauss and Newton.
+    /// Names of motions whose derivatives are estimates, from the Gauss–Newton curvature.
     pub estimated: Vec<String>,
 }
 
 impl Optimised {
-    /// Gain of the merit by the gain that slopes and curvature predicted, over all steps that were tried and planned; `None`
-    /// without one.
+    /// Ratio of the actual to the predicted gain of the merit, over all planned trial steps. `None` if no step was planned.
     pub fn gain_of_predicted(&self) -> Option<f64> {
         let [gain, predicted] = self.gains;
         (predicted > 0.0).then(|| gain / predicted)
     }
 
-    /// True if another step might have improved the design: the limit of steps was reached.
+    /// Returns true if the search ended at the limit of steps, so that another step might have improved the design.
     pub fn is_cut_short(&self) -> bool {
         self.steps.len() > STEPS_MAX
     }
 
-    /// Predicted merit near the last design, from its slopes there.
+    /// Predicts the merit near the final design to first order.
     pub fn predicted(&self, designed: &Designed, values: &[f64]) -> f64 {
         let here = &self.plans.variant.values;
         let change = |k: usize, _| (values[k] - here[k]) / designed.unit(k);
@@ -78,17 +80,17 @@ impl Optimised {
     }
 }
 
-/// A design with the values and gradients of all quantities.
+/// Design with the values and gradients of all quantities.
 struct Point {
     plans: Plans,
-    /// Value of each quantity of each motion, and slopes in units of the parameters.
+    /// Value and gradient of each quantity of each motion, per unit of each parameter.
     quantities: Vec<Vec<(f64, DVector<f64>)>>,
-    /// Names of motions whose slopes are estimates.
+    /// Names of motions whose gradients are estimates.
     estimated: Vec<String>,
 }
 
-/// True if a design is better than another, by the plans as they are. Motions that may be played count more than the merit. The
-/// merit of a plan that may not be played is unknown.
+/// Returns true if `one` is a better design than `other`: all motions of `one` pass the checks, and either a motion of `other`
+/// fails them or the merit of `one` is sufficiently better. A plan that fails the checks has no valid merit.
 pub fn is_better(designed: &Designed, goal: &Goal, one: &Plans, other: &Plans) -> bool {
     let gain = || merit_of(designed, goal, other, other) - merit_of(designed, goal, one, other);
     let is_other = one.variant.values != other.variant.values;
@@ -96,7 +98,7 @@ pub fn is_better(designed: &Designed, goal: &Goal, one: &Plans, other: &Plans) -
     is_other && is_defined && one.all_hold() && (!other.all_hold() || gain() > GAIN_MIN)
 }
 
-/// The merit of plans as they are, against those of the original design.
+/// Merit of given plans, relative to the plans of the original design.
 pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plans) -> f64 {
     let wanted: Vec<Objective> =
         goal.minimise.iter().chain(&goal.keep).map(|(objective, _)| *objective).collect();
@@ -112,10 +114,10 @@ pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plan
     Outer { designed, goal }.merit(&point, &values(original)).value()
 }
 
-/// Optimises a design from plans of the original one. `each` sees every step that is taken.
+/// Optimises a design, starting from plans of the original. `each` receives every accepted step.
 ///
 /// # Errors
-/// The original robot cannot do a motion, its plans have no derivatives, or the caller stops it.
+/// If the original robot cannot do a motion, its plans have no derivatives, or the caller stops the work.
 pub fn optimise(
     designed: &Designed,
     plans: &Plans,
@@ -183,7 +185,7 @@ pub fn optimise(
     Ok(Optimised { steps, plans: here.plans, merit, lost, gains, estimated })
 }
 
-/// Damped update of BFGS: the curvature stays positive.
+/// Damped BFGS update, which keeps the curvature positive definite.
 fn update(curvature: &mut DMatrix<f64>, step: &DVector<f64>, change: &DVector<f64>) {
     let along = &*curvature * step;
     let (old, new) = (step.dot(&along), step.dot(change));
@@ -201,12 +203,12 @@ fn values_of(point: &Point) -> Vec<Vec<f64>> {
     point.quantities.iter().map(values).collect()
 }
 
-/// Merit with its slopes, in units of the parameters.
+/// Merit with its gradient, per unit of each parameter.
 #[derive(Clone, Debug)]
 struct Merit {
     objective: f64,
     slope: DVector<f64>,
-    /// Excess of each kept quantity, and its slopes.
+    /// Relative excess of each bounded quantity, and its gradient.
     kept: Vec<(f64, DVector<f64>)>,
 }
 
@@ -215,7 +217,7 @@ impl Merit {
         self.along(&DVector::zeros(self.slope.len()))
     }
 
-    /// After a step, by its slopes.
+    /// Merit after `step`, with linearised quantities.
     fn along(&self, step: &DVector<f64>) -> f64 {
         let excess = |(now, slope): &(f64, DVector<f64>)| (now + slope.dot(step)).max(0.0);
         let kept: f64 = self.kept.iter().map(excess).sum();
@@ -226,7 +228,7 @@ impl Merit {
         self.value() - self.along(step) - 0.5 * step.dot(&(curvature * step))
     }
 
-    /// Slope of the Lagrangian.
+    /// Gradient of the Lagrangian.
     fn lagrangian(&self, multipliers: &[f64]) -> DVector<f64> {
         let kept = self.kept.iter().zip(multipliers);
         kept.fold(self.slope.clone(), |sum, ((_, slope), by)| sum + slope * *by)
@@ -239,13 +241,13 @@ struct Outer<'a> {
 }
 
 impl Outer<'_> {
-    /// Parameters as changes from the original, in their units.
+    /// Changes of the parameters from the original, in their units.
     fn scaled(&self, values: &[f64]) -> DVector<f64> {
         let original = self.designed.original();
         DVector::from_fn(values.len(), |k, _| (values[k] - original[k]) / self.designed.unit(k))
     }
 
-    /// Plans of the design at `x` from those of a neighbour.
+    /// Plans the design at `x`, starting from plans of a neighbour.
     fn plan(&self, from: &Point, x: &DVector<f64>, watch: &mut Watch<'_>) -> Result<Plans, Failed> {
         let original = self.designed.original();
         let value = |(k, x): (usize, &f64)| original[k] + x * self.designed.unit(k);
@@ -255,7 +257,7 @@ impl Outer<'_> {
         Ok(plans)
     }
 
-    /// Quantities of a design with their slopes.
+    /// Evaluates all quantities of a design and their gradients.
     fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
         self.designed.all_defined(&plans.variant.motions)?;
         let (mut quantities, mut estimated) = (Vec::new(), Vec::new());
@@ -306,7 +308,7 @@ impl Outer<'_> {
         merit
     }
 
-    /// The best step within the trust region and the bounds, with the multipliers of what is kept.
+    /// Best step within the trust region and the bounds, and the multipliers of the bounded quantities.
     fn quadratic(
         &self,
         at: &Point,

@@ -1,8 +1,8 @@
-//! Kinds of parameters, in one table: key in a design file, unit, and what they change.
+//! Kinds of parameters: key in a design file, unit, and the changed value.
 
 use std::fmt;
 
-/// A coordinate axis.
+/// Coordinate axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Forward.
@@ -14,7 +14,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// The axis of a letter.
+    /// Axis of a letter.
     pub fn of(letter: &str) -> Option<Self> {
         Some(match letter {
             "x" => Self::X,
@@ -35,37 +35,37 @@ impl Axis {
     }
 }
 
-/// Kind of number that a parameter changes.
+/// Kind of value that a parameter changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Length of a link, from joint to next joint, or to its foot or wheel.
+    /// Length of a link, from its joint to the next joint, foot or wheel.
     Length,
-    /// A coordinate of a joint in its parent link.
+    /// Coordinate of a joint in its parent link.
     Joint,
-    /// A coordinate of where limbs are mounted.
+    /// Coordinate of the mounting points of limbs.
     Mount,
-    /// A coordinate of the centre of a foot or wheel in its link.
+    /// Coordinate of the centre of a foot or wheel in its link.
     Center,
     /// Radius of a foot or wheel.
     Radius,
-    /// Tilt of a wheel's axis about the link's x.
+    /// Tilt of a wheel's axis about the x axis of its link.
     Tilt,
     /// Speed limit of a servo.
     Speed,
     /// Torque limit of a servo.
     Torque,
-    /// Mass of a link, by its heaviest part.
+    /// Mass of a link's heaviest part.
     Mass,
-    /// A length in a motion file.
+    /// Length in a motion file.
     MotionLength,
-    /// A time in a motion file.
+    /// Time in a motion file.
     MotionTime,
-    /// An angle in a motion file.
+    /// Angle in a motion file.
     MotionAngle,
 }
 
 impl Kind {
-    /// Kinds of parameters.
+    /// List of all kinds.
     pub const ALL: [Self; 12] = [
         Self::Length,
         Self::Joint,
@@ -99,7 +99,7 @@ impl Kind {
         }
     }
 
-    /// Unit, and the keys of the lower bound, the upper bound and the manufacturing step.
+    /// Unit of the values, and the keys of the lower bound, the upper bound and the manufacturing step.
     pub const fn unit(self) -> (&'static str, [&'static str; 3]) {
         match self {
             Self::Tilt | Self::MotionAngle => ("rad", ["min_rad", "max_rad", "step_rad"]),
@@ -111,13 +111,13 @@ impl Kind {
         }
     }
 
-    /// True if the parameter changes a number of a motion file, which a design file names after the motion file:
+    /// Returns true if the parameter changes a value of a motion file. Design files write such a parameter as stem and key:
     /// `walk/duration_s`.
     pub const fn is_of_motion(self) -> bool {
         matches!(self, Self::MotionLength | Self::MotionTime | Self::MotionAngle)
     }
 
-    /// True if a value of 0 or less would leave nothing of the changed quantity.
+    /// Returns true if the value must be positive, as a length or a mass.
     pub const fn is_positive(self) -> bool {
         matches!(
             self,
@@ -130,30 +130,30 @@ impl Kind {
         )
     }
 
-    /// True if the value is a coordinate, which a design file names with a dot: `leg/*_knee.z`.
+    /// Returns true if the value is a coordinate. Design files append its axis after a dot: `leg/*_knee.z`.
     pub const fn has_axis(self) -> bool {
         matches!(self, Self::Joint | Self::Mount | Self::Center)
     }
 }
 
-/// Kind and place of the number that a parameter changes.
+/// Kind and location of the value that a parameter changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Kind of the number.
+    /// Kind of the value.
     pub kind: Kind,
-    /// Template of the link, joint or end effector; none for the robot's own, and for servos. Of numbers of motions the stem of
-    /// the motion file.
+    /// Template of the link, joint or end effector. `None` for servos and for parts outside templates. For a value of a motion:
+    /// the stem of the motion file.
     pub template: Option<String>,
-    /// Name of the link, joint, end effector or servo; of numbers of motions their keys, with dots.
+    /// Name of the link, joint, end effector or servo. For a value of a motion: its keys, joined by dots.
     pub name: String,
-    /// Coordinate, of kinds that have one.
+    /// Axis of a coordinate; `None` for other kinds.
     pub axis: Option<Axis>,
-    /// Limbs that are changed, which then have a template of their own; empty for all of the template.
+    /// Limbs that the parameter changes, which then get their own template. Empty for all limbs of the template.
     pub limbs: Vec<String>,
 }
 
 impl Place {
-    /// True if both places change the same number.
+    /// Returns true if both parameters change the same value.
     pub fn meets(&self, other: &Self) -> bool {
         let same_limbs = self.limbs.is_empty()
             || other.limbs.is_empty()
@@ -162,13 +162,13 @@ impl Place {
         same_limbs && place(self) == place(other)
     }
 
-    /// The same of all limbs of another template.
+    /// Copy that changes all limbs of another template.
     pub fn of_template(&self, template: &str) -> Self {
         Self { template: Some(template.to_owned()), limbs: Vec::new(), ..self.clone() }
     }
 }
 
-/// Notation of design files.
+/// Prints the notation of design files.
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = \"", self.kind.key())?;

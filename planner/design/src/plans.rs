@@ -13,32 +13,32 @@ use rollwalk_robot::document::DocumentError;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Sees every iteration of the planner, with the name of the motion, and may stop it.
+/// Callback for every iteration of the planner, with the name of the motion. The callback may stop the work.
 pub type Watch<'a> = dyn FnMut(&str, &Progress) -> ControlFlow<()> + 'a;
 
-/// Does something with the optimum of a motion and the parameters there.
+/// Callback for the optimum of a motion and the parameters at this optimum.
 pub type Work<'a> = dyn FnMut(Optimal, &[sensitivity::Parameter<'_>]) -> Result<(), Failed> + 'a;
 
-/// A robot with plans of its motions.
+/// Robot with plans of its motions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plans {
-    /// The robot.
+    /// Robot and motions.
     pub variant: Variant,
-    /// A solution for each motion, in their order. It need not have converged.
+    /// Solutions in the order of the motions. A solution may not have converged.
     pub solutions: Vec<Solution>,
 }
 
 /// Reason for which work on a design ended.
 #[derive(Debug, Error)]
 pub enum Failed {
-    /// The caller stopped it.
+    /// The caller stopped the work.
     #[error("interrupted")]
     Interrupted,
-    /// The values of the parameters give no valid robot.
+    /// The robot is invalid at these values of the parameters.
     #[error(transparent)]
     Robot(#[from] DocumentError),
-    /// A motion that the robot cannot do: nothing can be learned of its plan.
-    #[error("the robot cannot do `{motion}` as it is designed: {reason}")]
+    /// The robot cannot do a motion, so that the plan has no derivatives.
+    #[error("the robot as designed cannot perform `{motion}`: {reason}")]
     CannotDo {
         /// Name of the motion.
         motion: String,
@@ -48,8 +48,8 @@ pub enum Failed {
     /// A plan has no derivatives.
     #[error(transparent)]
     NotOptimal(#[from] NotOptimal),
-    /// A motion has not what the goal of the design minimises or keeps.
-    #[error("`{motion}` goes nowhere, so that it has no {quantity}")]
+    /// A motion lacks a quantity that the goal of the design minimises or keeps.
+    #[error("`{motion}` covers no distance, so its {quantity} is undefined")]
     Undefined {
         /// Name of the motion.
         motion: String,
@@ -59,12 +59,12 @@ pub enum Failed {
 }
 
 impl Plans {
-    /// The plans.
+    /// Plans in the order of the motions.
     pub fn plans(&self) -> impl Iterator<Item = &Plan> {
         self.solutions.iter().map(|solution| &solution.plan)
     }
 
-    /// True if all motions may be played.
+    /// Returns true if all motions are solved and pass the checks.
     pub fn all_hold(&self) -> bool {
         self.plans()
             .all(|plan| plan.solve.status.is_solved() && Report::new(plan).judgement.is_good())
@@ -73,26 +73,26 @@ impl Plans {
     /// Checks that the robot can do all of its motions.
     ///
     /// # Errors
-    /// The first motion that it cannot do.
+    /// Returns the first motion that the robot cannot do.
     pub fn all_solved(&self) -> Result<(), Failed> {
         let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
     }
 
-    /// The same plans at their optima, or where their costs are flatter, if all may be played there; the plans as they are
-    /// otherwise. A solve ends when its costs are flat, where torques are still percents from those of the optimum.
+    /// Moves the plans to their optima, or closer, if all plans pass the checks there. Otherwise the plans stay unchanged. A
+    /// solve ends when its costs become flat, where torques still differ by percents from those of the optimum.
     ///
     /// # Errors
-    /// The caller stops it.
+    /// If the caller stops the work.
     pub fn polished(self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
         let optima = self.clone().at_optimum(watch)?;
         Ok(if optima.all_hold() { optima } else { self })
     }
 
-    /// The same plans at their optima, or where their costs are flatter.
+    /// Moves the plans to their optima, or closer. Plans without an optimum stay unchanged.
     ///
     /// # Errors
-    /// The caller stops it.
+    /// If the caller stops the work.
     pub fn at_optimum(mut self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
         for solution in &mut self.solutions {
             let Plan { robot, motion, .. } = &solution.plan;
@@ -120,10 +120,10 @@ fn cannot(plan: &Plan) -> Failed {
 }
 
 impl Designed {
-    /// Checks that motions of this design have all quantities that its goal minimises and keeps.
+    /// Checks that each motion defines all quantities that the goal minimises or keeps.
     ///
     /// # Errors
-    /// The first motion that lacks one.
+    /// Returns the first motion that lacks a quantity.
     pub fn all_defined<'a>(
         &self,
         motions: impl IntoIterator<Item = &'a Motion>,
@@ -142,7 +142,7 @@ impl Designed {
     /// Plans all motions from scratch.
     ///
     /// # Errors
-    /// There is no robot at these values, or the caller stops it.
+    /// If the robot is invalid at these values, or the caller stops the work.
     pub fn plan(&self, values: &[f64], watch: &mut Watch<'_>) -> Result<Plans, Failed> {
         let variant = self.at(values)?;
         let solve = |motion| {
@@ -158,11 +158,11 @@ impl Designed {
         Ok(Plans { variant, solutions })
     }
 
-    /// Plans all motions from plans of neighbouring values, which takes a few iterations of each. With `refine` plans that
-    /// do not hold as played get more samples; without, they have those of `plans`.
+    /// Plans all motions from plans at neighbouring values, which takes a few iterations each. With `refine`, plans that fail
+    /// the checks as played get more samples. Without it, plans keep the samples of `plans`.
     ///
     /// # Errors
-    /// As [`plan`](Self::plan).
+    /// If the robot is invalid at these values, a plan cannot be changed to them, or the caller stops the work.
     pub fn plan_from(
         &self,
         plans: &Plans,
@@ -189,25 +189,25 @@ fn named(motion: &Motion) -> &str {
     &motion.name
 }
 
-/// A design that could not do its motions, repaired or not.
+/// Outcome of the repair of a design that cannot do its motions.
 #[derive(Clone, Debug)]
 pub enum Repaired {
-    /// Success at other values.
+    /// Success at changed values.
     Feasible {
         /// Plans of the repaired design.
         plans: Box<Plans>,
-        /// The designs on the way, from the original one on.
+        /// Intermediate designs; the first is the original one.
         steps: Vec<repair::Step>,
     },
-    /// Failure: no design within the bounds can do its motions.
+    /// Failure: no design within the bounds can do the motions.
     Nearest(repair::Nearest),
 }
 
 impl Designed {
-    /// Changes parameters within their bounds as little as can be, until the robot can do all motions.
+    /// Changes parameters within their bounds as little as possible, until the robot can do all motions.
     ///
     /// # Errors
-    /// There is no robot around the original values, nothing can be learned of its motions, or the caller stops it.
+    /// If the robot is invalid near the original values, a plan has no derivatives, or the caller stops the work.
     pub fn repair(&self, plans: &Plans, watch: &mut Watch<'_>) -> Result<Repaired, Failed> {
         let free = |(k, of): (usize, &Parameter)| Free {
             name: of.name.clone(),
@@ -244,11 +244,11 @@ impl Designed {
 }
 
 impl Designed {
-    /// Takes each plan to its optimum, and lends it to `work` with the parameters there, one for each of the design's, in their
-    /// units: what derivatives are taken of.
+    /// Moves each plan to its optimum, and passes the optimum to `work` together with the parameters of the design. Derivatives
+    /// with respect to these parameters are per unit of their kind, such as metre or radian.
     ///
     /// # Errors
-    /// There is no robot around these values, a motion did not converge, `work` fails, or the caller stops it.
+    /// If the robot is invalid near these values, a motion did not converge, `work` fails, or the caller stops the work.
     pub fn each_optimum(
         &self,
         plans: &Plans,
@@ -270,7 +270,7 @@ impl Designed {
     }
 }
 
-/// A solution that the caller did not stop.
+/// Returns the solution, or an error if the caller stopped the solve.
 pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed> {
     match solution.plan.solve.status {
         Status::Interrupted => Err(Failed::Interrupted),
@@ -278,10 +278,10 @@ pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed>
     }
 }
 
-/// The optimum of a solution, or a plan near it.
+/// Optimum of a solution, or a plan near the optimum.
 ///
 /// # Errors
-/// The solution did not converge, or the caller stops it.
+/// If the solution did not converge, or the caller stops the work.
 pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
     let motion = &solution.plan.motion.name;
     let mut stopped = false;

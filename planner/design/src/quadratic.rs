@@ -1,29 +1,30 @@
-//! Small quadratic programs: steps of designs within their bounds.
+//! Small quadratic programs for steps of a design within its bounds.
 
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::cone_program::{Cone, ConeProgram};
 
-/// ½ xᵀPx + qᵀx, P positive semidefinite, with lower ≤ x ≤ upper and Ax ≤ b.
+/// Quadratic program: minimises ½ xᵀPx + qᵀx subject to lower ≤ x ≤ upper and Ax ≤ b. P is positive semidefinite.
 #[derive(Clone, Debug)]
 pub struct Quadratic {
-    /// P.
+    /// Matrix P.
     pub curvature: DMatrix<f64>,
-    /// q.
+    /// Vector q.
     pub slope: DVector<f64>,
     /// Lower bounds.
     pub lower: DVector<f64>,
     /// Upper bounds.
     pub upper: DVector<f64>,
-    /// Rows of A with their b.
+    /// Rows of A with their entries of b.
     pub limits: Vec<(DVector<f64>, f64)>,
 }
 
-/// Price of a unit by which a limit is exceeded: limits hold unless others, or a gain of this size, stand against them.
+/// Penalty per unit of excess over a limit. A limit is exceeded only if another limit contradicts it, or if the gain per unit
+/// is larger than this penalty.
 pub const EXCESS: f64 = 10.0;
 
 impl Quadratic {
-    /// The minimum, with the multipliers of the limits. Limits that cannot hold together are exceeded by as little as can be;
-    /// bounds always hold. `None` if the numbers are no numbers.
+    /// Returns the minimum and the multipliers of the limits. Contradicting limits are exceeded as little as possible; the
+    /// bounds are always kept. `None` if the solver fails, as with NaN in the input.
     pub fn minimum(&self) -> Option<(DVector<f64>, Vec<f64>)> {
         let (n, m) = (self.slope.len(), self.limits.len());
         let unknowns = n + m;

@@ -1,15 +1,16 @@
-//! Repair: the least change within bounds after which a robot can do motions that it cannot do as it is (thesis 2.5.5, Fig. 2.8).
+//! Repair: smallest change within the bounds that makes infeasible motions feasible (thesis 2.5.5, Fig. 2.8).
 //!
-//! A design that cannot do a motion has no optimum to differentiate, but a point that violates the constraints least, and that
-//! has a slope along every parameter ([`Shortfall`]). So the energies there, summed over motions, are minimised over the
-//! parameters by Newton's method in a box: the parameters' bounds, and a step of two centimetres at most,
+//! A design that cannot do a motion has no optimum to differentiate. It has a point of least constraint violation, whose energy
+//! has a derivative with respect to every parameter ([`Shortfall`]). Newton's method minimises the sum of these energies over
+//! the parameters. The bounds limit each step, and so does a trust region of two units (2 cm):
 //!
 //! ```text
 //! min_p  Σ_motions min_m E(m, p; s)  +  pull Σ ((p − p₀) / unit)²
 //! ```
 //!
-//! The pull decides between many cures of one flaw. A penalty leaves violations that balance costs, and the pull: they become
-//! multipliers s, and the parameters are sought again, until plans of the motions converge, or violations do not become less.
+//! The pull chooses among several cures of one flaw. Costs and pull leave violations in the penalty. These become multipliers s
+//! in the next round, and the search over the parameters is repeated. It ends when plans of the motions converge, or violations
+//! stop to decrease.
 
 use crate::quadratic::Quadratic;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -22,44 +23,47 @@ use std::fmt;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Weight of the square of a change by one unit, if the design file gives no other.
+/// Default weight of the squared change, in units of the parameter.
 pub const PULL: f64 = 3e-3;
-/// Longest change of a parameter in one step, and the length of steps that are too short to matter, units.
+/// Maximum change of a parameter in one step, in its unit.
 const TRUST: f64 = 2.0;
+/// Step length below which the search ends, in units of the parameters.
 const SHORT: f64 = 2e-4;
-/// Part of the energy that a step must promise.
+/// Smallest predicted decrease of a step, as a fraction of the energy.
 const WORTH: f64 = 1e-9;
-/// Steps for one set of multipliers.
+/// Maximum number of steps in a round.
 const STEPS: usize = 30;
-/// Most sets of multipliers, and how many of them may pass without the violations becoming less, by this factor.
+/// Maximum number of rounds. Each round has its own multipliers.
 const ROUNDS: usize = 8;
+/// Number of consecutive rounds without sufficient decrease that ends the repair.
 const IN_VAIN: usize = 2;
+/// Largest ratio of the worst violation to the best previous one for a round with sufficient decrease.
 const LESS: f64 = 0.7;
-/// Part of the pull that is left after a round in vain. A flaw of the second order, such as a tilt, has no slope where it is
-/// cured: near there a pull outweighs it, and multipliers push past it. Penalties with a weaker pull find the way.
+/// Factor on the pull after a round without sufficient decrease. The cure of a second-order flaw, such as a tilt, has zero
+/// slope: near it the pull dominates, and multipliers overshoot. Penalties with a weaker pull converge.
 const FADES: f64 = 0.1;
-/// Iterations of a plan of a design that may be able to do its motion.
+/// Maximum number of iterations of a plan in a round.
 const ITERATIONS: usize = 60;
-/// Distance of the neighbours from which derivatives are taken, units.
+/// Half of the step of central differences, in units of the parameter.
 const HALF_DIFFERENCE: f64 = 1e-3;
 
-/// A parameter that may change.
+/// Parameter of a repair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Free {
     /// Name of the parameter.
     pub name: String,
-    /// Value to begin with, which is preferred.
+    /// Initial and preferred value.
     pub original: f64,
-    /// Least and largest value.
+    /// Lower and upper bound.
     pub bounds: [f64; 2],
-    /// A change that is small, but not very small, such as 1 cm.
+    /// Unit of change, such as 1 cm.
     pub unit: f64,
-    /// Symbol of the unit in which values are given.
+    /// Symbol of the physical unit.
     pub symbol: &'static str,
 }
 
 impl Free {
-    /// The nearest value within the bounds, and a bound for one that is practically there.
+    /// Clamps a value to the bounds. A value very close to a bound becomes that bound.
     fn within_bounds(&self, value: f64) -> f64 {
         let [low, high] = self.bounds;
         let is_at = |bound: &f64| (value - bound).abs() < SHORT * self.unit;
@@ -67,36 +71,36 @@ impl Free {
     }
 }
 
-/// A robot with its motions.
+/// Robot with its motions.
 #[derive(Clone, Debug)]
 pub struct Made {
     /// The robot.
     pub robot: Robot,
-    /// The motions, as it does them.
+    /// Motions of this robot.
     pub motions: Vec<Motion>,
 }
 
 /// Progress of a repair.
 #[derive(Clone, Copy, Debug)]
 pub enum Shown<'a> {
-    /// An iteration of a planner.
+    /// Iteration of a planner.
     Iteration(&'a Progress),
-    /// A step of the design, with what every motion falls short of there.
+    /// Step of the design, with the shortfall of each motion.
     Step(&'a Step, &'a [Shortfall]),
 }
 
-/// A design on the way.
+/// Intermediate design of a repair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// Values of the parameters.
     pub values: Vec<f64>,
-    /// Sum of the energies, without the pull. Comparable in one round only.
+    /// Sum of the energies, without the pull. Comparable within one round only.
     pub energy: f64,
-    /// Worst residual of all motions over its tolerance.
+    /// Largest residual of all motions, divided by its tolerance.
     pub worst_level: f64,
-    /// Number of rounds before this step. Each ends with new multipliers.
+    /// Number of completed rounds.
     pub round: usize,
-    /// Newton steps of the motions in all.
+    /// Total number of Newton steps over all motions.
     pub newton_steps: usize,
 }
 
@@ -105,7 +109,7 @@ pub struct Step {
 pub struct Repair {
     /// Values of the parameters.
     pub values: Vec<f64>,
-    /// The designs from the original one on.
+    /// Intermediate designs; the first is the original one.
     pub steps: Vec<Step>,
     /// Feasibility of the motions.
     pub outcome: Outcome,
@@ -114,18 +118,18 @@ pub struct Repair {
 /// Feasibility of the motions on a design.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// Plans of all motions, which converged. A plan may still fail as it is played, which its status shows.
+    /// Converged plans of all motions. A plan may still fail the checks as played; its status shows this.
     Feasible(Vec<Solution>),
-    /// Failure: no design near the best one within the bounds can do its motions.
+    /// Failure: no design near the best one within the bounds can do the motions.
     Nearest(Nearest),
     /// The caller stopped the work.
     Interrupted,
 }
 
-/// The design within the bounds that falls short least.
+/// Design within the bounds with the least violation.
 #[derive(Clone, Debug)]
 pub struct Nearest {
-    /// Diagnoses of the motions that the design cannot do, with the names of the motions.
+    /// Names of the infeasible motions, with their diagnoses.
     pub misses: Vec<(String, Diagnosis)>,
     /// Names, values and units of the parameters at a bound.
     pub at_bounds: Vec<(String, f64, &'static str)>,
@@ -133,10 +137,10 @@ pub struct Nearest {
 
 impl fmt::Display for Nearest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no design within the bounds can do it: the nearest one ")?;
+        write!(f, "no design within the bounds can perform the motions: the nearest design ")?;
         match self.misses.len() {
-            0 => write!(f, "violates nothing, but its plans do not converge.")?,
-            _ => write!(f, "misses")?,
+            0 => write!(f, "meets all constraints, but its plans do not converge.")?,
+            _ => write!(f, "violates constraints")?,
         }
         for (motion, diagnosis) in &self.misses {
             let culprits: Vec<String> =
@@ -154,17 +158,17 @@ impl fmt::Display for Nearest {
 /// Reason for which a design cannot be repaired.
 #[derive(Debug, Error)]
 pub enum Failed<E> {
-    /// Error of the caller where values of the parameters give no valid robot.
+    /// Error of the caller, because the robot is invalid at values of the parameters.
     #[error(transparent)]
     Made(E),
-    /// The plan of a motion cannot be differentiated.
+    /// A plan cannot be differentiated.
     #[error(transparent)]
     NotOptimal(NotOptimal),
 }
 
-/// Makes a robot and its motions at values of the parameters.
+/// Callback that builds the robot and its motions at values of the parameters.
 type Make<'a, E> = dyn Fn(&[f64]) -> Result<Made, E> + 'a;
-/// Sees the work and may stop it.
+/// Callback for the progress, which may stop the work.
 type Watch<'a> = dyn FnMut(Shown<'_>) -> ControlFlow<()> + 'a;
 
 /// Reason for which work ended.
@@ -182,13 +186,14 @@ impl<E> From<NotOptimal> for Ended<E> {
     }
 }
 
-/// Changes parameters until all motions can be done.
+/// Changes parameters until all motions are feasible.
 ///
-/// `plans` are those of the motions by the robot as it is, in their order; they need not hold. `pull` is above 0. `make`
-/// returns the robot and its motions at values of the parameters, a little beyond their bounds too. `watch` may stop the work.
+/// `plans` are the motions' plans with the original robot, in the order of the motions; they may be infeasible. `pull` must be
+/// positive. `make` returns the robot and its motions at values of the parameters, also slightly beyond the bounds. `watch` may
+/// stop the work.
 ///
 /// # Errors
-/// There is no robot at the original values or around them, or the motions are none whose plans can be differentiated.
+/// If `make` fails at or near the original values, or the plan of a motion cannot be differentiated.
 pub fn repair<E>(
     free: &[Free],
     plans: &[Plan],
@@ -207,7 +212,7 @@ pub fn repair<E>(
     Ok(Repair { values: work.values, steps: work.steps, outcome })
 }
 
-/// A repair in progress.
+/// State of a repair.
 struct Work<'a, 'w, E> {
     free: &'a [Free],
     plans: &'a [Plan],
@@ -219,10 +224,10 @@ struct Work<'a, 'w, E> {
     steps: Vec<Step>,
 }
 
-/// Values that were tried, with what motions fall short of there.
+/// Trial values, with the shortfall of each motion.
 type Tried = (Vec<f64>, Vec<Shortfall>);
 
-/// Robots on either side of some values along a parameter.
+/// Robots on both sides of a design, for central differences with respect to one parameter.
 struct Neighbours {
     ahead: Made,
     behind: Made,
@@ -230,7 +235,7 @@ struct Neighbours {
 }
 
 impl Neighbours {
-    /// Parameter of the plan of one of the motions.
+    /// Parameter for the sensitivity of plan `index`.
     fn of_motion(&self, index: usize) -> Parameter<'_> {
         let [ahead, behind] = [&self.ahead, &self.behind]
             .map(|made| Design { robot: &made.robot, motion: &made.motions[index] });
@@ -238,7 +243,7 @@ impl Neighbours {
     }
 }
 
-/// Slopes of the energy with the pull, in units of the parameters, and how every motion's point moves.
+/// Gradient and Hessian of the energy with the pull, per unit of each parameter; and the derivatives of each motion's point.
 struct Around {
     gradient: DVector<f64>,
     curvature: DMatrix<f64>,
@@ -291,7 +296,7 @@ impl<E> Work<'_, '_, E> {
         Ok(Outcome::Nearest(self.nearest(&short)))
     }
 
-    /// Lowers the energy over the parameters, as far as it goes.
+    /// Minimises the energy over the parameters until no further step lowers it.
     fn descend(&mut self, short: &mut Vec<Shortfall>, round: usize) -> Result<(), Ended<E>> {
         if self.free.is_empty() {
             return Ok(());
@@ -327,7 +332,7 @@ impl<E> Work<'_, '_, E> {
         Ok(())
     }
 
-    /// The shortfalls after a step; `None` if there is no such robot, or no minimum is found for it.
+    /// Shortfalls after a step. `None` if the robot is invalid there, or a shortfall finds no minimum.
     fn attempt(
         &mut self,
         short: &[Shortfall],
@@ -409,7 +414,7 @@ impl<E> Work<'_, '_, E> {
         Ok(around)
     }
 
-    /// Step to the least of the quadratic model within the bounds and the trust region, in units of the parameters.
+    /// Minimum of the quadratic model within the bounds and the trust region, in units of the parameters.
     fn in_box(&self, around: &Around, trust: f64) -> DVector<f64> {
         let ends = |k: usize| {
             self.free.iter().zip(&self.values).map(move |(free, value)| {
@@ -426,19 +431,19 @@ impl<E> Work<'_, '_, E> {
         quadratic.minimum().map_or_else(|| DVector::zeros(self.free.len()), |(step, _)| step)
     }
 
-    /// Changes from the original values, in units.
+    /// Changes from the original values, in units of the parameters.
     fn changes(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let changes = self.free.iter().zip(values);
         changes.map(|(free, value)| (value - free.original) / free.unit)
     }
 
-    /// The energy, and the pull.
+    /// Sum of the energies and the pull.
     fn energy(&self, values: &[f64], short: &[Shortfall]) -> f64 {
         let pull: f64 = self.changes(values).map(|change| self.pull * change * change).sum();
         short.iter().map(Shortfall::energy).sum::<f64>() + pull
     }
 
-    /// Goes to a design and shows it.
+    /// Stores a design as the current one and reports it.
     fn note(
         &mut self,
         values: Vec<f64>,
@@ -458,7 +463,7 @@ impl<E> Work<'_, '_, E> {
         if stopped { Err(Ended::Interrupted) } else { Ok(()) }
     }
 
-    /// Plans from the points of least violation.
+    /// Plans all motions, starting from their points of least violation.
     fn planned(&mut self, short: &[Shortfall]) -> Result<Vec<Solution>, Ended<E>> {
         let mut options = Options { refine: false, ..self.options.clone() };
         options.settings.iterations = ITERATIONS;
@@ -467,7 +472,7 @@ impl<E> Work<'_, '_, E> {
         short.iter().map(plan).collect()
     }
 
-    /// Plans of a design that can do all motions, as they are played.
+    /// Refines the plans of a feasible design until they pass the checks as played.
     fn finish(&mut self, solutions: &[Solution]) -> Result<Outcome, Ended<E>> {
         let made = self.made(&self.values)?;
         let refined = |(solution, motion): (&Solution, &Motion)| {
@@ -492,7 +497,7 @@ impl<E> Work<'_, '_, E> {
         }
     }
 
-    /// The robot at some values, with its motions on the samples of their plans.
+    /// Builds the robot at given values, with its motions on the samples of their plans.
     fn made(&self, values: &[f64]) -> Result<Made, Ended<E>> {
         let mut made = (self.make)(values).map_err(|error| Ended::Failed(Failed::Made(error)))?;
         for (motion, plan) in made.motions.iter_mut().zip(self.plans) {

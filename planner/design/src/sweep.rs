@@ -1,8 +1,8 @@
-//! Sweeps over designs: points on axes of parameters and of choices, in an order that does not depend on who computes them.
+//! Sweeps over designs: a grid of parameters and choices, in a fixed order.
 //!
-//! Points are counted along the axes in the order of the file, the last axis of a parameter fastest. The points along it are a
-//! **chain**: the first is planned from scratch, every other one from its neighbour. Chains know nothing of each other, so that
-//! a sweep can be interrupted between them, and split, and gives the same rows.
+//! Points are counted along the axes in the order of the file; the last parameter axis varies fastest. The points along this
+//! axis form a **chain**: the first point is planned from scratch, and every other one from its neighbour. Chains are
+//! independent of each other. A sweep can therefore be interrupted between chains or split, and gives the same rows.
 
 pub mod figure;
 mod file;
@@ -20,25 +20,25 @@ use crate::plans::{Failed, Watch};
 use rollwalk_robot::document::DocumentError;
 use std::collections::BTreeMap;
 
-/// The files that a sweep names, by the names that it has for them.
+/// Files of a sweep, by the names that the sweep uses.
 pub type Files = BTreeMap<String, NamedText>;
 
-/// A sweep with everything that it needs.
+/// Sweep with all of its files.
 #[derive(Clone, Debug)]
 pub struct Ready {
     /// The sweep.
     pub sweep: Sweep,
-    /// The design, if the sweep names one.
+    /// Design of the sweep; `None` if an axis lists robots instead.
     design: Option<Designed>,
     files: Files,
     catalog: Catalog,
 }
 
 impl Ready {
-    /// Joins a sweep with its design and its other files.
+    /// Combines a sweep with its design and its other files.
     ///
     /// # Errors
-    /// Axes that do not fit the design or the catalogue, and files in which something is wrong.
+    /// If the sweep file has faults, or its axes do not fit the design or the catalogue.
     pub fn new(
         text: &NamedText,
         design: Option<Designed>,
@@ -49,15 +49,15 @@ impl Ready {
         Ok(Self { sweep, design, files, catalog })
     }
 
-    /// Computes a chain.
+    /// Computes the rows of a chain.
     ///
     /// # Errors
-    /// The caller stops it.
+    /// If the caller stops the work.
     pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
         row::chain(self, chain, watch)
     }
 
-    /// Warnings of axes of servos whose mass the robot file does not have.
+    /// Warnings for the servo axes whose actuator has no mass in the robot file.
     pub fn without_mass(&self) -> impl Iterator<Item = String> + '_ {
         let actuators = self.sweep.axes.iter().filter_map(|axis| match axis {
             Axis::Servos { actuator, .. } => Some(actuator),
@@ -68,7 +68,7 @@ impl Ready {
             .flat_map(move |of| actuators.clone().filter_map(|actuator| of.mass_unknown(actuator)))
     }
 
-    /// Name of an axis, with the unit of its values.
+    /// Title of an axis: its name and the unit of its values.
     fn axis_title(&self, axis: usize) -> String {
         let name = self.sweep.axes[axis].name();
         let parameters = self.design.iter().flat_map(|design| &design.file.parameters);
@@ -81,7 +81,7 @@ impl Ready {
         self.design.as_ref()?.file.goal.as_ref()
     }
 
-    /// The design of a chain's choices.
+    /// Builds the design for the choices of a chain.
     fn designed(&self, chosen: &[usize]) -> Result<Designed, DocumentError> {
         let mut designed = self.design.clone();
         for (axis, &at) in self.sweep.axes.iter().zip(chosen) {

@@ -1,4 +1,4 @@
-//! A robot file in which parameters change numbers, its comments and its order as they were.
+//! Robot file whose values can be changed; comments and order stay.
 
 pub(crate) mod number;
 mod split;
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use std::fmt;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-/// The text of a robot file.
+/// Editable text of a robot file.
 #[derive(Clone, Debug, Default)]
 pub struct RobotText {
     document: DocumentMut,
@@ -31,10 +31,10 @@ impl fmt::Display for RobotText {
 }
 
 impl RobotText {
-    /// Parses the text of a robot file that has been read.
+    /// Parses the text of a robot file.
     ///
     /// # Errors
-    /// It is no TOML.
+    /// If the text is not valid TOML.
     pub fn new(text: &str) -> Result<Self, toml_edit::TomlError> {
         Ok(Self { document: text.parse()? })
     }
@@ -42,7 +42,7 @@ impl RobotText {
     /// Present value of a parameter.
     ///
     /// # Errors
-    /// The robot has no such part.
+    /// If the robot lacks the part that the parameter changes.
     pub fn value(&mut self, place: &Place) -> Result<f64, Nothing> {
         if place.kind != Kind::Mount && !place.limbs.is_empty() {
             let templates = split::templates(&mut self.document, place)?;
@@ -90,7 +90,7 @@ impl RobotText {
     /// Sets a parameter.
     ///
     /// # Errors
-    /// The robot has no such part.
+    /// If the robot lacks the part that the parameter changes.
     pub fn set(&mut self, place: &Place, to: f64) -> Result<(), Nothing> {
         if place.kind != Kind::Mount && !place.limbs.is_empty() {
             let templates = split::apart(&mut self.document, place)?;
@@ -151,7 +151,7 @@ impl RobotText {
         Ok(())
     }
 
-    /// Gives an actuator what another servo can do, and the parts that are this actuator its mass.
+    /// Sets the model and limits of an actuator to those of another servo, and the mass of the parts that name the actuator.
     pub(crate) fn set_servo(&mut self, actuator: &str, servo: &Servo) {
         let mut turns = |kind| {
             self.everywhere(kind).iter().any(|table| text_of(&**table, "actuator") == actuator)
@@ -184,19 +184,19 @@ impl RobotText {
         }
     }
 
-    /// Model of an actuator.
+    /// Model of an actuator; `None` if the file has no actuator with this name.
     pub(crate) fn model_of(&self, actuator: &str) -> Option<&str> {
         self.document.get("actuator")?.get(actuator)?.get("model")?.as_str()
     }
 
-    /// Parts of links that are this actuator.
+    /// Parts of links that name this actuator.
     pub(crate) fn parts_of(&mut self, actuator: &str) -> Vec<&mut dyn TableLike> {
         let links = self.everywhere("link").into_iter();
         let parts = links.flat_map(|link| inner(link, "parts"));
         parts.filter(|part| text_of(&**part, "actuator") == actuator).collect()
     }
 
-    /// Tables of a kind, the robot's own and those of all templates.
+    /// Tables of a kind, such as `link`, inside and outside templates.
     fn everywhere(&mut self, kind: &str) -> Vec<&mut dyn TableLike> {
         let mut found: Vec<&mut dyn TableLike> = Vec::new();
         for (key, item) in self.document.as_table_mut().iter_mut() {
@@ -210,7 +210,7 @@ impl RobotText {
         found
     }
 
-    /// The places that a name with `*` stands for in a robot's own parts; in templates `*` is the limb's name.
+    /// Expands a name with `*` outside templates to all matching parts. Inside templates, `*` is the name of the limb.
     fn all_of(&mut self, place: &Place) -> Result<Option<Vec<Place>>, Nothing> {
         let table = match place.kind {
             Kind::Length | Kind::Mass => "link",
@@ -254,13 +254,18 @@ impl RobotText {
             }
         }
         Err(Nothing {
-            problem: format!("link `{}` has no length: nothing is at its far end", place.name),
-            help: "name a link that carries a joint, a foot or a wheel away from its own joint"
+            problem: format!(
+                "link `{}` has no length, because no joint, foot or wheel lies away \
+                from its own joint",
+                place.name
+            ),
+            help: "name a link with a joint, a foot or a wheel at a distance from its own joint"
                 .into(),
         })
     }
 
-    /// Moves everything along a link in proportion; parts that stretch grow with it, at constant section.
+    /// Scales all positions in a link along its length. Parts that stretch keep their cross-section, so that their mass grows
+    /// with the length.
     fn stretch(&mut self, place: &Place, length_m: f64) -> Result<(), Nothing> {
         let reach = self.reach(place)?;
         let along = reach.normalize();
@@ -297,7 +302,7 @@ impl RobotText {
         Ok(())
     }
 
-    /// Tables of a kind in the place's template, or the robot's own.
+    /// Tables of a kind in the parameter's template, or outside templates if it has none.
     fn tables(&mut self, place: &Place, kind: &str) -> Vec<&mut dyn TableLike> {
         let group: Option<&mut dyn TableLike> = match &place.template {
             Some(template) => {
@@ -309,7 +314,7 @@ impl RobotText {
         group.map_or_else(Vec::new, |group| inner(group, kind))
     }
 
-    /// The table of a kind with the place's name.
+    /// Table of a kind with the parameter's name.
     fn named(&mut self, place: &Place, kind: &str) -> Result<&mut dyn TableLike, Nothing> {
         let tables = self.tables(place, kind);
         let known: Vec<String> =
@@ -336,7 +341,7 @@ impl RobotText {
         found.ok_or_else(|| nothing(place, &known))
     }
 
-    /// Tables of the limbs that a place names, or of all limbs of its template.
+    /// Tables of the limbs that the parameter lists, or of all limbs of its template.
     fn mounts(&mut self, place: &Place) -> Result<Vec<&mut dyn TableLike>, Nothing> {
         let limbs = inner(self.document.as_table_mut(), "limb");
         let known: Vec<String> =
@@ -360,7 +365,7 @@ fn nothing(place: &Place, known: &[String]) -> Nothing {
     let help = if known.is_empty() {
         "name a part of the robot file".into()
     } else {
-        format!("there are {}", known.join(", "))
+        format!("give one of {}", known.join(", "))
     };
     Nothing { problem, help }
 }
@@ -369,7 +374,7 @@ fn limit_key(kind: Kind) -> &'static str {
     if kind == Kind::Speed { "speed_max_rad_s" } else { "torque_max_nm" }
 }
 
-/// Tables of an array of a table.
+/// Tables of an array under `key`; empty if the key is missing.
 fn inner<'t>(table: &'t mut dyn TableLike, key: &str) -> Vec<&'t mut dyn TableLike> {
     table.get_mut(key).map_or_else(Vec::new, tables_in)
 }
@@ -427,7 +432,7 @@ fn set_number(item: Option<&mut Item>, to: f64) {
     }
 }
 
-/// Puts a number at a key, which may be missing.
+/// Sets a number under a key, which may be missing.
 fn put_number(table: &mut dyn TableLike, key: &str, to: f64) {
     match table.get_mut(key) {
         Some(item) => set_number(Some(item), to),
@@ -443,7 +448,7 @@ fn size_along(part: &mut dyn TableLike, axis: usize) -> Option<&mut Value> {
     part.get_mut(key)?.as_array_mut()?.get_mut(index)
 }
 
-/// Mass of a link's heaviest part, or its own.
+/// Mass of a link's heaviest part, or the mass of the link itself.
 fn heaviest(link: &mut dyn TableLike) -> Option<&mut Value> {
     if link.contains_key("mass_kg") {
         return link.get_mut("mass_kg")?.as_value_mut();
@@ -462,7 +467,7 @@ fn scale(value: Option<&mut Value>, by: f64) {
     }
 }
 
-/// Puts a number in the place of another one, with its comments: with twelve digits, so that 0.07 is not 0.06999999999999999.
+/// Replaces a value, and keeps its comments. Rounding to twelve digits writes 0.07 instead of 0.06999999999999999.
 fn replace(value: &mut Value, number: f64) {
     let decor = value.decor().clone();
     let twelve_digits = format!("{number:.11e}").parse().unwrap_or(number);

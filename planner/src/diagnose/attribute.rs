@@ -1,10 +1,10 @@
-//! Attribution of the violation at the point where it is least to the constraints that contradict each other.
+//! Attribution of the least violation to the constraints that contradict each other.
 //!
-//! At that point the pulls of all violated rows cancel, Jᵀy = 0 with y their residuals. Rows with y = 0 take no part
-//! in the contradiction. A number p of the motion file or the robot file that rows compare with changes the violation
-//! E = Σ y² by dE/dp = 2 Σ y ∂r/∂p. E grows with the square of the distance to a feasible request, so that p −
-//! 2E/(dE/dp) is feasible, with all else unchanged: to first order, and roughly where the probe has not come to rest
-//! yet. The request with the smallest relative change is named first.
+//! At the point with the least violation, the pulls of all violated rows cancel: Jᵀy = 0, where y are their residuals. Rows
+//! with y = 0 take no part in the contradiction. Let p be a value of the motion file or the robot file that rows compare with.
+//! A change of p changes the violation E = Σ y² by dE/dp = 2 Σ y ∂r/∂p. E grows with the square of the distance to a feasible
+//! request, so that p − 2E/(dE/dp) is feasible with all else unchanged. The estimate is of first order, and rough while the
+//! probe has not converged. The request with the smallest relative change is named first.
 
 use super::mobility::Mobility;
 use super::weak;
@@ -17,51 +17,51 @@ use crate::solve::normal::row_energy;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Largest number of requests that are named, besides one limit and one property of the robot.
+/// Maximum number of requests in a diagnosis, besides one limit and one property of the robot.
 const REQUESTS: usize = 2;
-/// Share of the strongest family's pull below which a family without an estimate is omitted.
+/// Smallest violation of a family, relative to that of the largest family, for naming the family without a feasible value.
 const LEAST_SHARE: f64 = 0.05;
-/// The same for footfalls, to which balance, flight and free feet are attributed together.
+/// Smallest violation of [`FOOTFALLS`] together, relative to the largest family, for one of them to be named. Balance, flight
+/// and free feet all violate them.
 const LEAST_OF_FOOTFALLS: f64 = 0.3;
 /// Constraints that are violated if the footfalls are infeasible.
 const FOOTFALLS: [Family; 3] =
     [Family::AngularDynamics, Family::LinearDynamics, Family::SwingForce];
 /// Relative change of a motor limit up to which weak motors are a likely cause.
 const LIKELY_CHANGE: f64 = 2.0;
-/// Relative change of a motor limit up to which it may be the cause although it is hardly exceeded: it is stiffer than what
-/// gives way.
+/// Relative change of a motor limit up to which the limit may be a cause although it is hardly exceeded. Softer constraints are
+/// violated in place of a stiff limit.
 const LITTLE_CHANGE: f64 = 0.5;
 /// Relative change of a goal beyond which the goal is not the cause.
 const HOPELESS_CHANGE: f64 = 1.5;
-/// Rank of groups without an estimate, after all others.
+/// Rank of groups without an estimate, behind all others.
 const LAST_RANK: f64 = 1e3;
-/// Share of a group's strongest pull from which a row counts for the time span.
+/// Fraction of a group's strongest pull from which a row counts for the time span.
 const PULLING: f64 = 0.1;
-/// Smallest number, m or rad, by which changes are divided: a number of 0 can be changed too.
+/// Smallest divisor of a change, m or rad, so that fields with the value 0 have a relative change too.
 const COMPARED_WITH: f64 = 0.1;
-/// Part of a limit by which it is exceeded to count as a cause.
+/// Relative excess from which a limit counts as a cause.
 const LEAST_EXCESS: f64 = 1e-3;
-/// Factors of a limit of the robot file within which an estimate is accepted: beyond them the motors are not the
-/// cause.
+/// Factors on a limit of the robot file within which an estimate is accepted. Outside, the motors are not the cause.
 const STRONGER: Range<f64> = 1.0..4.0;
 
-/// Rows of one family and one part of the robot that compare with the same number.
+/// Rows of one family and one part of the robot that compare with the same value.
 struct Group {
     family: Family,
     subject: Option<String>,
-    /// Pull y, timeline index and residual in the family's unit of every row.
+    /// Pull y of every row, with its timeline index and its residual in the family's unit.
     pulls: Vec<(f64, usize, f64)>,
-    /// The number that they compare with.
+    /// Field that the rows compare with, and its value.
     given: Option<(&'static str, f64)>,
-    /// Σ y ∂r/∂p over the rows, with p the number, or its relative change for limits.
+    /// Sum Σ y ∂r/∂p over the rows, where p is the value, or its relative change for limits.
     slope: f64,
 }
 
-/// Number with which the request would be feasible.
+/// Value with which the request would be feasible.
 #[derive(Clone, Copy)]
 struct Estimate {
     value: f64,
-    /// Relative change from the given number.
+    /// Relative change from the given value.
     change: f64,
 }
 
@@ -70,8 +70,7 @@ impl Group {
         self.pulls.iter().map(|(y, ..)| y * y).sum()
     }
 
-    /// True if the worst residual exceeds [`LEAST_EXCESS`] times the number that the rows compare with, or if there is no such
-    /// number.
+    /// Returns true if the worst residual exceeds [`LEAST_EXCESS`] times the limit of the rows, or if the rows have no limit.
     fn is_exceeded(&self) -> bool {
         let worst = self.pulls.iter().map(|&(.., residual)| residual).fold(0.0, f64::max);
         self.given.is_none_or(|(_, limit)| worst > LEAST_EXCESS * limit)
@@ -85,14 +84,14 @@ impl Group {
         self.family.kind() == Kind::Request
     }
 
-    /// Relative change from the given number to the feasible one.
+    /// Relative change from the given value to the feasible one.
     fn change(&self, violation: f64) -> f64 {
         let step = -violation / self.slope;
         let given = self.given.map_or(0.0, |(_, value)| value);
         (if !self.is_request() { step } else { step / given.abs().max(COMPARED_WITH) }).abs()
     }
 
-    /// The feasible number, if its estimate is plausible.
+    /// Returns the estimate of the feasible value if it is plausible.
     fn estimate(&self, violation: f64) -> Option<Estimate> {
         let (_, given) = self.given?;
         let step = -violation / self.slope;
@@ -111,7 +110,7 @@ impl Group {
     }
 }
 
-/// Key by which rows are grouped: family, part of the robot, field and bits of the number.
+/// Key for grouping rows: family, part of the robot, field and bits of the value.
 type Key = (Family, Subject, Option<(&'static str, u64)>);
 
 /// Pull of a row, in units of its scale.
@@ -122,8 +121,8 @@ fn pull(row: &Row) -> f64 {
     }
 }
 
-/// The swing height from the motion file, or from a target, that determines the height in a row of a foot in swing;
-/// the row's own height is a fraction of it. `None` for a foot in stance, whose height is 0.
+/// Returns the swing height that determines the height in a row of a swing foot, from the motion file or from a target. The
+/// height in the row is a fraction of it. `None` for a stance foot, whose height is 0.
 fn swing_height(problem: &Problem, row: &Row) -> Option<Given> {
     let Subject::EndEffector(j) = row.subject else { return None };
     let swings = |at: &usize| !problem.stance[*at][j];
@@ -170,7 +169,7 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     groups
 }
 
-/// Adds up the slopes of groups that share a number: swings share one number of the motion file, and motors are exchanged
+/// Sums the slopes of groups that share a value. All swings share the height in the motion file; limits of motors change
 /// together.
 fn share_numbers(groups: &mut [Group]) {
     let shares = |group: &Group| group.family.kind() == Kind::Limit || group.is_swing();
@@ -192,7 +191,7 @@ fn share_numbers(groups: &mut [Group]) {
     }
 }
 
-/// Diagnoses the violation that remains in these rows; `None` if there is none.
+/// Diagnoses the violation that remains in `rows`. Returns `None` if no row is violated.
 pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diagnosis> {
     let groups = group(problem, rows);
     let violation: f64 = groups.iter().map(Group::square).sum();
@@ -321,7 +320,7 @@ fn culprit(
     }
 }
 
-/// Advice on the change that would help, which may be a higher `torque_use` or `speed_use` of the motion.
+/// Advice on the change that would help, including a higher `torque_use` or `speed_use` of the motion if that is below 1.
 fn advice(problem: &Problem, family: Family, mobility: Mobility) -> String {
     let Reserve { torque_use, speed_use } = problem.reserve;
     let share = match family {

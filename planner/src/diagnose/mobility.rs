@@ -1,4 +1,4 @@
-//! Mobility of a robot in a motion: advice names nothing that is there already, or that the robot cannot do.
+//! Mobility of a robot in a motion, used to omit advice that is already followed or impossible.
 
 use crate::families::Family;
 use crate::motion::Goal;
@@ -6,9 +6,9 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Configuration, Frames, Tree};
 use rollwalk_robot::{EndEffector, Robot};
 
-/// Largest part of a joint's axis ahead or up with which it is across: it moves no foot to the side.
+/// Largest forward or upward component of the axis of a lateral joint. Such a joint moves no foot sideways.
 const ACROSS: f64 = 0.02;
-/// Least upward part of a joint's axis with which it steers.
+/// Smallest upward component of the axis of a joint that steers.
 const UPRIGHT: f64 = 0.5;
 
 /// Mobility of a robot in a motion.
@@ -20,13 +20,12 @@ pub struct Mobility {
     could_step: bool,
     /// True if there are wheels or blades that no joint steers.
     could_steer: bool,
-    /// True if the goal is sideways or a turn, and the axes of all joints run across the robot, so that feet move in planes
-    /// ahead.
+    /// True if the goal is sideways or a turn, and all joint axes are lateral. Feet then move in forward planes only.
     is_planar_aside: bool,
 }
 
 impl Mobility {
-    /// Mobility in a motion with these stances, one row a sample, and this goal.
+    /// Returns the mobility in a motion with this goal. `stance` has one row per sample.
     pub fn of(robot: &Robot, stance: &[Vec<bool>], goal: &Goal) -> Self {
         let (tree, joint_rad): (_, Vec<_>) =
             (Tree::new(robot), robot.joints.iter().map(|joint| joint.nominal_rad).collect());
@@ -50,11 +49,13 @@ impl Mobility {
         }
     }
 
-    /// Advice where constraints of a family cannot be met.
+    /// Advice for a family of constraints that cannot be met.
     pub fn advice(self, family: Family) -> String {
         let is_of_legs = matches!(family, Family::ContactPoint | Family::JointLimit);
         if self.is_planar_aside && (is_of_legs || family == Family::TurningGoal) {
-            return "a goal straight ahead: all joints turn about axes across the robot, so that no foot moves to the side".into();
+            return "a goal straight ahead (all joint axes lie across the robot, so no foot can \
+                move sideways)"
+                .into();
         }
         let mut ways = match family {
             Family::ContactPoint if !self.some_step => vec!["a motion within the legs' reach"],
@@ -93,7 +94,7 @@ mod tests {
         robot(include_str!("../../../shipped/robots/legbot.toml"))
     }
 
-    /// Advice for a turn where the first `steps` of four feet step, one after the other.
+    /// Advice for a turn in which the first `steps` of four feet step, one after the other.
     fn turning(robot: &Robot, steps: usize) -> String {
         let row = |lifted: usize| (0..4).map(|end| end != lifted || end >= steps).collect();
         let stance: Vec<_> = (0..4).map(row).collect();

@@ -1,11 +1,10 @@
-//! Search for the point where contradictory constraints are violated least, and the verdict whether a solve should
-//! continue.
+//! Search for the point where contradictory constraints are violated least, with a verdict on the solve.
 //!
-//! Without multipliers and nearly without costs, the solver's energy is Σ r² over the violated constraints. In a
-//! feasible problem it goes to zero in a few steps. Where it is stationary above zero no small change meets all
-//! constraints, and the remaining residuals show the share of each constraint in the contradiction. A solve whose
-//! constraints are still far from met after a few iterations is therefore probed: some steps on the constraints alone
-//! tell infeasible requests from slow solves long before the multipliers would.
+//! Without multipliers and almost without costs, the solver's energy is Σ r² over the violated constraints. In a feasible
+//! problem it approaches zero in a few steps. If it is stationary above zero, no small change meets all constraints, and the
+//! remaining residuals show the share of each constraint in the contradiction. A solve with large residuals after a few
+//! iterations is therefore probed. Some steps on the constraints alone distinguish infeasible requests from slow solves long
+//! before the multipliers would.
 
 use crate::formulation::System;
 use crate::formulation::rows::Rows;
@@ -15,41 +14,42 @@ use crate::solve::normal::NormalEquations;
 use crate::solve::{ACCEPTED_LEVEL, Iteration, Point, Progress, worst};
 use std::ops::ControlFlow;
 
-/// Weight of the constraints against the costs, relative to a solve, so large that costs change residuals by less
-/// than 0.1 %.
+/// Weight of the constraints against the costs, relative to a solve. Costs then change residuals by less than 0.1 %.
 const EMPHASIS: f64 = 1e3;
-/// Limit of steps of one probe.
+/// Maximum number of steps of a probe.
 const STEPS: usize = 8;
-/// Relative decrease of Σ r² over the last [`FLAT_STEPS`] steps below which it counts as stationary.
+/// Relative decrease of Σ r² over [`FLAT_STEPS`] steps below which Σ r² counts as stationary.
 const FLAT: f64 = 0.05;
+/// Number of steps over which [`FLAT`] is measured.
 const FLAT_STEPS: usize = 3;
-/// Ratio by which Σ r² falls within [`FALLING_STEPS`] steps if the request is feasible. Measured on all shipped
-/// motions: 10 to 1000 where the solve succeeds, 1.2 to 3.5 for infeasible requests.
+/// Factor by which Σ r² falls within [`FALLING_STEPS`] steps if the request is feasible. On all shipped motions, the factor is
+/// 10 to 1000 for successful solves and 1.2 to 3.5 for infeasible requests.
 const FALLING: f64 = 4.0;
+/// Number of steps over which [`FALLING`] is measured.
 const FALLING_STEPS: usize = 4;
-/// Number of first energies that are ignored: multipliers keep a solve away from the point with the least violation,
-/// to which the first steps return.
+/// Number of initial energies that are ignored. Multipliers keep a solve away from the point with the least violation, and the
+/// first steps lead back to it.
 const SETTLING: usize = 2;
-/// Worst constraint, as a multiple of its tolerance, that counts as far off at the first probe. No shipped
-/// motion reaches it. Every later probe requires [`PATIENCE`] times more, as multipliers may have led a slow solve
-/// away by then.
+/// Worst residual-to-tolerance ratio that counts as far off at the first probe. No shipped motion reaches it. Each later probe
+/// requires [`PATIENCE`] times more, because multipliers may have led a slow solve away.
 const FAR_LEVEL: f64 = 30.0;
-/// Worst constraint, as a multiple of its tolerance, above which a solve is probed again.
+/// Worst residual-to-tolerance ratio above which a solve is probed again.
 const DOUBTFUL_LEVEL: f64 = 1.0;
-/// Iterations before the first probe, and the factor from one probe to the next.
+/// Iterations before the first probe.
 const FIRST: usize = 6;
+/// Factor on the iteration count from one probe to the next.
 const PATIENCE: usize = 3;
-/// Nearly flat iterations without improvement of the worst constraint after which a solve is probed, once: requests that
-/// miss by little have small residuals, with multipliers that grow without end.
+/// Number of nearly flat iterations without improvement of the worst constraint after which a solve is probed, once. Near
+/// misses have small residuals, while their multipliers grow without bound.
 const HALTING: usize = 8;
 
-/// Limit of dampings tried for a step.
+/// Maximum number of dampings tried for a step.
 const TRIALS: usize = 8;
-/// Damping, relative to the constraints' weight, of a step that is practically undamped: it may change each unknown
-/// by a radian, a metre or a robot's weight.
+/// Damping of a practically undamped step, relative to the constraints' weight. The step may change each unknown by a radian, a
+/// metre or the weight of a robot.
 const UNDAMPED: f64 = 1e-6;
-/// Fraction of the violation that the linearised constraints must be able to remove; below it they contradict each
-/// other. Slow but feasible solves reach 0.4 or more, contradictions 0.002 to 0.07.
+/// Fraction of the violation that the linearised constraints must be able to remove. Below it, they contradict each other. Slow
+/// but feasible solves reach 0.4 or more, contradictions 0.002 to 0.07.
 const CURABLE: f64 = 0.1;
 
 /// Schedule of the probes of a solve.
@@ -57,7 +57,7 @@ const CURABLE: f64 = 0.1;
 pub struct Schedule {
     next: usize,
     far_level: f64,
-    /// True after a probe because the worst constraint did not improve.
+    /// True once a solve has been probed because the worst constraint did not improve.
     halted: bool,
 }
 
@@ -67,12 +67,12 @@ impl Default for Schedule {
     }
 }
 
-/// A probe that is due.
+/// Probe that is due.
 #[derive(Clone, Copy, Debug)]
 pub struct Due {
-    /// Worst constraint, as a multiple of its tolerance, that counts as far off.
+    /// Worst residual-to-tolerance ratio that counts as far off.
     pub far_level: f64,
-    /// True if a solve that is only stuck should go on: some converge after more iterations.
+    /// True if a solve that is merely stuck should continue. Some such solves converge after more iterations.
     pub is_early: bool,
 }
 
@@ -93,7 +93,7 @@ impl Schedule {
         (level > doubtful).then_some(Due { far_level, is_early: false })
     }
 
-    /// The level that counts as far off when a solve has ended.
+    /// Returns the level that counts as far off at the end of a solve.
     pub fn far_level(&self) -> f64 {
         self.far_level
     }
@@ -104,23 +104,25 @@ impl Schedule {
 pub struct Nearest {
     /// Point with the least violation that the probe has found.
     pub point: Point,
-    /// Verdict against the request; `None` without evidence.
+    /// Verdict against the request; `None` if there is no evidence.
     pub verdict: Option<Verdict>,
 }
 
 /// Search for the point where the constraints of one problem are violated least.
 pub struct FeasibilityProbe<'a> {
-    /// The rows of the problem.
+    /// Rows of the problem.
     pub system: &'a System<'a>,
     /// Iterations left for the solve.
     pub most_steps: usize,
-    /// Worst constraint, as a multiple of its tolerance, that counts as far off.
+    /// Worst residual-to-tolerance ratio that counts as far off.
     pub far_level: f64,
 }
 
 impl FeasibilityProbe<'_> {
-    /// Lowers the violation from a point, with Levenberg-Marquardt steps. `progress` sees every step, at the
-    /// constraint weight of a solve, and may stop the probe, which then gives no result.
+    /// Lowers the violation from a point with Levenberg-Marquardt steps.
+    ///
+    /// `progress` is called after every step, with the energy at the constraint weight of a solve, and may stop the probe. A
+    /// stopped probe returns `None`.
     pub fn run(
         &self,
         normal: &mut NormalEquations,

@@ -1,7 +1,7 @@
-//! Motors too weak for the robot to stand in the posture of its motion, which a diagnosis names before anything else.
+//! Motors that are too weak for standing in the posture of the motion. A diagnosis names them before anything else.
 //!
-//! The point with the least violation does not show them: there the robot lies on its limits in other ways, such as
-//! legs stretched beyond its joints, and much weaker motors pull less.
+//! The point with the least violation does not reveal such motors. At that point, the robot rests on other limits, such as legs
+//! stretched beyond their joint limits, and much weaker motors pull less.
 
 use crate::families::Family;
 use crate::plan::Culprit;
@@ -9,11 +9,11 @@ use crate::problem::Problem;
 use rollwalk_multibody::euler::JOINTS;
 use rollwalk_multibody::{Standing, Tree};
 
-/// Torque for motion, over that for standing, with which trials begin: of four legs a walk lifts one.
+/// Torque of the first trial, as a multiple of the torque for standing. A walk lifts one of four legs.
 const FOR_MOTION: f64 = 1.5;
 
-/// The joint whose motor is the weakest for what it holds when the robot stands on all its feet in its posture; `None`
-/// if all can hold that.
+/// Returns the joint with the weakest motor in relation to the torque for standing on all feet in the motion's posture. `None`
+/// if all motors can bear the robot, or if the posture is not balanced.
 pub(super) fn too_weak_to_stand(problem: &Problem) -> Option<Culprit> {
     let mut robot = problem.model.robot().clone();
     for (joint, angle) in robot.joints.iter_mut().zip(problem.posture_q[0].iter().skip(JOINTS)) {
@@ -38,6 +38,6 @@ pub(super) fn too_weak_to_stand(problem: &Problem) -> Option<Culprit> {
         field: Some("torque_max_nm".to_owned()),
         given: Some(limit_nm),
         would_do: Some(FOR_MOTION * needed_nm / problem.reserve.torque_use),
-        advice: format!("{}: standing alone takes {needed_nm:.2} N·m", family.advice()),
+        advice: format!("{} (standing alone requires {needed_nm:.2} N·m)", family.advice()),
     })
 }

@@ -1,4 +1,4 @@
-//! The catalogue as every plan carries it, so that a check in another language needs no table of its own.
+//! Catalogue of families in every plan, so that a check in another language needs no table of its own.
 
 use super::{AGREEMENT, CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
 use rollwalk_robot::GRAVITY_M_S2;
@@ -7,9 +7,9 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// Constants and families of the formulation. The value is the same in every plan of this program: a plan
-/// with other ones is refused, because its levels are not those that a report applies. Wording of equations, order
-/// and families added since the plan was made do not matter.
+/// Constants and families of the formulation, which are the same in every plan of this program. A plan with other constants or
+/// levels is refused, because a report would apply different ones. Wording of equations, order, and families added since the
+/// plan was made are ignored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Formulation;
 
@@ -74,7 +74,7 @@ impl<'de> Deserialize<'de> for Formulation {
     }
 }
 
-/// Compares a catalogue in a file with the one of this program.
+/// Compares the catalogue in a file with that of this program.
 fn agree(found: &Value, known: &Value) -> Result<(), String> {
     for constant in ["gravity_m_s2", "clearance_m", "rolling_sign_width_m_s"] {
         same("", found, known, constant)?;
@@ -87,8 +87,8 @@ fn agree(found: &Value, known: &Value) -> Result<(), String> {
         let name = &found["name"];
         let family = name.as_str().and_then(Family::by_name).ok_or_else(|| {
             format!(
-                "{path}.name is {name}; expected a residual family that this program knows: the plan is \
-                 from another rollwalk, use that one or plan the motion once more"
+                "{path}.name is {name}; expected a residual family of this version of rollwalk: \
+                 plan the motion again, or use the version that wrote the plan"
             )
         })?;
         let known = &known["families"][family as usize];
@@ -100,7 +100,7 @@ fn agree(found: &Value, known: &Value) -> Result<(), String> {
     no_others("", found, known)
 }
 
-/// Refuses fields that a catalogue of this program has not.
+/// Refuses fields that the catalogue of this program lacks.
 fn no_others(start: &str, found: &Value, known: &Value) -> Result<(), String> {
     let (Value::Object(found), Value::Object(known)) = (found, known) else { return Ok(()) };
     match found.keys().find(|key| !known.contains_key(*key)) {
@@ -112,14 +112,14 @@ fn no_others(start: &str, found: &Value, known: &Value) -> Result<(), String> {
     }
 }
 
-/// Compares one field; numbers agree to a relative [`AGREEMENT`].
+/// Compares one field; numbers may differ by a relative [`AGREEMENT`].
 fn same(path: &str, found: &Value, known: &Value, key: &str) -> Result<(), String> {
     let (found, known) = (&found[key], &known[key]);
     let near = |(found, known): (f64, f64)| (found - known).abs() <= AGREEMENT * known.abs();
     if found == known || found.as_f64().zip(known.as_f64()).is_some_and(near) {
         return Ok(());
     }
-    Err(format!("{path}{key} is {found}; expected {known}, as this program plans and reports"))
+    Err(format!("{path}{key} is {found}; expected {known}, the value in this version of rollwalk"))
 }
 
 #[cfg(test)]
@@ -162,7 +162,7 @@ mod tests {
         let level_of_cost = format!("/families/{cost}/level");
         let expected_of_cost = format!("families[{cost}].level is 1.0; expected null,");
         let cases: [(&str, Value, &str); 11] = [
-            ("/gravity_m_s2", 9.8.into(), "gravity_m_s2 is 9.8; expected 9.80665, as this"),
+            ("/gravity_m_s2", 9.8.into(), "gravity_m_s2 is 9.8; expected 9.80665, the value"),
             ("/clearance_m", Value::Null, "clearance_m is null; expected 0.02,"),
             ("/families", 3.into(), "families is 3; expected a list"),
             ("/families/0", 3.into(), "families[0].name is null; expected a residual family"),

@@ -1,9 +1,9 @@
-//! Residual rows with exact sparse derivatives: terms write them and the solver reads them.
+//! Residual rows with exact sparse derivatives. Terms write the rows, and the solver reads them.
 //!
-//! Terms differentiate with respect to the timeline samples in their window. [`RowWriter`] converts these derivatives
-//! to derivatives with respect to the unknowns, through placements and frozen entries, and sums those in the same
-//! column, so that terms contain no bookkeeping. The pattern of a problem never changes: every call writes the same
-//! rows with the same columns.
+//! Terms differentiate with respect to the timeline samples in their window. [`RowWriter`] converts these derivatives to
+//! derivatives with respect to the unknowns, through placements and frozen entries, and sums derivatives in the same column.
+//! Terms therefore contain no bookkeeping. The pattern of a problem is constant: every call writes the same rows with the same
+//! columns.
 
 mod writer;
 
@@ -18,12 +18,12 @@ use rollwalk_robot::Robot;
 use std::mem::discriminant;
 use std::sync::Arc;
 
-/// Columns of the unknowns: free entries of all slots, then Dx, Dy, ψ.
+/// Columns of the unknowns: the free entries of all slots, then Dx, Dy, ψ.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Columns {
-    /// `[slot][variable]`, `None` for frozen entries.
+    /// Column of each entry, `[slot][variable]`; `None` for frozen entries.
     pub of_slot: Vec<Vec<Option<usize>>>,
-    /// Columns of Dx, Dy, ψ.
+    /// Columns of Dx, Dy, ψ; `None` if the placement is fixed.
     pub placement: Option<[usize; 3]>,
     /// Number of columns.
     pub count: usize,
@@ -66,14 +66,14 @@ impl Columns {
 /// Role of a row in the energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
-    /// r = 0.
+    /// Equality r = 0.
     Equality,
-    /// r ≤ 0, smoothed over a band of this half-width in scaled units (Eq. 2.16: ε).
+    /// Inequality r ≤ 0, smoothed as in Eq. 2.16.
     Inequality {
-        /// ε over the row's scale.
+        /// Half-width ε of the smoothing over the row's scale.
         band: f64,
     },
-    /// Weighted square of r.
+    /// Cost: weighted square of r.
     Cost {
         /// Weight.
         weight: f64,
@@ -83,15 +83,15 @@ pub enum Role {
 /// Part of the robot to which a residual belongs, with its index in the robot's list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
-    /// The whole robot.
+    /// Whole robot.
     Whole,
-    /// An end effector.
+    /// End effector.
     EndEffector(usize),
-    /// A joint.
+    /// Joint.
     Joint(usize),
-    /// A link.
+    /// Link.
     Link(usize),
-    /// Two links.
+    /// Pair of links.
     Links([usize; 2]),
 }
 
@@ -117,14 +117,14 @@ impl From<motion::Subject> for Subject {
     }
 }
 
-/// Number in the motion or robot file that a residual compares with.
+/// Field of the motion or robot file that a residual compares with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given {
-    /// Name of its field.
+    /// Name of the field.
     pub field: &'static str,
-    /// The number.
+    /// Value of the field.
     pub value: f64,
-    /// Derivative of the residual with respect to it.
+    /// Derivative of the residual with respect to the value.
     pub slope: f64,
 }
 
@@ -133,11 +133,11 @@ pub struct Given {
 pub struct Row {
     /// Family of the residual.
     pub family: Family,
-    /// Timeline index of the middle of the window it was written for.
+    /// Timeline index of the middle of the row's window.
     pub at: usize,
-    /// Part of the robot to which it belongs.
+    /// Part of the robot to which the row belongs.
     pub subject: Subject,
-    /// Number that it compares with, if any.
+    /// Field that the residual compares with, if any.
     pub given: Option<Given>,
     /// Residual over its scale.
     pub value: f64,
@@ -147,12 +147,12 @@ pub struct Row {
     pub level: f64,
     /// Role in the energy.
     pub role: Role,
-    /// Range of its derivatives in [`Rows::columns`] and [`Rows::derivatives`].
+    /// Range of the row's derivatives in [`Rows::columns`] and [`Rows::derivatives`].
     pub entries: std::ops::Range<usize>,
 }
 
 impl Row {
-    /// True if the row takes part in the energy when it is shifted by its multiplier.
+    /// Returns true if the row contributes to the energy when it is shifted by its multiplier.
     pub fn counts(&self, shift: f64) -> bool {
         match self.role {
             Role::Inequality { band } => self.value + shift > -band,
@@ -160,7 +160,7 @@ impl Row {
         }
     }
 
-    /// True if the rows differ in numbers only.
+    /// Returns true if two rows differ in values only.
     fn is_like(&self, other: &Self) -> bool {
         self.family == other.family
             && self.at == other.at
@@ -173,39 +173,39 @@ impl Row {
 /// Rows of a problem at one point.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
-    /// The rows.
+    /// Rows in the order of the terms.
     pub rows: Vec<Row>,
-    /// Columns of all derivatives, shared by all rows of one system.
+    /// Columns of all derivatives. All rows of a system share them.
     pub columns: Arc<[usize]>,
-    /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows without.
+    /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows outside [`Self::differentiated`].
     pub derivatives: Vec<f64>,
-    /// Rows that have derivatives.
+    /// Set of rows with derivatives.
     pub differentiated: Differentiated,
-    /// The timeline at the point.
+    /// States of the timeline at the point.
     pub(super) states: Vec<State>,
 }
 
-/// Rows that have derivatives.
+/// Set of rows with derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Differentiated {
-    /// Empty set: only values are known.
+    /// Empty set.
     #[default]
     None,
-    /// Rows that count with the multipliers of the differentiation.
+    /// Rows that contribute to the energy with the multipliers of the differentiation.
     Counting,
-    /// Full set.
+    /// Set of all rows.
     All,
 }
 
 /// Input of a term: the problem and up to three samples of the timeline.
 pub struct Window<'a> {
-    /// The problem.
+    /// Problem of the rows.
     pub problem: &'a Problem,
     /// Timeline indices of the samples.
     pub at: [usize; 3],
-    /// The samples.
+    /// States of the samples.
     pub states: [&'a State; 3],
-    /// Forces required of feet in swing, `[timeline sample][end effector]`, N; empty for none.
+    /// Required forces of feet in swing, `[timeline sample][end effector]`, N. Empty if all are zero.
     pub swing_force_n: &'a [Vec<Vector3<f64>>],
 }
 

@@ -1,8 +1,8 @@
-//! Linear map of small errors over one cycle of a rigid body on springs, and the largest growth in it.
+//! Linear map of small errors over one cycle of a rigid body on springs, and its largest growth.
 //!
-//! Errors are x = (δc, δθ, δċ, δω, a): place and turn of the body, their rates, and the horizontal error a of every
-//! contact point. A foot lands where the body's error carries it and stays there; a wheel rolls where it heads. With the arm r
-//! from the centre of mass and the planned force f, legs yield by u = a − δc − δθ × r, and
+//! The errors are x = (δc, δθ, δċ, δω, a): position and rotation of the body, their rates, and the horizontal error a of every
+//! contact point. A foot lands where the body's error carries it and stays there; a wheel rolls along its heading. Let r be the
+//! arm from the centre of mass and f the planned force. Legs yield by u = a − δc − δθ × r, and
 //!
 //! ```text
 //! δf = K u + D u̇ + δθ × f        u̇ = ȧ − δċ − δω × r − δθ × ṙ
@@ -12,7 +12,7 @@
 use nalgebra::{DMatrix, DMatrixView, Dyn, LU, Matrix3, Vector3};
 use rollwalk_multibody::rotation::{skew, yaw_rotation};
 
-/// Instant of a cycle, world frame.
+/// State at one time of a cycle, in the world frame.
 pub struct Instant {
     /// Mass, kg.
     pub mass_kg: f64,
@@ -20,17 +20,17 @@ pub struct Instant {
     pub com: Vector3<f64>,
     /// Velocity of the centre of mass, m/s.
     pub com_velocity: Vector3<f64>,
-    /// Inertia about it, kg·m².
+    /// Inertia about the centre of mass, kg·m².
     pub inertia_kg_m2: Matrix3<f64>,
-    /// K: force per yielding of all contacts that stand, three rows each, N/m.
+    /// Stiffness K of all stance contacts: force per deflection, three rows each, N/m.
     pub stiffness_n_m: DMatrix<f64>,
-    /// D by K, s.
+    /// Ratio of damping D to stiffness K, s.
     pub damping_s: f64,
     /// Contacts of all end effectors.
     pub contacts: Vec<Contact>,
 }
 
-/// A contact of an [`Instant`].
+/// Contact of an end effector in an [`Instant`].
 pub struct Contact {
     /// Contact point, m.
     pub position: Vector3<f64>,
@@ -42,23 +42,23 @@ pub struct Contact {
 
 /// Rolling of a contact.
 pub struct Roll {
-    /// Unit vector along the ground.
+    /// Unit vector of the rolling direction along the ground.
     pub along: Vector3<f64>,
-    /// Planned velocity of the contact point, v, m/s.
+    /// Planned velocity v of the contact point, m/s.
     pub velocity: Vector3<f64>,
-    /// Speed per force along it, m/s/N.
+    /// Speed per force along the rolling direction, m/s/N.
     pub mobility_m_ns: f64,
 }
 
-/// Errors of the body.
+/// Number of errors of the body.
 const BODY: usize = 12;
-/// Errors that nothing notices: shifts along x and y, turns about z.
+/// Number of neutral errors, which do not affect the motion: shifts along x and y, turns about z.
 const NEUTRAL: usize = 3;
-/// γ of the two-stage diagonally implicit Runge-Kutta rule of second order, 1 − 1/√2: it damps what is too fast for
-/// its steps.
+/// Coefficient γ = 1 − 1/√2 of the two-stage diagonally implicit Runge-Kutta rule of second order. The rule damps modes that
+/// are too fast for its steps.
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
-/// Largest multiplier of a cycle of equal steps that ends turned by `yaw_rad`; `None` if a step has no solution.
+/// Largest multiplier of a cycle with equal steps, which turns the robot by `yaw_rad`. `None` if a step has no solution.
 pub fn growth(instants: &[Instant], step_s: f64, yaw_rad: f64) -> Option<f64> {
     let (first, last) = (instants.first()?, instants.last()?);
     let size = BODY + 2 * first.contacts.len();
@@ -80,7 +80,7 @@ pub fn growth(instants: &[Instant], step_s: f64, yaw_rad: f64) -> Option<f64> {
     largest(&(turned * map), &neutral(first, size))
 }
 
-/// Largest eigenvalue of the map on what is left of errors without the neutral ones.
+/// Largest modulus of the map's eigenvalues on the complement of the neutral errors.
 fn largest(map: &DMatrix<f64>, neutral: &DMatrix<f64>) -> Option<f64> {
     // The left singular vectors of the neutral errors, filled up to a basis.
     let size = map.nrows();
@@ -93,7 +93,7 @@ fn largest(map: &DMatrix<f64>, neutral: &DMatrix<f64>) -> Option<f64> {
     moduli.into_iter().reduce(f64::max)
 }
 
-/// Shifts along x and y, and a turn about the vertical through the world's origin.
+/// Neutral errors: shifts along x and y, and a turn about the vertical through the world's origin.
 fn neutral(at: &Instant, size: usize) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(size, NEUTRAL);
     let up = Vector3::z();
@@ -113,7 +113,7 @@ fn neutral(at: &Instant, size: usize) -> DMatrix<f64> {
     out
 }
 
-/// Gives every contact that comes down the error with which the body carries it there.
+/// Sets the error of each landing contact to the error of the body at its position.
 fn land(now: &Instant, before: &Instant, map: &mut DMatrix<f64>) {
     for (j, (contact, was)) in now.contacts.iter().zip(&before.contacts).enumerate() {
         if contact.force_n.is_some() && was.force_n.is_none() {
@@ -123,7 +123,7 @@ fn land(now: &Instant, before: &Instant, map: &mut DMatrix<f64>) {
     }
 }
 
-/// Motion of a point of the body: δc + δθ × r.
+/// Jacobian of the motion δc + δθ × r of a point of the body.
 fn body_to_point(arm: &Vector3<f64>) -> nalgebra::Matrix3x6<f64> {
     let mut out = nalgebra::Matrix3x6::zeros();
     out.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
@@ -131,7 +131,7 @@ fn body_to_point(arm: &Vector3<f64>) -> nalgebra::Matrix3x6<f64> {
     out
 }
 
-/// A of ẋ = A x.
+/// Matrix A of ẋ = A x.
 fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
     let standing: Vec<(usize, Vector3<f64>, &Contact, Vector3<f64>)> = at
         .contacts
@@ -191,7 +191,7 @@ fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
     Some(out)
 }
 
-/// Step of ẋ = A x on all columns of `map`: (1 − γ h A)⁻² (1 + (1 − 2γ) h A).
+/// Advances all columns of `map` by a step of ẋ = A x: (1 − γ h A)⁻² (1 + (1 − 2γ) h A).
 fn step(rates: &DMatrix<f64>, step_s: f64, map: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let identity = DMatrix::identity(rates.nrows(), rates.ncols());
     let implicit: LU<f64, Dyn, Dyn> = (&identity - rates * (GAMMA * step_s)).lu();
@@ -207,7 +207,7 @@ mod tests {
     const HEIGHT_M: f64 = 0.3;
     const GRAVITY_M_S2: f64 = 9.8;
 
-    /// A body above contacts that share its weight, with stiff legs, and moment of inertia m (0.1 m)² about all axes.
+    /// Body above contacts that share its weight, with stiff legs and moment of inertia m (0.1 m)² about all axes.
     fn standing(contacts: &[(f64, f64)], stiffness_n_m: f64) -> Instant {
         let share = Vector3::z() * (MASS_KG * GRAVITY_M_S2 / contacts.len() as f64);
         Instant {
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Growth in `duration_s` seconds.
+    /// Growth during `duration_s`.
     fn growth_of(instant: impl Fn() -> Instant, duration_s: f64) -> f64 {
         let instants: Vec<_> = (0..400).map(|_| instant()).collect();
         growth(&instants, duration_s / 400.0, 0.0).expect("a map")

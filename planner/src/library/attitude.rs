@@ -1,4 +1,4 @@
-//! Attitude of the body during a plan, from which the controller's IMU watch gets its limits.
+//! Attitude of the body during a plan. The limits of the controller's IMU watch derive from it.
 
 use super::LibraryError;
 use crate::plan::Plan;
@@ -6,8 +6,8 @@ use rollwalk_protocol::library::{Attitude, MAX_TILT_RAD};
 
 type Direction = [f64; 3];
 
-/// Mean direction of the world's vertical in the base frame, and the largest angle of a sample's vertical from it,
-/// rad; an error where these tilt the body by more than [`MAX_TILT_RAD`].
+/// Mean direction of the world's vertical in the base frame, and the largest angle of a sample's vertical from it, rad. Returns
+/// an error if the two tilt the body by more than [`MAX_TILT_RAD`].
 pub fn attitude(plan: &Plan) -> Result<Attitude, LibraryError> {
     let ups: Vec<Direction> =
         plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();
@@ -25,7 +25,7 @@ pub fn attitude(plan: &Plan) -> Result<Attitude, LibraryError> {
     Ok(Attitude { up_body: mean.map(|x| x as f32), spread_rad })
 }
 
-/// Third row of the rotation matrix: the world's z axis in the base's frame.
+/// World's z axis in the base frame: third row of the rotation matrix.
 fn up_in_base([w, x, y, z]: [f64; 4]) -> Direction {
     [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
@@ -77,7 +77,7 @@ mod tests {
         for ypr in [[0.0, 1.2, 0.0], [0.0, 0.0, 3.1]] {
             let refused = attitude(&plan_with(|_| ypr)).unwrap_err().to_string();
             assert!(
-                refused.contains("still: its body tilts by") && refused.contains("60°"),
+                refused.contains("still: the body tilts by") && refused.contains("60°"),
                 "{refused}"
             );
         }

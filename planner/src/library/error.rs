@@ -1,4 +1,4 @@
-//! Reasons for which plans do not make a library.
+//! Errors of building a library from plans.
 
 use rollwalk_protocol::library::{EncodeError, MAX_TILT_RAD, Reject};
 use rollwalk_robot::InvalidRobot;
@@ -10,49 +10,50 @@ pub enum LibraryError {
     /// The robot is not valid.
     #[error(transparent)]
     Robot(#[from] InvalidRobot),
-    /// A plan is for another robot, or for another version of it.
+    /// A plan was made for another robot, or for another version of its file.
     #[error(
-        "{motion} is planned for another robot, `{found}`; expected `{expected}` exactly as its file \
-         is now: plan the motion again"
+        "{motion} is planned for robot `{found}`; expected `{expected}` exactly as its file is \
+         now: plan the motion again"
     )]
     OtherRobot {
-        /// The motion.
+        /// Name of the motion.
         motion: String,
         /// Robot of the plan.
         found: String,
         /// Robot of the library.
         expected: String,
     },
-    /// A time is not that of a frame.
+    /// A time is not a multiple of 1/60 s.
     #[error("{motion}: {field} is {time_s} s; expected a multiple of 1/60 s")]
     NotOnFrame {
-        /// The motion or transition.
+        /// Name of the motion or transition.
         motion: String,
         /// Field with the time.
         field: &'static str,
-        /// The time, s.
+        /// Time, s.
         time_s: f64,
     },
     /// A transition joins a motion that does not exist.
-    #[error("{transition} joins motion number {motion}, which does not exist")]
+    #[error("{transition} joins motion number {motion}, but this motion does not exist")]
     NoSuchMotion {
-        /// The transition.
+        /// Name of the transition.
         transition: String,
-        /// Number of the motion.
+        /// Index of the motion.
         motion: usize,
     },
     /// A value is beyond the limits of its channel.
     #[error(
-        "{motion}: {channel} is at {value:.3} {unit} after {time_s:.3} s; limits are {min:.3} to {max:.3}"
+        "{motion}: {channel} is at {value:.3} {unit} after {time_s:.3} s; expected {min:.3} to \
+         {max:.3} {unit}"
     )]
     OutOfLimits {
-        /// The motion or transition.
+        /// Name of the motion or transition.
         motion: String,
-        /// Joint or end effector.
+        /// Name of the joint or end effector.
         channel: String,
         /// Time since the start, s.
         time_s: f64,
-        /// The value.
+        /// Value that exceeds the limits.
         value: f64,
         /// Smallest value.
         min: f64,
@@ -61,34 +62,34 @@ pub enum LibraryError {
         /// Unit of the values.
         unit: &'static str,
     },
-    /// A value changes faster than its motor can.
+    /// A value changes faster than its motor allows.
     #[error(
-        "{motion}: {channel} changes by {rate:.2} {unit} per second before {time_s:.3} s; its limit is \
-         {limit:.2}: give the motion more time"
+        "{motion}: {channel} changes by {rate:.2} {unit} per second just before {time_s:.3} s; \
+         give the motion a longer duration, because the limit is {limit:.2} {unit} per second"
     )]
     TooFast {
-        /// The motion or transition.
+        /// Name of the motion or transition.
         motion: String,
-        /// Joint or end effector.
+        /// Name of the joint or end effector.
         channel: String,
-        /// Time at the end of the change since the start, s.
+        /// Time since the start of the motion, at the end of the change, s.
         time_s: f64,
         /// Rate of change, unit per second.
         rate: f64,
-        /// Largest rate of change, unit per second.
+        /// Limit of the rate of change, unit per second.
         limit: f64,
         /// Unit of the value.
         unit: &'static str,
     },
-    /// A motion tilts its body further than a controller's tilt protection allows.
+    /// A motion tilts its body further than the controller's tilt protection allows.
     #[error(
-        "{motion}: its body tilts by {tilt_rad:.3} rad; a library takes up to {MAX_TILT_RAD:.3} rad (60°), because the \
-         controller could not tell more from a fall"
+        "{motion}: the body tilts by {tilt_rad:.3} rad; reduce the tilt to {MAX_TILT_RAD:.3} rad \
+         (60°), because the controller cannot distinguish a larger tilt from a fall"
     )]
     Tilted {
-        /// The motion or transition.
+        /// Name of the motion or transition.
         motion: String,
-        /// Mean tilt and largest deviation from it, rad.
+        /// Sum of the mean tilt and the largest deviation from it, rad.
         tilt_rad: f32,
     },
     /// The encoder refuses the library.

@@ -1,4 +1,4 @@
-//! Frames of a plan as a library stores them: one value per channel, within the channel's limits and rate limit.
+//! Frames of a plan in a library: one value per channel, within the channel's limits and rate limit.
 
 use super::{LibraryError, frames};
 use crate::families::{AsPlayed, Family};
@@ -11,28 +11,28 @@ use rollwalk_robot::Robot;
 
 /// Channels of a robot.
 pub struct Channels<'a> {
-    /// The robot, for names.
+    /// Robot, for the names in messages.
     pub robot: &'a Robot,
-    /// Limits in channel order.
+    /// Configuration with the limits in channel order.
     pub config: &'a RobotConfig,
 }
 
-/// A plan at 60 Hz.
+/// Plan sampled at 60 Hz.
 pub struct Clip {
     /// Name for messages.
     pub name: String,
-    /// Setpoints of the plan.
+    /// Set-points of the plan.
     pub setpoints: Vec<Setpoints>,
     /// Stored values: frame after frame, one value per channel, within limits.
     pub values: Vec<f32>,
-    /// Torques of the channels at the same frames, N·m, within limits; empty if the library has none.
+    /// Torques of the channels at the same frames, N·m, within limits. Empty if the library contains no torques.
     pub torques_nm: Vec<f32>,
     /// Largest excess that was clamped to a limit, as a fraction of the tolerance.
     pub clamped: f64,
 }
 
 impl Channels<'_> {
-    /// Samples a plan and checks it against the limits; `torques` adds those of the motors.
+    /// Samples a plan and checks it against the limits. Adds motor torques if `torques` is true.
     pub fn clip(&self, name: &str, plan: &Plan, torques: bool) -> Result<Clip, LibraryError> {
         if plan.robot != *self.robot {
             return Err(LibraryError::OtherRobot {
@@ -67,7 +67,7 @@ impl Channels<'_> {
         Ok(Clip { name: name.to_owned(), setpoints, values, torques_nm, clamped })
     }
 
-    /// Torques at the frames of a plan.
+    /// Motor torques at the frames of a plan.
     fn torques_nm(&self, plan: &Plan, frames: usize) -> Vec<f32> {
         let mut inverse = InverseDynamics::new(plan);
         let at = |frame: usize| inverse.at(frame as f64 / f64::from(RATE_HZ));
@@ -83,7 +83,7 @@ impl Channels<'_> {
             .collect()
     }
 
-    /// Clamps a value to the channel's limits; returns the excess as a fraction of the tolerance too.
+    /// Clamps a value to the channel's limits. Returns the value, and the excess as a fraction of the tolerance.
     fn within(
         &self,
         place: &Place,
@@ -111,8 +111,8 @@ impl Channels<'_> {
         })
     }
 
-    /// Checks that a channel changes no faster than its rate limit, within the tolerance of joint speeds and a margin for
-    /// rounding.
+    /// Checks that a channel changes no faster than its rate limit. The tolerance of joint speeds and a margin for rounding are
+    /// added to the limit.
     fn check_rate(
         &self,
         place: &Place,
@@ -145,7 +145,7 @@ impl Channels<'_> {
 /// Largest quantum of a joint or of a wheel of ordinary speed: 2⁻¹⁰.
 const QUANTUM: f64 = 1.0 / 1024.0;
 
-/// Largest excess over a limit that is clamped: the tolerance to which played motions are judged.
+/// Largest excess over a limit that is clamped: the tolerance of played motions.
 fn tolerance(family: Family, limit: f64) -> f64 {
     match family.as_played() {
         AsPlayed::TimesLevel(times) => times * family.level().at(limit),

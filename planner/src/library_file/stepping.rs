@@ -1,20 +1,22 @@
-//! Footfalls of transitions that the library file leaves open: what no motor rolls to where the next motion needs it steps there.
+//! Footfalls of transitions for which the library file gives none. An end effector that a motor cannot roll to its next contact
+//! point steps there.
 //!
-//! Between motions that keep them down, feet stay where they are. A foot, free wheel or skate that one of the two motions lifts
-//! stands elsewhere in each of them, in general: it steps once, one after the other, in the order in which the gait lifts
-//! them.
+//! Feet that neither motion lifts stay in place. A foot, free wheel or skate that one of the two motions lifts generally stands
+//! at different points in the two motions, and therefore steps once. Steps follow each other in the order in which the gait
+//! lifts the end effectors.
 
 use super::LibraryFile;
 use crate::motion::Motion;
 use rollwalk_robot::Robot;
 
-/// Samples of a step, at least, and of the stance before the first and after the last one.
+/// Minimum number of samples of a step.
 const STEP_SAMPLES: usize = 5;
+/// Number of samples of stance before the first step and after the final one.
 const STANCE_SAMPLES: usize = 2;
 
 impl LibraryFile {
-    /// Completes the transitions without footfalls of their own for the motions that they join, which are read from the files
-    /// that [`LibraryFile::motions`] names and in that order.
+    /// Adds footfalls to the transitions that lack them. `motions` must have been read from the files that
+    /// [`LibraryFile::motions`] names, in that order.
     #[must_use]
     pub fn stepping(mut self, robot: &Robot, motions: &[Motion]) -> Self {
         for transition in self.transitions.iter_mut().filter(|of| of.footfalls_open) {
@@ -27,20 +29,21 @@ impl LibraryFile {
     }
 }
 
-/// First sample at which a gait lifts an end effector, in the first of these motions that lifts it; `None` if no motion lifts it,
-/// or if it is a wheel with a motor.
+/// First sample at which an end effector is lifted, in the first of `motions` that lifts it. `None` if no motion lifts it, or
+/// if it is a wheel with a motor.
 fn lifted(robot: &Robot, foot: usize, motions: &[&Motion]) -> Option<usize> {
     let stays = robot.end_effectors[foot].contact.actuator().is_some();
     let lifted = |motion: &&Motion| motion.stance.iter().position(|row| !row[foot]);
     if stays { None } else { motions.iter().find_map(lifted) }
 }
 
-/// Count of end effectors that step in transitions between motions of which any lifts them.
+/// Returns the number of end effectors that step in transitions between motions. At least one of the motions lifts each of
+/// them.
 pub fn count_of_steps(robot: &Robot, motions: &[&Motion]) -> usize {
     (0..robot.end_effectors.len()).filter(|&foot| lifted(robot, foot, motions).is_some()).count()
 }
 
-/// Gives a transition the steps that lead from one motion to another.
+/// Adds the steps from one motion to another to a transition.
 fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
     // When a gait lifts them, and the end effectors of one link, which step together.
     let mut steps: Vec<(usize, Vec<usize>)> = Vec::new();

@@ -1,11 +1,11 @@
-//! Choreography: targets for the robot at chosen times, and height limits (thesis sec. 2.4.1, "functional
-//! objectives"; sec. 3.5.2, ducking under a bar). `choreography_file` reads them from motion files.
+//! Choreography: targets for the robot at chosen times, and height limits (thesis sec. 2.4.1, "functional objectives"; sec.
+//! 3.5.2, ducking under a bar). `choreography_file` reads them from motion files.
 //!
-//! All values are in the frame of the start: origin on the ground below the body's origin at time 0, x forward along
-//! its heading there. Times need not be those of samples. Around a time the motion is the parabola through the
-//! nearest sample and its two neighbours ([`Moment`](super::Moment)): the position error is about h³/16 · d³x/dt³; with a straight
-//! line it would be h²/8 · d²x/dt². Height limits over a span of time hold at every sample of the span and at the two
-//! that enclose it, so that straight lines between them keep the limits too.
+//! All values are in the frame of the start: the origin is on the ground below the body's origin at time 0, and x points along
+//! the body's heading at that time. Target times may lie between samples. The motion near a time is the parabola through the
+//! nearest sample and its two neighbours ([`Moment`](super::Moment)). Its position error is about h³/16 · d³x/dt³; that of a
+//! straight line would be h²/8 · d²x/dt². A height limit applies to every sample of its time span and to the two samples around
+//! it, so that straight lines between samples respect it too.
 
 use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 pub enum Subject {
     /// The centre of mass.
     Com,
-    /// The origin of the body frame.
+    /// Origin of the body frame.
     Body,
-    /// The contact point of an end effector, by its index in the robot.
+    /// Contact point of an end effector, by its index in the robot.
     EndEffector(usize),
 }
 
@@ -33,20 +33,19 @@ impl Subject {
     }
 }
 
-/// Required state of a subject at one time. A component that is `None` is left to the optimiser.
+/// Required state of a subject at one time. The optimiser is free in components that are `None`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
     /// Subject of the target.
     pub of: Subject,
-    /// Time since the start, s.
+    /// Time since the start of the motion, s.
     pub at_s: f64,
-    /// Position forward, to the left and above the ground, m. A height for an end effector scales
-    /// the whole swing that contains `at_s`.
+    /// Position forward, to the left and above the ground, m. A height for an end effector scales the whole swing at `at_s`.
     pub position_m: [Option<f64>; 3],
-    /// Velocity in the same directions, m/s.
+    /// Velocity forward, to the left and up, m/s.
     pub velocity_m_s: [Option<f64>; 3],
-    /// Heading relative to that of the start, rad, positive to the left; only for the body.
+    /// Heading relative to the initial one, rad, positive to the left; only for the body.
     pub heading_rad: Option<f64>,
 }
 
@@ -62,6 +61,6 @@ pub struct HeightLimit {
     pub to_s: f64,
     /// Lowest height, m.
     pub above_m: Option<f64>,
-    /// Greatest height, m.
+    /// Largest height, m.
     pub below_m: Option<f64>,
 }

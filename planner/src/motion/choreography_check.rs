@@ -1,7 +1,7 @@
-//! Infeasible targets and height limits, found when the motion file is read: contradictions among them, with the
-//! footfalls and with the ends of the motion, and positions beyond the reach of the limbs.
+//! Infeasible targets and height limits, refused when the motion file is read. They contradict each other, the footfalls or the
+//! ends of the motion, or are beyond the reach of the limbs.
 //!
-//! Every bound is conservative: what it rejects is infeasible, but what it accepts may be infeasible too.
+//! Every bound is conservative: a refused request is infeasible, but an accepted one may be infeasible too.
 
 use super::swing;
 use super::{Ends, HeightLimit, Moment, Motion, Subject, Target};
@@ -9,12 +9,12 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::Table;
 use std::f64::consts::TAU;
 
-/// Greatest height of a swing, m, as for `swing_height_m`.
+/// Largest height of a swing, m, as for `swing_height_m`.
 const SWING_HIGHEST_M: f64 = 1.0;
-/// Times closer than this are the same, s.
+/// Difference below which two times are equal, s.
 const SAME_TIME_S: f64 = 1e-6;
 
-/// Checks a motion against the tables of its targets and height limits, both in the order of the motion.
+/// Checks a motion against the tables of its targets and height limits. The tables are in the order of the motion.
 pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heights: &[Table<'_>]) {
     for (index, (target, table)) in motion.targets.iter().zip(targets).enumerate() {
         check_target(table, motion, robot, index, target);
@@ -24,7 +24,7 @@ pub(super) fn check(motion: &Motion, robot: &Robot, targets: &[Table<'_>], heigh
     }
 }
 
-/// Checks one target; returns `false` after the first fault, because others may follow from it.
+/// Checks one target. Returns `false` after the first fault, because others may follow from it.
 fn check_target(
     table: &Table<'_>,
     motion: &Motion,
@@ -40,7 +40,7 @@ fn check_target(
         && check_way(table, motion, robot, index)
 }
 
-/// The state at time 0, and that of rest at either end, cannot be chosen.
+/// Refuses targets for fixed values: position and heading of the body at time 0, and speeds at an end at rest.
 fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     let at_start = target.at_s < SAME_TIME_S;
     let at_end = motion.duration_s - target.at_s < SAME_TIME_S;
@@ -49,8 +49,9 @@ fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
             ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"].iter().zip(target.velocity_m_s)
         {
             if wanted.is_some() {
-                let help = "a motion at rest stands still at both ends: choose a time inside it";
-                table.fault(key, "is given at an end", "at rest", help);
+                let help = "choose a time between the ends, because a motion at rest stands still \
+                    at both ends";
+                table.fault(key, "is given for an end of the motion", "at rest", help);
                 return false;
             }
         }
@@ -61,8 +62,9 @@ fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
             [("forward_m", forward_m), ("left_m", left_m), ("heading_rad", target.heading_rad)];
         for (key, wanted) in own {
             if let Some(wanted) = wanted.filter(|&wanted| wanted != 0.0) {
-                let help = "targets are seen from where the body starts: there it is 0";
-                table.fault(key, format!("is {wanted} at time 0"), "the start", help);
+                let help = "choose a later time, because positions and headings of targets are \
+                    relative to the start of the body";
+                table.fault(key, format!("is {wanted} at time 0; expected 0"), "the start", help);
                 return false;
             }
         }
@@ -70,7 +72,7 @@ fn check_ends(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
     true
 }
 
-/// Rejects two targets for one component of a subject at one time.
+/// Refuses two targets for the same component of a subject at one time.
 fn check_asked_once(table: &Table<'_>, earlier: &[Target], target: &Target) -> bool {
     let components = |t: &Target| {
         t.position_m
@@ -87,19 +89,18 @@ fn check_asked_once(table: &Table<'_>, earlier: &[Target], target: &Target) -> b
             && both.into_iter().any(|(a, b)| a.is_some() && b.is_some())
     });
     if twice {
-        let help = "keep one of the two, or choose another time";
+        let help = "keep one of the two targets, or choose another time";
         table.fault(
             "at_s",
-            format!("is {}, as in a target above", target.at_s),
-            "asked twice",
+            format!("is {} s, as in an earlier target for the same value", target.at_s),
+            "given twice",
             help,
         );
     }
     !twice
 }
 
-/// Checks a target of an end effector: a height needs a swing, every swing has one height, and a foot in stance does
-/// not move.
+/// Checks a target of an end effector. A height requires a swing, every swing has one height, and a stance foot does not move.
 fn check_swing(
     table: &Table<'_>,
     motion: &Motion,
@@ -121,16 +122,17 @@ fn check_swing(
         };
         if stands {
             return fault(
-                format!("is {wanted_m} m while `{}` stands", foot.name),
+                format!("is {wanted_m} m while `{}` is on the ground", foot.name),
                 "on the ground at this time",
-                format!("a foot is up only in its swing: {}", swings(motion, j)),
+                format!("choose a time in a swing of this foot; {}", swings(motion, j)),
             );
         }
         if wanted_m == 0.0 {
             return fault(
                 format!("is 0 while `{}` swings", foot.name),
                 "in the air at this time",
-                "leave it out, or give the height that the swing goes through".to_owned(),
+                "leave out `up_m`, or give the height of the foot at that time, above 0 m"
+                    .to_owned(),
             );
         }
         let plain = Motion { targets: Vec::new(), ..motion.clone() };
@@ -138,10 +140,14 @@ fn check_swing(
         // The profile is not above 0 right after lift-off: such a target fails here too.
         if !(0.0..=SWING_HIGHEST_M).contains(&peak_m) {
             return fault(
-                format!("is {wanted_m} m too near to an end of the swing of `{}`", foot.name),
+                format!(
+                    "is {wanted_m} m at a time too close to an end of the swing of `{}`",
+                    foot.name
+                ),
                 "would rise too high",
                 format!(
-                    "the swing through it would be higher than {SWING_HIGHEST_M} m in its middle; {}",
+                    "choose a lower height or a time nearer to mid-swing, because the swing would \
+                     rise above {SWING_HIGHEST_M} m; {}",
                     swings(motion, j)
                 ),
             );
@@ -155,29 +161,38 @@ fn check_swing(
         };
         if !upto.targets.iter().all(reached) {
             return fault(
-                format!("is {wanted_m} m in a swing that a target above shapes"),
+                format!("is {wanted_m} m in a swing whose height an earlier target determines"),
                 "another height",
-                "a swing has one height: keep one `up_m` for each swing".to_owned(),
+                "keep one `up_m` for each swing".to_owned(),
             );
         }
     }
     let still = !foot.contact.rolls() && stands_throughout(motion, j, moment);
     let moving = target.velocity_m_s.into_iter().flatten().any(|speed| speed != 0.0);
     if still && moving {
-        let help = format!("a standing point foot stays where it is: {}", swings(motion, j));
-        table.fault("of", format!("is `{}`, which is to move", foot.name), "stands", help);
+        let help = format!("choose a time in a swing of this foot; {}", swings(motion, j));
+        table.fault(
+            "of",
+            format!(
+                "is `{}`, a point foot that cannot move while it is on the \
+            ground",
+                foot.name
+            ),
+            "stands",
+            help,
+        );
         return false;
     }
     true
 }
 
-/// True if an end effector is in stance at all samples of a moment.
+/// Returns true if an end effector is in stance at the three samples around a time on the grid.
 fn stands_throughout(motion: &Motion, j: usize, moment: Moment) -> bool {
     let count = motion.stance.len();
     (0..3).all(|k| motion.stance[(moment.sample + k + count - 1) % count][j])
 }
 
-/// Swing times of an end effector, in words.
+/// Text with the swing times of an end effector.
 fn swings(motion: &Motion, j: usize) -> String {
     let name_time = |sample: usize| format!("{:.2}", sample as f64 * motion.interval_s());
     let mut spans = Vec::new();
@@ -196,19 +211,19 @@ fn swings(motion: &Motion, j: usize) -> String {
         spans.push(format!("{} to {} s", name_time(from), name_time(motion.stance.len() - 1)));
     }
     if spans.is_empty() {
-        "it never swings in this motion".to_owned()
+        "the foot never swings in this motion".to_owned()
     } else {
-        format!("it swings from {}", spans.join(", "))
+        format!("the foot swings from {}", spans.join(", "))
     }
 }
 
-/// Greatest distance of a contact point from the body's origin, m: the limb stretched out.
+/// Largest distance of a contact point from the body's origin, with the limb stretched, m.
 fn limb_m(robot: &Robot, j: usize) -> f64 {
     let foot = &robot.end_effectors[j];
     path_m(robot, foot.link) + foot.center_in_link_m.norm() + foot.radius_m
 }
 
-/// Greatest distance of a link's frame from the body's origin, m.
+/// Largest distance of a link's frame from the body's origin, m.
 fn path_m(robot: &Robot, link: usize) -> f64 {
     let joint = robot.joints.iter().find(|joint| joint.child == link);
     joint.map_or(0.0, |joint| {
@@ -216,7 +231,7 @@ fn path_m(robot: &Robot, link: usize) -> f64 {
     })
 }
 
-/// Greatest distance of the centre of mass from the body's origin, m.
+/// Largest distance of the centre of mass from the body's origin, m.
 fn com_m(robot: &Robot) -> f64 {
     let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
     let moment = |(index, link): (usize, &rollwalk_robot::Link)| {
@@ -225,18 +240,18 @@ fn com_m(robot: &Robot) -> f64 {
     robot.links.iter().enumerate().map(moment).sum::<f64>() / mass
 }
 
-/// Greatest distance of a subject from a contact point, m.
+/// Largest distance of a subject from a contact point, m.
 fn reach_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     limb_m(robot, j) + if of == Subject::Com { com_m(robot) } else { 0.0 }
 }
 
-/// Largest distance, m, that a subject gains on an end effector on the ground, from behind it to ahead of it.
+/// Largest distance that a subject can travel over an end effector on the ground, from behind it to ahead of it, m.
 fn sway_m(robot: &Robot, of: Subject, j: usize) -> f64 {
     2.0 * reach_m(robot, of, j)
 }
 
-/// Largest distance, m, that the centre of mass gains on the travel of a wheel's motor: the robot leans from behind to ahead, and
-/// the wheel rolls as its link pitches. Zero for a periodic motion, which ends as it begins.
+/// Largest distance that the centre of mass can travel beyond a wheel driven by its motor, m. The robot leans from behind to
+/// ahead, and the wheel rolls as its link pitches. Zero for a periodic motion, which ends in its initial pose.
 pub(super) fn lean_m(motion: &Motion, robot: &Robot, j: usize) -> f64 {
     if motion.ends == Ends::Periodic {
         return 0.0;
@@ -244,7 +259,7 @@ pub(super) fn lean_m(motion: &Motion, robot: &Robot, j: usize) -> f64 {
     sway_m(robot, Subject::Com, j) + TAU * robot.end_effectors[j].radius_m
 }
 
-/// Greatest height of a subject at a sample, m, with the foot that limits it.
+/// Largest height of a subject at a sample, m, with the name of the foot that limits it.
 fn highest<'r>(
     motion: &Motion,
     robot: &'r Robot,
@@ -266,7 +281,8 @@ fn too_high(
     (highest_m, foot): (f64, &str),
 ) {
     let help = format!(
-        "`{foot}` stands at {at_s:.2} s, and its limb is {highest_m:.3} m long at most: ask for less"
+        "give a lower height, because `{foot}` is on the ground at {at_s:.2} s and allows at most \
+         {highest_m:.3} m"
     );
     table.fault(key, format!("is {wanted_m} m"), "beyond reach", help);
 }
@@ -298,17 +314,17 @@ fn check_within(table: &Table<'_>, motion: &Motion, target: &Target) -> bool {
         if let (true, Some(bound)) = (inside, above.or(below)) {
             let side = if above.is_some() { "below" } else { "above" };
             let help = format!(
-                "a [[height]] keeps it {side} {bound} m from {} to {} s",
+                "give a height {side} {bound} m, the bound of a [[height]] from {} to {} s",
                 limit.from_s, limit.to_s
             );
-            table.fault("up_m", format!("is {up_m} m"), "not between the heights", help);
+            table.fault("up_m", format!("is {up_m} m"), "outside the height limits", help);
             return false;
         }
     }
     true
 }
 
-/// Checks that feet in stance let body and centre of mass reach the target from the previous one, or from the start.
+/// Checks that body and centre of mass can reach the target from the previous target or the start, given the stance feet.
 fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) -> bool {
     let target = &motion.targets[index];
     if matches!(target.of, Subject::EndEffector(_)) {
@@ -349,19 +365,20 @@ fn check_way(table: &Table<'_>, motion: &Motion, robot: &Robot, index: usize) ->
         };
         if distance_m > sway_m + rolls_m {
             let help = format!(
-                "{distance_m:.2} m in {time_s:.2} s; with `{}` on the ground all the time it is {:.2} m at \
-                 most: give it a swing, more time, or a nearer target",
+                "{distance_m:.2} m in {time_s:.2} s is too far with `{}` on the ground all the \
+                 time, which allows at most {:.2} m; give this foot a swing, or choose a later \
+                 time or a nearer target",
                 foot.name,
                 sway_m + rolls_m
             );
-            table.fault("at_s", format!("is {} s", target.at_s), "too far to get there", help);
+            table.fault("at_s", format!("is {} s", target.at_s), "too far", help);
             return false;
         }
     }
     true
 }
 
-/// Checks that height limits that overlap are compatible, and within reach of the feet in stance.
+/// Checks that overlapping height limits are compatible, and within reach of the feet in stance.
 fn check_span(
     table: &Table<'_>,
     motion: &Motion,
@@ -385,8 +402,9 @@ fn check_span(
             {
                 let side = if sign > 0.0 { "below" } else { "above" };
                 let help = format!(
-                    "a [[height]] above keeps it {side} {other_m} m from {} to {} s; both hold at the samples \
-                     that enclose their spans",
+                    "an earlier [[height]] requires a height {side} {other_m} m from {} to {} s; \
+                     change one of the limits, or move the spans apart (each is extended to the \
+                     next samples)",
                     other.from_s, other.to_s
                 );
                 table.fault(key, format!("is {own_m} m"), "contradicts another height", help);

@@ -9,14 +9,14 @@ const POSITION_KEYS: [&str; 3] = ["forward_m", "left_m", "up_m"];
 const VELOCITY_KEYS: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
 const HEADING_KEY: &str = "heading_rad";
 
-/// Greatest distance of a target from the start, the same as for goals, m.
+/// Largest distance of a target from the start, m, as for goals.
 const FARTHEST_M: f64 = 20.0;
-/// Greatest height that a target or a limit may name, m.
+/// Largest height of a target or a height limit, m.
 const HIGHEST_M: f64 = 5.0;
-/// Greatest speed that a target may name, m/s.
+/// Largest speed of a target, m/s.
 const FASTEST_M_S: f64 = 10.0;
 
-/// Reads one `[[target]]`. Without a valid duration, which is a fault of its own, times are not checked.
+/// Reads one `[[target]]`. Times are not checked if the duration is invalid, which is reported separately.
 pub(super) fn target(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -45,8 +45,11 @@ pub(super) fn target(
         target.position_m.iter().chain(&target.velocity_m_s).chain([&target.heading_rad]);
     if components.flatten().next().is_none() {
         let keys = [&POSITION_KEYS[..], &VELOCITY_KEYS[..], &[HEADING_KEY]].concat().join(", ");
-        let message =
-            format!("target for {} at {} s asks for nothing", of?.name(robot), target.at_s);
+        let message = format!(
+            "target for {} at {} s has no position, speed or heading",
+            of?.name(robot),
+            target.at_s
+        );
         let help = format!("give at least one of {keys}");
         document.fault(table.span(), message, "an empty target", help);
         return None;
@@ -54,24 +57,24 @@ pub(super) fn target(
     allowed_for_subject(table, &target).then_some(target)
 }
 
-/// Rejects components that do not apply to the subject.
+/// Refuses components that do not apply to the subject.
 fn allowed_for_subject(table: &Table<'_>, target: &Target) -> bool {
     let end_effector = matches!(target.of, Subject::EndEffector(_));
     if end_effector && target.velocity_m_s[2].is_some() {
-        let help = "how a foot rises and falls follows from its swing: give `up_m`, the height that its \
-                    swing goes through at that time, or the speed of com or body";
+        let help = "give `up_m`, the height of the foot at that time, or the speed of \"com\" or \
+                    \"body\" (the vertical speed of a foot follows from its swing)";
         table.fault(VELOCITY_KEYS[2], "is given for an end effector", "not free", help);
         return false;
     }
     if target.of != Subject::Body && target.heading_rad.is_some() {
-        let help = "headings are those of the body: of = \"body\"";
-        table.fault(HEADING_KEY, "is given for what has no heading", "body only", help);
+        let help = "set of = \"body\", because only the body has a heading";
+        table.fault(HEADING_KEY, "is given for a subject without a heading", "body only", help);
         return false;
     }
     true
 }
 
-/// Reads one `[[height]]`. Without `from_s` and `to_s` it holds for the whole motion.
+/// Reads one `[[height]]`. Without `from_s` and `to_s`, the limit applies to the whole motion.
 pub(super) fn height(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -89,21 +92,21 @@ pub(super) fn height(
     let (from_s, to_s, above_m, below_m) = (from_s?, to_s?, above_m?, below_m?);
     let of = of?;
     if to_s < from_s {
-        let help = format!("the span runs from {from_s} s to a later time");
-        table.fault("to_s", format!("is {to_s}, before `from_s`"), "ends before it starts", help);
+        let help = format!("give {from_s} s or a later time");
+        table.fault("to_s", format!("is {to_s} s, before `from_s`"), "ends before it starts", help);
         return None;
     }
     match (above_m, below_m) {
         (None, None) => {
             let message = format!("height of {} has no bound", of.name(robot));
             let help = "give `above_m`, `below_m` or both";
-            document.fault(table.span(), message, "asks for nothing", help);
+            document.fault(table.span(), message, "no bound", help);
             return None;
         }
         (Some(above_m), Some(below_m)) if below_m < above_m => {
-            let help = format!("heights between both: `below_m` is at least `above_m`, {above_m}");
-            let problem = format!("is {below_m}, lower than `above_m`");
-            table.fault("below_m", problem, "leaves nothing", help);
+            let help = format!("give `above_m`, {above_m} m, or more");
+            let problem = format!("is {below_m} m, lower than `above_m`");
+            table.fault("below_m", problem, "an empty range", help);
             return None;
         }
         _ => {}
@@ -119,9 +122,9 @@ fn subject(table: &Table<'_>, robot: &Robot, end_effectors: bool) -> Option<Subj
         ("body", _) => return Some(Subject::Body),
         (_, Some(index)) if end_effectors => return Some(Subject::EndEffector(index)),
         (_, Some(_)) => {
-            let help = "heights are of \"body\" or \"com\"; the height of an end effector follows from its \
-                        swings: swing_height_m, or `up_m` of a [[target]]";
-            table.fault("of", format!("is the end effector \"{given}\""), "not here", help);
+            let help = "give \"body\" or \"com\"; set the height of an end effector with \
+                        swing_height_m, or with `up_m` of a [[target]]";
+            table.fault("of", format!("is the end effector \"{given}\""), "not allowed here", help);
             return None;
         }
         _ => {}
@@ -130,7 +133,7 @@ fn subject(table: &Table<'_>, robot: &Robot, end_effectors: bool) -> Option<Subj
     let known =
         ["com", "body"].into_iter().chain(feet.take(if end_effectors { usize::MAX } else { 0 }));
     let help = alternatives(&given, known);
-    let problem = format!("names nothing of robot `{}`: \"{given}\"", robot.name);
+    let problem = format!("must be a part of robot `{}`, not \"{given}\"", robot.name);
     table.fault("of", problem, "unknown", help);
     None
 }
@@ -150,7 +153,7 @@ fn time(table: &Table<'_>, key: &'static str, duration_s: Option<f64>) -> Option
     }
 }
 
-/// Reads an optional number: `None` if it is faulty, `Some(None)` if it is left out.
+/// Reads an optional value. Returns `None` if the value is invalid, and `Some(None)` if the key is absent.
 fn optional(
     table: &Table<'_>,
     key: &'static str,
@@ -161,7 +164,7 @@ fn optional(
     if table.has(key) { table.number_in(key, least..=most, unit).map(Some) } else { Some(None) }
 }
 
-/// Unwraps three values; `None` if one is faulty.
+/// Unwraps three values. Returns `None` if one is invalid.
 fn all(values: [Option<Option<f64>>; 3]) -> Option<[Option<f64>; 3]> {
     let [x, y, z] = values;
     Some([x?, y?, z?])

@@ -10,36 +10,37 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives, in_other_unit};
 use std::f64::consts::TAU;
 
-/// Samples per second where a motion file gives no count.
+/// Samples per second of a motion whose file gives no sample count.
 const SAMPLES_PER_S: f64 = 15.0;
-/// Fewest samples of a motion whose file gives no count. With the 12 of Table 2.1 short gaits fail when they are played.
+/// Minimum number of samples of a motion whose file gives no sample count. With the 12 samples of Table 2.1, short gaits fail
+/// as played.
 const SAMPLES_DEFAULT_MIN: f64 = 24.0;
-/// Most samples of a plan, whether a motion file asks for them or a refinement.
+/// Maximum number of samples of a plan, from a motion file or after refinement.
 pub(crate) const SAMPLES_MAX: u32 = 480;
-/// Least share of torque or speed that a motion may use.
+/// Smallest fraction of torque or speed in `torque_use` and `speed_use`.
 const USE_MIN: f64 = 0.1;
-/// Most targets of a motion, and most height limits: each is compared with all others.
+/// Maximum number of targets of a motion, and of its height limits. Each is compared with all others.
 const REQUESTS_MAX: usize = 100;
-/// Fewest samples of a swing that can lift a foot and put it down.
+/// Minimum number of samples of a swing that can lift a foot and set it down.
 const SWING_SAMPLES_MIN: usize = 3;
 
 impl Motion {
-    /// Path of the robot file that a motion file names, relative to the motion file.
+    /// Returns the path of the robot file that a motion file names, relative to the motion file.
     ///
-    /// Callers read this first, then that robot, then [`Motion::from_toml`].
+    /// Call this first, read that robot, then call [`Motion::from_toml`].
     ///
     /// # Errors
-    /// The text is not TOML, or names no robot.
+    /// Returns an error if the text is not TOML or names no robot.
     pub fn robot_path_in_toml(file_name: &str, text: &str) -> Result<String, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let path = document.root().string("robot");
         document.finish(path)
     }
 
-    /// Reads and validates a motion file. `file_name` is for messages only.
+    /// Reads and validates a motion file. `file_name` is used in messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with the file, each fault with its place and a help line.
+    /// Returns an error if the file is invalid. The error lists all faults, each with its position and a help line.
     pub fn from_toml(file_name: &str, text: &str, robot: &Robot) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let motion = motion(&document, robot);
@@ -101,7 +102,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     Some(motion)
 }
 
-/// Reads the shares of torque and speed that the motion may use.
+/// Reads the fractions of torque and speed that the motion may use.
 fn reserve(table: &Table<'_>) -> Option<Reserve> {
     let share = |key, usual| match table.has(key) {
         true => table.number_in(key, USE_MIN..=1.0, ""),
@@ -112,7 +113,7 @@ fn reserve(table: &Table<'_>) -> Option<Reserve> {
     Some(Reserve { torque_use: torque?, speed_use: speed? })
 }
 
-/// Reads the reason why the motion does not hold without feedback; `Some(None)` if the file gives none.
+/// Reads the reason why the motion fails without feedback. Returns `Some(None)` if the file gives none.
 fn needs_feedback(table: &Table<'_>) -> Option<Option<String>> {
     const KEY: &str = "needs_feedback";
     if !table.has(KEY) {
@@ -120,7 +121,8 @@ fn needs_feedback(table: &Table<'_>) -> Option<Option<String>> {
     }
     let reason = table.string(KEY)?;
     if reason.trim().is_empty() {
-        let help = "say why the motion does not hold without feedback, or leave the key out";
+        let help = "give the reason why the motion fails without feedback, or leave out \
+            `needs_feedback`";
         table.fault(KEY, "is empty", "no reason", help);
         return None;
     }
@@ -131,33 +133,33 @@ fn needs_feedback(table: &Table<'_>) -> Option<Option<String>> {
 pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     let name = table.string("name")?;
     if !(1..=MAX_NAME).contains(&name.len()) {
-        let help = format!("names have 1 to {MAX_NAME} bytes");
+        let help = format!("give a name of 1 to {MAX_NAME} bytes");
         let problem = format_args!("has {} bytes", name.len());
         table.fault("name", problem, "too short or too long", help);
         return None;
     }
     if !is_plain_name(&name) {
-        let help = "write letters, digits and signs that can be seen, without a space at the ends";
+        let help = "write visible characters only, without a space at the start or end";
         let problem = format_args!("is \"{}\"", Shown(&name));
-        table.fault("name", problem, "has what cannot be seen", help);
+        table.fault("name", problem, "invisible character, or space at an end", help);
         return None;
     }
     if let Some(problem) = names::problem(&name) {
         let problem = format_args!("is \"{name}\", which {problem}");
-        table.fault("name", problem, "can pass for another", names::HELP);
+        table.fault("name", problem, "can be mistaken for another name", names::HELP);
         return None;
     }
     Some(name)
 }
 
-/// Number of samples of a motion whose file gives none.
+/// Number of samples of a motion whose file gives no count.
 fn default_samples(duration_s: f64) -> u32 {
     (duration_s * SAMPLES_PER_S).clamp(SAMPLES_DEFAULT_MIN, f64::from(SAMPLES_MAX)).round() as u32
 }
 
 impl Motion {
-    /// The motion, one of a longer duration than `other` and else the same, with as many samples as their file gives it; a file
-    /// that gives the number which it would have without passes for one without.
+    /// Returns the motion with the sample count that its file would give it. The motion differs from `other` only by its longer
+    /// duration. A file whose count equals the default is treated as one without a count.
     pub(crate) fn sampled_as(mut self, other: &Self) -> Self {
         let count = |motion: &Self| default_samples(motion.duration_s) as usize;
         let (before, after) = (other.stance.len(), count(&self));
@@ -170,13 +172,13 @@ impl Motion {
 
 /// Source of a motion's footfalls.
 pub(crate) enum Footfalls<'d> {
-    /// A table `[footfalls]`.
+    /// Table `[footfalls]`.
     Table(Table<'d>),
     /// Stance of all end effectors throughout.
     AllStance,
 }
 
-/// Reads the parts common to motions and transitions: duration, stance flags, swing height.
+/// Reads duration, stance flags and swing height, which motions and transitions have in common.
 pub(crate) fn steps(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -220,14 +222,14 @@ fn duration(table: &Table<'_>) -> Option<f64> {
     }
     let (below, above) = (frames.floor() / rate, frames.ceil() / rate);
     let help = format!(
-        "motions are played at {RATE_HZ} Hz, so durations are multiples of 1/{RATE_HZ} s: \
-         {below:.4} or {above:.4}"
+        "motions play at {RATE_HZ} Hz: give a multiple of 1/{RATE_HZ} s, such as {below:.4} or \
+         {above:.4} s"
     );
     table.fault(KEY, format_args!("is {given} s"), "not a whole number of frames", help);
     None
 }
 
-/// Reads the posture, rad: nominal joint angles except for the joints in the table.
+/// Reads the posture, rad. Joints that the table omits have their nominal angle.
 fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot) -> Vec<f64> {
     let mut posture_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
     for entry in table.map(Table::named_numbers).unwrap_or_default() {
@@ -243,7 +245,8 @@ fn posture_rad(document: &Document<'_>, table: Option<&Table<'_>>, robot: &Robot
         if !allowed.contains(&entry.number) {
             let message = format!("posture: `{}` is {} rad", entry.name, entry.number);
             let slip = in_other_unit(entry.number, &allowed, "rad");
-            let help = format!("allowed is {} to {} rad{slip}", allowed.start(), allowed.end());
+            let help =
+                format!("give an angle from {} to {} rad{slip}", allowed.start(), allowed.end());
             document.fault(entry.number_span, message, "beyond the joint's limits", help);
         }
         posture_rad[index] = entry.number;
@@ -268,20 +271,22 @@ fn turn(table: &Table<'_>) -> Option<f64> {
     if angle.abs() <= TAU {
         return Some(angle);
     }
-    let help =
-        format!("allowed is within ±2π; {angle} degrees would be {:.4} rad", angle.to_radians());
-    table.fault("turn_rad", format_args!("is {angle} rad"), "radians?", help);
+    let help = format!(
+        "give an angle within ±2π rad; {angle} degrees would be {:.4} rad",
+        angle.to_radians()
+    );
+    table.fault("turn_rad", format_args!("is {angle} rad"), "probably degrees", help);
     None
 }
 
-/// Rejects feet without stance, and swings too fast for a foot.
+/// Refuses footfalls without any stance, and swings too short for a foot.
 fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &Robot) {
     let fault = |problem: String, label: &str, help: &str| {
         table.fault("footfalls", problem, label, help);
     };
     if !stance.iter().flatten().any(|&stance| stance) {
-        let help = "some foot must touch the ground at some time: mark stance with #";
-        fault("have no stance at all".into(), "all in the air", help);
+        let help = "mark at least one foot with # for stance";
+        fault("have no foot in stance at any time".into(), "all in the air", help);
         return;
     }
     if stance.iter().flatten().all(|&stance| stance) {
@@ -289,7 +294,7 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
     }
     if height_m <= 0.0 {
         let help =
-            "feet in swing need a height above 0, such as swing_height_m = 0.03 beside duration_s";
+            "give a height above 0 m, such as swing_height_m = 0.03, in the table with duration_s";
         let problem = "is missing or 0 while feet swing";
         table.fault("swing_height_m", problem, "feet swing", help);
     }
@@ -301,26 +306,26 @@ fn check_swings(table: &Table<'_>, stance: &[Vec<bool>], height_m: f64, robot: &
                 format!("give `{}` a swing of {shortest} of {} samples", foot.name, column.len());
             let needed = (column.len() * SWING_SAMPLES_MIN).div_ceil(shortest);
             let help = format!(
-                "a swing needs {SWING_SAMPLES_MIN} samples, 5 are better: lengthen it, or set \
-                 samples to {needed} or more"
+                "lengthen the swing to {SWING_SAMPLES_MIN} samples, or better to 5, or set \
+                 `samples` to {needed} or more"
             );
             fault(problem, "too short to lift a foot", &help);
         }
     }
 }
 
-/// Rejects motions at rest that end or start on a foot in swing.
+/// Refuses motions at rest that start or end with a foot in swing.
 fn check_rest(root: &Table<'_>, motion: &Motion) {
     let ends = [motion.stance.first(), motion.stance.last()];
     if !ends.into_iter().flatten().flatten().all(|&stance| stance) {
-        let help =
-            "a motion at rest starts and ends with # in every row; or set ends = \"periodic\"";
+        let help = "begin and end every row with #, because the motion starts and ends at rest, or set \
+             ends = \"periodic\"";
         root.fault("footfalls", "have a foot in the air at an end", "not at rest", help);
     }
 }
 
-/// Length of the shortest swing in samples, where a swing across the end of the period counts as one; `None` if the
-/// foot never swings or is never in stance.
+/// Length of the shortest swing in samples. A swing across the end of the period counts as one. `None` if the foot never swings
+/// or is never in stance.
 fn shortest_swing(stance: &[bool]) -> Option<usize> {
     let start = stance.iter().position(|&flag| flag)?;
     // From a stance sample on, no swing is cut in two.
@@ -328,7 +333,7 @@ fn shortest_swing(stance: &[bool]) -> Option<usize> {
     order.split(|&flag| flag).map(<[bool]>::len).filter(|&run| run > 0).min()
 }
 
-/// Rejects infeasible goals: feet in stance do not travel, and wheels have a top speed.
+/// Refuses infeasible goals: stance feet do not travel, and wheels have a top speed.
 fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
     let Goal { forward_m, left_m, turn_rad } = motion.goal;
     let distance_m = forward_m.unwrap_or(0.0).hypot(left_m.unwrap_or(0.0));
@@ -341,22 +346,24 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
         if foot.contact.rolls_with_link() || motion.held_wheels[index] {
             wheels::check_reach(root, motion, foot, distance_m);
         } else if !foot.contact.rolls() {
-            let help = "a standing point foot stays where it is: give it a swing, or drop the goal";
+            let help = "give this foot a swing, or remove the goal: a point foot on the ground \
+                cannot move";
             let problem = format!("cannot be reached: `{}` never leaves the ground", foot.name);
-            root.fault("goal", problem, "moves a foot that stands", help);
+            root.fault("goal", problem, "requires a foot in stance to move", help);
         } else if let Some(actuator) = foot.contact.actuator() {
             let speed_m_s = foot.radius_m * actuator.speed_max_rad_s;
             let lean_m = choreography_check::lean_m(motion, robot, index);
             let needed_s = (distance_m - lean_m) / speed_m_s;
             if motion.duration_s < needed_s {
                 let problem = format!(
-                    "is {} s for {distance_m} m on the wheel of `{}`",
+                    "is {} s for a distance of {distance_m} m on the wheel of `{}`",
                     motion.duration_s, foot.name
                 );
                 // How far a body leans is a bound with legs as long as they get, and no estimate.
                 let help = format!(
-                    "it rolls {speed_m_s:.3} m/s (radius × speed limit): without leaning that takes {:.2} s, and more with start \
-                     and stop",
+                    "give a longer duration: the wheel rolls at up to {speed_m_s:.3} m/s (radius × \
+                     speed limit), so the distance takes {:.2} s without leaning, plus time for \
+                     start and stop",
                     distance_m / speed_m_s
                 );
                 root.fault("duration_s", problem, "too short", help);

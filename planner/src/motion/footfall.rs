@@ -7,9 +7,8 @@ use rollwalk_robot::{EndEffector, Robot};
 /// Feet of a named gait, in the order of the rows of [`GAITS`].
 const GAIT_FEET: [&str; 4] = ["front_left", "front_right", "rear_left", "rear_right"];
 
-/// Named gaits: the phase of the cycle at mid-swing of each of [`GAIT_FEET`].
-/// `walk` is the lateral sequence (rear left, front left, rear right, front right), the slow gait in
-/// which the robot's weight shifts least while one foot is in the air.
+/// Named gaits, with the phase of the cycle at mid-swing for each foot in [`GAIT_FEET`]. `walk` is the lateral sequence: rear
+/// left, front left, rear right, front right. In this slow gait, the robot's weight shifts least while one foot is in the air.
 const GAITS: [(&str, [f64; 4]); 5] = [
     ("walk", [0.375, 0.875, 0.125, 0.625]),
     ("trot", [0.25, 0.75, 0.75, 0.25]),
@@ -18,7 +17,7 @@ const GAITS: [(&str, [f64; 4]); 5] = [
     ("pronk", [0.5, 0.5, 0.5, 0.5]),
 ];
 
-/// The named gaits that a robot has the feet for, as motion files spell them.
+/// Named gaits for which a robot has the feet, spelled as in motion files.
 pub fn gaits(robot: &Robot) -> impl Iterator<Item = &'static str> {
     let fits = gait_columns(robot).is_some();
     GAITS.iter().filter(move |_| fits).map(|(name, _)| *name)
@@ -34,9 +33,9 @@ pub(super) fn stance(
     let ways: Vec<_> =
         ["all", "gait", phases::KEY].into_iter().filter(|way| table.has(way)).collect();
     if let [one, other, ..] = ways[..] {
-        let help = "footfalls are `all`, or `gait` with `duty`, or `phases` with `duty`, or a row for each \
-                    foot: keep one";
-        table.fault(other, format!("is given beside `{one}`"), "one of the two", help);
+        let help = "keep one of `all`, `gait` with `duty`, `phases` with `duty`, or a row for each \
+                    foot";
+        table.fault(other, format!("is given together with `{one}`"), "keep one of the two", help);
         return None;
     }
     if table.has("all") {
@@ -69,7 +68,7 @@ fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool
 }
 
 /// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,
-/// `front_left_toe` and `front_left_heel` all follow foot `front_left`.
+/// `front_left_toe` and `front_left_heel` belong to the row `front_left`. `None` if a name or a row does not match.
 fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
     let row_of = |foot: &EndEffector| {
         GAIT_FEET.iter().position(|name| {
@@ -82,18 +81,18 @@ fn gait_columns(robot: &Robot) -> Option<Vec<usize>> {
 }
 
 fn unknown_feet(table: &Table<'_>, robot: &Robot) {
-    let problem = format!("does not know the feet of robot `{}`", robot.name);
+    let problem = format!("does not fit the end effectors of robot `{}`", robot.name);
     let help = format!(
-        "named gaits are for robots with the end effectors {}, or several on a limb, such as \
-         front_left_toe and front_left_heel; write one row of # and . for each of {}",
+        "rename the end effectors to {} (or several per limb, such as front_left_toe and \
+         front_left_heel), or write one row of # and . for each of {}",
         GAIT_FEET.join(", "),
         listed(robot)
     );
     table.fault("gait", problem, "needs four named feet", help);
 }
 
-/// Reads one row of `#` (stance) and `.` (swing) per end effector, all equally long, and stretches them to the number
-/// of samples: sample i takes character ⌊i · length / samples⌋. Spaces and `|` are ignored.
+/// Reads one row of `#` (stance) and `.` (swing) per end effector, all of the same length. Rows are stretched to the number of
+/// samples: sample i takes character ⌊i · length / samples⌋. Spaces and `|` are ignored.
 fn rows(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -124,10 +123,13 @@ fn rows(
             Some((_, length)) if *length == pattern.len() => {}
             Some((name, length)) => {
                 let found = pattern.len();
-                let message = format!("[footfalls]: row `{}` has another length", row.name);
+                let message = format!(
+                    "[footfalls]: row `{}` differs in length from an earlier row",
+                    row.name
+                );
                 let help = format!(
-                    "all rows show the same span of time: `{name}` has {length} characters, this \
-                     row has {found}"
+                    "give all rows the same length: `{name}` has {length} characters, but this row \
+                     has {found}"
                 );
                 document.fault(row.text_span, message, format!("{found} characters"), help);
                 sound = false;

@@ -1,6 +1,6 @@
-//! Motion goals: duration, footfall pattern, displacement, boundary conditions, targets.
+//! Motion goals: duration, footfall pattern, displacement, boundary conditions and targets.
 //!
-//! Motion files (`motions/*.toml`, docs/motion-files.md) are read by [`Motion::from_toml`].
+//! [`Motion::from_toml`] reads motion files (`motions/*.toml`, docs/motion-files.md).
 
 mod choreography;
 mod choreography_check;
@@ -20,40 +20,39 @@ use rollwalk_multibody::ground::ElevationMap;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A motion goal, resolved against a robot: everything the optimiser needs besides the robot.
+/// Motion goal, resolved against a robot. Robot and motion determine the optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
     /// Name of the motion.
     pub name: String,
-    /// Duration H, s; for periodic motions the period.
+    /// Duration H, s; the period of a periodic motion.
     pub duration_s: f64,
     /// Boundary conditions at the ends of the motion.
     pub ends: Ends,
-    /// Contact flags c of Eq. 2.7: `stance[sample][end_effector]`. Its length is the sample count T.
+    /// Contact flags c of Eq. 2.7: `stance[sample][end_effector]`. The length is the sample count T.
     pub stance: Vec<Vec<bool>>,
-    /// Height w_h that a foot in swing reaches, m (Eq. 2.9).
+    /// Height w_h of a swing, m (Eq. 2.9).
     pub swing_height_m: f64,
     /// Displacement and turn over the motion.
     pub goal: Goal,
-    /// Joint angles that the posture term pulls towards, rad, in joint order: the robot's nominal ones unless the
-    /// motion file gives others.
+    /// Joint angles of the posture cost, rad, in joint order. Defaults are the robot's nominal angles.
     pub posture_rad: Vec<f64>,
-    /// Flags of the end effectors whose motor-actuated wheel the motion holds still, in robot order: such a wheel is a
-    /// foot that rolls only as its link turns (LegBot, thesis sec. 3.5.2).
+    /// Flags of the end effectors whose actuated wheel the motion holds still, in robot order. A held wheel is a foot that
+    /// rolls only as its link turns (LegBot, thesis sec. 3.5.2).
     pub held_wheels: Vec<bool>,
     /// Positions, velocities and headings required at chosen times.
     pub targets: Vec<Target>,
     /// Height limits over spans of time.
     pub heights: Vec<HeightLimit>,
-    /// Shares of the motors' torque and speed that the motion may use.
+    /// Fractions of the motors' torque and speed that the motion may use.
     #[serde(default)]
     pub reserve: Reserve,
-    /// Ground on which the robot moves, in the frame in which the motion begins at the origin, heading along x. Motion files
-    /// have level ground, and files of plans name none.
+    /// Ground on which the robot moves, in the frame in which the motion begins at the origin and heads along x. Motion files
+    /// have level ground; plan files omit the ground.
     #[serde(skip)]
     pub ground: ElevationMap,
-    /// Reason why the motion does not hold without feedback, by its author for its users; `None` if it holds.
+    /// Reason why the motion fails without feedback, from the motion file. `None` if it needs no feedback.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,
 }
@@ -66,18 +65,18 @@ impl Motion {
         self.duration_s / intervals as f64
     }
 
-    /// Time at which a transition leaves the motion, s: its end, or for a periodic motion the start of a cycle, where
-    /// the cycle closes.
+    /// Time at which a transition leaves the motion, s: the end of the motion, or 0 for a periodic motion, whose cycle closes
+    /// there.
     pub fn exit_time_s(&self) -> f64 {
         if self.ends == Ends::Periodic { 0.0 } else { self.duration_s }
     }
 
-    /// Contact flags where a transition leaves the motion.
+    /// Contact flags at the exit of a transition from the motion.
     pub fn exit_stance(&self) -> Option<&Vec<bool>> {
         if self.ends == Ends::Periodic { self.stance.first() } else { self.stance.last() }
     }
 
-    /// Contact flags where a transition enters the motion: at its start.
+    /// Contact flags at the entry of a transition to the motion, which is the start of the motion.
     pub fn entry_stance(&self) -> Option<&Vec<bool>> {
         self.stance.first()
     }
@@ -96,7 +95,7 @@ pub enum Ends {
 }
 
 impl fmt::Display for Ends {
-    /// Writes the word that motion files use.
+    /// Prints the value of `ends` as in motion files.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Periodic => "periodic",
@@ -106,30 +105,30 @@ impl fmt::Display for Ends {
     }
 }
 
-/// Shares of the motors that plans may use. What is left is for feedback, and for what the model does not know.
+/// Fractions of the motors' limits that plans may use. The rest is a reserve for feedback and model errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reserve {
-    /// Share of the torque limits of the joints' motors.
+    /// Fraction of the torque limits of the joints' motors.
     pub torque_use: f64,
-    /// Share of the speed limits of joints and wheels.
+    /// Fraction of the speed limits of joints and wheels.
     pub speed_use: f64,
 }
 
 impl Default for Reserve {
-    /// Torque, because servos correct with it. `pronk` has no plan with 5 % less speed.
+    /// Reserves torque, because servos correct with it. Speed has no reserve: with 5 % less, `pronk` has no plan.
     fn default() -> Self {
         Self { torque_use: 0.8, speed_use: 1.0 }
     }
 }
 
-/// Functional objectives. `None` leaves the optimiser free.
+/// Functional objectives. The optimiser is free in components that are `None`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
-    /// Displacement along the starting heading over the motion, m.
+    /// Displacement along the initial heading over the motion, m.
     pub forward_m: Option<f64>,
-    /// Displacement to the left of the starting heading over the motion, m.
+    /// Displacement to the left of the initial heading over the motion, m.
     pub left_m: Option<f64>,
     /// Change of heading over the motion, rad, positive to the left.
     pub turn_rad: Option<f64>,

@@ -1,15 +1,16 @@
-//! Times of a choreography on the grid of samples.
+//! Times of a choreography on the sample grid.
 
 use super::{Ends, HeightLimit, Motion};
 
-/// Time on the grid of samples: a sample and the distance from it in intervals. A motion that is
-/// not periodic has no samples beyond its ends: times in its first half interval refer to the
-/// second sample, those in its last one to the last sample but one, with fractions up to ±1.
+/// Time on the sample grid: a sample, and the distance from it in intervals.
+///
+/// A motion that is not periodic has no samples beyond its ends. Times in its first half interval refer to the second sample,
+/// those in its last half interval to the last sample but one. Fractions are then up to ±1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// The sample in the middle.
+    /// Index of the middle sample.
     pub sample: usize,
-    /// Distance from it in intervals.
+    /// Distance from the middle sample in intervals.
     pub fraction: f64,
 }
 
@@ -42,7 +43,7 @@ impl Moment {
         [0.5 * u * (u - 1.0), 1.0 - u * u, 0.5 * u * (u + 1.0)]
     }
 
-    /// Weights of the same samples for velocities, 1/s.
+    /// Weights of the samples before, in the middle and after, for velocities, 1/s.
     pub fn velocity_weights(self, interval_s: f64) -> [f64; 3] {
         let u = self.fraction;
         [u - 0.5, -2.0 * u, u + 0.5].map(|weight| weight / interval_s)
@@ -50,8 +51,8 @@ impl Moment {
 }
 
 impl HeightLimit {
-    /// True if the limit applies to a sample: to the samples in the span and to the two that enclose it. The end of a period
-    /// counts as sample 0.
+    /// Returns true if the limit applies to a sample: a sample in the time span, or one of the two around it. The end of a
+    /// period counts as sample 0.
     pub fn holds_at(&self, motion: &Motion, sample: usize) -> bool {
         let h = motion.interval_s();
         let span = (self.from_s / h + 1e-6).floor()..=(self.to_s / h - 1e-6).ceil();

@@ -1,15 +1,15 @@
-//! Footfalls as phases: for every end effector the phase of touch-down and the duty factor, both shares of the cycle.
-//! They suit robots with any number of feet.
+//! Footfalls as phases: phase of touch-down and duty factor of every end effector, both as fractions of the cycle. Phases suit
+//! robots with any number of feet.
 
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, Table, alternatives};
 
-/// The table with the phases.
+/// Key of the table with the phases.
 pub(super) const KEY: &str = "phases";
-/// The table with duty factors that differ from `duty`.
+/// Key of the table with duty factors that differ from `duty`.
 const DUTIES: &str = "duties";
 
-/// Stance flags from `duty`, `[footfalls.phases]` and, where feet differ, `[footfalls.duties]`.
+/// Stance flags from `duty`, `[footfalls.phases]` and, if duty factors differ, `[footfalls.duties]`.
 pub(super) fn stance(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -33,7 +33,7 @@ pub(super) fn stance(
         let Some(phase) = phase else {
             let message = format!("[footfalls.{KEY}]: `{}` is missing", foot.name);
             let help = format!(
-                "give the share of the cycle at which it touches down, 0 to 1, for each of {}",
+                "give the phase of touch-down, a fraction of the cycle from 0 to 1, for each of {}",
                 listed(robot)
             );
             document.fault(table.span_of(KEY), message, format!("needs `{}`", foot.name), help);
@@ -46,7 +46,7 @@ pub(super) fn stance(
     (swings.len() == robot.end_effectors.len()).then(|| cycle(&swings, samples))
 }
 
-/// Number of each end effector that the table names, `None` for the others.
+/// Value of each end effector in the table; `None` for end effectors that the table omits.
 fn per_foot(
     document: &Document<'_>,
     table: &Table<'_>,
@@ -66,7 +66,7 @@ fn per_foot(
             Some(_) => (
                 format!("[footfalls.{key}]: `{name}` is {}", entry.number),
                 "out of range",
-                format!("allowed is {} to {}, a share of the cycle", range.start(), range.end()),
+                format!("give a fraction of the cycle from {} to {}", range.start(), range.end()),
             ),
             None => (
                 format!("[footfalls.{key}]: robot `{}` has no `{name}`", robot.name),
@@ -83,14 +83,14 @@ fn per_foot(
 /// Reads `duty`.
 pub(super) fn duty(table: &Table<'_>) -> Option<f64> {
     // Below 0.3 a foot swings most of the time; above 0.95 it hardly leaves the ground.
-    table.number_in("duty", 0.3..=0.95, "(share of the cycle that a foot is in stance)")
+    table.number_in("duty", 0.3..=0.95, "(fraction of the cycle in which a foot is in stance)")
 }
 
 /// Swing of a foot in a cycle.
 pub(super) struct Swing {
     /// Phase of mid-swing.
     pub center: f64,
-    /// Duration as a share of the cycle.
+    /// Duration as a fraction of the cycle.
     pub share: f64,
 }
 

@@ -1,5 +1,5 @@
-//! Actuated wheels that a motion holds still (the key `wheels` of motion files), and goals beyond the reach of held and
-//! welded wheels.
+//! Actuated wheels that a motion holds still (the key `wheels` of motion files), and goals beyond the reach of held and welded
+//! wheels.
 
 use super::{Ends, Motion};
 use rollwalk_robot::document::{Document, Table, alternatives};
@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 const KEY: &str = "wheels";
 
 impl Motion {
-    /// Flags of the end effectors with a wheel that does not turn relative to its link: welded to it, or held still
+    /// Flags of the end effectors whose wheel does not turn relative to its link. The wheel is welded to the link or held still
     /// by the motion.
     pub fn still_wheels(&self, robot: &Robot) -> Vec<bool> {
         let feet = robot.end_effectors.iter().zip(&self.held_wheels);
@@ -17,8 +17,8 @@ impl Motion {
     }
 }
 
-/// Reads `wheels`, which is `"actuated"` (the default), `"held"`, or the names of the held wheels; returns one flag for
-/// each end effector.
+/// Reads `wheels`: `"actuated"` (the default), `"held"`, or the names of the held wheels. Returns one flag for each end
+/// effector.
 pub(super) fn held(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<Vec<bool>> {
     let feet = &robot.end_effectors;
     if !table.has(KEY) {
@@ -32,8 +32,9 @@ pub(super) fn held(document: &Document<'_>, table: &Table<'_>, robot: &Robot) ->
         0 => Some(vec![false; feet.len()]),
         _ if driven.contains(&true) => Some(driven),
         _ => {
-            let help = "only wheels with a motor can be held: leave `wheels` out";
-            let problem = format!("are to be held, but robot `{}` drives none", robot.name);
+            let help = "leave out `wheels`, because only wheels with a motor can be held";
+            let problem =
+                format!("is \"held\", but robot `{}` has no wheel with a motor", robot.name);
             table.fault(KEY, problem, "no actuated wheel", help);
             None
         }
@@ -63,8 +64,8 @@ fn is_driven(foot: &EndEffector) -> bool {
     foot.contact.actuator().is_some()
 }
 
-/// Rejects goals out of reach of a wheel that neither turns relative to its link nor leaves the ground. It is a round
-/// foot: it rolls only as its link pitches, at most half a turn, and back again within a period.
+/// Refuses goals out of reach of a wheel that neither turns relative to its link nor leaves the ground. Such a wheel is a round
+/// foot. It rolls only as its link pitches, at most half a turn, and rolls back within a period.
 pub(super) fn check_reach(root: &Table<'_>, motion: &Motion, foot: &EndEffector, distance_m: f64) {
     let periodic = motion.ends == Ends::Periodic;
     let reach_m = if periodic { 0.0 } else { PI * foot.radius_m };
@@ -74,13 +75,14 @@ pub(super) fn check_reach(root: &Table<'_>, motion: &Motion, foot: &EndEffector,
     }
     let problem = format!("cannot be reached: `{}` never leaves the ground", foot.name);
     let help = if periodic {
-        "a wheel that is held or welded rolls back within a period: give it a swing, or drop the goal"
+        "give this wheel a swing, or remove the goal: a held or welded wheel rolls back within a \
+         period"
             .to_owned()
     } else {
         format!(
-            "a wheel that is held or welded rolls only as its link pitches, here {reach_m:.2} m at \
-             most: give it a swing, or ask for less"
+            "give this wheel a swing, or a goal within {reach_m:.2} m: a held or welded wheel \
+             rolls only as its link pitches"
         )
     };
-    root.fault("goal", problem, "moves a wheel that does not turn", help);
+    root.fault("goal", problem, "requires a wheel that does not turn to move", help);
 }

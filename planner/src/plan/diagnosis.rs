@@ -1,5 +1,5 @@
-//! The diagnosis of a request that cannot be met: which constraints contradict each other, where, by how much,
-//! and what to change. [`crate::diagnose`] makes it.
+//! Diagnosis of a request that cannot be met: the contradicting constraints with their times and violations, and advice.
+//! [`crate::diagnose`] computes it.
 
 use crate::families::{Family, Kind, Unit};
 use serde::{Deserialize, Serialize};
@@ -11,13 +11,13 @@ use std::fmt;
 pub struct Diagnosis {
     /// Evidence against the request.
     pub verdict: Verdict,
-    /// The constraints that conflict: what the motion asks for first, the easiest to give
-    /// way before the others, then what stands against it, the hardest pulling first.
+    /// Conflicting constraints. A motor too weak for standing comes first, then requests of the motion in order of the relative
+    /// change that they need, then opposing limits and properties of the robot.
     pub culprits: Vec<Culprit>,
 }
 
 impl Diagnosis {
-    /// Leaves out estimates of numbers with which the request would work.
+    /// Removes the feasible values.
     pub(crate) fn forget_numbers(&mut self) {
         for culprit in &mut self.culprits {
             culprit.would_do = None;
@@ -25,20 +25,20 @@ impl Diagnosis {
     }
 }
 
-/// Evidence against a request, the strongest first. None is a proof: another start may lead to a plan.
+/// Evidence against a request, strongest first. No verdict is a proof: another start may lead to a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The constraints, linearised at the nearest point, contradict each other: no small change meets them.
     Contradiction,
-    /// Even without any regard for costs the constraints stay far beyond their tolerances.
+    /// The constraints remain far beyond their tolerances even without costs.
     FarOff,
-    /// The solve has stopped getting anywhere.
+    /// The solve makes no more progress.
     Stuck,
 }
 
 impl Verdict {
-    /// True if a second start with such a verdict is enough to give up.
+    /// Returns true if a second start with such a verdict ends the search.
     pub fn is_grave(self) -> bool {
         match self {
             Self::Contradiction | Self::FarOff => true,
@@ -47,42 +47,43 @@ impl Verdict {
     }
 }
 
-/// A constraint that takes part in the contradiction.
+/// Constraint that takes part in the contradiction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Culprit {
-    /// The constraint.
+    /// Family of the constraint.
     pub constraint: Family,
     /// Kind of the constraint.
     pub part: Kind,
-    /// End effector, joint or direction that it is about; `null` for the whole robot.
+    /// End effector, joint or direction of the constraint; `null` for the whole robot.
     pub subject: Option<String>,
     /// First and last time at which the constraint contributes to the violation, s.
     pub time_s: [f64; 2],
     /// Largest residual of the constraint at the nearest point.
     pub worst: f64,
-    /// Unit of `worst`, `given` and `would_do`; a duration that is given is in s whatever this says.
+    /// Unit of `worst`, `given` and `would_do`. A given duration is in seconds regardless of this unit.
     pub unit: String,
-    /// Share of the constraint in the violation at the nearest point, 0 to 1.
+    /// Fraction of the violation at the nearest point that the constraint contributes, 0 to 1.
     pub share: f64,
-    /// Field of the motion or robot file that says how much, where it is one number; or [`DURATION`].
+    /// Field of the motion or robot file with the value that the constraint compares with, or [`DURATION`]. `null` if there is
+    /// no such single value.
     pub field: Option<String>,
     /// Value of that field.
     pub given: Option<f64>,
-    /// A number with which a plan was found, all else as it is; in a robot file, of every motor or foot with the given
-    /// one. `null` if none was found near.
+    /// Feasible value: a plan was found with it, with all else unchanged. In a robot file, it replaces the given value in every
+    /// motor or foot. `null` if none was found nearby.
     pub would_do: Option<f64>,
-    /// Advice: the change that would help.
+    /// Advice on the change that would help.
     pub advice: String,
 }
 
-/// The field of a culprit that names the duration, s: any constraint may be met in a longer one.
+/// Name of the field for the duration, s, in a culprit. A longer duration may help to meet any constraint.
 pub const DURATION: &str = "duration_s";
 
-/// Part of its tolerance above which a residual is shown: below it the constraint holds, and only pulls.
+/// Fraction of its tolerance above which a residual is printed. Below it the constraint is met, and only pulls.
 const LEAST_SHOWN: f64 = 0.1;
 
-/// A number with at most so many significant digits.
+/// Formats a value with at most `digits` significant digits.
 fn significant(value: f64, digits: usize) -> String {
     let rounded = format!("{value:.*e}", digits - 1).parse::<f64>();
     rounded.map_or_else(|_| value.to_string(), |rounded| rounded.to_string())
@@ -111,9 +112,15 @@ impl fmt::Display for Culprit {
             parts.push(format!("off by {} {unit}", significant(self.worst * factor, 2)));
         }
         if let (Some(field), Some(given)) = (&self.field, self.given) {
-            let works = self.would_do.map(|works| format!(", {} works", significant(works, 4)));
+            let works =
+                self.would_do.map(|works| format!(", and {} is feasible", significant(works, 4)));
             let everywhere = works.is_some() && self.part == Kind::Limit && field != DURATION;
-            let everywhere = if everywhere { " wherever the robot file has it" } else { "" };
+            let everywhere = if everywhere {
+                " if it replaces this value everywhere in the robot \
+                file"
+            } else {
+                ""
+            };
             let works = works.unwrap_or_default();
             parts.push(format!("{field} is {}{works}{everywhere}", significant(given, 4)));
         }
@@ -131,9 +138,11 @@ impl fmt::Display for Diagnosis {
             match self.verdict {
                 Verdict::Contradiction => "these constraints contradict each other:",
                 Verdict::FarOff =>
-                    "no solution near: even without costs these constraints stay far beyond their levels:",
+                    "no solution nearby, because these constraints stay far beyond their \
+                     tolerances even without costs:",
                 Verdict::Stuck =>
-                    "where it got stuck, these constraints pull against each other or against the costs:",
+                    "at the point where the solver got stuck, these constraints conflict with each \
+                     other or with the costs:",
             }
         )?;
         let shown: Vec<String> = self.culprits.iter().map(ToString::to_string).collect();
@@ -223,7 +232,7 @@ mod tests {
         use Family::{ContactPoint, DisplacementGoal, JointSpeed, JointTorque, TorqueSpeedLine};
         assert_eq!(
             shown(DisplacementGoal, 0.1234, "forward_m", 1.5, Some(1.1)),
-            "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5, 1.1 works"
+            "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5, and 1.1 is feasible"
         );
         // Hardly off, it only pulls: nothing is off by 0.000.
         assert_eq!(
@@ -232,8 +241,8 @@ mod tests {
         );
         assert_eq!(
             shown(JointTorque, 0.321, "torque_max_nm", 0.35, Some(0.7)),
-            "joint torque, 0.00 to 4.00 s: off by 0.32 N·m; torque_max_nm is 0.35, 0.7 works wherever the robot file \
-             has it"
+            "joint torque, 0.00 to 4.00 s: off by 0.32 N·m; torque_max_nm is 0.35, and 0.7 is feasible if it \
+             replaces this value everywhere in the robot file"
         );
         assert_eq!(
             shown(ContactPoint, 3.14e-4, "", 0.0, None),

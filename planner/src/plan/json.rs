@@ -1,7 +1,7 @@
-//! Plans as JSON text: one writer, one reader.
+//! Plans as JSON text: one writer and one reader.
 //!
-//! Every field with its unit and frame: `docs/formats/plan-format.md`. The writer is deterministic: the same plan
-//! gives the same bytes. Arrays of plain values stay on one line, so that a plan can be read and diffed.
+//! `docs/formats/plan-format.md` lists every field with its unit and frame. The writer is deterministic: equal plans give equal
+//! bytes. Arrays of plain values stay on one line, so that plans can be read and diffed.
 
 use super::{FORMAT, Plan, VERSION};
 use crate::json::{Format, JsonError};
@@ -9,29 +9,33 @@ use miette::Diagnostic;
 use rollwalk_robot::InvalidRobot;
 use thiserror::Error;
 
-/// The format of plans.
+/// Format of plan files.
 pub(super) const JSON: Format = Format {
     name: FORMAT,
     version: VERSION,
     what: "plan",
-    make_again: "plan the motion once more",
-    help: "docs/formats/plan-format.md lists every field with its unit and frame; `rollwalk plan` writes such files",
+    make_again: "plan the motion again",
+    help: "write plans with `rollwalk plan`; docs/formats/plan-format.md lists every field with \
+        its unit and frame",
 };
 
-/// Reason for which a plan file is refused.
+/// Reason why a plan file is refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
 pub enum PlanError {
-    /// The text is no plan, or a field has a value that no plan can have.
+    /// The text is not a plan, or a field has an impossible value.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Json(#[from] JsonError),
     /// The robot breaks the rules of robot files.
     #[error("{file}: robot: {error}")]
-    #[diagnostic(help("the same rules as for robot files: `rollwalk robot check`"))]
+    #[diagnostic(help(
+        "correct the robot by the rules of robot files, which `rollwalk robot check` \
+        reports"
+    ))]
     Robot {
-        /// The file as the caller named it.
+        /// Name of the file, as passed by the caller.
         file: String,
-        /// The broken rules.
+        /// Rules that the robot breaks.
         error: InvalidRobot,
     },
 }
@@ -46,10 +50,10 @@ impl Plan {
         text
     }
 
-    /// Reads a plan and checks that it is whole and consistent. `file` is how errors name the text.
+    /// Reads a plan and checks that it is complete and consistent. Errors name the text by `file`.
     ///
     /// # Errors
-    /// [`PlanError`] names file, field, value and what would be right.
+    /// Returns an error if the text is not a valid plan. [`PlanError`] names file, field, value and the valid range.
     pub fn from_json(file: &str, text: &str) -> Result<Self, PlanError> {
         let plan: Self = JSON.read(file, text)?;
         plan.validate(file)?;
@@ -57,7 +61,7 @@ impl Plan {
     }
 }
 
-/// Puts every array that holds no array and no object on one line.
+/// Joins the lines of every array without nested arrays or objects.
 pub(crate) fn join_plain_arrays(pretty: &str) -> String {
     let mut out = String::with_capacity(pretty.len());
     let mut rest = pretty;
@@ -111,7 +115,7 @@ mod tests {
     use rollwalk_protocol::actuators::bus::Bus;
     use serde_json::{Value, json};
 
-    /// The plan with one piece of its JSON replaced.
+    /// Error of a plan after one piece of its JSON is replaced.
     fn tampered(from: &str, to: &str) -> PlanError {
         let text = test_plans::start_stop().to_json();
         assert!(text.contains(from), "the text to replace, {from}, is not there");
@@ -165,18 +169,18 @@ mod tests {
             (
                 "\"version\": 3",
                 "\"version\": 7",
-                "x.json: version is 7; expected 3: the plan is from a newer",
+                "x.json: version is 7; expected 3: update rollwalk, because a newer",
             ),
             (
                 "\"version\": 3",
                 "\"version\": 2",
-                "x.json: version is 2; expected 3: the plan is from an older rollwalk, plan",
+                "x.json: version is 2; expected 3: plan the motion again, because an older version",
             ),
             ("\"version\": 3,", "", "x.json: version is missing; expected 3"),
             (
                 "\"clearance_m\": 0.02",
                 "\"clearance_m\": 0.01",
-                "formulation: clearance_m is 0.01; expected 0.02, as this program",
+                "formulation: clearance_m is 0.01; expected 0.02, the value in this version",
             ),
             ("\"samples\": [", "\"samples\": [ 5,", "samples[0] is 5; expected an object"),
             (
@@ -192,12 +196,12 @@ mod tests {
             (
                 "\"joint_rad\": [0.3, ",
                 "\"joint_rad\": [",
-                "samples[0].joint_rad is 3 long; expected one per joint of the robot, 4",
+                "samples[0].joint_rad is 3 long; expected one for each joint of the robot, 4",
             ),
             (
                 "\"joint_torque_nm\": [",
                 "\"joint_torque_nm\": [0.0, ",
-                "samples[0].joint_torque_nm is 5 long; expected one per joint of the robot, 4",
+                "samples[0].joint_torque_nm is 5 long; expected one for each joint of the robot, 4",
             ),
             (
                 "\"joint_torque_nm\": ",
@@ -207,7 +211,7 @@ mod tests {
             (
                 "\"format\"",
                 "\"comment\": 0, \"format\"",
-                "unknown field `comment`; known are: `format`",
+                "unknown field `comment`; valid names: `format`",
             ),
             (
                 "\"time_s\": 0.05,",
@@ -217,17 +221,17 @@ mod tests {
             (
                 "\"contact\": true",
                 "\"contact\": false",
-                "samples[0].end_effectors[0].contact is false; expected motion.stance[0][0], true",
+                "samples[0].end_effectors[0].contact is false; expected true, as in motion.stance[0][0]",
             ),
             (
                 "\"duration_s\": 2.0",
                 "\"duration_s\": 0.0",
-                "motion.duration_s is 0; expected a time above 0",
+                "motion.duration_s is 0; expected a time above 0 s",
             ),
             (
                 "\"duration_s\": 2.0",
                 "\"duration_s\": 1e5",
-                "motion.duration_s is 100000; expected a time above 0, at most",
+                "motion.duration_s is 100000; expected a time above 0 s and at most",
             ),
             (
                 "\"duration_s\": 2.0",
@@ -237,7 +241,7 @@ mod tests {
             (
                 "      [true, true, true, true],\n",
                 "",
-                "motion.stance is 40 rows long; expected one row per sample, 41",
+                "motion.stance is 40 rows long; expected one row for each of the 41 samples",
             ),
             ("\"parent\": 0", "\"parent\": 9", "x.json: robot: robot `box` is not valid"),
         ];
@@ -248,7 +252,7 @@ mod tests {
         }
     }
 
-    /// Collects the paths of all objects and values of a plan as JSON pointers; of a list, those of its first item.
+    /// Collects the JSON pointers of all objects and values of a plan. Lists are represented by their first item.
     fn places(value: &Value, path: &str, found: &mut Vec<String>) {
         found.push(path.to_owned());
         match value {
@@ -360,13 +364,13 @@ mod tests {
         assert!(
             tampered("\"energy\": 0.0", "\"energy\": 1e999")
                 .to_string()
-                .contains("solve.energy is out of the range")
+                .contains("solve.energy is out of range")
         );
         for number in ["NaN", "Infinity", "-Infinity", "null"] {
             let error = tampered("\"energy\": 0.0", &format!("\"energy\": {number}"));
             let expected = match number {
                 "null" => "solve.energy is null; expected a number",
-                _ => "are no numbers in JSON",
+                _ => "are not numbers in JSON",
             };
             assert!(error.to_string().contains(expected), "{error}");
         }
@@ -433,7 +437,7 @@ mod tests {
                 "culprits[0].unit is mm/s; expected m/s, the unit of slip",
             ),
             (Culprit { constraint: Family::Posture, ..slip.clone() }, "the name of a constraint"),
-            (Culprit { share: -1.0, ..slip.clone() }, "none of them negative"),
+            (Culprit { share: -1.0, ..slip.clone() }, "finite numbers of at least 0"),
             (Culprit { advice: "\u{1b}[2J".to_owned(), ..slip.clone() }, "control characters"),
         ] {
             let message = with(culprit).expect_err("another diagnosis");

@@ -1,4 +1,4 @@
-//! The number of a motion or robot file that a culprit names, and the request in which it is another one.
+//! Change of the value in a motion or robot file that a culprit names.
 
 use super::{Culprit, DURATION};
 use crate::families::Family;
@@ -7,8 +7,8 @@ use rollwalk_protocol::library::{MAX_CLIP_FRAMES, RATE_HZ};
 use rollwalk_robot::{Actuator, Robot};
 
 impl Culprit {
-    /// The request with `number` in place of the number that this culprit names, everywhere where the file has it: in
-    /// every motor with the same limit, in every target that asks for the same. `None` if the culprit names no number.
+    /// Returns the request with `number` in place of the value that this culprit names. The value is replaced everywhere: in
+    /// every motor with the same limit and in every target with the same value. `None` if the culprit names no value.
     pub fn with_number(
         &self,
         robot: &Robot,
@@ -85,8 +85,8 @@ impl Culprit {
     }
 }
 
-/// The motion with another duration, to whose end heights stay limited that were so to the end; `None` if that is not a
-/// duration of a motion.
+/// Returns the motion with another duration, rounded to whole frames. Height limits that end with the motion are extended with
+/// it. `None` if the duration exceeds that of a clip.
 fn longer(mut motion: Motion, number_s: f64) -> Option<Motion> {
     let rate_hz = f64::from(RATE_HZ);
     let frames = (rate_hz * number_s).round();
@@ -144,7 +144,7 @@ heading_rad = 0.03
         (robot, motion)
     }
 
-    /// The number typed into the file makes the same request.
+    /// Checks that a changed value gives the same request as an edit of the file.
     #[test]
     fn another_number_is_that_of_an_edited_file() {
         let motion_text =
@@ -175,7 +175,7 @@ heading_rad = 0.03
         assert_eq!(culprit(Family::Slip, "forward_m", 0.4).with_number(&robot, &motion, 1.0), None);
     }
 
-    /// Number of samples: follows from the duration if the file leaves it out, else stays.
+    /// Checks that the sample count follows from the duration if the file omits it, and is unchanged otherwise.
     #[test]
     fn a_longer_motion_has_the_samples_of_its_file() {
         let own = DUCK.replace("samples = 36\n", "");

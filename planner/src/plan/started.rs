@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StartKind {
-    /// Standing, perhaps with a nudge of every joint.
+    /// Standing pose, optionally with a nudge of every joint.
     #[default]
     Standing,
-    /// A smooth random swing of every joint.
+    /// Smooth random swing of every joint.
     Sinusoid,
-    /// The plan of the same motion with half the samples.
+    /// Plan of the same motion with half the samples.
     Coarse,
-    /// The warm start of sec. 3.3.
+    /// Warm start of sec. 3.3.
     Warm,
-    /// Another plan.
+    /// Plan of another motion or robot.
     Neighbour,
     /// The two motions that a transition joins.
     Joined,
@@ -27,6 +27,6 @@ pub enum StartKind {
 pub struct Started {
     /// Kind of the start.
     pub kind: StartKind,
-    /// Seed of the random part of the start; 0 without one.
+    /// Seed of the random part of the start; 0 for a start without one.
     pub seed: u64,
 }

@@ -1,5 +1,5 @@
-//! Validation of plans before use: counts, finite numbers, unit quaternions, times on the grid, and ends that agree with the kind
-//! of motion.
+//! Validation of plans before use: counts, finite values, unit quaternions, times on the grid, and ends that agree with the
+//! kind of motion.
 
 mod ends;
 
@@ -12,18 +12,18 @@ use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::text::{Shown, is_plain_name};
 use std::fmt::Display;
 
-/// Fewest samples for which periodic splines and second differences are defined.
+/// Minimum number of samples for which periodic splines and second differences are defined.
 const MIN_SAMPLES: usize = 3;
-/// Most samples: more than the longest motion has, a minute at 15 per second.
+/// Maximum number of samples. The longest motion, a minute at 15 per second, has fewer.
 const MAX_SAMPLES: usize = 1000;
-/// Longest name, bytes: that of a transition, which names both motions that it joins.
+/// Maximum length of a name, bytes: that of a transition, which names both motions that it joins.
 const MAX_PLAN_NAME: usize = 2 * MAX_NAME + " to ".len();
 
 impl Plan {
-    /// Checks that the plan is whole and consistent; `file` is how errors name it.
+    /// Checks that the plan is complete and consistent. Errors name the plan by `file`.
     ///
     /// # Errors
-    /// [`PlanError`] names the first field that cannot be right.
+    /// Returns an error if a field is invalid. [`PlanError`] names the first such field.
     pub fn validate(&self, file: &str) -> Result<(), PlanError> {
         let at = Field { file, path: String::new() };
         at.of("format").holds(self.format == FORMAT, &self.format, FORMAT)?;
@@ -38,7 +38,7 @@ impl Plan {
             for (j, (end_effector, &stands)) in sample.end_effectors.iter().zip(stance).enumerate()
             {
                 let ok = end_effector.contact == stands;
-                let expected = format!("motion.stance[{index}][{j}], {stands}");
+                let expected = format!("{stands}, as in motion.stance[{index}][{j}]");
                 at.item("end_effectors", j).of("contact").holds(
                     ok,
                     end_effector.contact,
@@ -52,7 +52,7 @@ impl Plan {
         self.validate_ends(&at)
     }
 
-    /// Sample count, footfall pattern, duration and spacing fit together.
+    /// Checks that sample count, footfall pattern, duration and spacing agree.
     fn validate_grid(&self, at: &Field) -> Result<(), PlanError> {
         let count = self.samples.len();
         let feet = self.robot.end_effectors.len();
@@ -71,7 +71,8 @@ impl Plan {
             is_plain_name(name) && name.len() <= MAX_PLAN_NAME,
             format!("\"{}\"", Shown(name)),
             format!(
-                "1 to {MAX_PLAN_NAME} bytes of characters that can be seen, no space at the ends"
+                "1 to {MAX_PLAN_NAME} bytes of visible characters, without a space at the start or \
+                 end"
             ),
         )?;
         let (angles, joints) = (self.motion.posture_rad.len(), self.robot.joints.len());
@@ -84,13 +85,13 @@ impl Plan {
         at.of("motion.held_wheels").holds(
             held.len() == feet,
             format!("{} flags long", held.len()),
-            format!("one flag per end effector, {feet}"),
+            format!("one flag for each of the {feet} end effectors"),
         )?;
         for (j, foot) in self.robot.end_effectors.iter().enumerate() {
             at.item("motion.held_wheels", j).holds(
                 !held[j] || foot.contact.actuator().is_some(),
                 format!("true for `{}`", foot.name),
-                "false: it is no wheel with a motor",
+                "false, because this end effector has no wheel with a motor",
             )?;
         }
         self.validate_choreography(at)?;
@@ -98,24 +99,28 @@ impl Plan {
         at.of("motion.stance").holds(
             stance.len() == count,
             format!("{} rows long", stance.len()),
-            format!("one row per sample, {count}"),
+            format!("one row for each of the {count} samples"),
         )?;
         for (i, row) in stance.iter().enumerate() {
             at.item("motion.stance", i).holds(
                 row.len() == feet,
                 format!("{} flags long", row.len()),
-                format!("one flag per end effector, {feet}"),
+                format!("one flag for each of the {feet} end effectors"),
             )?;
         }
         let Reserve { torque_use, speed_use } = self.motion.reserve;
         for (name, share) in [("torque_use", torque_use), ("speed_use", speed_use)] {
             let ok = share > 0.0 && share <= 1.0;
-            at.of("motion.reserve").of(name).holds(ok, share, "a share above 0, at most 1")?;
+            at.of("motion.reserve").of(name).holds(
+                ok,
+                share,
+                "a fraction above 0 and at most 1",
+            )?;
         }
         let duration_s = self.motion.duration_s;
         let longest_s = f64::from(MAX_CLIP_FRAMES) / f64::from(RATE_HZ);
         let of_motion = duration_s > 0.0 && duration_s <= longest_s;
-        let expected = format!("a time above 0, at most {longest_s:.2} s");
+        let expected = format!("a time above 0 s and at most {longest_s:.2} s");
         at.of("motion.duration_s").holds(of_motion, duration_s, expected)?;
         let intervals = match self.motion.ends {
             Ends::Periodic => count,
@@ -129,7 +134,7 @@ impl Plan {
         )
     }
 
-    /// The diagnosis has numbers in range and words that can be printed.
+    /// Checks that the diagnosis has values in range and printable text.
     fn validate_diagnosis(&self, at: &Field) -> Result<(), PlanError> {
         let Some(diagnosis) = &self.solve.diagnosis else { return Ok(()) };
         let infeasible = self.solve.status == Status::Infeasible;
@@ -154,16 +159,16 @@ impl Plan {
             at.holds(
                 sound,
                 "out of range",
-                "finite numbers, none of them negative, in order of time",
+                "finite numbers of at least 0, with times in ascending order",
             )?;
             let words = [Some(&culprit.advice), culprit.subject.as_ref(), culprit.field.as_ref()];
             let plain = !words.into_iter().flatten().any(|text| text.contains(char::is_control));
-            at.holds(plain, "text with control characters", "plain text")?;
+            at.holds(plain, "a text with control characters", "text without control characters")?;
         }
         Ok(())
     }
 
-    /// Targets and heights name what there is, at times of the motion.
+    /// Checks that targets and height limits name existing subjects, and times of the motion.
     fn validate_choreography(&self, at: &Field) -> Result<(), PlanError> {
         let feet = self.robot.end_effectors.len();
         let duration_s = self.motion.duration_s;
@@ -196,7 +201,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Shapes, finite numbers and rotations of one sample.
+    /// Checks lengths, finite values and rotations of one sample.
     fn validate_sample(&self, sample: &Sample, at: &Field) -> Result<(), PlanError> {
         at.of("time_s").finite(&[sample.time_s])?;
         at.of("base_position_m").finite(&sample.base_position_m)?;
@@ -222,8 +227,18 @@ impl Plan {
             validate_end_effector(end_effector, &at)?;
             let (at, torque_nm) = (at.of("motor_torque_nm"), end_effector.motor_torque_nm);
             match foot.contact.actuator() {
-                Some(_) => at.holds(torque_nm.is_some(), "null", "the torque of its motor")?,
-                None => at.holds(torque_nm.is_none(), "a number", "null: it has no motor")?,
+                Some(_) => at.holds(
+                    torque_nm.is_some(),
+                    "null",
+                    "the torque of the wheel's motor \
+                    in N·m",
+                )?,
+                None => at.holds(
+                    torque_nm.is_none(),
+                    "a number",
+                    "null, because this end effector \
+                    has no motor",
+                )?,
             }
             at.finite(torque_nm.as_slice())?;
         }
@@ -253,7 +268,7 @@ fn validate_end_effector(end_effector: &EndEffectorSample, at: &Field) -> Result
     at.of("yaw_rad").finite(&[end_effector.yaw_rad])
 }
 
-/// A place in a plan file, for error messages.
+/// Path of a field in a plan file, for error messages.
 struct Field<'a> {
     file: &'a str,
     path: String,
@@ -291,7 +306,7 @@ impl Field<'_> {
         self.holds(
             found == expected,
             format!("{found} long"),
-            format!("one per {thing} of the robot, {expected}"),
+            format!("one for each {thing} of the robot, {expected} in all"),
         )
     }
 

@@ -1,4 +1,4 @@
-//! Attempt to solve a motion from one start, after the solves that this start needs.
+//! Solve of a motion from one start, after the preparatory solves of that start.
 
 use super::effort::Effort;
 use super::neighbour;
@@ -32,7 +32,7 @@ pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution
     solved.write(&problem, motion, started)
 }
 
-/// Solves a request from the plan with half its samples, which may be found in the same way.
+/// Solves a request from the plan with half its samples. That plan in turn may come from a plan with a quarter of them.
 fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -> Solution {
     let coarse = attempt(Request { motion: halved, ..request }, effort).plan;
     let mut solution =
@@ -41,7 +41,7 @@ fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -
     solution
 }
 
-/// Solves the problems of the warm start one after another.
+/// Solves the preparatory problems of a warm start in turn, and returns the resulting unknowns.
 fn warm(problem: &Problem, how: WarmStart, effort: &mut Effort<'_>) -> Unknowns {
     start::warm(problem, how, &mut |stage, selection, unknowns, iterations| {
         if effort.interrupted {

@@ -1,13 +1,14 @@
-//! Planning again and again while a robot or a motion is edited, as with a slider: what does not depend on numbers is kept.
+//! Repeated planning while a robot or a motion is edited, as with a slider. Structure that does not depend on values is kept.
 //!
-//! Half of a re-plan is finding which unknowns each constraint depends on, and the order of elimination. An edit of numbers
-//! changes neither. An [`Editing`] keeps both from one re-plan to the next, with the memory, and starts from the last plan that
-//! converged and its multipliers. All rows and derivatives of the edited problem are compared with what is kept; where one
-//! differs all is found anew. Where few iterations do not suffice the edit is planned as by [`replan`](super::replan()).
+//! Half of the time of a re-plan goes into the sparsity pattern of the constraints and the elimination order. An edit of values
+//! changes neither. An [`Editing`] keeps both, with their memory, from one re-plan to the next. Each re-plan starts from the
+//! last converged plan and its multipliers. All rows and derivatives of the edited problem are compared with the kept pattern;
+//! if one differs, pattern and order are computed anew. If few iterations do not suffice, the edit is planned as by
+//! [`replan`](super::replan()).
 //!
-//! The first Gauss-Newton step of a re-plan is the change of the plan with its robot (thesis 2.5.1), but for second derivatives
-//! of the constraints, and of the multipliers: the edited problem's rows at the old plan, solved with their own matrix. The
-//! iterations after it correct what that leaves. [`crate::sensitivity`] has exact derivatives.
+//! The first Gauss-Newton step of a re-plan approximates the derivative of the plan with respect to the robot (thesis 2.5.1).
+//! The step solves the rows of the edited problem at the old plan with their own matrix. It neglects second derivatives of the
+//! constraints and changes of the multipliers, which later iterations correct. [`crate::sensitivity`] has exact derivatives.
 
 use super::effort::Effort;
 use super::neighbour::{ReplanError, check};
@@ -29,10 +30,10 @@ use rollwalk_robot::Robot;
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// Iterations after which an edit is no small one. Of edits by 10 mm half take two or three.
+/// Iteration limit of a re-plan from the last solution. Half of all edits by 10 mm take two or three iterations.
 const MOST_ITERATIONS: usize = 60;
 
-/// A motion that is planned for one robot after the other.
+/// Motion that is planned for one edited robot after the other.
 ///
 /// ```
 /// # use rollwalk_planner::{Editing, Options, ReplanError, Solution, motion::Motion, plan::Plan};
@@ -49,7 +50,7 @@ const MOST_ITERATIONS: usize = 60;
 /// ```
 pub struct Editing {
     options: Options,
-    /// The last solution that converged, not refined, so that its samples are those that are asked for.
+    /// Last converged solution, before refinement, so that its samples are those of the request.
     solution: Solution,
     kept: Option<Kept>,
 }
@@ -60,7 +61,7 @@ impl fmt::Debug for Editing {
     }
 }
 
-/// Results of one solve that the next reuses.
+/// Results of a solve that the next solve reuses.
 struct Kept {
     structure: Structure,
     normal: NormalEquations,
@@ -68,25 +69,28 @@ struct Kept {
 }
 
 impl Editing {
-    /// Begins at a solution. `options` are those of all plans of edits; start and seed play no part.
+    /// Begins at a solution. `options` apply to all edits; their start and seed are ignored.
     pub fn new(solution: Solution, options: &Options) -> Self {
         Self { options: options.clone(), solution, kept: None }
     }
 
-    /// The last solution that converged, from which the next edit is planned; the one that it began with if none has.
+    /// Returns the last converged solution, from which the next edit is planned. Before any edit has converged, this is the
+    /// solution passed to [`Editing::new`].
     pub fn last(&self) -> &Solution {
         &self.solution
     }
 
     /// Plans the motion of an edited robot, or an edited motion.
     ///
-    /// The plan is as good as that of [`replan_solution`](super::replan_solution): constraints are met to the same part of their
-    /// tolerances, and the iterations end when one changes the costs by less than [`Settings::flat`], or the next could not. It
-    /// is the same within what these leave open; its last digits depend on the edits before. As there it is refined if that is
-    /// among the options, and its outcome is in its solve summary. One that did not converge is not where the next edit starts.
+    /// Constraints are met to the same fraction of their tolerances as by [`replan_solution`](super::replan_solution).
+    /// Iterations end when one of them changes the costs by less than [`Settings::flat`], or the next one would. Both functions
+    /// return the same plan within these limits; its last digits depend on earlier edits.
+    ///
+    /// The plan is refined if [`Options::refine`] is set, and its solve summary contains the outcome. A plan that did not
+    /// converge is not used as the start of the next edit.
     ///
     /// # Errors
-    /// The robot has other joints or end effectors, or the motion other ends.
+    /// Returns an error if the robot has other joints or end effectors, or if the motion has other ends.
     pub fn replan(
         &mut self,
         robot: &Robot,
@@ -118,7 +122,7 @@ impl Editing {
         Ok(refine::motion(solution, robot, &self.options, effort))
     }
 
-    /// A few iterations from the last solution.
+    /// Plans with a few iterations from the last solution.
     fn near(&mut self, robot: &Robot, motion: &Motion, effort: &mut Effort<'_>) -> Solution {
         let Self { options, solution, kept } = self;
         let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
@@ -145,11 +149,12 @@ impl Editing {
     }
 }
 
-/// Iterates until one hardly changes the costs with all constraints met, or the next one could not.
+/// Iterates until all constraints are met and an iteration hardly changes the costs, or the next one would hardly change them.
 ///
-/// A solve from scratch waits for the whole energy to be flat. Near an optimum that is mostly inequalities which the step has
-/// taken into the smoothing of ψ and which push nothing: Newton's method leaves an eighth of their cubic part each time, and
-/// the motion stays as it is. On edits by 10 mm that would be half of all iterations, for 0.1 % of the costs at most.
+/// A solve from scratch waits until the whole energy is flat. Near an optimum, most of the remaining energy belongs to
+/// inequalities that the step has taken into the smoothing of ψ and that exert no force. Newton's method leaves an eighth of
+/// their cubic part in each iteration, while the motion does not change. On edits by 10 mm, that would be half of all
+/// iterations, for at most 0.1 % of the costs.
 fn until_costs_are_flat(
     mut solver: Solver<'_>,
     settings: &Settings,

@@ -1,14 +1,14 @@
-//! Effort spent on a request, over all solves that it takes.
+//! Effort spent on a request, summed over its solves.
 
 use crate::solve::Progress;
 use std::ops::ControlFlow;
 
-/// Callback after every iteration of a solve, which may stop it.
+/// Callback after every iteration of a solve. The callback may stop the solve.
 pub(super) type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
-/// Effort spent on a request so far, and the callback that sees it.
+/// Effort spent on a request so far, and the callback that receives it.
 pub(crate) struct Effort<'a> {
-    /// Iterations of all solves that have ended.
+    /// Iterations of all completed solves.
     pub spent: usize,
     /// True once the callback has stopped a solve. Further solves only evaluate their starting point.
     pub interrupted: bool,
@@ -16,12 +16,12 @@ pub(crate) struct Effort<'a> {
 }
 
 impl<'a> Effort<'a> {
-    /// Creates the effort of a request that has not begun.
+    /// Creates the effort of a new request.
     pub fn new(progress: &'a mut Watched<'_>) -> Self {
         Self { spent: 0, interrupted: false, progress }
     }
 
-    /// Passes an iteration of the present solve to the callback, counted from those of the solves before it.
+    /// Passes an iteration of the present solve to the callback, with the iterations of earlier solves added to its count.
     pub fn report(&mut self, state: &Progress) -> ControlFlow<()> {
         let iteration = self.spent + state.iteration;
         let answer = (self.progress)(&Progress { iteration, ..state.clone() });
@@ -29,7 +29,7 @@ impl<'a> Effort<'a> {
         answer
     }
 
-    /// Adds the iterations of a solve that has ended, and replaces them by the sum.
+    /// Adds the iterations of a completed solve to the sum, and sets `iterations` to that sum.
     pub fn add(&mut self, iterations: &mut usize) {
         self.spent += *iterations;
         *iterations = self.spent;

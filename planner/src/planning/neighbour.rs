@@ -1,6 +1,6 @@
 //! Planning from a neighbouring plan and, if known, its multipliers.
 //!
-//! A neighbouring plan is nearly optimal, so that a few Gauss-Newton steps without damping complete the solve.
+//! A neighbouring plan is nearly optimal. A few undamped Gauss-Newton steps complete the solve.
 
 use super::effort::Effort;
 use super::probed_solve::solve;
@@ -16,7 +16,7 @@ use rollwalk_robot::Robot;
 use std::mem::discriminant;
 use thiserror::Error;
 
-/// Reason for which a plan cannot be the start for another motion.
+/// Reason why a plan cannot be the starting point of another motion.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReplanError {
     /// The robots have different joints or end effectors.
@@ -29,30 +29,30 @@ pub enum ReplanError {
         motion: String,
         /// Robot of the plan.
         planned: String,
-        /// The robot to plan for.
+        /// Robot to plan for.
         wanted: String,
     },
     /// The motions have different kinds of ends.
     #[error(
-        "the plan of `{planned}` has ends = \"{planned_ends}\", `{wanted}` has \"{wanted_ends}\"; plan from scratch, or from \
-         a plan with the same, `periodic` or `at_rest`"
+        "the plan of `{planned}` has ends = \"{planned_ends}\", but `{wanted}` has ends = \
+         \"{wanted_ends}\"; plan from scratch, or from a plan with the same ends"
     )]
     OtherEnds {
         /// Motion of the plan.
         planned: String,
         /// Ends of the plan's motion.
         planned_ends: Ends,
-        /// The motion to plan.
+        /// Motion to plan.
         wanted: String,
         /// Ends of the motion to plan.
         wanted_ends: Ends,
     },
 }
 
-/// Optimises a motion from the plan of a neighbouring one, and from nothing else.
+/// Optimises a motion from the plan of a neighbouring one, without trying other starts.
 ///
 /// # Errors
-/// As [`replan`](crate::replan).
+/// Returns an error if [`check`] refuses the plan.
 pub(super) fn from(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
@@ -66,10 +66,11 @@ pub(super) fn from(
     Ok(from_near(&problem, motion, unknowns, multipliers, options, effort))
 }
 
-/// Checks that a plan can be the start for a motion of a robot.
+/// Checks that a plan can be the starting point of a motion of a robot.
 ///
 /// # Errors
-/// As [`replan`](crate::replan).
+/// Returns an error if the robots differ in joints or end effectors, if the motions differ in their ends, or if the ends are
+/// prescribed.
 pub(super) fn check(previous: &Plan, robot: &Robot, motion: &Motion) -> Result<(), ReplanError> {
     if !same_structure(&previous.robot, robot) {
         return Err(ReplanError::OtherStructure {

@@ -1,7 +1,7 @@
-//! Solve with feasibility probes, which determine whether the constraints can be met at all, and if not, why.
+//! Solve with feasibility probes. A probe determines whether the constraints can be met and, if not, which of them conflict.
 //!
-//! The solver knows rows only. This module decides when to probe, whether to continue from the point that a probe has
-//! found, and when to end the solve with a diagnosis.
+//! The solver sees rows only. This module decides when to probe, whether to continue from the point that a probe has found, and
+//! when to end the solve with a diagnosis.
 
 use super::effort::Effort;
 use super::solution::Solution;
@@ -13,9 +13,9 @@ use crate::plan::{Diagnosis, SolveSummary, Started, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
 
-/// Outcome of a solve, with the diagnosis of a failure.
+/// Outcome of a solve, with a diagnosis if the solve failed.
 pub(super) struct Solved {
-    /// Counts the iterations of all solves of the request.
+    /// Outcome. The iterations are those of all solves of the request.
     pub outcome: Outcome,
     pub diagnosis: Option<Diagnosis>,
 }
@@ -42,8 +42,7 @@ impl Solved {
 
 /// Minimises E(m) from a starting point.
 ///
-/// The callback of `effort` may stop the solve, which keeps the best point so far. The solve is deterministic: the same
-/// problem and start give the same result.
+/// The callback of `effort` may stop the solve, which then returns the best point so far. The solve is deterministic.
 pub(super) fn solve(
     problem: &Problem,
     unknowns: Unknowns,
@@ -54,7 +53,7 @@ pub(super) fn solve(
     solve_selected(problem, Selection::default(), unknowns, begin, settings, effort)
 }
 
-/// [`solve`] for a selection of rows.
+/// Runs [`solve`] on a selection of rows.
 pub(super) fn solve_selected(
     problem: &Problem,
     selection: Selection,
@@ -74,7 +73,7 @@ pub(super) fn solve_selected(
     solved
 }
 
-/// [`solve_selected`] without the solves before it.
+/// Runs [`solve_selected`] without counting the iterations of earlier solves.
 fn probed(
     problem: &Problem,
     selection: Selection,

@@ -1,9 +1,9 @@
-//! Refinement of the grid: a plan that converged and does not hold as it is played is planned again with more samples.
+//! Refinement of the grid: a converged plan that fails the checks as played is planned again with more samples.
 //!
-//! What is played are splines through the samples. Between these they leave the ground and slip, the less the closer the
-//! samples are. Each refinement halves the spacing everywhere and starts from the plan before it, which is nearly
-//! feasible there. It ends when the plan holds, when a finer grid does not help, or when the samples are too many; a plan
-//! that does not hold then has a status that says so.
+//! The robot plays splines through the samples. Between samples, feet leave the ground and slip; the error shrinks with the
+//! spacing. Each refinement halves the spacing everywhere and starts from the plan before it, which is nearly feasible on the
+//! finer grid. Refinement ends when the plan passes, when finer grids do not help, or at the limit of samples. A plan that
+//! still fails has the status [`Status::FailsAsPlayed`].
 
 use super::attempt::attempt;
 use super::effort::Effort;
@@ -17,20 +17,19 @@ use crate::report::{Judgement, Report};
 use crate::solve::Method;
 use rollwalk_robot::Robot;
 
-/// Shortest spacing of a refined plan, s: half of that of a library's frames, through which the motion is played.
+/// Shortest spacing of a refined plan, s: half the spacing of library frames, which the controller plays.
 const LEAST_SPACING_S: f64 = 1.0 / 120.0;
-/// Most iterations of a solve on a finer grid, where the plan before it is nearly feasible: of 30 refinements half took 20 or
-/// less, none more than 199.
+/// Iteration limit of a solve on a finer grid. Half of 30 refinements took at most 20 iterations; the longest took 199.
 const MOST_ITERATIONS: usize = 200;
 /// Largest factor on the worst residual-to-tolerance ratio with which a refinement counts as helpful.
 const HELPS: f64 = 0.8;
-/// Grids that do not help after which no finer one is tried.
+/// Number of unhelpful refinements after which no finer grid is tried.
 const IN_VAIN: usize = 2;
 
-/// Plans a motion of more samples from the plan with fewer.
+/// Function that plans a motion with more samples from the plan with fewer.
 type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Effort<'_>) -> Solution + 'a;
 
-/// [`until_it_holds`] for a motion with periodic or at-rest ends.
+/// Runs [`until_it_holds`] for a motion with periodic or at-rest ends.
 pub(crate) fn motion(
     solution: Solution,
     robot: &Robot,
@@ -50,9 +49,9 @@ pub(crate) fn motion(
     })
 }
 
-/// Refines the grid of a plan until it holds as it is played.
+/// Refines the grid of a plan until the plan passes the checks as played.
 ///
-/// If the last grid does not hold, cannot be solved or is interrupted, the plan is the last one that converged, with
+/// If the final grid fails, cannot be solved or is interrupted, the returned plan is the last one that converged, with
 /// [`Status::FailsAsPlayed`].
 pub(super) fn until_it_holds(
     mut best: Solution,
@@ -95,7 +94,7 @@ pub(super) fn until_it_holds(
     best
 }
 
-/// The plan on the next finer grid, if the solve converges there.
+/// Returns the plan on the next finer grid, or `None` if the solve does not converge there.
 fn solved(
     coarse: &Solution,
     effort: &mut Effort<'_>,
@@ -106,8 +105,8 @@ fn solved(
     (next.plan.solve.status == Status::Converged).then_some(next)
 }
 
-/// The motion with twice the intervals; `None` if that would be too many samples, or too close. Feet lift off and land when
-/// they did: as played a foot stands between two samples if it stands at both.
+/// Returns the motion with twice the intervals, or `None` if the samples would be too many or too close. Feet lift off and land
+/// at the times of the coarse motion: as played, a foot stands between two samples if it stands at both.
 pub(super) fn doubled(motion: &Motion) -> Option<Motion> {
     let next = |i: usize| match motion.stance.get(i + 1) {
         None if motion.ends == Ends::Periodic => motion.stance.first(),

@@ -1,8 +1,7 @@
 //! Planning after an edit, from the previous plan and, if known, its multipliers.
 //!
-//! Planners are used most for editing a goal, a duration or a limb and seeing the consequences. A neighbouring plan
-//! is nearly optimal, so that a few iterations complete the solve. Where they do not, the request is planned from scratch
-//! before it is called infeasible.
+//! Most plans follow an edit of a goal, a duration or a limb. A neighbouring plan is nearly optimal, so that a few iterations
+//! complete the solve. If they do not, the request is planned from scratch before it is called infeasible.
 
 use super::effort::Effort;
 use super::neighbour::{self, ReplanError};
@@ -22,13 +21,14 @@ use std::ops::ControlFlow;
 
 /// Optimises a motion from the plan of a neighbouring one.
 ///
-/// `robot` has the structure of the plan's robot, its measures may differ. `motion` has the same kind of
-/// ends, periodic or at rest; duration, sample count, goal and footfalls may differ. Start and seed in
-/// `options` play no part. As with [`optimise`](crate::optimise) the outcome is in the plan's solve
-/// summary. A plan far away may converge worse than none; where it does not at all, none is used.
+/// `robot` has the same joints and end effectors as the plan's robot; its dimensions may differ. `motion` has the same kind of
+/// ends, periodic or at rest; its duration, sample count, goal and footfalls may differ. Start and seed in `options` are
+/// ignored. The plan's solve summary contains the outcome, as with [`optimise`](crate::optimise).
+///
+/// A distant plan may converge more slowly than a cold start. If it does not converge, the motion is planned from scratch.
 ///
 /// # Errors
-/// The plan cannot be played by the robot, or has other ends.
+/// Returns an error if the robots differ in joints or end effectors, or if the motions differ in their ends.
 pub fn replan(
     previous: &Plan,
     robot: &Robot,
@@ -39,8 +39,8 @@ pub fn replan(
     Ok(replan_solution(previous, robot, motion, options, progress)?.plan)
 }
 
-/// Plans the motion of a plan with twice its samples, from that plan; `None` if that would be too many of them, or if no
-/// consistent plan is found.
+/// Plans the motion of a plan with twice its samples, starting from that plan. Returns `None` if the samples would be too many
+/// or too close, or if no consistent plan is found.
 pub fn replan_finer(
     plan: &Plan,
     options: &Options,
@@ -54,10 +54,10 @@ pub fn replan_finer(
     (is_solved && Report::as_played(&found).judgement.is_good()).then_some(found)
 }
 
-/// Does the same as [`replan`] and returns the multipliers too.
+/// Plans as [`replan`] does, and returns the multipliers as well.
 ///
 /// # Errors
-/// As [`replan`].
+/// Returns an error in the same cases as [`replan`].
 pub fn replan_solution(
     previous: &Plan,
     robot: &Robot,
@@ -71,11 +71,11 @@ pub fn replan_solution(
 }
 
 impl Solution {
-    /// [`replan`] that starts with the multipliers of this solution as well, if the motion's
-    /// constraints have the same pattern.
+    /// Plans as [`replan`] does, and also starts with the multipliers of this solution if the constraints of the motion have
+    /// the same pattern.
     ///
     /// # Errors
-    /// The plan cannot be played by the robot, or has other ends.
+    /// Returns an error if the robots differ in joints or end effectors, or if the motions differ in their ends.
     pub fn replan(
         &self,
         robot: &Robot,
@@ -88,10 +88,10 @@ impl Solution {
         Ok(refine::motion(solution, robot, options, effort))
     }
 
-    /// Plans as [`replan`](Self::replan) does, from this solution alone: nothing else is tried where it does not lead to a plan.
+    /// Plans as [`Self::replan`] does, but from this solution alone. If that fails, no other start is tried.
     ///
     /// # Errors
-    /// Errors of [`replan`](Self::replan).
+    /// Returns an error in the same cases as [`Self::replan`].
     pub fn replan_near(
         &self,
         robot: &Robot,
@@ -105,7 +105,8 @@ impl Solution {
     }
 }
 
-/// [`neighbour::from`], and from scratch if it fails: a request is not infeasible because one plan does not lead to it.
+/// Runs [`neighbour::from`]. If that fails, plans from scratch, because a failure from one plan does not prove the request
+/// infeasible.
 pub(super) fn surely(
     previous: &Plan,
     multipliers: Option<&Multipliers>,

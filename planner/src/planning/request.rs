@@ -1,4 +1,4 @@
-//! Requests: a motion of a robot, with the options of its optimisation.
+//! Request: a motion of a robot, with the options of its optimisation.
 
 use crate::motion::Motion;
 use crate::problem::Weights;
@@ -17,8 +17,8 @@ pub struct Options {
     pub start: Start,
     /// Seed of all random numbers in the start.
     pub seed: u64,
-    /// True if a plan that does not hold as it is played is planned again with more samples. If false, the samples are those of
-    /// the motion, and only [`Report`](crate::report::Report) shows whether the plan holds.
+    /// True if a plan that fails the checks as played is planned again with more samples. If false, the plan has the samples of
+    /// the motion, and only a [`Report`](crate::report::Report) shows whether it passes.
     pub refine: bool,
 }
 
@@ -34,7 +34,7 @@ impl Default for Options {
     }
 }
 
-/// A motion of a robot, with one start.
+/// Motion of a robot, with one start.
 #[derive(Clone, Copy)]
 pub(super) struct Request<'a> {
     pub robot: &'a Robot,

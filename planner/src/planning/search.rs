@@ -1,8 +1,8 @@
 //! Search over several starts of one motion, in sequence or on several threads of the caller.
 //!
-//! The winner is the first in the candidates' order that converges, regardless of the threads' timing, so that the
-//! same motion and seed always give the same plan. Later candidates stop as soon as an earlier one has won; on one
-//! thread they do not even begin. A request that looks impossible from the first two candidates is given up.
+//! The winner is the first candidate in order that converges, regardless of the threads' timing. The same motion and seed
+//! therefore always give the same plan. Later candidates stop as soon as an earlier one has won; on one thread they do not even
+//! begin. The search ends early if each of the first two candidates finds the request impossible.
 
 use super::attempt::attempt;
 use super::effort::{Effort, Watched};
@@ -19,13 +19,14 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Options of every start that [`optimise`](crate::optimise) tries, in order; a chosen start is the only one.
+/// Returns the options of each start that [`optimise`](crate::optimise) tries, in order. A start other than automatic is the
+/// only candidate.
 pub fn candidates(robot: &Robot, motion: &Motion, options: &Options) -> Vec<Options> {
     let starts = start::in_order(robot, motion, options.start, options.seed);
     starts.into_iter().map(|(start, seed)| Options { start, seed, ..options.clone() }).collect()
 }
 
-/// The search for a plan of one motion over its [`candidates`].
+/// Search for a plan of one motion over its [`candidates`].
 ///
 /// ```
 /// # use rollwalk_planner::{Options, Progress, Search, motion::Motion, plan::Plan};
@@ -45,34 +46,36 @@ pub struct Search<'a> {
     motion: &'a Motion,
     candidates: Vec<Options>,
     race: Race<Solution>,
-    /// Plan of the first candidate, if it found none.
+    /// Plan of the first candidate with its diagnosis, once that candidate has found the request infeasible.
     refusal: OnceLock<Plan>,
 }
 
 impl<'a> Search<'a> {
-    /// Creates a search that has not begun.
+    /// Creates a search. [`Search::work`] runs it.
     pub fn new(robot: &'a Robot, motion: &'a Motion, options: &Options) -> Self {
         let candidates = candidates(robot, motion, options);
         let race = Race::new(candidates.len());
         Self { robot, motion, candidates, race, refusal: OnceLock::new() }
     }
 
-    /// Count of candidates, which is the largest useful number of threads.
+    /// Returns the number of candidates, which is the largest useful number of threads.
     pub fn candidates(&self) -> usize {
         self.candidates.len()
     }
 
-    /// The plan of the first candidate with its diagnosis, as soon as that has found the request infeasible. What is in the way
-    /// is known then; numbers with which the request would work, and other starts, take ten times as long, and may still find a
-    /// plan.
+    /// Returns the plan of the first candidate with its diagnosis, as soon as that candidate has found the request infeasible.
+    ///
+    /// The diagnosis names the conflicting constraints, without feasible values. The search for feasible values and the other
+    /// starts take ten times as long, and may still find a plan.
     pub fn refusal(&self) -> Option<&Plan> {
         self.refusal.get()
     }
 
-    /// Solves candidates until none is left that can still win. The caller runs this at least once, and on several
-    /// threads at once if there are cores for them. `progress` sees the iterations of the first candidate that can
-    /// still win, if this thread solves it, and may stop the search. When a candidate fails, the iterations of the next
-    /// one follow: from 1, or from where it is if it ran beside the first.
+    /// Solves candidates until none is left that can still win.
+    ///
+    /// Call this at least once, and on several threads at once if cores are available. `progress` receives the iterations of
+    /// the first candidate that can still win, if this thread solves it, and may stop the search. When a candidate fails, the
+    /// iterations of the next one follow. Their count begins at 1, or at its present value if that candidate already runs.
     pub fn work(&self, progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>) {
         self.race.work(progress, &|index, watched| {
             let Self { robot, motion, .. } = *self;
@@ -97,27 +100,27 @@ impl<'a> Search<'a> {
     /// Returns the solution of the winner, or of the first candidate if none converged.
     ///
     /// # Panics
-    /// [`Search::work`] has not been called.
+    /// Panics if [`Search::work`] has not been called.
     pub fn finish(self) -> Solution {
         self.race.finish()
     }
 }
 
-/// Count of candidates from which a request must look impossible before it is given up.
+/// Number of leading candidates that must find a request impossible before the search ends.
 const HOPELESS: usize = 2;
 
-/// A race of candidates, each with a result.
+/// Race of candidates, each with a result.
 struct Race<T>(Mutex<State<T>>);
 
 /// State shared by the threads of a race.
 struct State<T> {
-    /// First candidate that has not begun.
+    /// Index of the first candidate that has not begun.
     next: usize,
-    /// First candidate that has decided the race: later ones do not count.
+    /// Index of the first candidate that has decided the race. Later candidates do not count.
     winner: Option<usize>,
-    /// Flags of the candidates that have failed.
+    /// Flags of the candidates, true for failed ones.
     failed: Vec<bool>,
-    /// Count of the first [`HOPELESS`] candidates that have found the request impossible.
+    /// Number of the first [`HOPELESS`] candidates that have found the request impossible.
     hopeless: usize,
     results: Vec<Option<T>>,
 }
@@ -133,8 +136,8 @@ impl<T> Race<T> {
         }))
     }
 
-    /// Locks the state. It is consistent even after a panic of another thread, because no method panics while it
-    /// holds the lock.
+    /// Locks the state. The state is consistent even after a panic of another thread, because no method panics while it has the
+    /// lock.
     fn state(&self) -> MutexGuard<'_, State<T>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -173,14 +176,15 @@ impl<T> Race<T> {
 enum Standing {
     /// An earlier candidate has decided the race.
     Lost,
-    /// First candidate that can still win. Exactly one running candidate leads, so that an interrupt always reaches the race.
+    /// The candidate is the first that can still win. Exactly one running candidate leads, so that an interrupt always reaches
+    /// the race.
     Leads,
     /// An earlier candidate is still running.
     Follows,
 }
 
 impl<T> State<T> {
-    /// Starts the next candidate, if it can still win.
+    /// Starts the next candidate and returns its index. `None` if no candidate is left that can still win.
     fn begin(&mut self) -> Option<usize> {
         let index = self.next;
         if index >= self.failed.len() || self.is_decided_before(index) {

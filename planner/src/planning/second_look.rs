@@ -1,10 +1,10 @@
-//! A second look at a request that seems infeasible: numbers with which it works, and whether it does not work after all.
+//! Second look at a request that seems infeasible: searches for feasible values, and retries the request from their plans.
 //!
-//! A diagnosis estimates to first order, at the point with the least violation, which number would make the request
-//! feasible. Here such numbers are tried: only one with which a plan was found stays in the diagnosis. From that plan the
-//! number is moved back towards the one asked for, in steps of which each starts from the plan before it. Such a path
-//! often leads to a plan of the request itself. Otherwise it ends between a number that works and one that does not; if that
-//! is near the request, the verdict has been reached from both sides, and other starts are not worth their time.
+//! A diagnosis estimates to first order, at the point with the least violation, the value that would make the request feasible.
+//! This module tries such values, and the diagnosis keeps a value only if a plan was found with it. From that plan, the value
+//! moves back towards the requested one in steps, each from the plan before it. Such a continuation often reaches the request
+//! itself. Otherwise it ends between a feasible value and an infeasible one. If these are near the request, both sides confirm
+//! the verdict, and no other starts are tried.
 
 use super::effort::Effort;
 use super::request::Request;
@@ -17,38 +17,46 @@ use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
 use crate::report::{Report, TakenBack};
 use rollwalk_robot::Robot;
 
-/// Relative change of a number up to which a request misses by little. Then a trial starts from the point with the least
-/// violation; further away that is a worse start than none, because it is contorted. And if no way leads from the number
-/// that works to the one asked for, no other start is tried.
+/// Relative change of a value up to which a request counts as a near miss.
+///
+/// The first trial of a near miss starts from the point with the least violation. For larger changes that point is a worse
+/// start than none, because it is contorted. No other start is tried if the continuation does not reach the request of a near
+/// miss.
 const LITTLE: f64 = 0.1;
-/// The first trial, as a multiple of the estimated change: of one from that point, and of others. A plan must also be
-/// found by those who type the number.
+/// First trial of a near miss, as a multiple of the estimated change. A cold start from the suggested value must find a plan
+/// too.
 const FIRST_NEAR: f64 = 2.0;
+/// First trial of other requests, as a multiple of the estimated change.
 const FIRST: f64 = 1.1;
-/// Numbers tried instead of the first and the second one that a diagnosis names, and of the others.
+/// Maximum number of trial values for the first, second and third field that a diagnosis names.
 const TRIALS: [usize; 3] = [4, 2, 2];
-/// Iteration limits: of a trial, of all trials of numbers, of a step back towards the request and of all such steps, and of
-/// the step that is left if the request misses by little, which takes few.
+/// Iteration limit of a trial.
 const OF_TRIAL: usize = 100;
+/// Total iteration limit of all trials.
 const OF_ALL: usize = 300;
+/// Iteration limit of a step from a feasible value back towards the request.
 const OF_STEP: usize = 60;
+/// Total iteration limit of the steps back towards the request.
 const OF_STEPS: usize = 300;
+/// Iteration limit of a step back from a near miss, which takes few iterations.
 const BACK: usize = 20;
-/// Factors by which a goal is made nearer and a duration longer if no other number works, and how often.
+/// Factor on the goal if no other value is feasible.
 const NEARER: f64 = 0.5;
+/// Factor on the duration if no other value is feasible.
 const LONGER: f64 = 3.0;
+/// Maximum number of trials of the goal, and of the duration.
 const TRIALS_WHOLE: usize = 3;
-/// Durations that are said are multiples of this, s: whole numbers of frames with few digits.
+/// Step of suggested durations, s: three library frames, so that durations have few digits.
 const DURATIONS_S: f64 = 0.05;
-/// Most iterations of a second look, as a multiple of the limit of a solve.
+/// Iteration limit of a second look, as a multiple of the limit of a solve.
 const MOST: usize = 2;
-/// Relative distance of a number that works from one that does not, at which no nearer one is sought.
+/// Relative distance between a feasible and an infeasible value below which the search ends.
 const CLOSE: f64 = 0.05;
-/// Part of the number asked for above which a number that works is said.
+/// Fraction of the requested value above which a feasible value is suggested.
 const LEAST_SAID: f64 = 0.05;
 
-/// Looks again at the solution of a request; one that is not infeasible is returned as it is. Also returns what the
-/// solution means for other starts.
+/// Takes a second look at the solution of a request. Returns the solution and its consequence for other starts. A solution
+/// without a diagnosis is returned unchanged.
 pub(super) fn second_look(
     request: Request<'_>,
     ways: &dyn Ways,
@@ -84,37 +92,37 @@ pub(super) fn second_look(
 
 /// Result of a second look.
 enum Looked {
-    /// The request works.
+    /// The request is feasible.
     Found(Box<Solution>),
-    /// A number near the one asked for works, and no way leads from there to the request.
+    /// A value near the requested one is feasible, but the continuation from there does not reach the request.
     FromBothSides,
-    /// The goal is met by posture alone, whatever its number.
+    /// Posture alone meets the goal, whatever its value.
     Never,
-    /// Other starts may find a plan.
+    /// The outcome is open: other starts may find a plan.
     Open,
 }
 
-/// A number that works, and its plan.
+/// Feasible value and its plan.
 struct Works {
     number: f64,
     solution: Solution,
-    /// True if the plan was found from scratch, as for a user who types the number.
+    /// True if the plan came from a cold start, as for a user who enters the value.
     cold: bool,
 }
 
-/// A second look in progress.
+/// Second look in progress.
 struct Look<'a, 'p> {
     trials: Trials<'a, 'p>,
-    /// The point with the least violation.
+    /// Solution at the point with the least violation.
     nearest: &'a Solution,
-    /// Iterations left in which numbers are sought.
+    /// Iterations left for trials.
     left: usize,
-    /// True if a trial met the goal by posture alone: its contacts stay, and next to nothing of the goal is left.
+    /// True if a trial met the goal by posture alone: the contacts stay in place, and almost no travel remains.
     taken_back: bool,
 }
 
 impl Look<'_, '_> {
-    /// Replaces the estimates of a diagnosis by numbers that work.
+    /// Replaces the estimates of a diagnosis by feasible values.
     fn at(&mut self, diagnosis: &mut Diagnosis) -> Result<Looked, Stopped> {
         let Diagnosis { verdict, culprits } = diagnosis;
         let mut trials = TRIALS.into_iter();
@@ -153,7 +161,7 @@ impl Look<'_, '_> {
         }
     }
 
-    /// Seeks a nearer goal or a longer duration that works, where no number of the culprits is known to.
+    /// Seeks a feasible nearer goal or a feasible longer duration, if no feasible value of a culprit is known.
     fn at_whole(
         &mut self,
         verdict: Verdict,
@@ -189,7 +197,7 @@ impl Look<'_, '_> {
         Ok(Looked::Open)
     }
 
-    /// Seeks a number that works instead of the one that a culprit names.
+    /// Seeks a feasible value for the field of a culprit.
     fn seek(
         &mut self,
         culprit: &Culprit,
@@ -232,8 +240,8 @@ impl Look<'_, '_> {
         Ok(None)
     }
 
-    /// Moves a number that works back towards the one asked for, and tells the last one from which plans are also found
-    /// from scratch.
+    /// Moves a feasible value back towards the requested one. Stores in the culprit the nearest tested value from which a cold
+    /// start finds a plan too.
     fn follow(
         &mut self,
         culprit: &mut Culprit,
@@ -295,13 +303,13 @@ impl Look<'_, '_> {
     }
 }
 
-/// True if a number works for a user who types it: its plan converged, and is consistent as it is played.
+/// Returns true if a plan converged and passes the checks as played.
 fn is_consistent(solution: &Solution) -> bool {
     let plan = &solution.plan;
     plan.solve.status == Status::Converged && Report::as_played(plan).judgement.is_good()
 }
 
-/// The largest number of the goal, as a culprit; `None` if all are 0.
+/// Returns the largest component of the goal as a culprit, or `None` if all are 0.
 fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
     let Goal { forward_m, left_m, turn_rad } = motion.goal;
     let numbers = [
@@ -328,13 +336,13 @@ fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
     })
 }
 
-/// Says a number that works, unless it asks for next to nothing.
+/// Stores a feasible value in a culprit, unless it is at most [`LEAST_SAID`] of the requested one.
 fn tell(culprit: &mut Culprit, number: f64) {
     let said = number.abs() > LEAST_SAID * culprit.given.unwrap_or_default().abs();
     culprit.would_do = said.then_some(number);
 }
 
-/// A number to begin with where there is no estimate: half of what is asked for, twice a limit.
+/// First trial value without an estimate: half of a requested value, twice a limit.
 fn guess(culprit: &Culprit) -> Option<f64> {
     let given = culprit.given.filter(|given| *given != 0.0)?;
     match culprit.part {
@@ -345,7 +353,7 @@ fn guess(culprit: &Culprit) -> Option<f64> {
     }
 }
 
-/// The number asked for.
+/// Requested value.
 #[derive(Clone, Copy)]
 struct Asked {
     number: f64,
@@ -358,12 +366,13 @@ impl Asked {
         Self { number: culprit.given.unwrap_or_default(), is_duration }
     }
 
-    /// True if `number` differs from the requested one by at most [`LITTLE`] of it.
+    /// Returns true if `number` differs from the requested value by at most [`LITTLE`] of it.
     fn is_near(self, number: f64) -> bool {
         (number - self.number).abs() <= LITTLE * self.number.abs()
     }
 
-    /// A number that lies further away than an estimate, or nearer to 0 without a change of sign.
+    /// Returns `requested + times * (estimate - requested)`, rounded. If that would reach 0 or change sign, returns half the
+    /// estimate instead.
     fn beyond(self, estimate: f64, times: f64) -> f64 {
         let change = estimate - self.number;
         let number = self.number + times * change;
@@ -371,8 +380,8 @@ impl Asked {
         self.rounded(if crosses { 0.5 * estimate } else { number }, change)
     }
 
-    /// A number with few digits, moved a little further in the direction of a change: by less than half of the change
-    /// and of the number.
+    /// Rounds a value to few digits in the direction of `change`. Durations are rounded to [`DURATIONS_S`], other values by
+    /// less than half of the change and of the value.
     fn rounded(self, number: f64, change: f64) -> f64 {
         let (decimals, unit) = if self.is_duration {
             (2.0, DURATIONS_S)

@@ -5,22 +5,23 @@ use crate::plan::{Plan, PlanError};
 use crate::solve::Multipliers;
 use serde::{Deserialize, Serialize};
 
-/// A plan with its multipliers, from which [`replan`](crate::replan) starts best.
+/// Plan with its multipliers, the best starting point of a [`replan`](crate::replan).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// The plan.
     pub plan: Plan,
-    /// The multipliers of its constraints.
+    /// Multipliers of the plan's constraints.
     pub multipliers: Multipliers,
 }
 
-/// The format of solutions.
+/// Format of solution files.
 const JSON: Format = Format {
     name: "rollwalk-solution",
     version: 1,
     what: "solution",
-    make_again: "plan the motion once more",
-    help: "solutions are read by the version that wrote them; plans are what is kept for longer",
+    make_again: "plan the motion again",
+    help: "plan the motion again, because only the version of rollwalk that wrote a solution can \
+        read it",
 };
 
 #[derive(Serialize, Deserialize)]
@@ -42,16 +43,18 @@ impl Solution {
         serde_json::to_string(&kept).unwrap_or_default()
     }
 
-    /// Reads a solution and checks that it is whole and consistent. `file` is how errors name the text.
+    /// Reads a solution and checks that it is complete and consistent. Errors name the text by `file`.
     ///
     /// # Errors
-    /// [`PlanError`] names file, field, value and what would be right.
+    /// Returns an error if the text is not a valid solution. [`PlanError`] names file, field, value and the valid range.
     pub fn from_json(file: &str, text: &str) -> Result<Self, PlanError> {
         let Kept { plan, multipliers, .. }: Kept<Plan> = JSON.read(file, text)?;
         plan.validate(file)?;
         if !multipliers.are_sound() {
             let expected = "a finite shift for every row";
-            return Err(JSON.fault(file, "multipliers", "not sound", expected).into());
+            return Err(JSON
+                .fault(file, "multipliers", "incomplete or not finite", expected)
+                .into());
         }
         Ok(Self { plan, multipliers })
     }

@@ -1,8 +1,8 @@
-//! Transitions: motions that lead from a state of one motion to a state of another (sec. 2.4.1,
-//! boundary conditions), the edges of a motion graph.
+//! Transitions: motions from a state of one motion to a state of another (sec. 2.4.1, boundary conditions). Transitions are the
+//! edges of a motion graph.
 //!
-//! Position, joint angles and contact points at both ends come from the motions' splines, so that playback continues
-//! smoothly. The placement of the end on the ground is free.
+//! Position, joint angles and contact points at both ends come from the motions' splines, so that playback continues smoothly.
+//! The end may be anywhere on the ground.
 
 use super::effort::Effort;
 use super::probed_solve::solve;
@@ -24,35 +24,36 @@ use rollwalk_multibody::ground::ElevationMap;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
-/// Reason for which two motions cannot be joined.
+/// Reason why two motions cannot be joined.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum TransitionError {
     /// The motions belong to different robots.
     #[error(
-        "transition `{name}`: `{from}` is planned for robot `{from_robot}`, `{to}` for `{to_robot}`; \
-         plan both for one robot"
+        "transition `{name}`: `{from}` is planned for robot `{from_robot}`, but `{to}` for robot \
+         `{to_robot}`; plan both for the same robot"
     )]
     DifferentRobots {
         /// Name of the transition.
         name: String,
-        /// Motion it leaves.
+        /// Motion that the transition leaves.
         from: String,
-        /// Robot of that motion.
+        /// Robot of the motion `from`.
         from_robot: String,
-        /// Motion it enters.
+        /// Motion that the transition enters.
         to: String,
-        /// Robot of that motion.
+        /// Robot of the motion `to`.
         to_robot: String,
     },
-    /// The footfall pattern does not continue that of a motion.
+    /// Stance feet at an end of the transition differ from those of the motion there.
     #[error(
-        "transition `{name}`: other feet are down than where it joins `{motion}`; the first and last \
-         mark of its footfalls must agree with the motions it joins"
+        "transition `{name}`: where it joins `{motion}`, its feet in stance differ from those of \
+         that motion; make the first and last mark of each row in its footfalls agree with the \
+         joined motions"
     )]
     OtherFeetDown {
         /// Name of the transition.
         name: String,
-        /// The motion.
+        /// Name of the motion.
         motion: String,
     },
 }
@@ -64,15 +65,14 @@ struct Moment<'a> {
     time_s: f64,
 }
 
-/// Optimises a transition that leaves `from` at its end (a periodic motion: at the end of a cycle) and enters `to` at
-/// its start.
+/// Optimises a transition from the end of `from` to the start of `to`. The end of a periodic motion is the end of a cycle.
 ///
-/// `motion` has prescribed ends; its goal, if any, is an additional constraint. Its posture is interpolated between
-/// those of the two motions, and its own is ignored. As with [`optimise`](crate::optimise) the outcome is in the
-/// plan's solve summary.
+/// `motion` has prescribed ends; its goal, if any, is an additional constraint. The posture is interpolated between those of
+/// the two motions; the posture of `motion` is ignored. The plan's solve summary contains the outcome, as with
+/// [`optimise`](crate::optimise).
 ///
 /// # Errors
-/// The motions cannot be joined.
+/// Returns an error if the motions belong to different robots, or if footfalls at an end of `motion` differ from theirs.
 pub fn optimise_transition(
     motion: &Motion,
     from: &Plan,
@@ -114,7 +114,7 @@ pub fn optimise_transition(
     Ok(plan)
 }
 
-/// Two motions whose ends fit.
+/// Two motions that a transition joins.
 #[derive(Clone, Copy)]
 struct Joined<'a> {
     from: &'a Plan,
@@ -138,7 +138,7 @@ impl Ways for Joined<'_> {
 }
 
 impl Joined<'_> {
-    /// Optimises a transition between them.
+    /// Optimises a transition between the two motions.
     fn solve(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
         let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
         let model = Model::new(robot);
@@ -155,14 +155,15 @@ impl Joined<'_> {
     }
 }
 
-/// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s² the error is
-/// 1e-4 rad/s.
+/// Time step of the difference quotient for the velocity of a spline, s. With accelerations of 20 rad/s², the error is 1e-4
+/// rad/s.
 const VELOCITY_STEP_S: f64 = 1e-5;
 
-/// State at a time, and the state on the other side of it after one interval at its velocity, both moved so that at
-/// the time itself the base is at the origin with heading 0.
+/// State of a plan at one time, and that state extrapolated by one interval at its velocity. Both are moved so that the base at
+/// the time itself is at the origin with heading 0.
 ///
-/// `step_s` is the interval, negative where the plan is left. The velocity is that of the plan, from inside it.
+/// `step_s` is the interval, negative at the motion that the transition leaves. The velocity is a one-sided difference within
+/// the plan.
 fn prescribed_end(
     model: &Model,
     ground: &ElevationMap,

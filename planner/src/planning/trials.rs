@@ -1,4 +1,4 @@
-//! Solves of requests that differ from one request in a number, within limits of iterations.
+//! Solves of requests that differ from a given request in one value, within iteration limits.
 
 use super::attempt::attempt;
 use super::effort::Effort;
@@ -10,12 +10,12 @@ use crate::plan::Status;
 use crate::solve::Settings;
 use rollwalk_robot::Robot;
 
-/// Ways to solve a request; `None` where there is none.
+/// Ways to solve a request. A method returns `None` if it does not apply.
 pub(super) trait Ways {
-    /// Solves from the start of the request, as for a user who types its numbers.
+    /// Solves from the start in the request, as for a user who enters its values.
     fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution>;
 
-    /// Solves from the solution of a neighbour.
+    /// Solves from the solution of a neighbouring request.
     fn near(
         &self,
         known: &Solution,
@@ -44,21 +44,23 @@ impl Ways for OwnEnds {
     }
 }
 
-/// The user has stopped a trial.
+/// Error: the user has stopped a trial.
 pub(super) struct Stopped;
 
-/// Solves of other requests, one after the other.
+/// Solves of changed requests, one after the other.
 pub(super) struct Trials<'a, 'p> {
     pub request: Request<'a>,
     pub ways: &'a dyn Ways,
     pub effort: &'a mut Effort<'p>,
-    /// Effort at which trials end.
+    /// Total effort at which trials end, iterations.
     pub most: usize,
 }
 
 impl Trials<'_, '_> {
-    /// Solves another request, from a neighbour if there is one, within a limit of iterations, that of the options and
-    /// that of all trials; `None` if they leave no iteration, or there is no way.
+    /// Solves another request, from a neighbour if given.
+    ///
+    /// `most` limits the iterations, and so do the options and the remaining effort. Returns `None` if no iteration is left, or
+    /// if the request cannot be solved in this way.
     pub fn solve(
         &mut self,
         robot: &Robot,

@@ -1,8 +1,8 @@
-//! A motion as a picture that moves: one SVG file that any browser plays, as a page or as the image of a README.
+//! Animation of a motion: one SVG file that any browser plays, as a page or as the image of a README.
 //!
-//! Every frame is a group of its own, and CSS shows one at a time: what hides what can change from frame to frame, and no script
-//! runs, which images of other pages must not have. Where CSS does not run, and for people who asked for less motion, the first
-//! frame stays.
+//! Every frame is a group, and CSS shows one at a time, so that visibility can change from frame to frame. The file needs no
+//! script, because scripts do not run in images of other pages. Without CSS, and for users who prefer reduced motion, the first
+//! frame remains visible.
 
 use super::camera::Camera;
 use super::panels;
@@ -15,39 +15,45 @@ use nalgebra::Vector3;
 use svg::Document;
 use svg::node::element::{Group, Line, Style, Text, Title};
 
-/// Frames per second, and the most frames of a file.
+/// Frames per second.
 const FRAMES_HZ: f64 = 30.0;
+/// Maximum number of frames of a file.
 const FRAMES_MAX: f64 = 240.0;
 /// Duration of the last frame of a motion that does not repeat, s.
 const HOLD_S: f64 = 0.8;
-/// A motion that repeats is shown until the robot has gone so many of its diameters, or turned once, in so many seconds at most.
+/// Distance over which a periodic motion is shown, in diameters of the robot. A motion in place is shown for one turn.
 const TRAVEL: f64 = 2.5;
+/// Maximum duration for which a periodic motion is shown, s.
 const SHOWN_S: f64 = 8.0;
-/// Size of the page, px: its width, and the largest height of the picture.
+/// Width of the page, px.
 const WIDTH: f64 = 800.0;
+/// Maximum height of the picture, px.
 const PICTURE_HEIGHT: f64 = 400.0;
-/// Height of a line of the caption, and of the footfall chart: of each row and of its title and axis.
+/// Height of a line of the caption, px.
 const CAPTION_HEIGHT: f64 = 24.0;
+/// Height of a row of the footfall chart, px.
 const ROW_HEIGHT: f64 = 20.0;
+/// Height of title and axis of the footfall chart, px.
 const CHART_HEIGHT: f64 = 72.0;
-/// Ground around the robot, and what its lines are thicker than those that join its points, as parts of its diameter.
+/// Width of the ground around the robot, as a fraction of its diameter.
 const GROUND: f64 = 0.35;
+/// Margin around the robot's points for the thickness of lines, as a fraction of the robot's diameter.
 const AROUND: f64 = 0.1;
-/// Room on the right for numbers of the ground's marks, px.
+/// Space on the right for the labels of ground marks, px.
 const MARK_WIDTH: f64 = 34.0;
-/// Least distance of marks on the ground, px.
+/// Minimum distance of marks on the ground, px.
 const MARKS_PX: f64 = 55.0;
 
 /// Optional parts of an animation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extras {
-    /// Forces of the ground, as arrows.
+    /// True to draw ground forces as arrows.
     pub forces: bool,
-    /// The footfall chart, with a line at the time that is shown.
+    /// True to draw the footfall chart, with a line at the present time.
     pub footfalls: bool,
 }
 
-/// SVG text of the motion of a validated plan, in real time, again and again.
+/// Draws the motion of a validated plan in real time, repeated, as SVG text.
 pub fn animation(plan: &Plan, extras: Extras) -> String {
     let page = Page::new(plan, extras);
     let run = &page.run;
@@ -75,8 +81,8 @@ pub fn animation(plan: &Plan, extras: Extras) -> String {
     document.to_string().replace('\n', "") + "\n"
 }
 
-/// The same motion as pictures without motion, for films, and the time that each is shown, s. The last one of a motion that
-/// does not repeat is there as often as it takes to stay.
+/// Draws the frames of the animation as separate pictures, for films. Also returns the duration of a frame, s. The last frame
+/// of a motion that does not repeat occurs several times, to fill its duration.
 pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
     let page = Page::new(plan, extras);
     let run = &page.run;
@@ -107,13 +113,14 @@ struct Page {
 
 struct Chart {
     drawing: Group,
-    /// Start and end of the time axis, and top and bottom of the rows.
+    /// Start and end of the time axis, px.
     axis_px: [f64; 2],
+    /// Top and bottom of the rows, px.
     rows_px: [f64; 2],
 }
 
 impl Chart {
-    /// The line at a time, as a part of the axis.
+    /// Draws the line at a time, given as a fraction of the axis.
     fn now(&self, part: f64) -> Line {
         let x = px(self.axis_px[0] + part * (self.axis_px[1] - self.axis_px[0]));
         let line = Line::new().set("x1", x).set("x2", x).set("stroke", INK);
@@ -171,7 +178,7 @@ impl Page {
 
 /// CSS that shows one frame at a time.
 fn style(run: &Run) -> String {
-    /// Frames overlap by so many percent of the loop, so that rounding leaves no moment without one.
+    /// Overlap of frames in percent of the loop, so that rounding leaves no gap between them.
     const OVERLAP: f64 = 0.01;
     let percent = |seconds: f64| (100.0 * seconds / run.loop_s() + OVERLAP).min(100.0);
     let (frame, last) = (percent(run.frame_s()), percent(run.frame_s() + run.hold_s));
@@ -185,21 +192,21 @@ fn style(run: &Run) -> String {
     )
 }
 
-/// The robot at one moment.
+/// State of the robot in one frame.
 struct Moment {
     sample: Sample,
     spin_rad: Vec<f64>,
 }
 
-/// The moments that are shown.
+/// Frames of the animation.
 struct Run {
     figure: Figure,
     moments: Vec<Moment>,
-    /// Shown duration, all periods included, s.
+    /// Duration of all shown periods, s.
     shown_s: f64,
-    /// Duration of one period, s; of a motion that does not repeat, its duration.
+    /// Duration of one period, s. For a motion that does not repeat, its duration.
     period_s: f64,
-    /// Duration of the last frame after that, s.
+    /// Additional duration of the last frame, s.
     hold_s: f64,
 }
 
@@ -228,12 +235,12 @@ impl Run {
         self.shown_s / self.moments.len() as f64
     }
 
-    /// Time after which everything is as in the beginning, s.
+    /// Duration of the loop, s.
     fn loop_s(&self) -> f64 {
         self.shown_s + self.hold_s
     }
 
-    /// Time of one pass over the footfall chart, s.
+    /// Duration of one pass over the footfall chart, s.
     fn pass_s(&self) -> f64 {
         self.period_s + self.hold_s
     }
@@ -246,7 +253,7 @@ impl Run {
         }
     }
 
-    /// Time of a frame and distance travelled.
+    /// Time and travelled distance of a frame.
     fn caption(&self, sample: &Sample) -> String {
         let [from, to] = [&self.moments[0].sample, sample].map(|sample| sample.base_position_m);
         let [x, y] = [0, 1].map(|axis| ((to[axis] - from[axis]) * 100.0).round() / 100.0 + 0.0);
@@ -254,7 +261,7 @@ impl Run {
     }
 }
 
-/// Number of periods of a periodic motion that are shown.
+/// Number of shown periods of a periodic motion.
 fn periods(plan: &Plan, extent_m: f64) -> f64 {
     let placement = &plan.end_placement;
     let [x, y] = placement.offset_m;
@@ -269,11 +276,11 @@ fn periods(plan: &Plan, extent_m: f64) -> f64 {
     wanted.min(SHOWN_S / plan.motion.duration_s).round().max(1.0)
 }
 
-/// The camera, which stands still, and the ground that it sees.
+/// Fixed camera and the visible ground.
 struct View {
     camera: Camera,
     height: f64,
-    /// Least and largest world x and y of the ground, m.
+    /// Minimum and maximum world x and y of the ground, m.
     ground_m: [[f64; 2]; 2],
 }
 
@@ -312,7 +319,7 @@ impl View {
         Self { camera: Camera { target_m: Vector3::zeros(), origin, px_per_m }, height, ground_m }
     }
 
-    /// The ground with lines at round distances, numbered at the edges that are nearest the camera.
+    /// Draws the ground with lines at round distances, labelled at the edges nearest the camera.
     fn ground(&self) -> Group {
         let [[x_min, x_max], [y_min, y_max]] = self.ground_m;
         let patch = closed_path(&corners(self.ground_m).map(|p| self.camera.project(&p)));
@@ -354,7 +361,7 @@ fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
 }
 
-/// The least of 0.1, 0.2, 0.5, 1, 2, 5, … that is not below a distance.
+/// Returns the smallest of 0.1, 0.2, 0.5, 1, 2, 5, … that is at least `least_m`.
 fn round_step(least_m: f64) -> f64 {
     let decade = 10f64.powf(least_m.log10().floor().max(-1.0));
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);

@@ -4,18 +4,23 @@ use super::scale::{Scale, padded_range};
 use super::style::{COLORS, FAINT, INK, px};
 use svg::node::element::{Circle, Group, Line, Path, Rectangle, Text};
 
-/// Margins around the drawing area, px: left for numbers, top for the title, right, bottom; and below it for time.
+/// Margin on the left of the drawing area for values, px.
 const LEFT: f64 = 52.0;
+/// Margin above the drawing area for the title, px.
 const TOP: f64 = 24.0;
+/// Margin on the right of the drawing area, px.
 const RIGHT: f64 = 14.0;
+/// Margin below the drawing area, px.
 const BOTTOM: f64 = 14.0;
+/// Additional margin below the drawing area for the time axis, px.
 const TIME_AXIS: f64 = 18.0;
-/// Height of a legend that has a line of its own below the title.
+/// Height of a legend line below the title, px.
 const LEGEND_LINE: f64 = 15.0;
-/// Mean width of a letter in a title and in a legend, px.
+/// Mean width of a letter in a title, px.
 const TITLE_LETTER: f64 = 6.6;
+/// Mean width of a letter in a legend, px.
 const LEGEND_LETTER: f64 = 5.5;
-/// Width of the piece of line before a name in a legend, with the space around it, px.
+/// Width of the line sample before a name in a legend, with the space around it, px.
 const LEGEND_KEY: f64 = 24.0;
 
 /// Horizontal axis.
@@ -23,21 +28,21 @@ const LEGEND_KEY: f64 = 24.0;
 pub struct Axis {
     /// Quantity with unit.
     pub label: String,
-    /// Values at the left and at the right end.
+    /// Values at the left and right end.
     pub range: [f64; 2],
     /// Spacing of the values.
     pub scale: Scale,
 }
 
-/// A curve.
+/// Curve of a panel.
 pub struct Series {
-    /// Name in the legend; empty for none.
+    /// Name in the legend; empty for a curve without one.
     pub name: String,
     /// Index into [`COLORS`].
     pub color: usize,
-    /// Points of the line. NaN interrupts it.
+    /// Points of the line. A NaN interrupts the line.
     pub line: Vec<[f64; 2]>,
-    /// Dots, in figures of plans at the planned samples.
+    /// Dots; in figures of plans, at the planned samples.
     pub dots: Vec<[f64; 2]>,
     /// SVG dash pattern; empty for a full line.
     pub dash: &'static str,
@@ -50,7 +55,7 @@ pub struct Mark {
     pub from: f64,
     /// End of the span; equal to the start for a cross.
     pub to: f64,
-    /// The value.
+    /// Value on the vertical axis.
     pub value: f64,
     /// Index into [`COLORS`].
     pub color: usize,
@@ -76,11 +81,11 @@ pub enum Content {
         limits: Vec<(f64, usize)>,
         /// Values that the value axis must include.
         include: Vec<f64>,
-        /// Least margin above and below the values: where they differ by less, they are equal.
+        /// Minimum margin above and below the values. Smaller differences between values count as zero.
         margin: f64,
         /// Crosses and bars.
         marks: Vec<Mark>,
-        /// Linear or logarithmic value axis.
+        /// Scale of the value axis.
         scale: Scale,
     },
     /// Cells over a value axis.
@@ -90,11 +95,11 @@ pub enum Content {
         /// Crosses and bars.
         marks: Vec<Mark>,
     },
-    /// Bar rows: name and filled spans of each.
+    /// Rows of bars, each with its name and filled spans.
     Bars(Vec<(String, Vec<[f64; 2]>)>),
 }
 
-/// A panel.
+/// Panel of a figure.
 pub struct Panel {
     /// Title with unit.
     pub title: String,
@@ -102,7 +107,7 @@ pub struct Panel {
     pub axis: Axis,
     /// Spans to shade.
     pub shaded: Vec<[f64; 2]>,
-    /// Vertical lines with words beside their upper ends.
+    /// Vertical lines with text beside their upper ends.
     pub moments: Vec<(f64, String)>,
     /// Content over the horizontal axis.
     pub content: Content,
@@ -115,7 +120,7 @@ impl Axis {
     }
 }
 
-/// The drawing area of a panel in pixels with both axes.
+/// Drawing area of a panel in pixels, with both axes.
 struct Area<'a> {
     x: f64,
     y: f64,
@@ -157,12 +162,12 @@ impl Panel {
         }));
     }
 
-    /// Ends on the page of the horizontal axis of a panel at `x` of this width, px.
+    /// Returns the ends of the horizontal axis of a panel at `x` with this width, px.
     pub(super) fn axis_px(x: f64, width: f64) -> [f64; 2] {
         [x + LEFT, x + width - RIGHT]
     }
 
-    /// Draws the panel into a rectangle, px; `numbers` adds the numbers of the horizontal axis below it.
+    /// Draws the panel into a rectangle, px. If `numbers` is true, the values of the horizontal axis are written below it.
     pub(super) fn draw(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], numbers: bool) -> Group {
         let inner_width = width - LEFT - RIGHT;
         let (range, scale) = self.value_axis();
@@ -217,7 +222,7 @@ impl Panel {
         self.moments.iter().fold(group, |group, moment| moment_in(group, &area, moment))
     }
 
-    /// Range and scale of the vertical axis.
+    /// Range and scale of the value axis.
     fn value_axis(&self) -> ([f64; 2], &Scale) {
         match &self.content {
             Content::Curves { series, limits, include, margin, marks, scale } => {
@@ -235,7 +240,7 @@ impl Panel {
         }
     }
 
-    /// Legend in the line of the title if it fits there, else in lines below.
+    /// Legend on the title line if it fits there, otherwise on lines below.
     fn legend(&self, inner_width: f64) -> Legend<'_> {
         let named: Vec<&Series> = match &self.content {
             Content::Curves { series, .. } => {
@@ -261,15 +266,15 @@ impl Panel {
     }
 }
 
-/// Named curves in lines.
+/// Names of curves, by line of the legend.
 struct Legend<'a> {
     lines: Vec<Vec<&'a Series>>,
-    /// Lines below that of the title.
+    /// Number of lines below the title line.
     lines_below: usize,
 }
 
 impl Legend<'_> {
-    /// Draws names with a sample of their line, from the right edge to the left.
+    /// Draws names with samples of their lines, from the right edge to the left.
     fn draw(&self, mut group: Group, area: &Area, title_baseline: f64) -> Group {
         for (number, line) in self.lines.iter().enumerate() {
             let lines_above = if self.lines_below > 0 { number + 1 } else { 0 };
@@ -295,12 +300,12 @@ impl Legend<'_> {
     }
 }
 
-/// Width of a name in a legend with its sample, px.
+/// Width of a legend entry: name and line sample, px.
 fn entry_width(series: &Series) -> f64 {
     LEGEND_LETTER * series.name.chars().count() as f64 + LEGEND_KEY
 }
 
-/// Rectangle between two values of the horizontal axis; its top and height in px.
+/// Rectangle between two values of the horizontal axis, with its top and height in px.
 fn rectangle(area: &Area, [from, to]: [f64; 2], top: f64, height: f64) -> Rectangle {
     Rectangle::new()
         .set("x", area.x_of(from))

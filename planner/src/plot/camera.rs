@@ -2,11 +2,12 @@
 
 use nalgebra::Vector3;
 
-/// Direction of view, rad: angle about the vertical from a pure side view, and elevation.
+/// Azimuth of the view, rad: angle about the vertical from a pure side view.
 const AZIMUTH_RAD: f64 = 0.45;
+/// Elevation of the view, rad.
 const ELEVATION_RAD: f64 = 0.28;
 
-/// Projects world points to a page on which x goes right and y goes down.
+/// Camera that projects world points to a page. On the page, x points right and y down.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// World point at the page position `origin`.
@@ -25,20 +26,19 @@ impl Camera {
         [self.origin[0] + x * self.px_per_m, self.origin[1] - y * self.px_per_m]
     }
 
-    /// Distance of a point behind the target along the direction of view, m. Points with larger values are drawn
-    /// first.
+    /// Distance of a point behind the target along the direction of view, m. Points with larger values are drawn first.
     pub fn depth(&self, point_m: &Vector3<f64>) -> f64 {
         right().cross(&up()).dot(&(self.target_m - point_m))
     }
 }
 
-/// World direction to the right on the page: mostly forward.
+/// World direction that points right on the page, mostly forward.
 fn right() -> Vector3<f64> {
     let (sin, cos) = AZIMUTH_RAD.sin_cos();
     Vector3::new(cos, sin, 0.0)
 }
 
-/// World direction that is up on the page.
+/// World direction that points up on the page.
 fn up() -> Vector3<f64> {
     let (sin, cos) = ELEVATION_RAD.sin_cos();
     let (sin_azimuth, cos_azimuth) = AZIMUTH_RAD.sin_cos();

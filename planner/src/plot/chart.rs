@@ -1,4 +1,4 @@
-//! Charts of any numbers as text of SVG files: of benchmarks, of runs and of sweeps.
+//! Charts as SVG text: of benchmarks, runs and sweeps.
 
 pub use super::axes::{Axis, Cell, Content, Mark, Panel, Series};
 pub use super::scale::Scale;
@@ -7,7 +7,7 @@ pub use super::style::COLORS;
 /// Curve: name and points.
 pub type Curve = (String, Vec<(f64, f64)>);
 
-/// Texts around curves.
+/// Texts of a chart.
 pub struct Labels<'a> {
     /// Title.
     pub title: &'a str,
@@ -17,10 +17,11 @@ pub struct Labels<'a> {
     pub y: &'a str,
 }
 
-/// Size of a chart and of a panel of several, px.
+/// Size of a single chart, px.
 const SIZE: [f64; 2] = [720.0, 380.0];
+/// Size of a panel in a chart of several, px.
 const PANEL: [f64; 2] = [1060.0, 200.0];
-/// Curves with more points have no dots.
+/// Maximum number of points of a curve with dots.
 const DOTS_MAX: usize = 40;
 
 /// Draws curves over linear axes.
@@ -28,7 +29,7 @@ pub fn linear(labels: &Labels<'_>, curves: &[Curve]) -> String {
     single(labels, curves, &Scale::Linear)
 }
 
-/// Draws curves of positive values over logarithmic axes. Other values are left out.
+/// Draws curves over logarithmic axes. Values that are not positive are left out.
 pub fn logarithmic(labels: &Labels<'_>, curves: &[Curve]) -> String {
     let positive = |(name, points): &Curve| {
         (name.clone(), points.iter().copied().filter(|(x, y)| *x > 0.0 && *y > 0.0).collect())
@@ -43,8 +44,8 @@ fn single(labels: &Labels<'_>, curves: &[Curve], scale: &Scale) -> String {
     page(vec![(SIZE[0], vec![panel])], SIZE[1], [labels.title.to_owned(), String::new()])
 }
 
-/// Draws panels of curves over linear axes, one below the other: each has a title with the unit of its values. Marks are words at
-/// places of the horizontal axis `x`, which all have in common.
+/// Draws panels of curves over linear axes, one below the other. Each panel has a title with the unit of its values. All panels
+/// have the horizontal axis `x` in common, and text marks at values of that axis.
 pub fn panels(
     title: &str,
     x: &str,
@@ -58,12 +59,13 @@ pub fn panels(
     page(vec![(PANEL[0], column)], PANEL[1], [title.to_owned(), String::new()])
 }
 
-/// Draws columns of panels with their widths, px, below a title and a line of facts. Panels have at least the given height.
+/// Draws columns of panels below a title and a line of facts. Columns have the given widths, px, and panels at least the given
+/// height.
 pub fn page(columns: Vec<(f64, Vec<Panel>)>, least_height: f64, texts: [String; 2]) -> String {
     super::page::page(columns, least_height, texts)
 }
 
-/// Horizontal axis of curves.
+/// Horizontal axis that covers all curves.
 fn axis<'c>(label: &str, curves: impl Iterator<Item = &'c Curve>, scale: &Scale) -> Axis {
     let places = curves.flat_map(|(_, points)| points).map(|point| point.0);
     let bounds = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];

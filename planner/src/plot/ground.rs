@@ -1,15 +1,15 @@
-//! Panels of the robot over the ground: how high its end effectors swing, and the centre of mass over those that stand.
+//! Panels of the robot over the ground: swing heights of its end effectors, and the centre of mass over the support polygon.
 
 use super::axes::Series;
 use super::hull::{convex_hull, depth};
 use super::panels::{Panel, Played, distinct};
 use crate::plan::{EndEffectorSample, Sample};
 
-/// Height from which on an end effector counts as lifted, m.
+/// Height from which an end effector counts as lifted, m.
 const LIFTED_M: f64 = 1e-3;
 
 impl Played<'_> {
-    /// Heights of contact points above the ground; none of a robot that lifts nothing.
+    /// Heights of contact points above the ground. `None` for a robot that lifts no end effector.
     pub(super) fn swing_heights(&self) -> Option<Panel> {
         let feet = &self.plan.robot.end_effectors;
         let names = distinct(feet.iter().map(|foot| foot.name.as_str()));
@@ -22,8 +22,9 @@ impl Played<'_> {
         lifts.then(|| self.limited("swing height (m)", series, Vec::new(), vec![0.0]))
     }
 
-    /// Distance of the centre of mass from the border of the support polygon, seen from above, positive inside. The polygon is
-    /// the convex hull of the contact points in stance. Negative outside, and with fewer than three contacts; no line in flight.
+    /// Distance of the centre of mass from the edge of the support polygon, seen from above, positive inside. The polygon is
+    /// the convex hull of the contact points in stance. The distance is negative outside and with fewer than three contacts; in
+    /// flight there is no line.
     pub(super) fn support(&self) -> Option<Panel> {
         let played = self.states.iter().map(|(t, state, _)| (*t, inside_m(state)));
         let played: Vec<(f64, Option<f64>)> = played.collect();
@@ -48,7 +49,7 @@ impl Played<'_> {
     }
 }
 
-/// Distance of the centre of mass from the edge of the support polygon, m; none in flight.
+/// Distance of the centre of mass from the edge of the support polygon, m. `None` in flight.
 fn inside_m(state: &Sample) -> Option<f64> {
     let standing = state.end_effectors.iter().filter(|foot| foot.contact);
     let hull = convex_hull(standing.map(|foot| [foot.position_m[0], foot.position_m[1]]).collect());

@@ -1,7 +1,7 @@
 //! Convex hulls in the plane: outlines of the drawn robot, and support polygons.
 
-/// Convex hull of points (Andrew's monotone chain), counter-clockwise where y is up. Of points on a line its two ends, of equal
-/// ones one.
+/// Convex hull of points (Andrew's monotone chain), counter-clockwise if y points up. For points on a line, the hull is the two
+/// ends; for equal points, one point.
 pub fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let turns_right = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
@@ -24,7 +24,8 @@ pub fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     if hull.is_empty() { points } else { hull }
 }
 
-/// Distance of a point from the edge of a convex hull as of [`convex_hull`], positive inside; none of no points.
+/// Distance of a point from the edge of a convex hull, positive inside. The hull must be ordered as by [`convex_hull`]. `None`
+/// for an empty hull.
 pub fn depth(hull: &[[f64; 2]], point: [f64; 2]) -> Option<f64> {
     let edges = hull.iter().zip(hull.iter().cycle().skip(1));
     let is_left = |(a, b): (&[f64; 2], &[f64; 2])| {
@@ -35,7 +36,7 @@ pub fn depth(hull: &[[f64; 2]], point: [f64; 2]) -> Option<f64> {
     Some(if is_inside { nearest } else { -nearest })
 }
 
-/// Distance of a point from the line between two others.
+/// Distance of a point from the segment between two others.
 fn from_edge(a: [f64; 2], b: [f64; 2], point: [f64; 2]) -> f64 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [point[0] - a[0], point[1] - a[1]]);
     let squared = along[0] * along[0] + along[1] * along[1];

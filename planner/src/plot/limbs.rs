@@ -1,4 +1,4 @@
-//! Panels of joints and motors: angles, speeds and torques with their limits, of a limb or of a joint each.
+//! Panels of joints and motors: angles, speeds and torques with their limits, one panel per limb or per joint.
 
 use super::axes::Series;
 use super::panels::{JointPanels, Panel, Played, distinct};
@@ -9,10 +9,10 @@ use rollwalk_multibody::euler::JOINTS;
 
 /// Distance from the motion within which a joint limit is drawn, rad.
 const LIMIT_SHOWN_WITHIN_RAD: f64 = 0.6;
-/// Part of a motor's largest torque or speed from which on its limit is drawn.
+/// Fraction of a motor's limit from which the limit is drawn.
 const LIMIT_SHOWN_FROM_PART: f64 = 0.6;
 
-/// Joints and driven wheels that have a panel together.
+/// Joints and driven wheels that share a panel.
 pub(super) struct Group {
     name: String,
     joints: Vec<usize>,
@@ -20,8 +20,8 @@ pub(super) struct Group {
 }
 
 impl Played<'_> {
-    /// Limbs with their joints and driven wheels, and the joints that move no end effector; or every joint and driven wheel by
-    /// itself.
+    /// Returns the groups of joints and driven wheels. For limb panels, each limb is a group, and joints that move no end
+    /// effector form the last group. For joint panels, every joint and driven wheel is a group.
     pub(super) fn groups(&self, panels: JointPanels) -> Vec<Group> {
         let robot = &self.plan.robot;
         let wheel = |j: usize| Group {
@@ -148,7 +148,7 @@ impl Played<'_> {
         Series { name, color, line, dots, dash: "" }
     }
 
-    /// Curves with what they may be in either direction, where they come near it.
+    /// Panel of curves with their limits in both directions. A limit is drawn only if its curve approaches it.
     fn with_limits(&self, title: String, curves: Vec<(Series, f64)>) -> Panel {
         let near = |(curve, limit): &(Series, f64)| {
             let most = curve.line.iter().map(|[_, value]| value.abs()).fold(0.0, f64::max);
@@ -160,7 +160,7 @@ impl Played<'_> {
         self.limited(title, series, limits, Vec::new())
     }
 
-    /// Names of a group's joints for the legend; none of a joint that the title names.
+    /// Names of a group's joints for the legend. Empty for a joint that the title names.
     fn joint_names(&self, group: &Group) -> Vec<String> {
         let names = group.joints.iter().map(|&k| self.plan.robot.joints[k].name.as_str());
         match &group.joints[..] {

@@ -3,7 +3,7 @@
 use super::axes::Panel;
 use super::style::{HEADER_HEIGHT, MARGIN, document, heading};
 
-/// Columns of panels with their widths below a heading and a line of facts. Panels have at least the given height.
+/// Draws columns of panels with their widths, below a heading and a line of facts. Panels have at least the given height.
 pub fn page(columns: Vec<(f64, Vec<Panel>)>, least_height: f64, texts: [String; 2]) -> String {
     let most = columns.iter().map(|(_, column)| column.len()).max().unwrap_or(0);
     let body_height = least_height * most as f64;

@@ -1,5 +1,5 @@
-//! Panels of the figure in columns, from the motion as played and the planned samples: those of the body and of the ground's
-//! forces.
+//! Panels of the figure in columns, from the motion as played and the planned samples. This file contains the panels of the
+//! body and of the ground forces.
 
 use super::axes::{Axis, Series};
 pub(super) use super::axes::{Content, Panel};
@@ -12,27 +12,27 @@ use crate::torque::{Actuation, InverseDynamics};
 /// Grouping of the panels of angles, speeds and torques.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum JointPanels {
-    /// A limb: its joints can be compared.
+    /// Limbs: one panel each, so that their joints can be compared.
     #[default]
     Limb,
-    /// A joint: with an axis of its own, small motions beside large ones are seen.
+    /// Joints: one panel each, whose separate axis makes small motions visible.
     Joint,
 }
 
 const POINTS: usize = 240;
-/// Values of a plan that differ by less are equal, m, rad and all other units.
+/// Difference below which two values of a plan are equal, in all units.
 const EQUAL: f64 = 1e-3;
 
-/// A plan with its motion evaluated along the time axis.
+/// Plan with its motion evaluated along the time axis.
 pub(super) struct Played<'a> {
     pub(super) plan: &'a Plan,
     pub(super) spline: PlanSpline,
     pub(super) states: Vec<(f64, Sample, Setpoints)>,
-    /// Torques in the same moments.
+    /// Torques at the times of `states`.
     pub(super) actuations: Vec<Actuation>,
 }
 
-/// The panels of the figure, column by column.
+/// Creates the panels of the figure, column by column.
 pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
     let spline = PlanSpline::new(plan);
     let duration_s = plan.motion.duration_s;
@@ -65,7 +65,7 @@ pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
         .collect()
 }
 
-/// The footfall chart; none of a robot without end effectors.
+/// Creates the footfall chart. `None` for a robot without end effectors.
 pub fn footfalls(plan: &Plan) -> Option<Panel> {
     let feet = plan.robot.end_effectors.iter().enumerate();
     let rows: Vec<_> = feet.map(|(j, e)| (e.name.clone(), stances(plan, j))).collect();
@@ -78,7 +78,7 @@ pub fn footfalls(plan: &Plan) -> Option<Panel> {
     })
 }
 
-/// Spans of time, s, in which end effector `j` is in stance: half an interval around every stance sample.
+/// Time spans in which end effector `j` is in stance, s: half an interval around every stance sample.
 fn stances(plan: &Plan, j: usize) -> Vec<[f64; 2]> {
     let (h, end) = (plan.sample_interval_s, plan.motion.duration_s);
     let mut spans: Vec<[f64; 2]> = Vec::new();
@@ -204,7 +204,7 @@ impl Played<'_> {
         some.then(|| self.limited("wheel motors (rad/s)", series, limits, Vec::new()))
     }
 
-    /// Force and friction cone of each foot in a panel of its own, shaded in stance.
+    /// Creates a panel for each foot with its force and friction cone, shaded in stance.
     fn forces(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let highest = |e: &EndEffectorSample| e.force_n[2];
@@ -231,7 +231,7 @@ impl Played<'_> {
     }
 }
 
-/// Names without the words with which all of them begin or end, for short legends.
+/// Shortens names for legends: removes the words that all of them have at their start or end.
 pub(super) fn distinct<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
     let mut words: Vec<Vec<&str>> = names.map(|name| name.split(['_', '-']).collect()).collect();
     let shared = |words: &[Vec<&str>], pick: fn(&Vec<&str>) -> Option<String>| {

@@ -1,5 +1,5 @@
-//! A picture of the robot at one moment: body, limbs, wheels with a spoke that shows their angle, and a mark under each foot in
-//! stance.
+//! Picture of the robot at one time: body, limbs, wheels with a spoke that shows their angle, and a mark under each stance
+//! foot.
 
 use super::camera::Camera;
 use super::hull::convex_hull;
@@ -14,7 +14,7 @@ use svg::node::element::{Circle, Ellipse, Group, Line, Path};
 /// Length of the force arrow of a foot that carries the whole robot, as a multiple of the robot's diameter.
 const ARROW: f64 = 0.5;
 
-/// Colours and caps of the pieces, as the content of a `style` element.
+/// CSS of the pieces, the content of a `style` element.
 pub const STYLE: &str = "\
     .body{fill:#829ab1;stroke:#829ab1;stroke-linejoin:round}\
     .limb{stroke:#486581;stroke-linecap:round}\
@@ -25,7 +25,7 @@ pub const STYLE: &str = "\
     .spoke{stroke:#ba2525}\
     .force{stroke:#009e73;stroke-width:2;stroke-linecap:round;stroke-linejoin:round;fill:none}";
 
-/// Drawing of one robot.
+/// Drawing of a robot.
 pub struct Figure {
     model: Model,
     extent_m: f64,
@@ -54,7 +54,7 @@ impl Figure {
         self.extent_m
     }
 
-    /// The robot at a sample; `spin_rad` has the angle of every end effector's wheel.
+    /// Draws the robot at a sample. `spin_rad` contains the angle of every end effector's wheel.
     pub fn draw(&self, camera: &Camera, sample: &Sample, spin_rad: &[f64]) -> Group {
         let pose = self.pose(sample);
         let stroke = camera.px_per_m * self.extent_m;
@@ -67,7 +67,7 @@ impl Figure {
         pieces.into_iter().fold(Group::new(), |group, piece| group.add(piece.group))
     }
 
-    /// Forces of the ground as arrows from the contact points.
+    /// Draws ground forces as arrows from the contact points.
     pub fn forces(&self, camera: &Camera, sample: &Sample) -> Group {
         let arrows = self.arrows(sample);
         let arrows = arrows.filter_map(|ends| {
@@ -77,7 +77,7 @@ impl Figure {
         arrows.fold(Group::new(), Group::add)
     }
 
-    /// Start and end points of the arrows for ground forces, world, m.
+    /// Start and end points of the arrows of ground forces, in the world, m.
     pub fn arrows<'a>(
         &'a self,
         sample: &'a Sample,
@@ -90,7 +90,7 @@ impl Figure {
         })
     }
 
-    /// Points of the robot whose surroundings of `extent_m / 10`, or of a wheel's radius, contain all that is drawn.
+    /// Points that bound the drawing: all of it is within `extent_m / 10` or a wheel's radius of one of them.
     pub fn outline(&self, sample: &Sample) -> Vec<Vector3<f64>> {
         let pose = self.pose(sample);
         let feet = pose.end_effectors.iter().map(|mount| mount.center);
@@ -105,7 +105,7 @@ impl Figure {
         self.model.pose(&q)
     }
 
-    /// Root link as the convex hull of its centre of mass and its joints.
+    /// Draws the root link as the convex hull of its centre of mass and its joints.
     fn body(&self, camera: &Camera, pose: &Pose, stroke: f64) -> Piece {
         let robot = self.model.robot();
         let on_root = robot.joints.iter().filter(|joint| joint.parent == 0);
@@ -118,7 +118,7 @@ impl Figure {
         Piece { depth: camera.depth(&center), group: Group::new().add(path) }
     }
 
-    /// Line through the joints of a limb to the centre of its end effector.
+    /// Draws a limb as a line through its joints to the centre of its end effector.
     fn limb(&self, camera: &Camera, pose: &Pose, j: usize, stroke: f64) -> Piece {
         let robot = self.model.robot();
         let joints =
@@ -141,7 +141,7 @@ impl Figure {
         Piece { depth: camera.depth(&center), group }
     }
 
-    /// Wheel with a spoke, or sphere of a foot, and a shadow in stance.
+    /// Draws a wheel with a spoke or the sphere of a foot, with a shadow in stance.
     fn foot(
         &self,
         camera: &Camera,
@@ -179,8 +179,8 @@ impl Figure {
     }
 }
 
-/// Parallel projection of a circle: an ellipse, as wide as the circle across its axis, and narrower along it by as much as the
-/// axis lies in the page. `axis` is the projection of the axis' unit vector, `px_per_m` long if it lies wholly in it.
+/// Parallel projection of a circle: an ellipse with the radius of the circle across its axis, and a smaller one along it.
+/// `axis` is the projection of the axis' unit vector; its length is `px_per_m` if the axis is in the page.
 fn rim(center: [f64; 2], axis: [f64; 2], radius: f64, px_per_m: f64) -> Ellipse {
     let in_page = (axis[0].hypot(axis[1]) / px_per_m).min(1.0);
     let along = radius * (1.0 - in_page * in_page).sqrt();
@@ -198,7 +198,7 @@ fn line(from: [f64; 2], to: [f64; 2]) -> Line {
     line.set("x2", px(to[0])).set("y2", px(to[1]))
 }
 
-/// An arrow, or nothing if it is shorter than its head is wide.
+/// Draws an arrow. `None` if the arrow is shorter than its head.
 fn arrow(from: [f64; 2], to: [f64; 2]) -> Option<Path> {
     const HEAD_PX: f64 = 5.0;
     let way = [to[0] - from[0], to[1] - from[1]];
@@ -216,7 +216,7 @@ fn arrow(from: [f64; 2], to: [f64; 2]) -> Option<Path> {
     Some(Path::new().set("d", data).set("class", "force"))
 }
 
-/// A closed path through page points.
+/// Closed path through page points.
 pub fn closed_path(points: &[[f64; 2]]) -> Path {
     let corners: Vec<String> =
         points.iter().map(|[x, y]| format!("{} {}", px(*x), px(*y))).collect();

@@ -1,23 +1,23 @@
-//! Scales of axes: places of values, ranges, ticks and their labels.
+//! Scales of axes: coordinates of values, ranges, ticks and their labels.
 
 /// Spacing of the values on an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scale {
-    /// Equal.
+    /// Equal spacing of equal differences.
     Linear,
-    /// Equal for equal ratios.
+    /// Equal spacing of equal ratios.
     Logarithmic,
     /// Names at 0, 1, 2 …
     Names(Vec<String>),
 }
 
 impl Scale {
-    /// Coordinate whose equal steps are equally long.
+    /// Converts a value to a coordinate that is linear on the page.
     pub fn place(&self, value: f64) -> f64 {
         if *self == Self::Logarithmic { value.ln() } else { value }
     }
 
-    /// Ticks with their labels, about `wanted` of them.
+    /// Returns about `wanted` ticks with their labels.
     pub fn ticks(&self, range: [f64; 2], wanted: usize) -> Vec<(f64, String)> {
         let [low, high] = range;
         match self {
@@ -33,7 +33,7 @@ impl Scale {
     }
 }
 
-/// Range of the values with a margin; never empty.
+/// Returns the range of the values with a margin. The range is never empty.
 pub fn padded_range(values: impl Iterator<Item = f64>, margin: f64, scale: &Scale) -> [f64; 2] {
     let (low, high) =
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -47,7 +47,7 @@ pub fn padded_range(values: impl Iterator<Item = f64>, margin: f64, scale: &Scal
     if margin > 0.0 { [low - margin, high + margin] } else { [-1.0, 1.0] }
 }
 
-/// Round numbers inside a range, about `wanted` of them, in steps of 1, 2 or 5 times a power of ten.
+/// Returns about `wanted` round values inside a range, in steps of 1, 2 or 5 times a power of ten.
 fn ticks([low, high]: [f64; 2], wanted: usize) -> Vec<f64> {
     let rough = (high - low) / wanted as f64;
     // Values that differ by less than their rounding have no ticks.
@@ -61,7 +61,7 @@ fn ticks([low, high]: [f64; 2], wanted: usize) -> Vec<f64> {
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
-/// Powers of ten inside a range with their labels, about `wanted` of them, with 2 and 5 times them in a range of few.
+/// Returns about `wanted` powers of ten inside a range, with their labels. A range of few powers also has 2 and 5 times each.
 fn logarithmic_ticks([low, high]: [f64; 2], wanted: usize) -> Vec<(f64, String)> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (last - first) as usize;
@@ -81,7 +81,7 @@ fn logarithmic_ticks([low, high]: [f64; 2], wanted: usize) -> Vec<(f64, String)>
         .collect()
 }
 
-/// Number of a tick with enough decimals to differ from its neighbours.
+/// Formats the value of a tick with enough decimals to differ from its neighbours.
 fn number(value: f64, span: f64) -> String {
     let decimals = (1.0 - (span / 4.0).log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");

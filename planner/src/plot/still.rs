@@ -1,4 +1,4 @@
-//! A robot as it stands, without a plan: a picture with the names of its joints and end effectors.
+//! Picture of a standing robot without a plan, with the names of its joints and end effectors.
 
 use super::camera::Camera;
 use super::robot::{Figure, STYLE, closed_path};
@@ -10,16 +10,18 @@ use rollwalk_multibody::{Standing, Tree};
 use rollwalk_robot::Robot;
 use svg::node::element::{Group, Polyline, Style, Text, Title};
 
-/// Size of the picture between its columns of names, and width of a column, px.
+/// Size of the picture between its columns of names, px.
 const PICTURE: [f64; 2] = [520.0, 420.0];
+/// Width of a column of names, px.
 const COLUMN_WIDTH: f64 = 190.0;
-/// Least distance of two names in a column, px.
+/// Minimum distance of two names in a column, px.
 const ROW: f64 = 17.0;
-/// Share of the picture filled by the robot, and size of the ground beside it.
+/// Fraction of the picture that the robot fills.
 const FILL: f64 = 0.8;
+/// Half width of the ground, as a fraction of the robot's diameter.
 const GROUND: f64 = 0.55;
 
-/// SVG text of a robot in its nominal pose; `None` if a wheel lies flat, so that it cannot stand.
+/// Draws a robot in its nominal pose as SVG text. `None` if a wheel lies flat, so that the robot cannot stand.
 pub fn robot(robot: &Robot) -> Option<String> {
     let standing = Standing::new(&Tree::new(robot))?;
     let sample = sample(robot, &standing);
@@ -60,7 +62,7 @@ pub fn robot(robot: &Robot) -> Option<String> {
     Some(format!("{document}\n"))
 }
 
-/// The robot as a sample of a motion that does not move.
+/// Converts the standing robot to a sample of a plan.
 fn sample(robot: &Robot, standing: &Standing) -> Sample {
     let feet = robot.end_effectors.iter().zip(&standing.contacts);
     let foot =
@@ -92,7 +94,7 @@ fn sample(robot: &Robot, standing: &Standing) -> Sample {
     }
 }
 
-/// Joints and end effectors with their places in the world, m.
+/// Names of joints and end effectors with their positions in the world, m.
 fn names<'r>(robot: &'r Robot, standing: &Standing) -> Vec<(&'r str, Vector3<f64>)> {
     let frames = &standing.frames;
     let joints = robot.joints.iter().map(|j| (j.name.as_str(), frames.link_origins[j.child]));
@@ -107,7 +109,7 @@ enum Side {
     Right,
 }
 
-/// Names beside the picture, in the order of their heights, each with a line to its place.
+/// Draws names beside the picture, ordered by height, each with a line to its joint or end effector.
 fn column(mut names: Vec<(&str, [f64; 2])>, side: Side, width: f64, height: f64) -> Group {
     names.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
     // From the top down none is nearer to the one before than a row, and the last one is on the page.
@@ -132,7 +134,7 @@ fn column(mut names: Vec<(&str, [f64; 2])>, side: Side, width: f64, height: f64)
     })
 }
 
-/// Patch of ground below the robot.
+/// Draws a patch of ground below the robot.
 fn ground(camera: &Camera, extent_m: f64, standing: &Standing) -> svg::node::element::Path {
     let half_m = GROUND * extent_m;
     let [x, y] = [standing.com.x, standing.com.y];

@@ -12,10 +12,10 @@ use svg::node::element::{Path, Style, Text};
 /// Size of one picture of the robot, px.
 const CELL: [f64; 2] = [230.0, 190.0];
 const TITLE_HEIGHT: f64 = 36.0;
-/// Share of a cell filled by the robot.
+/// Fraction of a cell that the robot fills.
 const FILL: f64 = 0.95;
 
-/// SVG text of a strip with `phases` times of every plan, one row per plan.
+/// Draws a strip with `phases` times of every plan, one row per plan, as SVG text.
 pub fn strip(plans: &[&Plan], phases: usize) -> String {
     let phases = phases.max(2);
     let width = CELL[0] * phases as f64 + 2.0 * MARGIN;
@@ -60,7 +60,7 @@ fn row_baseline() -> f64 {
     TITLE_HEIGHT + CELL[1] - 6.0
 }
 
-/// Patch of ground below the robot.
+/// Draws a patch of ground below the robot.
 fn ground(camera: &Camera, extent_m: f64) -> Path {
     let half = 0.46 * extent_m;
     let [x, y] = [camera.target_m.x, camera.target_m.y];

@@ -1,9 +1,9 @@
-//! Colours, fonts, margins and the frame that all pictures share.
+//! Colours, fonts, margins and page frame of all pictures.
 
 use svg::Document;
 use svg::node::element::{Group, Rectangle, Text};
 
-/// Colours that colour-blind readers can distinguish (Okabe and Ito), darkest first.
+/// Colours that colour-blind readers can distinguish (Okabe and Ito), and a dark grey.
 pub const COLORS: [&str; 7] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333"];
 pub const INK: &str = "#1f2933";
@@ -13,7 +13,7 @@ pub const FONT: &str = "Inter, 'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans'
 pub const HEADER_HEIGHT: f64 = 64.0;
 pub const MARGIN: f64 = 20.0;
 
-/// An empty white page.
+/// Creates an empty white page.
 pub fn document(width: f64, height: f64) -> Document {
     Document::new()
         .set("viewBox", (0.0, 0.0, width, height))
@@ -31,7 +31,7 @@ pub fn heading([heading, facts]: [String; 2]) -> Group {
         .add(text(facts, 52.0).set("font-size", 12).set("fill", FAINT))
 }
 
-/// A coordinate with two decimals: a hundredth of a pixel.
+/// Rounds a coordinate to a hundredth of a pixel.
 pub fn px(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
 }

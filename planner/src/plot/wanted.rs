@@ -1,11 +1,11 @@
-//! Marks of targets and height limits in the panels: a cross at a time, a bar over a span.
+//! Marks of targets and height limits in the panels: a cross at a time, or a bar over a time span.
 
 use super::axes::{Mark, Series};
 use super::panels::{Content, Panel, Played};
 use crate::motion::Subject;
 
 impl Played<'_> {
-    /// Marks of a subject's target positions along one axis.
+    /// Returns marks of a subject's target positions and height limits along one axis.
     pub(super) fn places(&self, of: Subject, axis: usize, color: usize) -> Vec<Mark> {
         let asked = self.plan.motion.targets.iter().filter(|target| target.of == of);
         let mut marks: Vec<Mark> = asked
@@ -23,7 +23,7 @@ impl Played<'_> {
         marks
     }
 
-    /// Marks of the body's target headings.
+    /// Returns marks of the body's target headings.
     pub(super) fn headings(&self, color: usize) -> Vec<Mark> {
         let asked = self.plan.motion.targets.iter();
         asked
@@ -34,7 +34,7 @@ impl Played<'_> {
             .collect()
     }
 
-    /// Panels with the paths of the subjects that have target positions, except the centre of mass.
+    /// Creates panels with the paths of the subjects that have target positions, except the centre of mass.
     pub(super) fn ways(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let feet = feet.map(|(j, foot)| (Subject::EndEffector(j), foot.name.as_str()));
@@ -61,7 +61,7 @@ impl Played<'_> {
             .collect()
     }
 
-    /// A panel with marks.
+    /// Creates a panel with marks.
     pub(super) fn marked(
         &self,
         title: impl Into<String>,

@@ -1,26 +1,27 @@
-//! Problem of a receding horizon: from a state with its velocity, with a free end, steered by wanted velocities.
+//! Problem of a receding horizon, which begins in a state with given velocity, has a free end and is steered by requested
+//! velocities.
 
 use super::variables::{Layout, Lift, TimelineSample};
 use super::{Problem, Weights};
 use crate::motion::Motion;
 use rollwalk_multibody::euler::Model;
 
-/// Given quantities of a horizon.
+/// Inputs of a horizon.
 #[derive(Clone, Debug)]
 pub struct HorizonGoal {
     /// Heights of contact points above the ground `[sample][end effector]`, m: 0 in stance.
     pub height_m: Vec<Vec<f64>>,
-    /// Wanted velocity of the body on the interval after each sample: along and to the left of its heading, m/s, and of the
-    /// heading, rad/s.
+    /// Requested velocity of the body in the interval after each sample: along its heading and to the left, m/s, and yaw rate,
+    /// rad/s.
     pub steering: Vec<[f64; 3]>,
 }
 
 impl Problem {
-    /// Builds the problem of a horizon. Its slots are those of its samples, then the states one interval before the first
-    /// sample and after the last. The state before is given, as is the first sample but for its ground forces and wheel
-    /// speeds; of the state after, which says with which velocity the horizon ends, pose and joints are free.
+    /// Builds the problem of a horizon, whose first sample is at the origin with heading 0.
     ///
-    /// The first sample is at the origin with heading 0.
+    /// The slots are those of the samples, then the states one interval before the first and after the last sample. The state
+    /// before is given, and so is the first sample except for its ground forces and wheel speeds. The state after determines
+    /// the final velocity; its pose and joints are free.
     pub fn horizon(model: Model, motion: &Motion, goal: HorizonGoal, weights: Weights) -> Self {
         let layout = Layout::new(&model);
         let samples = motion.stance.len();

@@ -1,25 +1,28 @@
-//! Means around a sample, in which the dynamics hold.
+//! Means around a sample, to which the dynamics apply.
 //!
-//! A mean around a sample weights each time by 1 − |t|/h, with t counted from the sample. The mean of a second derivative
-//! is the second difference (x₋ − 2x + x₊)/h², for every curve through the samples. Forces are linear between samples,
-//! and their mean is (f₋ + 4f + f₊)/6. Rows in these means therefore hold for the splines that the controller plays.
-//! With the force f of the sample alone, those splines needed forces that the plan did not give: 4 % of the weight in a
-//! walk and 46 % in a pronk, root mean square. With the means 0.04 % and 1 % remain. A finer grid alone did not help.
+//! The mean around a sample weights each time by 1 − |t|/h, where t is relative to the sample. The mean of a second derivative
+//! is the second difference (x₋ − 2x + x₊)/h², for every curve through the samples. Forces are linear between samples, and
+//! their mean is (f₋ + 4f + f₊)/6. The rows of the dynamics in these means therefore apply to the splines that the controller
+//! plays.
 //!
-//! At the ends of a motion that is not periodic the mean is over the one interval inside. There x₋ = x − h ẋ, because
-//! the state outside is where the velocity at the end leads.
+//! If the rows used the force f of the sample alone, those splines would need forces that the plan does not contain: 4 % of the
+//! weight in a walk and 46 % in a pronk, root mean square. With the means, 0.04 % and 1 % remain. A finer grid alone did not
+//! help.
+//!
+//! At the ends of a motion that is not periodic, the mean covers the one interval inside. There, x₋ = x − h ẋ, because the
+//! state outside extrapolates the velocity at the end.
 
 /// Weights of a sample and its neighbours in the mean around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Means {
     /// Weights of previous, present and next sample in the mean of a function that is linear between samples.
     pub linear: [f64; 3],
-    /// Mean of a second derivative over the second difference.
+    /// Ratio of the mean of a second derivative to the second difference.
     pub second_difference: f64,
 }
 
 impl Means {
-    /// Means around a sample with an interval of the motion before it, after it, or both.
+    /// Computes the weights around a sample with an interval of the motion before it, after it, or both.
     pub fn new(before: bool, after: bool) -> Self {
         let [before, after] = [before, after].map(|inside| f64::from(u8::from(inside)));
         let intervals = before + after;

@@ -5,26 +5,27 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_multibody::euler::{Model, Pose, SweptMoment};
 use rollwalk_multibody::ground::{Elevation, ElevationMap};
 
-/// Rounds in which the contact point of a centre is found: what is left falls with radius over that of the ground's bend.
+/// Number of fixed-point iterations for the contact point of a centre. The error falls with the ratio of the wheel's radius to
+/// the ground's radius of curvature.
 const ROUNDS: usize = 8;
 
-/// A sample with all values that terms use.
+/// Sample with all values that terms use.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// The variables, lifted to the timeline, SI units.
+    /// Variables, lifted to the timeline, SI units.
     pub vars: DVector<f64>,
     /// Kinematics of the robot at `q`.
     pub pose: Pose,
     /// Contact frames of the end effectors, in robot order.
     pub frames: Vec<ContactFrame>,
-    /// Angular momentum on the interval to the next sample of the timeline, times its length; `None` at the last.
+    /// Angular momentum in the interval to the next timeline sample, times its length. `None` at the last timeline sample.
     pub swept_to_next: Option<SweptMoment>,
 }
 
-/// The frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot that of a sphere.
+/// Frame W(α) of a wheel (Eq. 2.2) with its derivatives; for a foot, the frame of a sphere.
 ///
-/// From the wheel's rest frame t̂ = x, â = y, ρ̂ = −r·z every axis but the vertical can be reached, so tilt and yaw
-/// are absolute and defined in the same way for every wheel. On ground with the normal n, of any length,
+/// The wheel's rest frame is t̂ = x, â = y, ρ̂ = −r·z. Tilt and yaw take the axis from there to every direction except the
+/// vertical. They are therefore absolute and have the same meaning for every wheel. On ground with the normal n, of any length,
 ///
 /// ```text
 /// g = n − (a·n) a        ρ = −r g/|g|        t = a × g/|g|
@@ -37,26 +38,26 @@ pub struct ContactFrame {
     pub axis: Vector3<f64>,
     /// Vector ρ from the centre to the contact point.
     pub to_contact: Vector3<f64>,
-    /// ∂a/∂tilt; ∂a/∂yaw is v × a.
+    /// Derivative ∂a/∂tilt. The derivative ∂a/∂yaw is v × a.
     pub d_axis_tilt: Vector3<f64>,
-    /// ∂ρ/∂tilt and ∂ρ/∂yaw.
+    /// Derivatives ∂ρ/∂tilt and ∂ρ/∂yaw.
     pub d_to_contact: [Vector3<f64>; 2],
-    /// ∂t/∂tilt and ∂t/∂yaw.
+    /// Derivatives ∂t/∂tilt and ∂t/∂yaw.
     pub d_rolling: [Vector3<f64>; 2],
-    /// The ground at the contact point.
+    /// Ground at the contact point.
     pub ground: Elevation,
     /// Normal n of the ground at the contact point.
     pub normal: Vector3<f64>,
-    /// Derivatives by the normal; `None` on level ground, where it is the same everywhere.
+    /// Derivatives with respect to the normal. `None` on level ground, whose normal is constant.
     pub by_normal: Option<ByNormal>,
 }
 
-/// Derivatives of a contact frame by the normal of the ground.
+/// Derivatives of a contact frame with respect to the normal of the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct ByNormal {
-    /// ∂ρ/∂n.
+    /// Derivative ∂ρ/∂n.
     pub d_to_contact: Matrix3<f64>,
-    /// ∂t/∂n.
+    /// Derivative ∂t/∂n.
     pub d_rolling: Matrix3<f64>,
 }
 
@@ -65,14 +66,14 @@ pub fn d_yaw(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-v.y, v.x, 0.0)
 }
 
-/// Rolling direction t of a wheel with this axis yaw.
+/// Rolling direction t of a wheel, from the yaw of its axis.
 pub fn rolling_direction(yaw_rad: f64) -> Vector3<f64> {
     let (s, c) = yaw_rad.sin_cos();
     Vector3::new(c, s, 0.0)
 }
 
 impl ContactFrame {
-    /// Frame at a contact point of a wheel, with tilt and yaw of its axis, or of a foot, without.
+    /// Frame at a contact point. `tilt_and_yaw_rad` contains the angles of the wheel's axis; `None` for a foot.
     pub fn new(
         radius_m: f64,
         tilt_and_yaw_rad: Option<[f64; 2]>,
@@ -91,7 +92,7 @@ impl ContactFrame {
         }
     }
 
-    /// Frame where the end effector with this centre touches the ground, or would if it were there.
+    /// Frame at the contact point of an end effector with the given centre, whether it touches the ground or not.
     pub fn below(
         radius_m: f64,
         tilt_and_yaw_rad: Option<[f64; 2]>,
@@ -143,7 +144,7 @@ impl ContactFrame {
         }
     }
 
-    /// Frame of a wheel half-way between two samples, with tilt and yaw there.
+    /// Frame of a wheel half-way between two samples, with the tilt and yaw there.
     pub fn between(radius_m: f64, [tilt_rad, yaw_rad]: [f64; 2], ends: [&Self; 2]) -> Self {
         let frame = Self::wheel(radius_m, tilt_rad, yaw_rad);
         match ends[0].by_normal {
@@ -152,7 +153,7 @@ impl ContactFrame {
         }
     }
 
-    /// The same axis on ground with another normal.
+    /// Frame with the same axis on ground with another normal.
     fn on_slope(self, radius_m: f64, normal: &Vector3<f64>) -> Self {
         let axis = self.axis;
         let along = axis.dot(normal);
@@ -179,7 +180,7 @@ impl ContactFrame {
     }
 }
 
-/// Tilt and yaw of a wheel axis given in world, rad. The yaw is the one nearest to `near_yaw_rad`.
+/// Tilt and yaw of a wheel axis in the world, rad. The yaw is the one nearest to `near_yaw_rad`.
 pub fn tilt_and_yaw(axis: &Vector3<f64>, near_yaw_rad: f64) -> (f64, f64) {
     let tilt = axis.z.atan2(axis.x.hypot(axis.y));
     let yaw = (-axis.x).atan2(axis.y);
@@ -188,7 +189,7 @@ pub fn tilt_and_yaw(axis: &Vector3<f64>, near_yaw_rad: f64) -> (f64, f64) {
 }
 
 impl State {
-    /// Evaluates a sample, without derivatives of its kinematics.
+    /// Evaluates a sample without the derivatives of its kinematics.
     pub fn new(model: &Model, layout: &Layout, ground: &ElevationMap, vars: DVector<f64>) -> Self {
         let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
         let frames = layout
@@ -204,7 +205,7 @@ impl State {
         Self { vars, pose, frames, swept_to_next: None }
     }
 
-    /// Sum of the ground forces, and of their moments about the centre of mass.
+    /// Sums of the ground forces and of their moments about the centre of mass.
     pub fn wrench(&self, layout: &Layout) -> [Vector3<f64>; 2] {
         let mut sum = [Vector3::zeros(); 2];
         for ee in &layout.end_effectors {
@@ -215,7 +216,7 @@ impl State {
         sum
     }
 
-    /// Three consecutive variables as a vector.
+    /// Returns three consecutive variables as a vector.
     pub fn vector(&self, first: usize) -> Vector3<f64> {
         self.vars.fixed_rows::<3>(first).into()
     }

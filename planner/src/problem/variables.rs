@@ -1,14 +1,14 @@
 //! Variables of the optimisation (Eq. 2.1), and the samples beyond the ends of a motion that follow from them.
 //!
-//! A sample holds `q` (6 + N) and, per end effector, contact point e (3) and force f (3), and for
-//! wheels speed ω, tilt and yaw (3): 6 + N + 9n numbers for n wheels. The centroidal frame is
-//! eliminated: its position is φ_CoM(q), its orientation that of the body (Eq. 2.11, 2.12 hold
-//! exactly). Six more are the sums of forces and of moments, which the dynamics of neighbouring samples share: with
-//! the forces themselves in their place an iteration takes 1.6 times as long.
+//! A sample contains `q` (6 + N), the contact point e (3) and force f (3) of each end effector, and speed ω, tilt and yaw (3)
+//! of each wheel. These are 6 + N + 9n values for n wheels. The centroidal frame is eliminated: its position is φ_CoM(q) and
+//! its orientation that of the body, so that Eq. 2.11 and 2.12 are exact. Six further variables are the sums of forces and of
+//! moments, which the dynamics of neighbouring samples share. With the forces themselves in their place, an iteration takes 1.6
+//! times as long.
 //!
-//! Terms see a timeline that is longer than the motion by one sample at either end. Each of its samples is a stored
-//! sample, a *slot*, either as stored or **placed**: turned by ψ about the vertical and moved by D. Entries of slots
-//! may be frozen. Terms are therefore the same for all kinds of ends:
+//! Terms are evaluated on a timeline that extends the motion by one sample at either end. Each timeline sample is a stored
+//! sample, a *slot*, either as stored or **placed**: turned by ψ about the vertical and moved by D. Entries of slots may be
+//! frozen. The terms are therefore the same for all kinds of ends:
 //!
 //! | ends | before the first | after the last |
 //! |---|---|---|
@@ -25,9 +25,9 @@ use rollwalk_robot::GRAVITY_M_S2;
 /// Indices of one end effector's variables in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EndEffectorVars {
-    /// First of the three coordinates of the contact point e.
+    /// Index of the first of three coordinates of the contact point e.
     pub position: usize,
-    /// First of the three components of the ground force f.
+    /// Index of the first of three components of the ground force f.
     pub force: usize,
     /// Wheel variables; `None` for a foot.
     pub wheel: Option<WheelVars>,
@@ -36,31 +36,32 @@ pub struct EndEffectorVars {
 /// Indices of one wheel's variables in a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WheelVars {
-    /// Speed ω.
+    /// Index of the speed ω.
     pub speed: usize,
-    /// Axis tilt.
+    /// Index of the axis tilt.
     pub tilt: usize,
-    /// Axis yaw.
+    /// Index of the axis yaw.
     pub yaw: usize,
 }
 
-/// Layout of one sample.
+/// Layout of the variables of one sample.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// Variables in a sample.
+    /// Number of variables in a sample.
     pub len: usize,
     /// Length of `q`, which comes first.
     pub dofs: usize,
     /// End effectors in robot order.
     pub end_effectors: Vec<EndEffectorVars>,
-    /// First of the sum of the ground forces (3) and of their moments about the centre of mass (3).
+    /// Index of the first of six components: the sum of the ground forces (3), then that of their moments about the centre of
+    /// mass (3).
     pub wrench: usize,
-    /// Typical size of each variable, in SI units: the solver works on variables divided by it.
+    /// Typical size of each variable, in SI units. The solver divides variables by it.
     pub scale: DVector<f64>,
 }
 
 impl Layout {
-    /// Layout for a robot.
+    /// Creates the layout for a robot.
     pub fn new(model: &Model) -> Self {
         let dofs = model.dofs();
         let count = model.robot().end_effectors.len();
@@ -85,7 +86,7 @@ impl Layout {
         Self { len: scale.len(), dofs, wrench, end_effectors, scale: DVector::from_vec(scale) }
     }
 
-    /// Variables of a sample of a plan.
+    /// Converts a sample of a plan to variables.
     pub fn variables_of(&self, sample: &Sample) -> DVector<f64> {
         let mut vars = DVector::zeros(self.len);
         for c in 0..3 {
@@ -109,24 +110,24 @@ impl Layout {
         vars
     }
 
-    /// First indices of all points of a sample: a placement turns and moves them.
+    /// First indices of all points of a sample. A placement turns and moves points.
     pub fn points(&self) -> impl Iterator<Item = usize> + '_ {
         std::iter::once(BASE_POSITION).chain(self.end_effectors.iter().map(|e| e.position))
     }
 
-    /// First indices of all free vectors of a sample: a placement turns them.
+    /// First indices of all free vectors of a sample. A placement turns vectors.
     pub fn vectors(&self) -> impl Iterator<Item = usize> + '_ {
         self.end_effectors.iter().map(|e| e.force).chain([self.wrench, self.wrench + 3])
     }
 
-    /// Indices of angles about the vertical: a placement adds ψ to them.
+    /// Indices of all angles about the vertical. A placement adds ψ to them.
     pub fn headings(&self) -> impl Iterator<Item = usize> + '_ {
         std::iter::once(BASE_YAW)
             .chain(self.end_effectors.iter().filter_map(|e| e.wheel.map(|w| w.yaw)))
     }
 }
 
-/// Weight carried by one end effector of a standing robot, Mg/n: the natural unit of ground forces.
+/// Weight Mg/n on each of n end effectors of a standing robot, N: the unit of ground forces in the solver.
 pub fn force_scale_n(model: &Model) -> f64 {
     model.total_mass_kg() * GRAVITY_M_S2 / model.robot().end_effectors.len() as f64
 }
@@ -134,15 +135,15 @@ pub fn force_scale_n(model: &Model) -> f64 {
 /// Direction in which a placement is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lift {
-    /// Stored values, not placed.
+    /// Identity: values as stored.
     Identity,
-    /// p → R_z(ψ)·p + D.
+    /// Placement p → R_z(ψ)·p + D.
     Placed,
-    /// p → R_z(−ψ)·(p − D).
+    /// Inverse placement p → R_z(−ψ)·(p − D).
     PlacedBack,
 }
 
-/// A sample of the timeline.
+/// Sample of the timeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimelineSample {
     /// Index of the slot.
@@ -181,8 +182,8 @@ impl Lift {
         lifted
     }
 
-    /// Converts a gradient with respect to the placed sample to one with respect to the stored sample, in place, and
-    /// returns the gradient with respect to the placement (Dx, Dy, ψ).
+    /// Converts a gradient with respect to the placed sample to one with respect to the stored sample, in place. Returns the
+    /// gradient with respect to the placement (Dx, Dy, ψ).
     pub fn pull_back(
         self,
         layout: &Layout,

@@ -1,8 +1,8 @@
-//! Setpoints of a steered robot without feedback: horizons that continue one another as planned.
+//! Set-points of a steered robot without feedback: each horizon continues the plan of the previous one.
 //!
-//! Robots whose servos are commanded angles and speeds play plans as they are. Each horizon here begins in the state in which
-//! the robot is by the horizon before, and its setpoints follow those of that one without a step. Feedback is up to the servos,
-//! as in a motion library; `docs/receding-horizon.md` tells when that is enough.
+//! Robots whose servos accept angles and speeds play plans without further control. Each horizon begins in the state that the
+//! previous horizon predicts, and the set-points continue without a step. Feedback is left to the servos, as with a motion
+//! library; `docs/receding-horizon.md` describes when that is enough.
 
 use super::measured::over_ground;
 use super::trim::Trim;
@@ -19,20 +19,22 @@ use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// A course of a robot.
+/// Steered course of a robot.
 pub struct Course {
     horizon: Horizon,
-    /// State in which it begins.
+    /// State at the start of the course.
     begins: State,
-    /// The plan in use, where it lies, and its first sample.
+    /// Plan in use, with its pose in the world and the index of its first sample.
     plan: Option<(WholeBody, Isometry3<f64>, u64)>,
-    /// Corrections of the steering, by the name of the gait; and that of the gait in use.
+    /// Corrections of the steering, by name of the gait.
     trims: HashMap<String, Trim>,
+    /// Name of the gait in use.
     gait: String,
-    /// Samples in a stretch.
+    /// Number of samples in a stretch.
     stretch_samples: u64,
-    /// Samples and frames so far.
+    /// Number of samples so far.
     samples: u64,
+    /// Number of frames so far.
     frames: u64,
 }
 
@@ -42,23 +44,22 @@ impl fmt::Debug for Course {
     }
 }
 
-/// The part of a horizon that is played before the next one takes over.
+/// Part of a horizon that is played before the next horizon takes over.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stretch {
-    /// Setpoints, [`RATE_HZ`] a second.
+    /// Set-points, [`RATE_HZ`] per second.
     pub frames: Vec<Frame>,
     /// Iterations of the solve.
     pub iterations: usize,
     /// True if the plan of the stretch was accepted. Otherwise the previous plan continues.
     pub accepted: bool,
-    /// Velocity of the body in the mean of the stretch: along and to the left of its heading, m/s, and rate of the heading,
-    /// rad/s.
+    /// Mean velocity of the body over the stretch: along its heading and to the left, m/s, and yaw rate, rad/s.
     pub velocity: [f64; 3],
-    /// Position of the body over the ground at the end of the stretch, and its heading.
+    /// Position of the body over the ground and its heading, at the end of the stretch.
     pub place: Placement,
 }
 
-/// Setpoints of all channels, joints first, then driven wheels.
+/// Set-points of all channels: joints first, then driven wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Angles of joints, rad, and speeds of wheels, rad/s.
@@ -67,7 +68,7 @@ pub struct Frame {
     pub torques_nm: Vec<f64>,
 }
 
-/// Reason for which a course ends.
+/// Reason for the end of a course.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CourseError {
     /// The horizon cannot be planned.
@@ -75,24 +76,27 @@ pub enum CourseError {
     Horizon(#[from] HorizonError),
     /// Solves found no acceptable plan before the last accepted one ended.
     #[error(
-        "no plan met the constraints for {for_s:.1} s: `{constraint}` held worst, at {level:.1} of its tolerance"
+        "no plan met the constraints for {for_s:.1} s; the worst residual, of `{constraint}`, is \
+         {level:.1} times its tolerance"
     )]
     NoPlan {
-        /// Time since the last plan began, s.
+        /// Time since the last accepted plan began, s.
         for_s: f64,
-        /// The constraint that held worst in the last try.
+        /// Most violated constraint of the final attempt.
         constraint: String,
-        /// Residual over tolerance of that constraint.
+        /// Residual-to-tolerance ratio of that constraint.
         level: f64,
     },
 }
 
 impl Course {
-    /// A course that begins at rest, on all end effectors, with these joint angles, rad. Samples are `interval_s` apart, as
-    /// those of the gaits that it [changes to](Self::change_gait). A stretch is a whole number of samples, `stretch_s` at least.
+    /// Creates a course that begins at rest, with all end effectors on the ground and the given joint angles, rad.
+    ///
+    /// `interval_s` is the sample spacing, also of the gaits passed to [`change_gait`](Self::change_gait). A stretch is a whole
+    /// number of samples, and lasts at least `stretch_s`.
     ///
     /// # Errors
-    /// The horizon is too short, or the joints are of another robot.
+    /// Returns an error if the horizon has too few samples, or if the joints belong to another robot.
     pub fn new(
         robot: &Robot,
         joint_rad: &[f64],
@@ -121,15 +125,15 @@ impl Course {
         Ok(Self { horizon, begins, plan: None, trims, gait, stretch_samples, samples, frames })
     }
 
-    /// Time of a stretch, s.
+    /// Duration of a stretch, s.
     pub fn stretch_s(&self) -> f64 {
         self.stretch_samples as f64 * self.horizon.interval_s()
     }
 
-    /// Changes to another gait with the next stretch. End effectors that are in the air there finish their swing first.
+    /// Changes to another gait with the next stretch. End effectors in the air finish their swing first.
     ///
     /// # Errors
-    /// The gait is of another robot or has another spacing.
+    /// Returns an error if the gait belongs to another robot or has another sample spacing.
     pub fn change_gait(&mut self, gait: Gait) -> Result<(), HorizonError> {
         let name = gait.motion.name.clone();
         self.horizon.change_gait(gait, self.samples)?;
@@ -138,10 +142,11 @@ impl Course {
         Ok(())
     }
 
-    /// Plans on and returns the next stretch. `progress` sees every iteration and may stop the solve.
+    /// Plans and returns the next stretch. `progress` is called after every iteration and may stop the solve.
     ///
     /// # Errors
-    /// [`CourseError`]; a course without a plan may be asked again, with other steering.
+    /// Returns an error if the horizon cannot be planned, or if no plan covers the stretch. The call may be repeated with
+    /// another steering.
     pub fn go_on(
         &mut self,
         steering: Steering,
@@ -222,7 +227,7 @@ mod tests {
         Robot::from_toml("agilebot.toml", text).expect("it ships")
     }
 
-    /// AgileBot's shipped walk, from its own samples alone.
+    /// AgileBot's shipped walk, without refinement of its samples.
     fn walk(robot: &Robot) -> Gait {
         let text = include_str!("../../../shipped/motions/walk.toml");
         let motion = Motion::from_toml("walk.toml", text, robot).expect("it ships");
@@ -234,7 +239,7 @@ mod tests {
         optimise(robot, motion, &options, &mut on())
     }
 
-    /// A course in stretches of 0.2 s, from the nominal posture.
+    /// Course in stretches of 0.2 s, from the nominal posture.
     fn from_nominal(robot: &Robot, interval_s: f64, duration_s: f64) -> Course {
         let horizon = HorizonOptions { duration_s, ..HorizonOptions::default() };
         Course::new(robot, &nominal(robot), interval_s, 0.2, horizon).expect("it is long enough")
@@ -244,7 +249,7 @@ mod tests {
         robot.joints.iter().map(|joint| joint.nominal_rad).collect()
     }
 
-    /// Steered by one command after the other, each for some stretches.
+    /// Steers a course by one command after the other, each for a number of stretches.
     fn steered(course: &mut Course, commands: &[(Steering, usize)]) -> Vec<Stretch> {
         let mut stretches = Vec::new();
         for &(steering, count) in commands {
@@ -255,7 +260,7 @@ mod tests {
         stretches
     }
 
-    /// Frames follow each other within the limits of the actuators, seams included.
+    /// Checks that successive frames respect the limits of the actuators, also between stretches.
     fn check_frames(robot: &Robot, stretches: &[Stretch]) {
         let config = robot.controller_config().expect("channels");
         let frames: Vec<&Frame> = stretches.iter().flat_map(|stretch| &stretch.frames).collect();
@@ -311,7 +316,7 @@ mod tests {
         check_frames(&robot, &all);
     }
 
-    /// Stand between the taps: another gait, whose command is zero.
+    /// Alternates between the walk and a stand with zero command, as when a stick is tapped.
     #[test]
     fn a_stick_that_is_tapped_does_not_wind_up_the_correction_of_the_walk() {
         let robot = agilebot();
@@ -328,7 +333,7 @@ mod tests {
         assert_eq!(course.trims[&walk.motion.name].apply(forward), forward);
     }
 
-    /// Legbot: its legs leave their posture at each step.
+    /// Walks with Legbot, whose legs leave their posture in each step.
     #[test]
     #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
     fn a_robot_that_cannot_roll_walks_as_fast_as_it_is_steered() {

@@ -1,51 +1,51 @@
-//! Reasons for which a horizon cannot be made or planned.
+//! Errors of creating and planning a horizon.
 
 use thiserror::Error;
 
-/// Reason for which a horizon cannot be made or planned.
+/// Reason why a horizon cannot be created or planned.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum HorizonError {
     /// The horizon has too few samples for splines.
     #[error(
-        "horizon of {duration_s} s has {samples} samples at a spacing of {interval_s} s: it needs at least {least}; give a longer \
-         one"
+        "a horizon of {duration_s} s has {samples} samples at a spacing of {interval_s} s; give a \
+         longer horizon with at least {least} samples"
     )]
     TooShort {
-        /// The duration.
+        /// Requested duration, s.
         duration_s: f64,
         /// Number of samples.
         samples: usize,
         /// Sample spacing, s.
         interval_s: f64,
-        /// Fewest samples.
+        /// Minimum number of samples.
         least: usize,
     },
-    /// A gait is of another robot, or spaced otherwise.
-    #[error("gait `{gait}`: {what} is {found}, expected {expected}: that of the horizon")]
+    /// The gait belongs to another robot, or has another sample spacing.
+    #[error("gait `{gait}`: {what} is {found}; expected {expected}, as in the horizon")]
     OtherGait {
-        /// Name of its motion.
+        /// Name of the gait's motion.
         gait: String,
-        /// Differing quantity.
+        /// Quantity that differs.
         what: &'static str,
         /// Value in the gait.
         found: f64,
         /// Value in the horizon.
         expected: f64,
     },
-    /// The state is of another robot.
-    #[error("measured {what} has {found} entries, expected {expected}")]
+    /// The state belongs to another robot.
+    #[error("measured {what} has {found} entries; expected {expected}")]
     OtherRobot {
-        /// The field.
+        /// Name of the field.
         what: &'static str,
         /// Number of entries.
         found: usize,
         /// Number of entries for the robot.
         expected: usize,
     },
-    /// A number is not finite.
-    #[error("{what} is not finite; a horizon needs a finite number")]
+    /// A value is not finite.
+    #[error("{what} is not finite; give a finite number")]
     NotFinite {
-        /// The field.
+        /// Name of the field.
         what: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! A gait that a horizon is planned in: which end effectors stand when, and how the body sways with it.
+//! Gait of a horizon: stance and swing of each end effector over a cycle, and the sway of the body.
 
 use crate::motion::{Ends, Goal, Motion};
 use crate::plan::Placement;
@@ -11,13 +11,13 @@ use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::Robot;
 use thiserror::Error;
 
-/// Reason for which a motion is no gait.
+/// Reason why a motion is not a gait.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum GaitError {
     /// The motion does not repeat.
     #[error(
-        "motion `{motion}` has ends = \"{ends}\": a gait repeats; give a plan with ends = \"periodic\", or stand on all end \
-         effectors"
+        "motion `{motion}` has ends = \"{ends}\" and does not repeat; give a plan with ends = \
+         \"periodic\", or use the gait that stands on all end effectors"
     )]
     DoesNotRepeat {
         /// Name of the motion.
@@ -25,32 +25,32 @@ pub enum GaitError {
         /// Ends of the motion.
         ends: Ends,
     },
-    /// The spacing of samples is no time.
-    #[error("sample spacing is {interval_s} s: it must be a positive time")]
+    /// The sample spacing is not a positive time.
+    #[error("sample spacing is {interval_s} s; expected a time above 0 s")]
     NoSpacing {
-        /// The spacing.
+        /// Sample spacing, s.
         interval_s: f64,
     },
 }
 
-/// A cyclic footfall pattern at the sample spacing of the horizons that are planned in it.
+/// Cyclic footfall pattern, at the sample spacing of its horizons.
 #[derive(Clone, Debug)]
 pub struct Gait {
     /// Motion of one period: footfalls, swing height, posture, held wheels and reserve.
     pub(super) motion: Motion,
-    /// Variables of each sample as seen from its base: at the origin with heading 0.
+    /// Variables of each sample, relative to its base: the base is at the origin with heading 0.
     pub(super) cycle: Vec<DVector<f64>>,
-    /// Velocity of the body on the interval after each sample less its mean, along and to the left of the heading, m/s, and
-    /// of the heading, rad/s.
+    /// Velocity of the body in the interval after each sample, minus the mean over the cycle: along the heading and to the
+    /// left, m/s, and yaw rate, rad/s.
     pub(super) sway: Vec<[f64; 3]>,
 }
 
 impl Gait {
-    /// The footfalls of a periodic plan, and its sway: in the velocity with which the body is steered it shifts the weight to
-    /// the feet that stand.
+    /// Returns the footfalls of a periodic plan, and the sway of its body. Added to the steered velocity, the sway shifts the
+    /// weight to the stance feet.
     ///
     /// # Errors
-    /// The plan does not repeat.
+    /// Returns an error if the plan is not periodic.
     pub fn of(plan: &Plan) -> Result<Self, GaitError> {
         let motion = &plan.motion;
         if motion.ends != Ends::Periodic {
@@ -78,19 +78,19 @@ impl Gait {
         Ok(Self { motion: motion.clone(), cycle: cycle.collect(), sway })
     }
 
-    /// Gait with all end effectors in stance, in the robot's nominal posture: for driving or standing.
+    /// Returns a gait with all end effectors in stance, in the robot's nominal posture, for driving or standing.
     ///
     /// # Errors
-    /// The spacing is no time.
+    /// Returns an error if `interval_s` is not a positive time.
     pub fn standing(robot: &Robot, interval_s: f64) -> Result<Self, GaitError> {
         let nominal: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
         Self::standing_in(robot, interval_s, &nominal)
     }
 
-    /// The same in another posture: joint angles in joint order, rad.
+    /// Returns a gait with all end effectors in stance, in the posture of the given joint angles, rad.
     ///
     /// # Errors
-    /// The spacing is no time.
+    /// Returns an error if `interval_s` is not a positive time.
     pub fn standing_in(
         robot: &Robot,
         interval_s: f64,
@@ -123,7 +123,7 @@ impl Gait {
         Ok(Self { motion, cycle: vec![stand], sway: vec![[0.0; 3]] })
     }
 
-    /// Samples in a period.
+    /// Number of samples in a period.
     pub fn samples(&self) -> usize {
         self.motion.stance.len()
     }
@@ -134,12 +134,12 @@ impl Gait {
     }
 }
 
-/// Variables, moved so that the base is at the origin with heading 0.
+/// Moves variables so that the base is at the origin with heading 0.
 pub(super) fn seen_from_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f64> {
     Lift::PlacedBack.apply(layout, vars, &base_placement(vars))
 }
 
-/// Position of the base over the ground, and its heading.
+/// Position of the base over the ground, and heading of the base.
 pub(super) fn base_placement(vars: &DVector<f64>) -> Placement {
     Placement { offset_m: [vars[BASE_POSITION], vars[BASE_POSITION + 1]], yaw_rad: vars[BASE_YAW] }
 }

@@ -1,7 +1,7 @@
-//! A measured state as a planner can start from it: feet that touch are on the ground and do not slip.
+//! Projection of a measured state to a feasible start: feet in contact are on the ground and do not slip.
 //!
-//! A measured foot is never exactly on the ground and never without slip, and a horizon that began so could not meet its
-//! constraints at its first sample. The state that is nearest and does is where it begins.
+//! A measured foot is never exactly on the ground and never without slip. A horizon from such a state could not meet the
+//! constraints of its first sample. It begins instead in the nearest state that meets them.
 
 use super::start::Beginning;
 use crate::formulation::terms::motor_speed_rad_s;
@@ -18,14 +18,14 @@ use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::{ANGULAR, Frames, LINEAR, RimContact, State, Tree, rotation};
 
-/// Rounds of Newton's method to the ground: millimetres become nanometres in two.
+/// Number of Newton steps to the ground. Two steps reduce millimetres to nanometres.
 const ROUNDS: usize = 3;
-/// Regularisation of contacts that a robot cannot move apart, m² or (m/s)².
+/// Regularisation of contacts that the robot cannot move independently, m² or (m/s)².
 const DAMPING: f64 = 1e-9;
-/// Weight of the velocity of the body relative to that of joints and rims: slip is attributed to the joints.
+/// Weight of the body's velocity relative to that of joints and rims, so that slip is attributed to the joints.
 const BODY: f64 = 3.0;
 
-/// The nearest state in which the end effectors that stand touch the ground and do not slip, and joints are within their limits.
+/// Returns the nearest state in which stance feet touch the ground without slip and joints are within their limits.
 pub(super) fn on_contacts(
     tree: &Tree,
     ground: &ElevationMap,
@@ -60,15 +60,15 @@ pub(super) fn on_contacts(
     state
 }
 
-/// Quantity of a contact that is to be zero.
+/// Quantity of a contact that must be zero.
 #[derive(Clone, Copy, PartialEq)]
 enum Wanted {
     Distance,
     Velocity,
 }
 
-/// Rows of the contacts that stand, over ν, and their residuals: distances from the ground, m, or none for velocities, which
-/// are the rows times ν.
+/// Returns the rows of the stance contacts over the generalised velocity ν, and the distances of the contacts from the ground,
+/// m. For [`Wanted::Velocity`], the residuals are the product of rows and ν instead.
 fn contact_rows(
     tree: &Tree,
     ground: &ElevationMap,
@@ -103,7 +103,7 @@ fn contact_rows(
     (matrix, DVector::from_vec(off))
 }
 
-/// The least change in these weights that takes `rows` · change to −`off`.
+/// Smallest weighted `change` with `rows · change = −off`.
 fn nearest(rows: &DMatrix<f64>, off: &DVector<f64>, weights: &DVector<f64>) -> DVector<f64> {
     let mut scaled = rows.transpose();
     for (mut row, weight) in scaled.row_iter_mut().zip(weights) {
@@ -115,7 +115,7 @@ fn nearest(rows: &DMatrix<f64>, off: &DVector<f64>, weights: &DVector<f64>) -> D
     -(scaled * shares)
 }
 
-/// Position of the body over the ground, and its heading.
+/// Position of the body over the ground, and heading of the body.
 pub(super) fn over_ground(state: &State) -> Placement {
     let p = state.base_position_m;
     Placement { offset_m: [p.x, p.y], yaw_rad: yaw_pitch_roll(&state.world_from_body).x }
@@ -134,7 +134,7 @@ fn yaw_pitch_roll(world_from_body: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(r[(1, 0)].atan2(r[(0, 0)]), pitch, r[(2, 1)].atan2(r[(2, 2)]))
 }
 
-/// A state at the origin with heading 0 as the first sample of a horizon, and the sample before it.
+/// Converts a state at the origin with heading 0 to the first sample of a horizon and the sample before it.
 pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginning {
     let layout: &Layout = &problem.layout;
     let mut at = DVector::zeros(layout.len);

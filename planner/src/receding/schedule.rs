@@ -1,18 +1,18 @@
-//! Contact schedule by time: the footfalls of a gait from a sample on, those of the gait before it as far as they reach into
-//! it, and what a measurement says of contacts that differ.
+//! Contact schedule over time. The schedule combines the footfalls of the gait, unfinished swings of the previous gait, and
+//! measured contacts.
 
 use super::gait::Gait;
 use crate::motion::swing;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Footfalls by the number of a sample, counted from the first one of the first gait.
+/// Footfalls by index of the sample, counted from the start of the first gait.
 #[derive(Clone, Debug)]
 pub(super) struct Schedule {
     pub gait: Gait,
     /// Sample at which the gait began.
     begun_at: i64,
-    /// Samples in which each end effector is in a swing of the gait before.
+    /// Sample range of each end effector's unfinished swing from the previous gait.
     earlier: Vec<Range<i64>>,
 }
 
@@ -30,24 +30,25 @@ pub(super) struct Place {
 /// Footfalls and heights of a horizon.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Footfalls {
-    /// `[sample][end effector]`.
+    /// Stance flags `[sample][end effector]`.
     pub stance: Vec<Vec<bool>>,
     /// Contact heights `[sample][end effector]`, m.
     pub height_m: Vec<Vec<f64>>,
 }
 
-/// Height up to which an end effector that should stand does, m: it touches within what contacts yield.
+/// Height below which an end effector counts as standing if the schedule requires it, m. The compliance of contacts covers this
+/// height.
 const STANDS_BELOW_M: f64 = 0.003;
 
 impl Schedule {
-    /// A gait from a sample on, before which all stand.
+    /// Begins a gait at a sample, before which all end effectors stand.
     pub fn new(gait: Gait, begun_at: i64) -> Self {
         let earlier = vec![0..0; gait.motion.held_wheels.len()];
         Self { gait, begun_at, earlier }
     }
 
-    /// Goes over to another gait at a sample: what swings there lands as it would have, and then stands until its first
-    /// lift-off in the other gait.
+    /// Changes to another gait at a sample. An end effector in the air lands as in the previous gait, and then stands until its
+    /// first lift-off in the new one.
     pub fn change(&mut self, gait: Gait, at: i64) {
         let swing = |j: usize| {
             let swings = |k: &i64| !self.stands(*k, j);
@@ -62,7 +63,7 @@ impl Schedule {
         *self = Self { gait, begun_at: at, earlier };
     }
 
-    /// True if end effector `j` stands at sample `at`.
+    /// Returns true if end effector `j` stands at sample `at`.
     pub fn stands(&self, at: i64, j: usize) -> bool {
         if self.earlier[j].contains(&at) {
             return false;
@@ -76,12 +77,12 @@ impl Schedule {
         since < free || (free..=since.min(free + count)).all(|k| !row(k)) || row(since)
     }
 
-    /// Sample of the gait's period.
+    /// Index of a sample within the gait's period.
     pub fn phase(&self, at: i64) -> usize {
         (at - self.begun_at).rem_euclid(self.gait.samples() as i64) as usize
     }
 
-    /// Footfalls of `samples` samples from one on, at which the end effectors are at these places.
+    /// Footfalls of `samples` samples from sample `at`, at which the contact points have the states `places`.
     pub fn from(&self, at: i64, samples: usize, places: &[Place]) -> Footfalls {
         let period = self.gait.samples();
         let (swing_m, h) = (self.gait.motion.swing_height_m, self.gait.interval_s());
@@ -123,13 +124,13 @@ impl Schedule {
         Footfalls { stance: rows[inside.clone()].to_vec(), height_m: heights[inside].to_vec() }
     }
 
-    /// Samples in the longest swing of an end effector.
+    /// Number of swing samples of an end effector in a period.
     fn swing_samples(&self, j: usize) -> usize {
         self.gait.motion.stance.iter().filter(|row| !row[j]).count()
     }
 }
 
-/// The cubic from a value and a slope at 0 to none at `end`, at `t`; 0 beyond.
+/// Value at `t` of the cubic that has the given value and slope at 0, and value and slope 0 at `end`. Beyond `end`, 0.
 pub(super) fn faded([value, slope]: [f64; 2], t: f64, end: f64) -> f64 {
     if t >= end {
         return if t == 0.0 { value } else { 0.0 };
@@ -143,7 +144,7 @@ mod tests {
     use super::*;
     use crate::test_robots;
 
-    /// A gait of 10 samples at 0.1 s in which the first of four end effectors swings as the row says.
+    /// Gait of 10 samples at 0.1 s. The first of four end effectors swings at the dots of `row`.
     fn gait(row: &str) -> Gait {
         let robot = &test_robots::all()[0];
         let mut gait = Gait::standing(robot, 0.1).expect("a spacing");

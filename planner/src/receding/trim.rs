@@ -1,22 +1,22 @@
 //! Correction of the steering command of a [`Course`](super::Course): integral control of the planned velocity.
 //!
-//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost: legs that leave their posture in every
-//! step walk too slowly. An integrator per axis scales the command up. It integrates only while the command is held and the
-//! response to its last change has settled, and a rejected plan halves its state: transients do not wind it up, and it does not
-//! insist on what cannot be planned. Each gait has its own.
+//! A horizon tracks the commanded velocity by a cost, in balance with the posture cost. Legs that leave their posture in every
+//! step therefore walk too slowly. One integrator per axis and gait scales the command up. It integrates only while the command
+//! is held and the response to its latest change has settled, so that transients do not wind it up. A rejected plan halves the
+//! correction, so that commands remain feasible.
 
 use super::Steering;
 
 /// Integral time, s.
 const INTEGRAL_S: f64 = 1.0;
-/// Time for which a command has to be held before its error is integrated, s: longer than robots take to follow one, the start
-/// of a gait included.
+/// Time for which a command must be held before its error is integrated, s. Robots follow a command sooner, also at the start
+/// of a gait.
 const SETTLES_S: f64 = 1.5;
-/// Largest change of a held command, as a fraction of it.
+/// Largest relative change of a command that still counts as held.
 const HELD: f64 = 0.1;
-/// Smallest command that is corrected, m/s and rad/s: the error is divided by it.
+/// Smallest command that is corrected, m/s and rad/s. The error is divided by the command.
 const LEAST: f64 = 0.02;
-/// Range of the correction, as a fraction of the command: it bounds the windup of a robot that is blocked.
+/// Range of the correction, as a fraction of the command. The range bounds the windup of a blocked robot.
 const RANGE: (f64, f64) = (-0.3, 1.5);
 
 /// Correction of forward velocity, velocity to the left and yaw rate.
@@ -24,14 +24,14 @@ const RANGE: (f64, f64) = (-0.3, 1.5);
 pub(super) struct Trim {
     /// Correction of each axis, as a fraction of the command.
     part: [f64; 3],
-    /// The command since its last change, m/s and rad/s.
+    /// Command since its latest change, m/s and rad/s.
     held: [f64; 3],
     /// Time since that change, s.
     held_s: f64,
 }
 
 impl Trim {
-    /// The corrected command.
+    /// Returns the corrected command.
     pub fn apply(&self, wanted: Steering) -> Steering {
         let [forward, left, turn] = self.part.map(|part| 1.0 + part);
         Steering {
@@ -41,8 +41,8 @@ impl Trim {
         }
     }
 
-    /// Updates the correction with the mean planned velocity of a stretch less the sway of the gait: forward, left, m/s, and
-    /// yaw rate, rad/s.
+    /// Updates the correction with the mean planned velocity of a stretch, minus the sway of the gait: forward and left, m/s,
+    /// and yaw rate, rad/s.
     pub fn update(&mut self, wanted: Steering, velocity: [f64; 3], stretch_s: f64) {
         let wanted = [wanted.forward_m_s, wanted.left_m_s, wanted.turn_rad_s];
         let mut axes = wanted.iter().zip(&self.held);
@@ -61,13 +61,13 @@ impl Trim {
         }
     }
 
-    /// The plan for the corrected command was rejected.
+    /// Halves the correction after a rejected plan.
     pub fn reject(&mut self) {
         self.part = self.part.map(|part| 0.5 * part);
         self.restart();
     }
 
-    /// Starts the settling time again: the gait has changed.
+    /// Restarts the settling time after a change of gait.
     pub fn restart(&mut self) {
         self.held_s = 0.0;
     }
@@ -79,10 +79,10 @@ mod tests {
 
     const STRETCH_S: f64 = 0.15;
 
-    /// A robot whose forward velocity follows commands with a first-order lag.
+    /// Robot whose forward velocity follows commands with a first-order lag.
     struct Plant {
         lag_s: f64,
-        /// Velocity that it comes to, as a fraction of the command.
+        /// Steady-state velocity, as a fraction of the command.
         gain: f64,
         velocity_m_s: f64,
         trim: Trim,
@@ -93,7 +93,7 @@ mod tests {
             Self { lag_s, gain, velocity_m_s: 0.0, trim: Trim::default() }
         }
 
-        /// Steers it for some time. Returns the smallest and the largest velocity.
+        /// Steers the robot for `duration_s`. Returns the smallest and the largest velocity.
         fn steer(&mut self, wanted_m_s: f64, duration_s: f64) -> (f64, f64) {
             let wanted = Steering { forward_m_s: wanted_m_s, ..Steering::default() };
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -1,5 +1,5 @@
-//! Motor torques that the played motion needs, and the force at the base that no ground contact can supply:
-//! [`crate::torque`].
+//! Motor torques of the played motion, and the force at the base that no ground contact can supply. [`crate::torque`] computes
+//! both.
 
 use super::grid::Timeline;
 use super::residual::{Grid, Row, Worst};
@@ -9,14 +9,14 @@ use crate::torque::InverseDynamics;
 use rollwalk_robot::Channel;
 use serde::Serialize;
 
-/// Largest torque that one motor needs while a motion is played.
+/// Largest torque of one motor while a motion is played.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LargestTorque {
-    /// Name of the joint or of the wheel.
+    /// Name of the joint or wheel.
     pub motor: String,
     /// Kind of the motor.
     pub kind: MotorKind,
-    /// The torque, N·m: its amount.
+    /// Magnitude of the torque, N·m.
     pub torque_nm: f64,
     /// Limit of the robot file, N·m.
     pub limit_nm: f64,
@@ -34,8 +34,8 @@ pub enum MotorKind {
     Wheel,
 }
 
-/// Torques of the whole robot in the frames of a motion library: the largest of every motor, and rows of excesses and
-/// of what no ground force gives.
+/// Computes the torques of the whole robot at the frame rate of a library. Returns the largest torque of every motor, and rows
+/// of the excesses over torque limits and of the force and moment that no contact supplies.
 pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row>) {
     let grid = Grid::Library60Hz;
     let mut joint = Worst::of(Family::JointTorqueAsPlayed, grid);
@@ -77,7 +77,7 @@ impl LargestTorque {
         }
     }
 
-    /// The torque as a part of the limit.
+    /// Torque as a fraction of the limit.
     pub fn part_of_limit(&self) -> f64 {
         self.torque_nm / self.limit_nm
     }

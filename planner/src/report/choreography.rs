@@ -1,4 +1,4 @@
-//! Residuals of a motion's targets and height limits, from the numbers of a plan in the frame of its first sample.
+//! Residuals of a motion's targets and height limits, computed from the values of a plan in the frame of its first sample.
 
 use super::grid::{State, Timeline, Window};
 use super::residual::{Grid, Worst};
@@ -6,7 +6,7 @@ use crate::families::Family;
 use crate::motion::{Ends, Subject};
 use nalgebra::{Rotation3, Vector3};
 
-/// Deviations from targets, and excesses over height limits.
+/// Deviations from targets, and violations of height limits.
 pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut found = targets(timeline, grid);
     found.push(heights(timeline, grid));
@@ -18,7 +18,7 @@ fn height_m(state: &State, of: Subject) -> f64 {
     state.ground.height_above_m(&position(state, of))
 }
 
-/// Position of a subject in world, m.
+/// Position of a subject in the world, m.
 fn position(state: &State, of: Subject) -> Vector3<f64> {
     match of {
         Subject::Com => state.com(),
@@ -27,7 +27,7 @@ fn position(state: &State, of: Subject) -> Vector3<f64> {
     }
 }
 
-/// The parabola through three values one unit apart, at `u` from the middle one: value and slope.
+/// Value and slope of the parabola through three values one unit apart, at `u` from the middle one.
 fn parabola<V>([before, here, after]: [V; 3], u: f64) -> (V, V)
 where
     V: Copy
@@ -85,8 +85,7 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![places, velocities, headings]
 }
 
-/// Excess of heights over their limits within the limits' spans, m. At the samples of a plan the two samples that
-/// enclose a span count too.
+/// Violation of height limits within their time spans, m. On the samples of a plan, the two samples around a span count too.
 fn heights(timeline: &Timeline, grid: Grid) -> Worst {
     let mut worst = Worst::of(Family::HeightLimit, grid);
     let plan = timeline.plan;

@@ -1,4 +1,4 @@
-//! Clearance of links from each other and from the ground, from the shapes of the robot in the plan.
+//! Clearance of links from each other and from the ground. The shapes are those of the robot in the plan.
 
 use super::grid::{State, Timeline};
 use super::residual::{Grid, Worst};
@@ -26,14 +26,14 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![links, ground]
 }
 
-/// Distance of a point of a shape or of a joint from the ground, m.
+/// Distance of a point of a shape or joint from the ground, m.
 pub fn ground_distance_m(state: &State, point: &GroundPoint) -> f64 {
     let center = point.center(&state.pose.frames);
     let (distance_m, _) = state.ground.distance(&center);
     distance_m - point.radius_m
 }
 
-/// Distance of the surfaces of a pair, m.
+/// Distance between the surfaces of a pair, m.
 pub fn distance(state: &State, pair: &Pair) -> f64 {
     let pair = ClearancePair { links: pair.links, shapes: pair.shapes.each_ref() };
     state.pose.frames.clearance(&pair)

@@ -1,4 +1,4 @@
-//! The judgement of a plan in words.
+//! Text of the judgement of a plan.
 
 use super::residual::Row;
 use super::{Judgement, Report};
@@ -7,13 +7,13 @@ use crate::solve::ACCEPTED_LEVEL;
 use std::fmt;
 
 impl Report {
-    /// The judgement in words, with the residual that decides. `solve` is the summary of the plan.
+    /// Returns the judgement as text, with the residual that decides. `solve` is the summary of the plan.
     pub fn conclusion<'a>(&'a self, solve: &'a SolveSummary) -> Conclusion<'a> {
         Conclusion { report: self, solve }
     }
 }
 
-/// [`Report::conclusion`] in words.
+/// Text of [`Report::conclusion`].
 pub struct Conclusion<'a> {
     report: &'a Report,
     solve: &'a SolveSummary,
@@ -29,39 +29,43 @@ impl fmt::Display for Conclusion<'_> {
         };
         match report.judgement {
             Judgement::Consistent => f.write_str(
-                "consistent: every residual that has a tolerance is within it, at the samples and as played",
+                "consistent: no residual exceeds its tolerance, at the samples or as played",
             ),
             Judgement::TakenBack => {
                 f.write_str("does not meet its goal at rest: ")?;
                 match &report.taken_back {
                     Some(taken_back) => write!(
                         f,
-                        "{taken_back}. Feet that step or wheels that roll there would meet it; to lean is a `[[target]]`"
+                        "{taken_back}. Let feet step or wheels roll to the goal, or request the \
+                         lean with a `[[target]]`"
                     ),
                     None => Ok(()),
                 }
             }
             Judgement::NeedsFeedback => {
                 let reason = report.needs_feedback.as_deref().unwrap_or_default();
-                write!(f, "needs feedback when it is played: {reason}\nwithout: ")?;
+                write!(f, "needs feedback when played: {reason}\nwithout feedback: ")?;
                 worst(f, true)
             }
             Judgement::FailsAsPlayed => {
-                f.write_str("not consistent as it is played: ")?;
+                f.write_str("not consistent as played: ")?;
                 worst(f, true)
             }
             Judgement::BeyondTolerance => {
-                f.write_str("not consistent, the plan was changed since it converged: ")?;
+                f.write_str("not consistent, because the plan was changed after it converged: ")?;
                 worst(f, false)
             }
             // The point is that of the feasibility probe.
             Judgement::NotConverged
                 if matches!(status, Status::Infeasible | Status::Stalled)
                     && *worst_level <= ACCEPTED_LEVEL =>
-            write!(
-                f,
-                "did not converge ({status}): without costs all constraints can be met, and with them the solver gets stuck"
-            ),
+            {
+                write!(
+                    f,
+                    "did not converge ({status}): all constraints can be met without costs, but the \
+                 solver gets stuck with costs"
+                )
+            }
             Judgement::NotConverged => {
                 write!(f, "did not converge ({status}): ")?;
                 match report.worst_of(false) {
@@ -74,7 +78,7 @@ impl fmt::Display for Conclusion<'_> {
 }
 
 impl fmt::Display for Row {
-    /// Residual, worst value, tolerance, place.
+    /// Prints residual, time, worst value and tolerance.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = super::table::number;
         write!(f, "{}", self.family)?;

@@ -1,4 +1,4 @@
-//! States of a plan, with those before and after it and the kinematics of each, from which residuals are computed.
+//! States of a plan with their kinematics and their neighbours in time, the input of all residuals.
 
 use crate::families::Scales;
 use crate::motion::Ends;
@@ -10,14 +10,14 @@ use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Link};
 
-/// Least height of the centre of mass that tolerances are fractions of, m: edited plans may have any.
+/// Lower bound of the height of the centre of mass in tolerances, m. An edited plan may have any height.
 const HEIGHT_MIN_M: f64 = 0.01;
 
-/// State of a timeline.
+/// State of a timeline: one sample with its kinematics.
 pub struct State<'a> {
-    /// The numbers of the plan.
+    /// Sample of the plan.
     pub sample: &'a Sample,
-    /// Kinematics at its base pose and joint angles.
+    /// Kinematics of the sample's base pose and joint angles.
     pub pose: Pose,
     /// Contact frames from the plan's tilt and yaw.
     pub frames: Vec<ContactFrame>,
@@ -25,27 +25,27 @@ pub struct State<'a> {
     pub ground: &'a ElevationMap,
 }
 
-/// States of a plan in order of time, one before and one after it included.
+/// States of a plan in order of time, including one before the first sample and one after the final sample.
 pub struct Timeline<'a> {
-    /// The plan.
+    /// Plan of the timeline.
     pub plan: &'a Plan,
-    /// Model of its robot.
+    /// Model of the plan's robot.
     pub model: Model,
-    /// `states[i + 1]` belongs to sample i.
+    /// States; `states[i + 1]` belongs to sample i.
     states: Vec<State<'a>>,
-    /// Principal axes of the inertia of each link, in the link's frame, with the second moments Σ m x² along them, kg·m².
+    /// Principal axes of the inertia of each link in the link's frame, with the second moments Σ m x² along the axes, kg·m².
     pub principal: Vec<[(Vector3<f64>, f64); 3]>,
 }
 
 /// Three neighbouring states around sample `index`.
 pub struct Window<'a> {
-    /// The sample in the middle.
+    /// Index of the middle sample.
     pub index: usize,
-    /// The state before it.
+    /// State before the sample.
     pub before: &'a State<'a>,
     /// State at the sample.
     pub here: &'a State<'a>,
-    /// The state after it.
+    /// State after the sample.
     pub after: &'a State<'a>,
 }
 
@@ -59,7 +59,7 @@ impl<'a> Timeline<'a> {
         Self { plan, model, states, principal }
     }
 
-    /// Windows around all samples.
+    /// Returns windows around all samples.
     pub fn samples(&self) -> impl Iterator<Item = Window<'_>> {
         self.states.windows(3).enumerate().map(|(index, w)| Window {
             index,
@@ -69,8 +69,8 @@ impl<'a> Timeline<'a> {
         })
     }
 
-    /// Windows around the samples that begin an interval of the motion. In a periodic motion these are all samples, as the last
-    /// interval leads to the next period; in other motions all but the last.
+    /// Returns windows around the samples that begin an interval of the motion. In a periodic motion these are all samples,
+    /// because the final interval leads to the next period. In other motions the final sample is left out.
     pub fn intervals(&self) -> impl Iterator<Item = Window<'_>> {
         let count = match self.plan.motion.ends {
             Ends::Periodic => self.plan.samples.len(),
@@ -79,7 +79,7 @@ impl<'a> Timeline<'a> {
         self.samples().take(count)
     }
 
-    /// The neighbours of a sample that are in the motion: of a periodic one both.
+    /// Returns the neighbours of a sample within the motion. In a periodic motion, these are always two.
     pub fn neighbours<'b>(&self, w: &Window<'b>) -> Vec<&'b State<'b>> {
         let periodic = self.plan.motion.ends == Ends::Periodic;
         let before = (periodic || w.index > 0).then_some(w.before);
@@ -87,7 +87,7 @@ impl<'a> Timeline<'a> {
         before.into_iter().chain(after).collect()
     }
 
-    /// Mean of a second derivative around a sample over x₋ − 2x + x₊, 1/s².
+    /// Factor from x₋ − 2x + x₊ to the mean of the second derivative around a sample, 1/s².
     pub fn mean_of_second_derivative(&self, w: &Window) -> f64 {
         2.0 / (self.neighbours(w).len() as f64 * self.spacing_s().powi(2))
     }
@@ -153,7 +153,8 @@ impl<'a> State<'a> {
         self.sample.com_m.into()
     }
 
-    /// Angular velocity in world of the link that carries end effector `j`, rad/s.
+    /// Mean angular velocity, from this state to the state `to`, of the link that carries end effector `j`, in the world frame,
+    /// rad/s.
     pub fn link_velocity(&self, j: usize, to: &Self, spacing_s: f64) -> Vector3<f64> {
         let (from, to) = (&self.pose.end_effectors[j], &to.pose.end_effectors[j]);
         rotation::log(&(to.world_from_link * from.world_from_link.transpose())) / spacing_s
@@ -168,7 +169,7 @@ fn principal(link: &Link) -> [(Vector3<f64>, f64); 3] {
     })
 }
 
-/// End effectors with their index.
+/// Iterates over end effectors with their index.
 pub(super) fn feet<'a>(timeline: &'a Timeline) -> impl Iterator<Item = (usize, &'a EndEffector)> {
     timeline.plan.robot.end_effectors.iter().enumerate()
 }

@@ -1,30 +1,30 @@
-//! Judgement of a plan: one verdict for the planner, the report and libraries.
+//! Judgement of a plan: one verdict shared by planner, report and libraries.
 
 use super::net::TakenBack;
 use super::residual::Row;
 use crate::plan::{Plan, Status};
 use serde::Serialize;
 
-/// Judgement of a plan, from its solver's status and from recomputed residuals.
+/// Judgement of a plan from the status of its solve and from recomputed residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judgement {
     /// Residuals are within their tolerances, at the samples and as played.
     Consistent,
-    /// Consistent motion at rest, but the transition to another motion takes most of a goal back.
+    /// The motion at rest is consistent, but the transition to another motion reverses most of a goal.
     TakenBack,
-    /// Consistent at the samples but not as played; the motion file states that it needs feedback.
+    /// The plan is consistent at the samples but not as played. The motion file states that the motion needs feedback.
     NeedsFeedback,
-    /// Consistent at the samples, but not as played.
+    /// The plan is consistent at the samples but not as played.
     FailsAsPlayed,
-    /// The solver converged, but a residual at the samples is beyond its tolerance: the plan was changed since.
+    /// The solver converged, but a residual at the samples is beyond its tolerance. The plan was changed afterwards.
     BeyondTolerance,
     /// The solver did not converge.
     NotConverged,
 }
 
 impl Judgement {
-    /// The judgement of a plan with these residuals.
+    /// Judges a plan with the given residuals.
     pub(super) fn new(plan: &Plan, rows: &[Row]) -> Self {
         let fails =
             |played: bool| rows.iter().any(|row| row.is_as_played() == played && row.is_beyond());
@@ -44,7 +44,8 @@ impl Judgement {
         }
     }
 
-    /// True if the plan is consistent, or if its motion file states that it needs feedback.
+    /// Returns true if the plan is consistent, or if it fails as played and its motion file states that the motion needs
+    /// feedback.
     pub fn is_good(self) -> bool {
         matches!(self, Self::Consistent | Self::NeedsFeedback)
     }

@@ -1,7 +1,7 @@
-//! Motor torques that the planned forces require, against torque limits and torque-speed lines.
+//! Motor torques that the planned forces require, compared with torque limits and torque-speed lines.
 //!
-//! They follow from virtual work, not from the optimiser's equations: the torque of a joint is minus the power of
-//! ground forces, weight and inertia of all mass points per unit of its rate, and what accelerates its rotor.
+//! The torques follow from virtual work, independently of the optimiser's equations. A joint's torque is minus the power of
+//! ground forces, weight and inertia of all mass points per unit of joint rate, plus the torque that accelerates its rotor.
 
 use super::grid::{State, Timeline, Window, feet};
 use super::residual::{Grid, Worst};
@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::{Actuator, GRAVITY_M_S2};
 
-/// Torques of joints and driven wheels at the samples, torque-speed lines on the intervals.
+/// Residuals of joint and wheel torques at the samples, and of torque-speed lines on the intervals.
 pub fn torques(timeline: &Timeline) -> Vec<Worst> {
     let mut joint = Worst::of(Family::JointTorque, Grid::Samples);
     let mut wheel = Worst::of(Family::WheelTorque, Grid::Samples);
@@ -56,7 +56,8 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
     vec![joint, wheel, line]
 }
 
-/// Minus the power of ground forces, weight and inertia per unit of each joint's rate, and its rotor's share, N·m.
+/// Joint torques, N·m: minus the power of ground forces, weight and inertia per unit of joint rate, plus the torque that
+/// accelerates the rotor.
 fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     let model = &timeline.model;
     let here = w.here;
@@ -100,14 +101,14 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     torques
 }
 
-/// Minus the power of the ground force per unit of the wheel's spin, N·m: the rim moves against its
+/// Torque of a wheel, N·m: minus the power of the ground force per unit of spin. The rim at the contact moves against the
 /// rolling direction.
 fn wheel_torque_nm(timeline: &Timeline, state: &State, j: usize) -> f64 {
     let radius_m = timeline.plan.robot.end_effectors[j].radius_m;
     state.force(j).dot(&state.frames[j].rolling) * radius_m
 }
 
-/// Excess of a torque at a speed over the torque-speed line; `None` without a line.
+/// Excess over the torque-speed line, as a fraction of the line; `None` for a motor without a line.
 fn beyond_line(motor: &Actuator, torque_nm: f64, speed_rad_s: f64) -> Option<f64> {
     let line = motor.torque_speed?;
     let used = torque_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;

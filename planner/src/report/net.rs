@@ -1,5 +1,5 @@
-//! Net way of a motion at rest: what is left of a goal once the robot is in the posture again in which it began. A body that
-//! shifts over contacts that stay is shifted back by the transition to whatever comes next.
+//! Net displacement of a motion at rest: the fraction of a goal that remains once the robot is back in its initial posture. If
+//! a body only shifts over fixed contacts, the transition to the next motion shifts it back.
 
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
@@ -7,26 +7,27 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;
 
-/// Part of a goal that posture may add or take without a word.
+/// Relative difference of net displacement and goal up to which no warning is printed.
 const UNSAID: f64 = 0.1;
-/// Part of a goal that posture may add or take: beyond, the goal is not that of the motion's contacts.
+/// Relative difference of net displacement and goal beyond which the contacts do not meet the goal.
 const ALLOWED: f64 = 0.5;
-/// Part of a goal that is next to nothing of it.
+/// Net displacement below which posture alone meets the goal, as a fraction of the goal.
 const WHOLE: f64 = 0.1;
 
-/// The goal of a motion at rest of which posture adds or takes the largest part.
+/// Goal component that the net displacement of a motion at rest misses most.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TakenBack {
     /// Field of the goal in the motion file.
     pub field: &'static str,
     /// Requested value, m or rad.
     pub goal: f64,
-    /// Remaining value in the posture of the beginning, m or rad.
+    /// Net value in the initial posture, m or rad.
     pub left: f64,
 }
 
 impl TakenBack {
-    /// Returns the goal of a motion at rest that posture changes most; `None` for other motions and without goals.
+    /// Returns the goal component that the net displacement of a motion at rest misses most. `None` for other motions and
+    /// without goals.
     pub(crate) fn of(plan: &Plan) -> Option<Self> {
         let goal = &plan.motion.goal;
         let goals =
@@ -42,22 +43,22 @@ impl TakenBack {
         found.max_by(|a, b| a.part().total_cmp(&b.part()))
     }
 
-    /// Part of the goal that posture adds or takes.
+    /// Difference of the net value from the goal, as a fraction of the goal.
     fn part(&self) -> f64 {
         (self.left / self.goal - 1.0).abs()
     }
 
-    /// True if the report mentions it.
+    /// Returns true if the report warns of the difference.
     pub fn is_said(&self) -> bool {
         self.part() > UNSAID
     }
 
-    /// True if next to nothing is left of the goal.
+    /// Returns true if almost nothing of the goal remains.
     pub(crate) fn is_whole(&self) -> bool {
         (self.left / self.goal).abs() < WHOLE
     }
 
-    /// True if too much is taken back for the motion to have met its goal.
+    /// Returns true if the contacts do not meet the goal, because the difference is too large.
     pub fn is_too_much(&self) -> bool {
         self.part() > ALLOWED
     }
@@ -68,14 +69,15 @@ impl fmt::Display for TakenBack {
         let Self { field, goal, left } = self;
         write!(
             f,
-            "of {field} = {goal:.3}, {left:.3} are left in the posture of the beginning: the body shifts over its contacts, and the \
-             transition to another motion shifts it back"
+            "with {field} = {goal:.3}, only {left:.3} remain after a return to the initial \
+             posture: the body leans over its contacts, and the transition to another motion moves \
+             the body back"
         )
     }
 }
 
-/// Way of the centre of mass, if it moved with the contact points: forward and to the left, m, and turn, rad, that fit their
-/// places at the end to those at the beginning best.
+/// Displacement of the centre of mass if it moved rigidly with the contact points: forward and left, m, and turn, rad. The
+/// rigid motion is the best fit of the initial contact points to the final ones.
 fn way_of_contacts(plan: &Plan) -> [f64; 3] {
     let [first, last] = plan.ends();
     let count = first.end_effectors.len() as f64;

@@ -14,44 +14,44 @@ pub struct Row {
     pub equation: &'static str,
     /// Times at which the residual is evaluated.
     pub grid: Grid,
-    /// Worst residual, in `unit`. For limits the excess, 0 within the limit.
+    /// Worst residual, in `unit`. For limits, this is the excess, which is 0 within the limit.
     pub worst: f64,
     /// Unit of `worst` and `level`.
     pub unit: &'static str,
-    /// Tolerance: the residual up to which motions hold in an independent simulator; `None` for residuals without one.
+    /// Tolerance: the largest residual with which motions succeed in an independent simulator. `None` for residuals without
+    /// one.
     pub level: Option<f64>,
-    /// Place of the worst residual; `None` when the residual is 0 everywhere.
+    /// Sample and subject of the worst residual; `None` if the residual is 0 everywhere.
     pub place: Option<Place>,
 }
 
-/// The times at which a residual is evaluated.
+/// Times at which a residual is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Grid {
-    /// The samples of the plan.
+    /// Samples of the plan.
     #[serde(rename = "samples")]
     Samples,
-    /// The plan resampled at the motion library's rate, 60 Hz.
+    /// Plan resampled at the rate of motion libraries, 60 Hz.
     #[serde(rename = "60_hz")]
     Library60Hz,
-    /// The plan resampled at the fastest control rate, 500 Hz.
+    /// Plan resampled at the fastest control rate, 500 Hz.
     #[serde(rename = "500_hz")]
     Control500Hz,
 }
 
-/// Place of a worst residual.
+/// Sample and subject of a worst residual.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Place {
-    /// Index of the sample, or of the frame of the resampled motion, from 0. For residuals of intervals it is that of
-    /// the interval's start.
+    /// Index of the sample or of the resampled frame, from 0. For residuals of intervals, the index of the interval's start.
     pub sample: usize,
     /// Time of the sample or frame, s.
     pub time_s: f64,
-    /// Name of the joint, end effector or links, if the residual belongs to some.
+    /// Name of the joint, end effector or links; `None` if the residual belongs to the whole robot.
     pub subject: Option<String>,
 }
 
 impl Row {
-    /// A row without residuals.
+    /// Creates a row without residuals.
     pub(super) fn new(family: Family, grid: Grid) -> Self {
         let (unit, _) = family.unit().shown();
         let equation = family.equation();
@@ -68,7 +68,7 @@ impl Row {
         self.part_of_level() > 1.0
     }
 
-    /// Worst residual as a fraction of its tolerance; 0 without one.
+    /// Worst residual as a fraction of its tolerance; 0 for residuals without a tolerance.
     pub fn part_of_level(&self) -> f64 {
         self.level.map_or(0.0, |level| self.worst / level)
     }
@@ -121,12 +121,12 @@ impl Worst {
         self.row.level = Some(self.row.family.level().at(1.0) * factor);
     }
 
-    /// The row, if any residual was recorded.
+    /// Returns the row, or `None` if no residual was recorded.
     pub(super) fn row(self) -> Option<Row> {
         self.row.level.is_some().then_some(self.row)
     }
 
-    /// The same with the tolerance of a motion as it is played, if the family has one.
+    /// Returns the row with the tolerance of played motions, if the family has one.
     pub(super) fn row_as_played(self, timeline: &Timeline) -> Option<Row> {
         let mut row = self.row()?;
         let (_, factor) = row.family.unit().shown();

@@ -1,5 +1,5 @@
-//! Smallest distances of a motion as it is played: swing height, between limbs, and between limbs and the ground.
-//! Residuals show only by how much a margin is missed; these are the distances themselves.
+//! Smallest distances of a motion as played: swing height, between links, and between links and the ground. Residuals contain
+//! only the deficits.
 
 use super::clearance::{distance, ground_distance_m};
 use super::grid::{State, Timeline, feet};
@@ -7,31 +7,30 @@ use crate::motion::Ends;
 use serde::Serialize;
 use std::fmt;
 
-/// A distance and where it is smallest.
+/// Smallest distance, with its subject and time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Least {
-    /// The distance, m; negative by the depth where shapes overlap.
+    /// Distance, m. For overlapping shapes, minus the depth of the overlap.
     pub distance_m: f64,
     /// Name of the end effector, link or links.
     pub subject: String,
-    /// Time of that distance, s.
+    /// Time of the distance, s.
     pub time_s: f64,
 }
 
 /// Smallest distances of a motion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Room {
-    /// The lowest swing: height of the end effector's contact point where that swing is highest. `None` where nothing
-    /// swings.
+    /// Lowest swing: height of the contact point at the top of the swing. `None` if nothing swings.
     pub swing: Option<Least>,
-    /// Distance of two links; `None` for robots without shapes that could meet.
+    /// Distance between two links; `None` for robots without shapes that could meet.
     pub links: Option<Least>,
     /// Height of a link above the ground.
     pub ground: Option<Least>,
 }
 
 impl Room {
-    /// Smallest distances at the times of a timeline.
+    /// Computes the smallest distances at the times of a timeline.
     pub(super) fn of(timeline: &Timeline) -> Self {
         let swings = feet(timeline).flat_map(|(j, foot)| {
             let highest = highest_of_swings(timeline, j);
@@ -66,7 +65,7 @@ impl Room {
     }
 }
 
-/// The entry with the smallest distance, the first of equals.
+/// Returns the entry with the smallest distance, or the first of equals.
 fn least<T>(of: impl Iterator<Item = (f64, f64, T)>) -> Option<(f64, f64, T)> {
     of.min_by(|a, b| a.0.total_cmp(&b.0))
 }

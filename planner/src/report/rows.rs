@@ -9,7 +9,7 @@ use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Residuals that a plan must satisfy at its samples.
+/// Residuals of a plan at its samples.
 pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     let mut found = dynamics(timeline, Grid::Samples);
     found.extend([friction(timeline), rolling_force(timeline), swing_force(timeline)]);
@@ -31,8 +31,8 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     rows
 }
 
-/// Residuals of the motion as played. Those that are 0 by construction, because quantities follow from the pose, are
-/// omitted.
+/// Residuals of the motion as played. Residuals of quantities that follow from the pose are omitted, because they are 0 by
+/// construction.
 pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     let mut found = dynamics(timeline, grid);
     found.extend(contact_motion(timeline, grid));
@@ -51,7 +51,7 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     rows
 }
 
-/// Newton–Euler for the centroidal frame.
+/// Residuals of the Newton–Euler equations in the centroidal frame.
 fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut linear = Worst::of(Family::LinearDynamics, grid);
     let mut angular = Worst::of(Family::AngularDynamics, grid);
@@ -84,8 +84,8 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![linear, angular]
 }
 
-/// Σ m r × r₊ of all links about the centre of mass, kg·m²: their centres of mass, and three pairs of masses each that
-/// have the rest of its inertia.
+/// Sum Σ m r × r₊ of all links about the centre of mass, kg·m². Each link is a mass at its centre of mass, and three pairs of
+/// masses with the rest of its inertia.
 fn swept_moment(timeline: &Timeline, from: &State, to: &State) -> Vector3<f64> {
     let mut moment = Vector3::zeros();
     for (l, link) in timeline.plan.robot.links.iter().enumerate() {
@@ -116,7 +116,7 @@ fn friction(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// Free wheels push along their rolling direction with their rolling resistance only.
+/// Residual of the force of free wheels along their rolling direction, against their rolling resistance.
 fn rolling_force(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::FreeWheelTraction, Grid::Samples);
     for w in timeline.samples() {
@@ -145,7 +145,7 @@ fn swing_force(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// Slip on the ground and height above it.
+/// Residuals of slip on the ground and of height above it.
 fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut slip = Worst::of(Family::Slip, grid);
     let mut landing = Worst::of(Family::LandingSlip, grid);
@@ -210,8 +210,7 @@ fn contact_point(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// The contact of a skate lies on its blade: the angle from the blade's middle to the contact, seen along the blade,
-/// is at most half the blade's.
+/// Distance of a skate's contact point beyond the end of its blade, along the rolling direction, m.
 fn blade_contact(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::BladeContact, Grid::Samples);
     for w in timeline.samples() {
@@ -237,8 +236,8 @@ fn wheel_axis(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// The commanded motor speed turns the wheel as the slip equation requires, ω + α̇_yaw (v·a) − Ω·a; the residual is a
-/// rim speed.
+/// Difference of the commanded motor speed from the one that the slip equation requires, ω + α̇_yaw (v·a) − Ω·a. The residual
+/// is a rim speed.
 fn motor_speed(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::MotorAgainstWheel, Grid::Samples);
     let h = timeline.spacing_s();
@@ -252,7 +251,7 @@ fn motor_speed(timeline: &Timeline) -> Worst {
     worst
 }
 
-/// A wheel that is welded to its link or held still does not turn relative to it; the residual is a rim speed.
+/// Speed relative to the link of a wheel that is welded or held still. The residual is a rim speed.
 fn held_wheel(timeline: &Timeline) -> Worst {
     let mut worst = Worst::of(Family::HeldWheel, Grid::Samples);
     let h = timeline.spacing_s();
@@ -277,7 +276,7 @@ fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
     here.wheel_speed_rad_s + yaw_rate * axis.z - w.here.link_velocity(j, w.after, h).dot(&axis)
 }
 
-/// Excess of angles and speeds over what the motors can do.
+/// Excess of joint angles, joint speeds and wheel speeds over their limits.
 fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     let mut angle = Worst::of(Family::JointLimit, grid);
     let mut speed = Worst::of(Family::JointSpeed, grid);
@@ -306,8 +305,8 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
     vec![angle, speed, wheel]
 }
 
-/// Displacement of the centre of mass along and across the starting heading, and turn of the body,
-/// against the goal of the motion.
+/// Deviation from the goal of the motion: displacement of the centre of mass along and across the initial heading, and turn of
+/// the body.
 fn goals(timeline: &Timeline) -> Vec<Row> {
     let goal = timeline.plan.motion.goal;
     let [_, last] = timeline.plan.ends();

@@ -1,29 +1,29 @@
-//! Swing height that servos without torque feed-forward lose: they yield by torque over stiffness, so that the body sinks
-//! between the legs that stand, and a leg in swing hangs lower.
+//! Swing height that servos without torque feed-forward lose. Joints deflect by torque over stiffness, so that the body sinks
+//! between the stance legs, and a swing leg hangs lower.
 
 use super::grid::{State, Timeline, feet};
 use rollwalk_multibody::euler::JOINTS;
 use serde::Serialize;
 use std::fmt;
 
-/// Part of a swing's height that may be lost without a word.
+/// Fraction of a swing's height that may be lost without a warning.
 const MAY_BE_LOST: f64 = 0.5;
 
-/// The swing that loses the largest part of its height.
+/// Swing that loses the largest fraction of its height.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sag {
     /// Name of the end effector in swing.
     pub end_effector: String,
     /// Time of the highest point, s.
     pub time_s: f64,
-    /// Height that it is planned to have there, m.
+    /// Planned height at that time, m.
     pub height_m: f64,
     /// Height that servos without torque feed-forward lose, m.
     pub lost_m: f64,
 }
 
 impl Sag {
-    /// True if so much is lost that the swing may touch the ground.
+    /// Returns true if the swing loses enough height that it may touch the ground.
     pub fn is_much(&self) -> bool {
         self.lost_m > MAY_BE_LOST * self.height_m
     }
@@ -37,13 +37,13 @@ impl fmt::Display for Sag {
         let lost = if lost_m < height_m { format!("{lost_mm:.0}") } else { "all".to_owned() };
         write!(
             f,
-            "without torque feed-forward servos yield: {end_effector} loses {lost} of the {height_mm:.0} mm of its \
-             swing at {time_s:.3} s"
+            "without torque feed-forward, servos yield: {end_effector} loses {lost} of the \
+             {height_mm:.0} mm height of its swing at {time_s:.3} s"
         )
     }
 }
 
-/// The swing that loses the largest part of its height; `None` where nothing swings.
+/// Returns the swing that loses the largest fraction of its height; `None` if nothing swings.
 pub fn sag(timeline: &Timeline) -> Option<Sag> {
     let mut worst: Option<Sag> = None;
     for w in timeline.samples() {
@@ -77,7 +77,7 @@ pub fn sag(timeline: &Timeline) -> Option<Sag> {
 }
 
 /// Rise of an end effector relative to the body, m, if each joint of its limb deflects by its torque over its stiffness. Joints
-/// without stiffness do not deflect here.
+/// without stiffness are taken as rigid.
 fn yields_m(timeline: &Timeline, state: &State, j: usize) -> f64 {
     let limb = timeline.model.chain(j).dofs.iter().zip(&state.pose.end_effectors[j].d_center);
     limb.filter(|(dof, _)| **dof >= JOINTS)
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use crate::test_plans;
 
-    /// The box of [`test_plans`] with its front left wheel lifted at one sample, and all legs at one angle.
+    /// Sag of the box of [`test_plans`] with its front left wheel lifted at one sample and all legs at one angle.
     fn lifted(torque_nm: f64) -> Option<Sag> {
         let mut plan = test_plans::cruise();
         let sample = &mut plan.samples[6];

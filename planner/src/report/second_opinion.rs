@@ -1,5 +1,5 @@
-//! Comparison of the report with `docs/formats/check_plan.py`, which shares no code with it: another language, other
-//! kinematics, the same equations.
+//! Comparison of the report with `docs/formats/check_plan.py`. The script computes the same equations in another language and
+//! with other kinematics, and shares no code with the report.
 
 use super::{Grid, Judgement, Report};
 use crate::families::{Family, Kind};
@@ -20,7 +20,7 @@ fn python() -> Command {
     python
 }
 
-/// Exit code and table of the script.
+/// Runs the script on a plan, and returns its exit code and table.
 fn check_plan(plan: &Plan) -> (Option<i32>, Value) {
     let mut child =
         python().arg("/dev/stdin").stdin(Stdio::piped()).spawn().expect(
@@ -53,7 +53,7 @@ fn visit_numbers(value: &mut Value, path: &str, visit: &mut dyn FnMut(&str, &mut
     }
 }
 
-/// Fields of a plan with numbers: of every list the last item, with all its contents.
+/// Returns the paths of a plan's numeric fields. Each list is represented by its final item, with all its contents.
 fn numeric_fields(document: &mut Value) -> Vec<String> {
     let mut of_field = std::collections::BTreeMap::new();
     visit_numbers(document, "", &mut |path, _| {
@@ -63,7 +63,7 @@ fn numeric_fields(document: &mut Value) -> Vec<String> {
     of_field.into_values().filter(|path| path != "version").collect()
 }
 
-/// True if a plan may have null in a field that also has numbers.
+/// Returns true if a plan may contain null in a field that otherwise contains numbers.
 fn is_optional(field: &str) -> bool {
     let keys = ["forward_m", "left_m", "turn_rad", "heading_rad", "below_m", "above_m", "level"];
     keys.iter().any(|key| field.ends_with(&format!(".{key}"))) || field.contains(".targets[")
@@ -108,7 +108,7 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
     }
 }
 
-/// A family that the script notices, and a change of a state outside the motion.
+/// Family in which the script reports a violation, and a change to a state outside the motion.
 type Change = (&'static str, fn(&mut Sample));
 
 #[test]
@@ -219,7 +219,7 @@ fn refuses(name: &str, expected: &str, change: impl FnOnce(&mut Value)) {
     assert!(errors.contains(expected), "{errors}");
 }
 
-/// Moves every number of a plan a little, so that no residual is 0.
+/// Changes every number of a plan slightly, so that no residual is 0.
 fn shaken(mut plan: Plan) -> Plan {
     let mut random = test_robots::uniform(5);
     let mut shake = |value: &mut f64, by: f64| *value += by * random();
@@ -254,7 +254,7 @@ fn walk() -> Plan {
     )
 }
 
-/// A plan with one wheel of every kind, and with motors that are too weak for it.
+/// Plan with one wheel of every kind, and with motors that are too weak.
 fn of_every_kind() -> Plan {
     let mut plan = test_plans::cruise();
     let line = TorqueSpeedLine { stall_torque_nm: 0.8, no_load_speed_rad_s: 7.0 };

@@ -1,9 +1,8 @@
-//! Slip as the motion is played, over the times that feet and wheels stand: how fast in the mean, how far in a stance.
+//! Slip of the motion as played, during stance: mean speed, and distance within one stance.
 //!
-//! Splines leave the ground's constraints between samples, so that what stands slips a little there. Peaks of a few
-//! milliseconds are taken up by servos and do no harm; what decides whether a robot comes where it should is the mean.
-//! A slip that adds up within a stance is way that is missing, however slow it is: wheels that are steered cut corners. Slip to
-//! and fro counts twice, since friction gives back nothing of it.
+//! Splines violate the ground constraints between samples, so that stance feet slip slightly there. Servos absorb peaks of a
+//! few milliseconds; mean slip moves the robot off its path. Slip that accumulates within a stance is lost distance, however
+//! slow it is: steered wheels cut corners. Slip to and fro counts twice, because friction does not restore it.
 
 use super::grid::{Timeline, Window, feet};
 use super::residual::{Grid, Worst};
@@ -12,8 +11,8 @@ use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 use rollwalk_robot::EndEffector;
 
-/// Travel of the contact point less that of the rolling wheel, with the rolling direction at the middle of the interval,
-/// or of the foot; per time and as seen from above, m/s.
+/// Slip velocity over an interval as seen from above, m/s: velocity of the contact point minus that of the rolling wheel or
+/// foot. A wheel rolls in its direction at the middle of the interval.
 pub(super) fn slip_m_s(
     timeline: &Timeline,
     w: &Window,
@@ -37,7 +36,7 @@ pub(super) fn slip_m_s(
     Vector3::new(moved.x - rolled.x, moved.y - rolled.y, 0.0)
 }
 
-/// Mean slip of all that stands, and the farthest that one of them slips in one stance.
+/// Mean slip of all stance feet, and the largest slip distance of a foot within one stance.
 pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
     let mut mean = Worst::of(Family::MeanSlip, grid);
     let mut creep = Worst::of(Family::Creep, grid);

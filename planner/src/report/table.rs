@@ -1,4 +1,4 @@
-//! The report as an aligned text table.
+//! Report as an aligned text table.
 
 use super::{Grid, LargestTorque, MotorKind, Report, Row};
 use std::fmt;
@@ -80,7 +80,7 @@ fn cells(row: &Row) -> [String; 6] {
     ]
 }
 
-/// Formats a number with three significant digits, small ones with an exponent.
+/// Formats a value with three significant digits; small values have an exponent.
 pub(super) fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

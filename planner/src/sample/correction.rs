@@ -1,8 +1,9 @@
-//! Corrections of setpoints over a transition: from those of the motion that it leaves to those of the one that it enters.
+//! Corrections of the set-points over a transition, from those of the motion that it leaves to those of the motion that it
+//! enters.
 //!
-//! A motion that was retargeted has setpoints beyond its planned angles. A transition is planned between angles; what its ends
-//! lack of the setpoints beside them is a cubic of time that has their values and their rates there, so that setpoints and their
-//! speeds stay continuous.
+//! The set-points of a retargeted motion differ from its planned angles. A transition is planned between angles, so that its
+//! ends do not match the neighbouring set-points. The correction is a cubic of time that matches them and their rates, so that
+//! set-points and their speeds are continuous.
 
 use super::PlanSpline;
 use crate::plan::Plan;
@@ -10,7 +11,7 @@ use crate::plan::Plan;
 /// Corrections of all joints, rad, and their rates, rad/s.
 type Corrections = Vec<[f64; 2]>;
 
-/// Gives a transition corrections if one of the motions that it joins has some.
+/// Adds corrections to a transition if one of the motions that it joins has some.
 pub(crate) fn join(transition: &mut Plan, from: &Plan, to: &Plan) {
     let exit = PlanSpline::new(from).corrections(from.motion.exit_time_s());
     let entry = PlanSpline::new(to).corrections(0.0);
@@ -30,7 +31,7 @@ pub(crate) fn join(transition: &mut Plan, from: &Plan, to: &Plan) {
     transition.after.joint_correction_rad = beyond(&entry, spacing_s);
 }
 
-/// Hermite's cubic at a share of its duration.
+/// Hermite cubic at a fraction of its duration.
 fn cubic(exit: &[f64; 2], entry: &[f64; 2], duration_s: f64, at: f64) -> f64 {
     let left = 1.0 - at;
     let values = exit[0] * left * left * (1.0 + 2.0 * at) + entry[0] * at * at * (3.0 - 2.0 * at);
@@ -43,7 +44,7 @@ mod tests {
     use crate::motion::Ends;
     use crate::test_plans::{self, Drive};
 
-    /// Setpoints and their speeds where a walk that was retargeted is left and entered again.
+    /// Checks set-points and their speeds at the exit from and the entry to a retargeted walk.
     #[test]
     fn setpoints_are_continuous_where_motions_are_joined() {
         let mut from = test_plans::start_stop();

@@ -7,7 +7,7 @@ use nalgebra::Complex;
 
 /// Builder of a plan's splines, with the end conditions of its motion.
 pub struct Curves<'a> {
-    /// The plan.
+    /// Plan of the splines.
     pub plan: &'a Plan,
 }
 
@@ -17,7 +17,7 @@ impl Curves<'_> {
         self.spline(|s| of(s).into(), 1.0.into(), shift.into())
     }
 
-    /// Spline through a quantity that continues as v(t + H) = `turn` · v(t) + `shift`.
+    /// Spline through a quantity that continues in the next period as v(t + H) = `turn` · v(t) + `shift`.
     pub fn spline(
         &self,
         of: impl Fn(&Sample) -> Complex<f64>,
@@ -28,7 +28,7 @@ impl Curves<'_> {
         self.through(&values, of(&self.plan.before), of(&self.plan.after), turn, shift)
     }
 
-    /// Spline through the angle that a speed given per interval accumulates, rad.
+    /// Spline through the angle accumulated by a speed that is given per interval, rad.
     pub fn angle(&self, speed: impl Fn(&Sample) -> f64) -> Spline {
         let plan = self.plan;
         let h = plan.sample_interval_s;

@@ -1,5 +1,4 @@
-//! Motion of the robot at one time in the generalised velocities of `rollwalk_multibody`, with what the plan says of
-//! its contacts there.
+//! Motion of the robot at one time in the generalised velocities of `rollwalk_multibody`, with its planned contacts.
 
 use super::{PlanSpline, Spline};
 use crate::motion::Ends;
@@ -10,23 +9,22 @@ use rollwalk_multibody::{State, Tree, rotation};
 /// Pose, velocity and acceleration of the robot.
 pub(crate) struct Rates {
     pub state: State,
-    /// ν̇ of the tree.
+    /// Generalised acceleration ν̇ of the tree.
     pub acceleration: Vec<f64>,
 }
 
 /// Planned contact of one end effector at a time.
 #[derive(Clone, Copy)]
 pub(crate) struct PlannedContact {
-    /// Planned force, N; while the end effector lifts off or lands that of the sample in which it stands.
+    /// Planned force, N. During lift-off or landing, this is the force at the neighbouring stance sample.
     pub force_n: Vector3<f64>,
-    /// Part of the contact that the footfalls leave: 1 in stance, 0 in swing, linear in the interval in which the end
-    /// effector lifts off or lands.
+    /// Share of the full contact: 1 in stance, 0 in swing, linear in the interval of lift-off or landing.
     pub share: f64,
 }
 
 impl PlanSpline {
-    /// Motion of `tree` at a time; of a periodic motion in the frame of its first period. A motion at rest at its
-    /// ends has no acceleration there: its first and last pose are held.
+    /// Motion of `tree` at a time. A periodic motion is in the frame of its first period. A motion at rest has no acceleration
+    /// at its ends, because its first and last pose are held.
     pub(crate) fn rates(&self, plan_time_s: f64, tree: &Tree) -> Rates {
         let (time_s, _) = self.within(plan_time_s);
         let xy = self.base_xy.at(time_s);
@@ -67,7 +65,7 @@ impl PlanSpline {
         Rates { state, acceleration }
     }
 
-    /// Planned contacts at a time; of a periodic motion in the frame of its first period.
+    /// Planned contacts at a time. Those of a periodic motion are in the frame of its first period.
     pub(crate) fn planned_contacts(&self, plan_time_s: f64) -> Vec<PlannedContact> {
         let (i, u) = self.interval(self.within(plan_time_s).0);
         (0..self.stance[i].len())
@@ -84,7 +82,7 @@ impl PlanSpline {
             .collect()
     }
 
-    /// Speed and acceleration of a wheel relative to its link, about the axis of the robot file, rad/s and rad/s².
+    /// Speed and acceleration of a wheel relative to its link, about the axis in the robot file, rad/s and rad/s².
     fn wheel_against_link(&self, j: usize, time_s: f64) -> (f64, f64) {
         let of = |spline: &Spline| {
             let jet = spline.at(time_s);

@@ -1,11 +1,11 @@
-//! Plan at another sample rate, with the played motion in the form of a plan.
+//! Resampling: the played motion as a plan with another sample rate.
 
 use super::PlanSpline;
 use crate::motion::Ends;
 use crate::plan::{Placement, Plan, Sample};
 
-/// Samples the plan at `rate_hz`, or at the nearest rate that divides its duration evenly. Every field keeps its
-/// meaning; interval speeds are means over the new intervals.
+/// Samples the plan at `rate_hz`, or at the nearest rate that divides its duration evenly. Fields keep their meaning. Speeds
+/// over intervals are means over the new intervals.
 pub fn resample(plan: &Plan, rate_hz: f64) -> Plan {
     let spline = PlanSpline::new(plan);
     let intervals = (plan.motion.duration_s * rate_hz).round().max(3.0);

@@ -1,17 +1,17 @@
 //! Cubic splines with two continuous derivatives through equally spaced samples.
 //!
-//! Values are complex so that a pair of horizontal coordinates is one curve, which a multiplication turns about the
-//! vertical. Scalars use the real part. With slopes s at the knots, continuity of the second derivative requires
+//! Values are complex, so that a pair of horizontal coordinates is one curve that a multiplication turns about the vertical.
+//! Scalars use the real part. With slopes s at the knots, continuity of the second derivative requires
 //!
 //! ```text
 //! s_{i-1} + 4 s_i + s_{i+1} = 3 (v_{i+1} − v_{i-1}) / h
 //! ```
 //!
-//! A periodic curve continues with its next period, v(t + H) = turn · v(t) + shift with |turn| = 1, and so do its two
-//! derivatives, turned likewise. Tests compare it with cubics, sines and their derivatives.
+//! A periodic curve continues in its next period as v(t + H) = turn · v(t) + shift with |turn| = 1. Its two derivatives are
+//! turned likewise. Tests compare the splines with cubics, sines and their derivatives.
 //!
-//! Between the 60 Hz frames that are sampled from this curve, the firmware plays cubics with slopes from neighbouring frames, in
-//! `f32` (`firmware/src/hermite.rs`).
+//! Between the 60 Hz frames of this curve, the firmware plays cubics with slopes from neighbouring frames, in `f32`
+//! (`firmware/src/hermite.rs`).
 
 use nalgebra::Complex;
 
@@ -26,7 +26,7 @@ pub struct Jet {
     pub acceleration: Complex<f64>,
 }
 
-/// A cubic spline over [0, spacing · intervals].
+/// Cubic spline over [0, spacing · intervals].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spline {
     spacing: f64,
@@ -35,7 +35,8 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// Spline through one period of `values`, at least three, that continues as v(t + H) = `turn` · v(t) + `shift`.
+    /// Creates a spline through one period of `values`, at least three. The curve continues as v(t + H) = `turn` · v(t) +
+    /// `shift`.
     pub fn periodic(
         spacing: f64,
         values: &[Complex<f64>],
@@ -57,7 +58,7 @@ impl Spline {
         Self { spacing, values: knots, slopes }
     }
 
-    /// Spline through `values`, at least two, with given slopes at its ends.
+    /// Creates a spline through `values`, at least two, with given slopes at its ends.
     pub fn clamped(
         spacing: f64,
         values: &[Complex<f64>],
@@ -79,8 +80,7 @@ impl Spline {
         Self { spacing, values: values.to_vec(), slopes }
     }
 
-    /// Value and derivatives at `time` after the first knot, s; beyond the ends the curve continues with the slope
-    /// there.
+    /// Value and derivatives at `time` after the first knot, s. Beyond the ends, the curve continues with its slope there.
     pub fn at(&self, time: f64) -> Jet {
         let h = self.spacing;
         let last_interval = self.values.len() - 2;
@@ -121,10 +121,10 @@ fn solve_tridiagonal(diagonal: &[f64], mut rhs: Vec<Complex<f64>>) -> Vec<Comple
     rhs
 }
 
-/// Solves x_{i-1} + 4 x_i + x_{i+1} = r_i where x_{-1} = conj(turn)·x_{n-1} and x_n = turn·x_0.
+/// Solves x_{i-1} + 4 x_i + x_{i+1} = r_i, where x_{-1} = conj(turn)·x_{n-1} and x_n = turn·x_0.
 ///
-/// Sherman–Morrison: the matrix is a tridiagonal one plus u·vᵀ, u = (γ, 0, …, turn), v = (1, 0, …,
-/// conj(turn)/γ). γ = −4 keeps the tridiagonal part diagonally dominant.
+/// By Sherman–Morrison, the matrix is a tridiagonal one plus u·vᵀ with u = (γ, 0, …, turn) and v = (1, 0, …, conj(turn)/γ). γ =
+/// −4 keeps the tridiagonal part diagonally dominant.
 fn solve_cyclic(rhs: Vec<Complex<f64>>, turn: Complex<f64>) -> Vec<Complex<f64>> {
     const GAMMA: f64 = -4.0;
     let last = rhs.len() - 1;

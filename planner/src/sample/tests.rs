@@ -1,4 +1,4 @@
-//! Splines and resampling against closed forms: see [`crate::test_plans`].
+//! Splines and resampling, compared with closed forms: see [`crate::test_plans`].
 
 use super::*;
 use crate::test_plans;

@@ -1,4 +1,4 @@
-//! Features that a change of a design may have to keep (thesis 2.5.2): curves of a plan, and their changes.
+//! Features that a design change can keep (thesis 2.5.2): curves of a plan, and their changes.
 
 use super::Optimal;
 use crate::formulation::rows::Columns;
@@ -26,7 +26,7 @@ pub enum Feature {
 }
 
 impl Feature {
-    /// Features with their names for users.
+    /// List of all features, with their names in commands.
     pub const ALL: [(&'static str, Self); 6] = [
         ("pitch", Self::Pitch),
         ("tilt", Self::Tilt),
@@ -36,12 +36,12 @@ impl Feature {
         ("feet", Self::Feet),
     ];
 
-    /// The name by which users ask for it.
+    /// Returns the name in commands.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, feature)| *feature == self).map_or("", |(name, _)| name)
     }
 
-    /// Symbol of its unit.
+    /// Returns the symbol of the unit.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Pitch | Self::Tilt | Self::Joints => "rad",
@@ -55,7 +55,7 @@ const PITCH: usize = BASE_YAW + 1;
 const ROLL: usize = BASE_YAW + 2;
 
 impl Feature {
-    /// The feature at all samples of a plan, in their order.
+    /// Values of the feature at all samples of a plan, in their order.
     pub fn of_plan(self, plan: &Plan) -> Vec<f64> {
         let layout = Layout::new(&Model::new(&plan.robot));
         let samples: Vec<_> =
@@ -91,12 +91,12 @@ impl Feature {
 }
 
 impl Optimal {
-    /// A feature at all samples, in their order.
+    /// Values of a feature at all samples, in their order.
     pub fn feature(&self, feature: Feature) -> Vec<f64> {
         feature.values(&self.problem.layout, &self.unknowns.slots)
     }
 
-    /// The change of a feature by a change of the optimum, in the order of [`feature`](Self::feature).
+    /// Change of a feature with a change of the optimum, in the order of [`feature`](Self::feature).
     pub fn feature_change(&self, feature: Feature, change: &Change) -> Vec<f64> {
         let layout = &self.problem.layout;
         let variables = feature.variables(layout, &self.unknowns.slots);

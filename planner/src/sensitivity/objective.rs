@@ -1,4 +1,4 @@
-//! Objectives of a design, as functions of the rows of its plan, so that their derivatives are those of the rows.
+//! Objectives of a design, as functions of the rows of its plan. Their derivatives follow from those of the rows.
 
 use crate::families::Family;
 use crate::formulation::System;
@@ -11,37 +11,38 @@ use rollwalk_multibody::euler::Model;
 use rollwalk_robot::GRAVITY_M_S2;
 use std::collections::HashMap;
 
-/// Exponent of the norm that stands for a largest value: a maximum has no derivative where two are equal.
+/// Exponent of the power mean that approximates a largest value. A maximum has no derivative where two values are equal.
 const PEAK: i32 = 8;
-/// Speed, rad/s, and share of the largest torque below which a motor's power grows with their squares: absolute values have
-/// kinks at 0, where motors of symmetrical motions are.
+/// Speed below which a motor's power grows with the square of its speed, rad/s. The absolute value has a kink at 0, where
+/// motors of symmetrical motions are.
 const NEARLY_STILL_RAD_S: f64 = 0.05;
+/// Fraction of the largest torque below which a motor's power grows with the square of its torque.
 const NEARLY_NOTHING: f64 = 0.01;
-/// Shortest way of a motion that goes somewhere, m.
+/// Smallest displacement of a motion with a cost of transport, m.
 const WAY_MIN_M: f64 = 1e-3;
 
 /// Quantity to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Objective {
-    /// The costs in the energy of the plan.
+    /// Costs in the energy of the plan.
     PlanCost,
-    /// Speeds of all joints at all samples, as a mean of eighth powers, which follows the largest, rad/s.
+    /// Joint speed, rad/s: eighth-power mean over all joints and samples, close to the largest value.
     PeakJointSpeed,
-    /// Torques of all joints at all samples, root mean square, N·m.
+    /// Joint torque, N·m: root mean square over all joints and samples.
     JointTorque,
-    /// Torques of all joints at all samples, as a mean of eighth powers, which follows the largest, N·m.
+    /// Joint torque, N·m: eighth-power mean over all joints and samples, close to the largest value.
     PeakJointTorque,
-    /// Mechanical power of all motors, |torque × speed|, mean over the motion, W: nothing is regained from motors that brake.
+    /// Mechanical power, W: mean of |torque × speed| over the motion, summed over all motors. Braking recovers no energy.
     Power,
-    /// Power over weight and speed: energy per weight and distance.
+    /// Cost of transport: power over weight and speed, which is energy over weight and distance.
     CostOfTransport,
 }
 
-/// An objective at the rows of a plan.
+/// Value of an objective at the rows of a plan, with derivatives.
 pub(super) struct Evaluated {
     /// Value of the objective.
     pub value: f64,
-    /// Derivatives with respect to the values of rows, by their index.
+    /// Derivatives with respect to the values of rows, each with the row's index.
     slopes: Vec<(usize, f64)>,
 }
 
@@ -75,12 +76,12 @@ impl Objective {
         Self::CostOfTransport,
     ];
 
-    /// True if a motion has the objective: motions that go nowhere have no cost of transport.
+    /// Returns true if the objective is defined for a motion. A motion without displacement has no cost of transport.
     pub fn is_defined(self, motion: &Motion) -> bool {
         self != Self::CostOfTransport || way_m(motion) > WAY_MIN_M
     }
 
-    /// Value at a plan; NaN for transitions and for motions without the objective.
+    /// Returns the value at a plan. NaN for transitions, and for motions on which the objective is not defined.
     pub fn of_plan(self, plan: &Plan, weights: &Weights) -> f64 {
         let motion = &plan.motion;
         if !self.is_defined(motion) || motion.ends == Ends::Prescribed {
@@ -93,7 +94,7 @@ impl Objective {
         self.at(&problem, motion, &system.values(&unknowns, Rows::default())).value
     }
 
-    /// Value and derivatives.
+    /// Value and derivatives of the objective at the rows of a problem.
     pub(super) fn at(self, problem: &Problem, motion: &Motion, rows: &Rows) -> Evaluated {
         match self {
             Self::PlanCost => plan_cost(rows),
@@ -109,7 +110,7 @@ impl Objective {
     }
 }
 
-/// Distance from the beginning of a motion to its end, as far as its goal says, m.
+/// Distance between start and end of a motion according to its goal, m.
 fn way_m(motion: &Motion) -> f64 {
     let part = |goal: Option<f64>| goal.unwrap_or(0.0);
     part(motion.goal.forward_m).hypot(part(motion.goal.left_m))
@@ -126,8 +127,8 @@ fn plan_cost(rows: &Rows) -> Evaluated {
     Evaluated { value: values.iter().sum(), slopes }
 }
 
-/// n-norm of what the rows of a family compare with their limits, over their number. Of the two rows of a speed one has it with
-/// its sign turned, and gives the same power.
+/// Power mean `(Σ xⁿ / N)^(1/n)` over the N rows of a family, where x is the quantity that the row compares with its limit. A
+/// speed has two rows with opposite signs, which give the same even power.
 fn norm(rows: &Rows, family: Family, n: i32) -> Evaluated {
     let of_family = || rows.rows.iter().enumerate().filter(|(_, row)| row.family == family);
     let count = of_family().count() as f64;
@@ -172,7 +173,7 @@ fn power(rows: &Rows) -> Evaluated {
     if samples > 0.0 { evaluated.times(1.0 / samples) } else { evaluated }
 }
 
-/// |x| without its kink, and its derivative.
+/// Smooth approximation of |x|, and its derivative.
 fn smooth(x: f64, width: f64) -> [f64; 2] {
     let length = x.hypot(width);
     [length - width, x / length]

@@ -1,7 +1,7 @@
 //! Prices of the constraints that limit a motion, from their multipliers.
 //!
-//! By the envelope theorem a number that constraints compare with changes the costs of the best plan by Σ λ ∂r/∂number. No solve
-//! is needed. A constraint that is not active has no price.
+//! Let p be a value that constraints compare with. By the envelope theorem, the costs of the best plan change by `Σ λ ∂r/∂p`
+//! per unit of p. No further solve is needed. An inactive constraint has no price.
 
 use super::Optimal;
 use crate::families::Family;
@@ -9,7 +9,7 @@ use crate::formulation::System;
 use crate::formulation::rows::{Role, Row, Rows};
 use crate::problem::{Problem, Unknowns};
 
-/// Part of the costs by which a relaxed constraint must lower them to be worth naming.
+/// Smallest price that is listed, as a fraction of the costs per percent of the field's value.
 const WORTH: f64 = 1e-6;
 
 /// Price of a constraint.
@@ -17,18 +17,20 @@ const WORTH: f64 = 1e-6;
 pub struct Price {
     /// The constraint.
     pub family: Family,
-    /// Field of the robot or motion file that it compares with, and its value; `None` for constraints that compare with none.
+    /// Field of the robot or motion file that the constraint compares with, and its value. `None` for constraints without a
+    /// field.
     pub given: Option<(&'static str, f64)>,
-    /// Names of the joints, links or end effectors for which it pushes.
+    /// Names of the joints, links or end effectors at which the constraint raises the costs.
     pub subjects: Vec<String>,
-    /// Change of the plan's costs per unit of the field's number, or per unit of the family by which the constraint is tightened.
+    /// Change of the plan's costs per unit of the field's value. Without a field, change per unit by which the constraint is
+    /// tightened, in the family's unit.
     pub per_unit: f64,
-    /// The same as a part of the costs, per hundredth of the field's number; `None` without a field.
+    /// Relative change of the costs per 1 % of the field's value; `None` without a field.
     pub per_percent: Option<f64>,
 }
 
 impl Optimal {
-    /// Prices of all constraints that push, dearest first.
+    /// Returns the prices of all active constraints, highest first.
     pub fn prices(&self) -> Vec<Price> {
         of(&self.problem, &self.unknowns, &self.shifts)
     }

@@ -1,14 +1,14 @@
-//! Shortfall of a motion on a design that cannot do it, and its derivatives by the design.
+//! Shortfall of a motion on a design that cannot do it, and its derivatives with respect to the design.
 //!
-//! Such a request has no optimum with multipliers. Instead there is the point at which the energy with a penalty on every
-//! constraint is least. The violations at that point are the deficits of the design. By the envelope theorem the slope of that
-//! energy along a parameter p is ∂E/∂p at fixed unknowns,
+//! Such a request has no optimum with multipliers. The shortfall is the point with the least energy, with a penalty on every
+//! constraint. The violations at that point are the deficits of the design. By the envelope theorem, the derivative of that
+//! energy with respect to a parameter p is ∂E/∂p at fixed unknowns:
 //!
 //! ```text
 //! dE/dp = Σ_constraints 2ρ s ∂g/∂p + Σ_costs 2w r ∂r/∂p        s = φ(g + s₀)
 //! ```
 //!
-//! with s₀ = 0, or the multipliers of a design that nearly can.
+//! Here s₀ is 0, or the multipliers of a design that is nearly feasible.
 
 use super::{Around, Design, NotOptimal, Parameter, failed, neighbour, same_pattern, time_shift};
 use crate::diagnose::diagnose;
@@ -29,10 +29,10 @@ use rollwalk_multibody::euler::Model;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-/// Newton steps to the least energy: few near it, hundreds where a request is far from what a robot can do.
+/// Maximum number of Newton steps to the least energy. A point near it takes few, a request far beyond the robot hundreds.
 const STEPS: usize = 1000;
 
-/// The point at which a motion violates its constraints least, on a design that cannot do it or nearly can.
+/// Point at which a motion violates its constraints least, on a design that cannot do it or nearly can.
 #[derive(Clone, Debug)]
 pub struct Shortfall {
     problem: Problem,
@@ -41,17 +41,17 @@ pub struct Shortfall {
     held: Held,
     rows: Rows,
     energy: f64,
-    /// Multipliers that the violations stand for, those that are held included.
+    /// Multipliers equivalent to the violations, added to the fixed ones.
     multipliers: Vec<f64>,
     steps: usize,
 }
 
-/// Quantities that are held while the energy is minimised, and from one design to the next, so that energies can be compared.
+/// Quantities that stay fixed during the minimisation and from one design to the next, so that energies are comparable.
 #[derive(Clone, Debug)]
 struct Held {
     /// Multipliers, as shifts of the rows.
     shifts: Vec<f64>,
-    /// Direction in which the point stays where it is, because nothing determines where it is along it.
+    /// Direction along which the point is fixed, because the energy does not determine it.
     pin: Option<Vec<f64>>,
 }
 
@@ -61,25 +61,25 @@ impl Held {
     }
 }
 
-/// Derivatives of a shortfall by parameters.
+/// Derivatives of a shortfall with respect to parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slopes {
-    /// Derivative of the energy by each parameter.
+    /// Derivative of the energy with respect to each parameter.
     pub gradient: Vec<f64>,
-    /// Second derivatives of the energy, `[parameter][parameter]`. The mixed ones omit the second derivatives of rows by two
-    /// parameters.
+    /// Second derivatives of the energy, `[parameter][parameter]`. The mixed ones omit the mixed second derivatives of the
+    /// rows.
     pub hessian: Vec<Vec<f64>>,
-    /// Derivative of the point by each parameter, scaled variables.
+    /// Derivative of the point with respect to each parameter, scaled variables.
     pub unknowns: Vec<Vec<f64>>,
 }
 
 type Watch<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 impl Shortfall {
-    /// Goes from a plan, which need not hold, to the least energy of its design near it.
+    /// Minimises the energy of a plan's design from that plan, which may be infeasible.
     ///
     /// # Errors
-    /// The plan is a transition, no minimum is found, or `progress` stopped it.
+    /// Returns an error if the plan is a transition, if no minimum is found, or if `progress` stopped the search.
     pub fn of(
         plan: &Plan,
         options: &Options,
@@ -145,28 +145,28 @@ impl Shortfall {
         Ok(Self { problem, motion, unknowns, held, rows, energy, multipliers, steps })
     }
 
-    /// The motion.
+    /// Returns the motion.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    /// The energy: penalties of the violations, and costs.
+    /// Returns the energy: penalties of the violations, and costs.
     pub fn energy(&self) -> f64 {
         self.energy
     }
 
-    /// Newton steps that it took.
+    /// Returns the number of Newton steps to the point.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// The constraint that is violated most, and its residual over its tolerance.
+    /// Returns the most violated constraint and its residual-to-tolerance ratio.
     pub fn worst(&self) -> (Family, f64) {
         let (row, level) = worst(&self.rows);
         (self.rows.rows[row].family, level)
     }
 
-    /// Worst residual of each family of constraints that is violated, over its tolerance.
+    /// Returns the worst residual-to-tolerance ratio of each violated family of constraints.
     pub fn levels(&self) -> BTreeMap<Family, f64> {
         let mut of_families = BTreeMap::<Family, f64>::new();
         for row in &self.rows.rows {
@@ -179,18 +179,18 @@ impl Shortfall {
         of_families
     }
 
-    /// Contradicting constraints with their times and amounts; `None` if none is violated. Nothing has been tried, so that no
-    /// numbers are suggested.
+    /// Returns the contradicting constraints with their times and amounts, or `None` if no constraint is violated. The
+    /// diagnosis suggests no values, because none has been tried.
     pub fn diagnosis(&self) -> Option<Diagnosis> {
         let mut diagnosis = diagnose(&self.problem, &self.rows, Verdict::Contradiction)?;
         diagnosis.culprits.iter_mut().for_each(|culprit| culprit.would_do = None);
         Some(diagnosis)
     }
 
-    /// Derivative of the energy by parameters, per unit of each.
+    /// Returns the derivative of the energy with respect to parameters, per unit of each.
     ///
     /// # Errors
-    /// A parameter changes what the problem is made of.
+    /// Returns an error if a parameter changes the structure or the rows of the problem.
     pub fn gradient(&self, parameters: &[Parameter<'_>]) -> Result<Vec<f64>, NotOptimal> {
         let slope = |parameter: &Parameter<'_>| {
             let [ahead, behind] = self.around(parameter)?;
@@ -199,10 +199,10 @@ impl Shortfall {
         parameters.iter().map(slope).collect()
     }
 
-    /// Derivatives of the energy and of the point by parameters, per unit of each.
+    /// Returns the derivatives of the energy and of the point with respect to parameters, per unit of each.
     ///
     /// # Errors
-    /// A parameter changes what the problem is made of, or the point is no minimum.
+    /// Returns an error if a parameter changes the structure or the rows of the problem, or if the point is not a minimum.
     pub fn slopes(&self, parameters: &[Parameter<'_>]) -> Result<Slopes, NotOptimal> {
         let failed = |reason| failed(&self.motion, reason);
         let system = System::selected(&self.problem, Default::default());
@@ -249,11 +249,11 @@ impl Shortfall {
         Ok(found)
     }
 
-    /// The shortfall of a neighbouring design, with the same multipliers held. `by` are changes of parameters, and how the point
-    /// moves per unit of each ([`slopes`](Self::slopes)).
+    /// Computes the shortfall of a neighbouring design with the same fixed multipliers. `by` contains the change of each
+    /// parameter and the derivative of the point with respect to it ([`slopes`](Self::slopes)).
     ///
     /// # Errors
-    /// The design has another structure, no minimum is found, or `progress` stopped it.
+    /// Returns an error if the design has another structure, if no minimum is found, or if `progress` stopped the search.
     pub fn of_neighbour(
         &self,
         design: Design<'_>,
@@ -270,27 +270,27 @@ impl Shortfall {
         Self::near(problem, design.motion, unknowns, self.held.clone(), progress)
     }
 
-    /// The same with its violations turned into multipliers, so that they become less where the design can do the motion.
+    /// Minimises again with the violations turned into multipliers. Violations then shrink if the design can do the motion.
     ///
     /// # Errors
-    /// No minimum is found, or `progress` stopped it.
+    /// Returns an error if no minimum is found, or if `progress` stopped the search.
     pub fn pressed(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
         let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
         let held = Held { shifts: self.multipliers.clone(), ..self.held.clone() };
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
-    /// The same without multipliers: with its penalties alone.
+    /// Minimises again without multipliers, with penalties alone.
     ///
     /// # Errors
-    /// As [`pressed`](Self::pressed).
+    /// Returns an error if no minimum is found, or if `progress` stopped the search.
     pub fn released(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
         let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
         let held = Held { shifts: vec![0.0; self.held.shifts.len()], ..self.held.clone() };
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
-    /// Plans the motion from here: a plan like others, which converges if the design can do it.
+    /// Plans the motion from this point with the planner's solver. The plan converges if the design can do the motion.
     pub fn replan(&self, options: &Options, progress: &mut Watch<'_>) -> Solution {
         let mut problem = self.problem.clone();
         problem.layout = Layout::new(&problem.model);
@@ -302,7 +302,7 @@ impl Shortfall {
         from_near(&problem, &self.motion, unknowns, Some(&multipliers), &options, effort)
     }
 
-    /// The point itself as a plan, which does not hold.
+    /// Returns the point as a plan. Its status is infeasible unless it meets the constraints.
     pub fn plan(&self) -> Plan {
         let mut options = Options::default();
         options.settings.iterations = 0;
@@ -314,7 +314,7 @@ impl Shortfall {
         plan
     }
 
-    /// Rows of the neighbours along a parameter at the same unknowns.
+    /// Rows of the two neighbours along a parameter, at the unknowns of this point.
     fn around(&self, parameter: &Parameter<'_>) -> Result<[Rows; 2], NotOptimal> {
         let rows = |design: &Design<'_>| {
             let problem = neighbour(&self.problem, design)?;

@@ -1,4 +1,4 @@
-//! Derivatives of plans against plans of neighbours that were optimised again.
+//! Derivatives of plans, compared with neighbouring plans that were optimised again.
 
 use super::*;
 use crate::optimise_solution;
@@ -25,17 +25,17 @@ fn planned(robot: &Robot, motion: &Motion) -> Solution {
     optimise_solution(robot, motion, &options, &mut on)
 }
 
-/// A measure of a robot, changed by a length, m.
+/// Function that changes a dimension of a robot by a length, m.
 type Measure = fn(&Robot, f64) -> Robot;
 
-/// The radius of all feet and wheels.
+/// Returns the robot with the radius of all feet and wheels larger by `by_m`.
 fn radius(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     robot.end_effectors.iter_mut().for_each(|ee| ee.radius_m += by_m);
     robot
 }
 
-/// The length of all links between joints.
+/// Returns the robot with all links between joints longer by `by_m`.
 fn length(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {
@@ -45,7 +45,7 @@ fn length(robot: &Robot, by_m: f64) -> Robot {
     robot
 }
 
-/// Distance of the limbs on both sides from the middle of the body.
+/// Returns the robot with the limbs on either side further from its middle by `by_m`.
 fn track(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     for joint in robot.joints.iter_mut().filter(|joint| joint.parent == 0) {
@@ -64,7 +64,7 @@ fn combined(a: f64, one: &[f64], b: f64, other: &[f64]) -> Vec<f64> {
 }
 
 impl Optimal {
-    /// The optimum of a neighbouring robot by Newton's method, from where this one is said to go. The step is in scaled
+    /// Computes the optimum of a neighbouring robot by Newton's method, starting from the predicted one. The step is in scaled
     /// variables of this problem.
     fn again(&self, robot: &Robot, by: f64, change: &Change) -> (Vec<f64>, Optimal) {
         let problem = self.neighbour(&Design { robot, motion: &self.motion }).unwrap();
@@ -101,8 +101,8 @@ impl Optimal {
     }
 }
 
-/// Compares changes and gradients with differences of optima: central ones at 0.1 and 0.2 mm, extrapolated. Where an optimum
-/// is too curved for them they show as much as they can: extrapolating leaves a tenth of what it takes away.
+/// Compares changes and gradients with central differences of optima at 0.1 and 0.2 mm, extrapolated to 0. The tolerance
+/// includes a tenth of the extrapolation, which is what remains of it at strongly curved optima.
 fn compare(motion: &str, measures: &[Measure]) {
     let (robot, motion) = read(motion);
     let name = &motion.name;

@@ -1,18 +1,19 @@
-//! The direction in which a motion without a clock is free: earlier or later.
+//! Direction in which a motion without a fixed phase is free: earlier or later in time.
 //!
-//! A periodic motion whose feet never leave the ground is as good when it begins at another phase. Samples at fixed times
-//! tie it down by their discretisation only, with eigenvalues of random sign, so that Newton's method and derivatives need
-//! the phase held.
+//! A periodic motion whose feet never leave the ground is equally good at another phase. Samples at fixed times determine the
+//! phase only through their discretisation, with eigenvalues of random sign. Newton's method and derivatives therefore require
+//! a fixed phase.
 
 use crate::formulation::rows::Columns;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// Speed below which a motion is steady and a shift in time changes nothing, in scaled variables per sample.
+/// Speed below which a motion is steady, scaled variables per sample. A shift in time does not change a steady motion.
 const STEADY: f64 = 1e-6;
 
-/// Unit vector of the shift in time, in scaled variables; `None` if footfalls or targets fix the phase, or if nothing moves.
+/// Unit vector of the shift in time, in scaled variables. `None` if footfalls, targets or height limits fix the phase, or if
+/// nothing moves.
 pub(super) fn free(problem: &Problem, unknowns: &Unknowns, columns: &Columns) -> Option<Vec<f64>> {
     let inside = &problem.stance[1..=problem.samples];
     let has_clock = inside.iter().any(|stance| *stance != inside[0])

@@ -1,8 +1,8 @@
-//! Second derivatives of the rows: Σ slope·∇²r, the part of the Hessian that Gauss-Newton leaves out.
+//! Second derivatives of the rows: Σ slope·∇²r, the part of the Hessian that Gauss-Newton omits.
 //!
-//! They are forward differences of the exact gradient Σ slope·∇r at fixed slopes. A row couples few slots, so slots
-//! without a common row are moved together: the number of evaluations grows with the variables of a sample, not with
-//! the number of samples.
+//! They are forward differences of the exact gradient Σ slope·∇r at fixed slopes. A row couples few slots, so that slots
+//! without a common row are moved together. The number of evaluations is therefore proportional to the variables of a sample,
+//! not to the number of samples.
 
 use super::normal::{NormalEquations, row_energy};
 use crate::families::{Family, FamilySet};
@@ -11,20 +11,22 @@ use crate::formulation::rows::Rows;
 use crate::problem::Unknowns;
 use std::collections::BTreeSet;
 
-/// Length of the differences in scaled variables; truncation and rounding errors are both below 1e-5.
+/// Step of the differences in scaled variables. Truncation and rounding errors are both below 1e-5.
 const STEP: f64 = 1e-6;
 
-/// Columns that are moved together, and whether they are those of q.
+/// Columns that are moved together.
 struct Group {
     columns: Vec<usize>,
+    /// True if the columns are variables of q.
     of_q: bool,
 }
 
 /// Groups of columns of one problem.
 pub struct Curvature {
     groups: Vec<Group>,
-    /// Slot of each column, and the slots that each slot shares a row with. The placement is one more slot.
+    /// Slot of each column. The placement is one more slot.
     slot_of: Vec<usize>,
+    /// Slots with which each slot shares a row.
     coupled: Vec<BTreeSet<usize>>,
 }
 
@@ -67,8 +69,8 @@ impl Curvature {
         Self { groups, slot_of, coupled }
     }
 
-    /// Adds the second derivatives to the normal equations. `filtered` omits those of the consistency constraints
-    /// with respect to q (Eq. 2.19).
+    /// Adds the second derivatives to the normal equations. If `filtered`, those of the consistency constraints with respect to
+    /// q are omitted (Eq. 2.19).
     pub fn add(
         &self,
         system: &System<'_>,

@@ -1,14 +1,14 @@
-//! Cholesky factorisation along the timeline, of a matrix JᵀWJ whose rows couple neighbouring slots.
+//! Cholesky factorisation along the timeline, for a matrix JᵀWJ whose rows couple neighbouring slots.
 //!
-//! Slots are eliminated one after the other, the columns of each together: one *front* with a dense block of its pivots
-//! and of the later columns that they couple, its *border*. Variables that do not couple slots with each other, as
-//! ground forces, form fronts of their own before their slot. What a front leaves on its border is added to the front
-//! in whose pivots its border begins (multifrontal method: Duff and Reid, 1983). In a periodic motion the last slots
-//! are in the border of every front: a ring is a chain with a wide border. Which columns couple follows from the
-//! pattern of the rows alone.
+//! Slots are eliminated one after the other, the columns of each together. They form a *front*: a dense block of its pivots and
+//! of the later columns that they couple, its *border*. Variables that do not couple slots with each other, such as ground
+//! forces, form fronts of their own before their slot. The update matrix of a front on its border is added to the front whose
+//! pivots contain the start of the border (multifrontal method: Duff and Reid, 1983). In a periodic motion, the last slots are
+//! in the border of every front: a ring is a chain with a wide border. The pattern of the rows alone determines the coupled
+//! columns.
 //!
-//! A general sparse factorisation, whose order minimises fill, cuts these matrices into many small blocks, which took
-//! three times as long.
+//! A general sparse factorisation with an order of minimum fill cuts these matrices into many small blocks, and took three
+//! times as long.
 
 mod front;
 mod order;
@@ -28,22 +28,24 @@ use faer::{Accum, ColMut, ColRef, MatMut, MatRef, Par};
 use front::Front;
 use pulp::NullaryFnOnce;
 
-/// Columns of a panel that are factorised one by one, after the products of all columns before them. Few enough for
-/// most of the work to be in products, and more than their calls cost.
+/// Number of panel columns that are factorised one by one, after the products of all columns before them. Small enough that
+/// most of the work is in products, large enough that their calls are cheap.
 const BLOCK: usize = 8;
 
-/// A factorisation: its order, and its memory.
+/// Factorisation with its order and memory.
 pub(super) struct Fronts {
-    /// Column at each position, and position of each column.
+    /// Column at each position in the order of elimination.
     order: Vec<usize>,
+    /// Position of each column.
     position: Vec<usize>,
     fronts: Vec<Front>,
     /// Index of the front at each position.
     front_of: Vec<usize>,
-    /// The factor, panel by panel, each by columns.
+    /// Factor, panel by panel, each stored by columns.
     factor: Vec<f64>,
-    /// Memory of what fronts leave on their borders; and that of fronts whose parent has not come yet.
+    /// Memory for update matrices.
     spare: Vec<Vec<f64>>,
+    /// Update matrices of fronts whose parent has not been factorised yet.
     left: Vec<Vec<f64>>,
     simd: pulp::Arch,
 }
@@ -72,12 +74,12 @@ impl Fronts {
         }
     }
 
-    /// Length of the panels, which hold the lower triangle of a matrix in this order with its fill.
+    /// Returns the length of the panels, which contain the lower triangle of a matrix in this order with its fill.
     pub fn len(&self) -> usize {
         self.factor.len()
     }
 
-    /// Places in the panels on and below the diagonal of a column, each with the column of its line.
+    /// Iterates over the panel entries of a column on and below the diagonal: index of the entry, and column of its line.
     pub fn lines_of(&self, column: usize) -> impl Iterator<Item = (usize, usize)> {
         let at = self.position[column];
         let front = &self.fronts[self.front_of[at]];
@@ -87,7 +89,8 @@ impl Fronts {
         lines.skip(at - front.first).map(move |(line, at)| (start + line, self.order[at]))
     }
 
-    /// Places of the products of a row with these columns; `None` if it couples columns that no front has together.
+    /// Returns the destinations of the products of a row with these columns. `None` if the row couples columns that no front
+    /// contains together.
     pub fn places(&self, columns: &[usize]) -> Option<Places> {
         Places::of(columns, &self.position, &self.front_of, &self.fronts)
     }
@@ -104,7 +107,8 @@ impl Fronts {
         self.simd.dispatch(places::Products { places, derivatives, factor, panels, sorted });
     }
 
-    /// Factorises a matrix, given in panels, plus `damping` on its diagonal; `None` if it is not positive definite.
+    /// Factorises a matrix, given in panels, plus `damping` on its diagonal. Returns `None` if the sum is not positive
+    /// definite.
     pub fn factorise(&mut self, matrix: &[f64], damping: f64) -> Option<()> {
         let Self { fronts, factor, spare, left, simd, .. } = self;
         for (index, front) in fronts.iter().enumerate() {
@@ -143,7 +147,7 @@ impl Fronts {
         Some(())
     }
 
-    /// Solves with the last factor, in place.
+    /// Solves in place with the latest factor.
     pub fn solve(&self, vector: &mut [f64]) {
         let mut x: Vec<f64> = self.order.iter().map(|&column| vector[column]).collect();
         let mut on_border: Vec<f64> = Vec::new();
@@ -170,7 +174,7 @@ impl Fronts {
         self.order.iter().zip(x).for_each(|(&column, x)| vector[column] = x);
     }
 
-    /// The factor of a front: the square of its pivots, and the lines of its border.
+    /// Returns the factor of a front: the square block of its pivots, and the lines of its border.
     fn panel(&self, front: &Front) -> (MatRef<'_, f64>, MatRef<'_, f64>) {
         let panel = &self.factor[front.panel()];
         MatRef::from_column_major_slice(panel, front.lines(), front.pivots)
@@ -178,7 +182,7 @@ impl Fronts {
     }
 }
 
-/// Factorises the columns of a front's pivots, in place; `None` if a pivot is not positive.
+/// Factorises the columns of a front's pivots in place. Returns `None` if a pivot is not positive.
 fn factorise_panel(simd: pulp::Arch, panel: &mut [f64], lines: usize, pivots: usize) -> Option<()> {
     for first in (0..pivots).step_by(BLOCK) {
         let count = BLOCK.min(pivots - first);
@@ -198,16 +202,16 @@ fn factorise_panel(simd: pulp::Arch, panel: &mut [f64], lines: usize, pivots: us
     Some(())
 }
 
-/// A block of columns of a panel from which the products of earlier blocks are subtracted. `lines` is the length of a
-/// column, `first` the row of the block's first diagonal entry.
+/// Block of panel columns, with the products of earlier blocks subtracted. `lines` is the length of a column, and `first` the
+/// row of the block's first diagonal entry.
 struct Block<'a> {
     entries: &'a mut [f64],
     lines: usize,
     first: usize,
 }
 
-/// Cholesky factorisation of the block; `None` if a pivot is not positive. A type, because a closure is compiled on its
-/// own, without the instructions of this processor.
+/// Cholesky factorisation of the block; `None` if a pivot is not positive. A type is used because a closure would be compiled
+/// without the vector instructions of the processor.
 impl NullaryFnOnce for Block<'_> {
     type Output = Option<()>;
 

@@ -1,34 +1,35 @@
-//! The minimum of the energy for given multipliers, found to rounding by Newton's method with the true Hessian.
+//! Minimum of the energy for given multipliers, to rounding, by Newton's method with the true Hessian.
 //!
-//! A request that cannot be met has no optimum with multipliers: they grow without end. The energy for given ones has a minimum,
-//! with violations left, and by the envelope theorem its slope along a parameter is that of the rows at fixed unknowns. That
-//! takes a true minimum. Where residuals stay large Gauss-Newton's matrix lacks what their curvature adds, and it halts far from
-//! it.
+//! An infeasible request has no optimum with multipliers: they grow without bound. The energy for given multipliers has a
+//! minimum with remaining violations. By the envelope theorem, the derivative of the minimum with respect to a parameter is the
+//! derivative of the energy at fixed unknowns. This requires a true minimum. With large residuals, the Gauss-Newton matrix
+//! lacks their curvature, and Gauss-Newton stops far from the minimum.
 //!
-//! The Hessian may be indefinite on the way. Steps are those of conjugate gradients in a trust region (Steihaug 1983; the
-//! recurrences for lengths: Conn, Gould, Toint 2000, sec. 7.5.1), with the Gauss-Newton matrix as preconditioner and as the
-//! metric in which the region is measured: the square of its radius is an energy.
+//! The Hessian may be indefinite before the minimum. Steps come from conjugate gradients in a trust region (Steihaug 1983; the
+//! recurrences for lengths: Conn, Gould, Toint 2000, sec. 7.5.1). The Gauss-Newton matrix is the preconditioner and the metric
+//! of the region, so that the square of its radius is an energy.
 
 use super::normal::{NormalEquations, row_energy};
 use super::optimum::{NoOptimum, Residuals, along, change_of, difference_length, dot, weighted};
 use crate::formulation::rows::{Role, Row, Rows};
 
-/// Damping of the preconditioner: no step is longer than what the weakest costs, 1e-3 and more, allow.
+/// Damping of the preconditioner, which bounds steps to the lengths that the weakest costs, 1e-3 and more, allow.
 const DAMPING: f64 = 1e-4;
-/// Products after which conjugate gradients end.
+/// Maximum number of products of conjugate gradients.
 const PRODUCTS_MAX: usize = 150;
-/// Part of the gradient that a step leaves, at most and at least: near the minimum as much as what is left of the energy.
+/// Bounds of the relative residual that conjugate gradients leave. Near the minimum, the residual shrinks with the remaining
+/// energy.
 const LEAVE: [f64; 2] = [1e-7, 0.2];
-/// The same of derivatives.
+/// Relative residual that conjugate gradients leave for derivatives.
 const DERIVATIVE: f64 = 1e-5;
-/// Part of the promised decrease below which a step is bent along curved constraints, as those of Gauss-Newton are.
+/// Fraction of the predicted decrease below which a step is bent along curved constraints, as in Gauss-Newton.
 const BEND_BELOW: f64 = 0.25;
-/// Part of the energy that a last step may have promised.
+/// Predicted decrease at which the minimum is reached, as a fraction of the energy.
 const REACHED: f64 = 1e-15;
-/// The same where rounding lets no step through.
+/// Predicted decrease at which the minimum is reached if rounding prevents any step, as a fraction of the energy.
 const ROUNDING: f64 = 1e-11;
 
-/// A point on the way to the least energy, or at it.
+/// Point on the path to the minimum energy, or at the minimum.
 pub struct Minimum<'a> {
     residuals: &'a dyn Residuals,
     position: Vec<f64>,
@@ -41,18 +42,18 @@ pub struct Minimum<'a> {
     trusted: f64,
 }
 
-/// A step in the trust region.
+/// Step in the trust region.
 struct Step {
     step: Vec<f64>,
-    /// Decrease of the energy by the quadratic model.
+    /// Decrease of the energy that the quadratic model predicts.
     promised: f64,
-    /// Square of its length.
+    /// Square of the step's length in the metric of the region.
     square: f64,
-    /// True if the step ends at the border of the region.
+    /// True if the step ends at the boundary of the region.
     is_cut: bool,
 }
 
-/// A point that is tried.
+/// Trial point.
 struct There {
     position: Vec<f64>,
     rows: Rows,
@@ -60,8 +61,7 @@ struct There {
 }
 
 impl<'a> Minimum<'a> {
-    /// Begins at the base point with multipliers, which stay as they are. `pin` is a unit vector along which the point stays
-    /// where it is.
+    /// Begins at the base point with multipliers, which are constant. `pin` is a unit vector along which the point is fixed.
     pub fn near(
         residuals: &'a dyn Residuals,
         shifts: Vec<f64>,
@@ -77,10 +77,10 @@ impl<'a> Minimum<'a> {
         Ok(here)
     }
 
-    /// Takes a step of Newton's method; true if the minimum had been reached.
+    /// Takes a step of Newton's method. Returns true if the minimum has been reached, so that no step is needed.
     ///
     /// # Errors
-    /// No step lowers the energy.
+    /// Returns an error if no step lowers the energy.
     pub fn step(&mut self) -> Result<bool, NoOptimum> {
         loop {
             let Step { step, promised, square, is_cut } = self.trial();
@@ -126,28 +126,28 @@ impl<'a> Minimum<'a> {
         There { position, rows, energy }
     }
 
-    /// Energy at the point.
+    /// Returns the energy at the point.
     pub fn energy(&self) -> f64 {
         self.energy
     }
 
-    /// The point, as a step from the base point.
+    /// Returns the point, as a step from the base point.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// The rows at the point.
+    /// Returns the rows at the point.
     pub fn rows(&self) -> &Rows {
         &self.rows
     }
 
-    /// Gradient of rows of this pattern at the same multipliers.
+    /// Gradient of the energy of rows with the same pattern, at the same multipliers.
     pub fn gradient_of(&self, rows: &Rows) -> Vec<f64> {
         let slopes = slopes(rows, &self.shifts, self.residuals.penalty());
         weighted(rows, &self.shifts, &slopes, self.position.len())
     }
 
-    /// Multipliers that the violations stand for, as shifts of the rows.
+    /// Multipliers equivalent to the violations, as shifts of the rows.
     pub fn multipliers(&self) -> Vec<f64> {
         let penalty = self.residuals.penalty();
         let shift = |(row, slope): (&Row, f64)| match row.role {
@@ -157,10 +157,10 @@ impl<'a> Minimum<'a> {
         self.rows.rows.iter().zip(slopes(&self.rows, &self.shifts, penalty)).map(shift).collect()
     }
 
-    /// Change of the minimum by a change of the gradient: −H⁻¹·`gradient`.
+    /// Change of the minimum for a change of the gradient: −H⁻¹·`gradient`.
     ///
     /// # Errors
-    /// The Hessian is not positive definite.
+    /// Returns an error if the Hessian is not positive definite.
     pub fn change(&self, gradient: &[f64]) -> Result<Vec<f64>, NoOptimum> {
         let Step { step, is_cut, .. } = self.truncated(gradient, f64::INFINITY, DERIVATIVE);
         if is_cut { Err(NoOptimum::Saddle) } else { Ok(step) }
@@ -187,7 +187,8 @@ impl<'a> Minimum<'a> {
         step
     }
 
-    /// Minimises g·x + ½ x·Hx over steps up to a length, by conjugate gradients that leave a part of the gradient.
+    /// Minimises g·x + ½ x·Hx over steps of limited length, by conjugate gradients. The iterations end at the relative residual
+    /// `leave`.
     fn truncated(&self, gradient: &[f64], trusted: f64, leave: f64) -> Step {
         let mut left = gradient.to_vec();
         self.without_pin(&mut left);
@@ -233,7 +234,7 @@ impl<'a> Minimum<'a> {
         found
     }
 
-    /// H·v: the Gauss-Newton part, and what the rows' second derivatives add, by differences at fixed slopes.
+    /// Product H·v. Second derivatives of the rows enter by differences at fixed slopes.
     fn product(&self, v: &[f64]) -> Vec<f64> {
         let penalty = self.residuals.penalty();
         let Self { rows, shifts, position, .. } = self;
@@ -266,7 +267,7 @@ impl<'a> Minimum<'a> {
     }
 }
 
-/// ∂(energy)/∂r of every row.
+/// Derivatives ∂(energy)/∂r of every row.
 fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
     let slope = |(row, &shift): (&Row, &f64)| match row.role {
         Role::Inequality { .. } if !row.counts(shift) => 0.0,
@@ -282,7 +283,7 @@ mod tests {
 
     const CONTRADICTION: [Role; 2] = [Role::Equality, Role::Cost { weight: 1.0 }];
 
-    /// (x² + 1)² + (x − a)²: its Gauss-Newton matrix is 2 at 0, where the Hessian is 6.
+    /// Toy problem (x² + 1)² + (x − a)². Its Gauss-Newton matrix is 2 at 0, where the Hessian is 6.
     fn contradiction(a: f64) -> impl Fn(&[f64]) -> Vec<(f64, Vec<f64>)> {
         move |m: &[f64]| vec![(m[0] * m[0] + 1.0, vec![2.0 * m[0]]), (m[0] - a, vec![1.0])]
     }

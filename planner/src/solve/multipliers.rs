@@ -1,36 +1,36 @@
-//! Multipliers of a solve: taken over from a neighbouring one, or estimated.
+//! Multipliers of a solve: reused from a neighbouring one, or estimated.
 
 use super::normal::{NormalEquations, row_energy};
 use crate::families::Family;
 use crate::formulation::rows::{Role, Row, Rows};
 use serde::{Deserialize, Serialize};
 
-/// The multipliers of a solution, as shifts of its rows (see [`crate::formulation`]).
+/// Multipliers of a solution, as shifts of its rows (see [`crate::formulation`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Multipliers {
-    /// The shift of every row.
+    /// Shift of every row.
     shifts: Vec<f64>,
-    /// Families of the rows, by which two patterns of rows are compared.
+    /// Families of the rows, for the comparison of patterns.
     families: Vec<Family>,
     /// Penalty to which the shifts belong.
     penalty: f64,
 }
 
 impl Multipliers {
-    /// Multipliers of rows in their order.
+    /// Creates the multipliers of rows from their shifts.
     pub(crate) fn of(rows: &Rows, shifts: Vec<f64>, penalty: f64) -> Self {
         Self { shifts, families: rows.rows.iter().map(|row| row.family).collect(), penalty }
     }
 
-    /// True if the multipliers can be carried. Multipliers from outside need this check.
+    /// Returns true if the multipliers are complete and finite. Multipliers from a file need this check.
     pub(crate) fn are_sound(&self) -> bool {
         let numbers = self.shifts.iter().chain([&self.penalty]);
         self.shifts.len() == self.families.len() && numbers.copied().all(f64::is_finite)
     }
 
-    /// Shifts for other rows and another penalty, if the rows have the same pattern. The force of a multiplier is
-    /// penalty × shift.
+    /// Converts the shifts to other rows and another penalty; `None` if the rows have another pattern. The force of a
+    /// multiplier is penalty × shift.
     pub(crate) fn carried(&self, rows: &Rows, penalty: f64) -> Option<Vec<f64>> {
         let same = self.families.iter().eq(rows.rows.iter().map(|row| &row.family));
         let scale = self.penalty / penalty;
@@ -38,7 +38,7 @@ impl Multipliers {
     }
 }
 
-/// Shift that replaces `shift` when the row's residual is `value`.
+/// Returns the new shift of a row with the residual `value`, which replaces `shift`.
 pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     match row.role {
         Role::Equality => value + shift,
@@ -47,9 +47,9 @@ pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     }
 }
 
-/// Estimates shifts from the linearised rows at the end of a Gauss-Newton step, by the update of the method of
-/// multipliers. Near an optimum the estimate is nearly exact, so that a plan without multipliers need not first move
-/// away from its constraints to find them.
+/// Estimates shifts from the linearised rows at the end of a Gauss-Newton step, by the update of the method of multipliers.
+/// Near an optimum, the estimate is nearly exact. A plan without multipliers then need not leave its constraints first to find
+/// them.
 pub(super) fn estimate(
     rows: &Rows,
     normal: &mut NormalEquations,

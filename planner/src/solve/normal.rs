@@ -4,25 +4,26 @@ use super::fronts::{Fronts, Locals, Places};
 use super::one_sided::one_sided_square;
 use crate::formulation::rows::{Columns, Role, Row, Rows};
 
-/// The matrix JᵀWJ in the panels of its factorisation, and the gradient.
+/// Matrix JᵀWJ in the panels of its factorisation, and the gradient.
 ///
-/// Inequalities that hold by a margin are no part of it, and those that would couple more than others, as the
-/// torque-speed lines of motors, hardly ever are: a row has a place only once it counts. If it does not fit into the
-/// fronts then, they are made anew.
+/// Inequalities that are satisfied by a margin are not part of the matrix. Most rows that would couple many columns, such as
+/// torque-speed lines of motors, are of this kind. A row therefore gets its destinations when it first contributes to the
+/// energy. If it does not fit into the fronts, the fronts are rebuilt.
 pub struct NormalEquations {
     columns: Columns,
-    /// Flags of the rows that have counted so far, and the places of these rows.
+    /// Flags of the rows that have contributed so far.
     counts: Vec<bool>,
+    /// Destinations of these rows in the panels.
     places: Vec<Option<Places>>,
     locals: Locals,
     fronts: Fronts,
     matrix: Vec<f64>,
-    /// ∂E/∂(unknowns).
+    /// Gradient ∂E/∂(unknowns).
     pub gradient: Vec<f64>,
     sorted: Vec<f64>,
 }
 
-/// Value, slope and curvature of a row's part of the energy with respect to its residual.
+/// Energy of a row: value, slope and curvature with respect to its residual.
 pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
     match row.role {
         Role::Equality => {
@@ -37,7 +38,7 @@ pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
 }
 
 impl NormalEquations {
-    /// Creates the equations of rows whose pattern stays the same afterwards.
+    /// Creates the equations of rows. The pattern of the rows must not change afterwards.
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
         let counts: Vec<bool> = rows.rows.iter().map(|row| row.counts(0.0)).collect();
         let locals = Locals::new(rows, columns);
@@ -54,7 +55,7 @@ impl NormalEquations {
         }
     }
 
-    /// Energy alone.
+    /// Energy of the rows.
     pub fn energy(rows: &Rows, shifts: &[f64], penalty: f64) -> f64 {
         rows.rows.iter().zip(shifts).map(|(r, &s)| row_energy(r, s, penalty)[0]).sum()
     }
@@ -82,7 +83,7 @@ impl NormalEquations {
         }
     }
 
-    /// Assembles gradient and matrix if all rows that count fit into the fronts.
+    /// Assembles gradient and matrix. Returns true if all contributing rows fit into the fronts.
     fn assembled(
         &mut self,
         rows: &Rows,
@@ -121,34 +122,34 @@ impl NormalEquations {
         }
     }
 
-    /// Solves (H + λ·1) step = −gradient; `None` if the matrix is not positive definite.
+    /// Solves (H + λ·1) step = −gradient. Returns `None` if the matrix is not positive definite.
     pub fn step(&mut self, damping: f64) -> Option<Vec<f64>> {
         self.factorise(damping)?;
         self.solve_factored(&self.gradient)
     }
 
-    /// Factorises H + λ·1; `None` if it is not positive definite.
+    /// Factorises H + λ·1. Returns `None` if the sum is not positive definite.
     pub fn factorise(&mut self, damping: f64) -> Option<()> {
         self.fronts.factorise(&self.matrix, damping)
     }
 
-    /// Replaces a right-hand side by the solution with the matrix of the last factorisation.
+    /// Replaces a right-hand side by its solution with the latest factorisation.
     pub fn solve(&self, right: &mut [f64]) {
         self.fronts.solve(right);
     }
 
-    /// Solves with the matrix of the last [`step`](Self::step) for −`gradient`.
+    /// Solves for the right-hand side −`gradient` with the latest factorisation. Returns `None` if the solution is not finite.
     fn solve_factored(&self, gradient: &[f64]) -> Option<Vec<f64>> {
         let mut step: Vec<f64> = gradient.iter().map(|g| -g).collect();
         self.fronts.solve(&mut step);
         step.iter().all(|x| x.is_finite()).then_some(step)
     }
 
-    /// Second-order correction of the last `step`. `there` are the rows at its end; the correction removes their
-    /// deviation from the linearised rows of `here`.
+    /// Second-order correction of the latest `step`, which ends at the rows `there`. The correction removes the deviation of
+    /// these rows from the linearised rows `here`.
     ///
-    /// A straight step departs from a curved constraint by the square of its length, so that a high penalty allows
-    /// only short steps (the Maratos effect). The correction costs one solve with the present factor.
+    /// A straight step departs from a curved constraint by the square of its length, so that a high penalty allows only short
+    /// steps (Maratos effect). The correction costs one solve with the present factor.
     pub fn bend(
         &self,
         here: &Rows,

@@ -1,6 +1,7 @@
-//! The smoothed one-sided square of Eq. 2.16.
+//! Smoothed one-sided square of Eq. 2.16.
 
-/// ψ_ε(x) and its first two derivatives: 0 below −ε, x² + ε²/3 above ε, a cubic between; C².
+/// Function ψ_ε(x) with its first two derivatives: 0 below −ε, x² + ε²/3 above ε, a cubic between. The second derivative is
+/// continuous.
 pub fn one_sided_square(x: f64, band: f64) -> [f64; 3] {
     if x <= -band {
         [0.0; 3]

@@ -1,46 +1,49 @@
-//! The optimum at which the multiplier iteration ends: found to rounding by Newton's method, and how it moves when its rows
-//! change (thesis 2.5.1, by the implicit function theorem).
+//! Optimum at the end of the multiplier iteration, found to rounding by Newton's method, and its derivatives with respect to
+//! its rows (thesis 2.5.1, by the implicit function theorem).
 //!
-//! Multipliers s end at a fixed point. With φ(x) = x for equalities and φ = ψ′_ε/2 for inequalities it is
+//! Multipliers s end at a fixed point. With φ(x) = x for equalities and φ = ψ′_ε/2 for inequalities, the fixed point is
 //!
 //! ```text
 //! G = Σ_costs 2w r∇r + Σ 2ρ s∇g = 0        Φ = φ(g + s) − s = 0
 //! ```
 //!
-//! so that inequalities which push stay inside the band of ψ: none is merely active or not. With A = ∇g and b = φ′(g + s)
-//! its derivatives are
+//! Active inequalities are thus inside the band of ψ, and the conditions are smooth. With A = ∇g and b = φ′(g + s), their
+//! derivatives are
 //!
 //! ```text
 //! J = [ H   2ρAᵀ  ]     H = Σ_costs 2w (∇r∇rᵀ + r∇²r) + Σ 2ρ s∇²g
 //!     [ bA  b − 1 ]
 //! ```
 //!
-//! Second derivatives count: without them changes of a design are predicted wrong by 5 to 100 %. They are not assembled.
-//! Conjugate gradients take products H·v, differences of the exact G at fixed multipliers, and are preconditioned with the
-//! factor of the Gauss-Newton matrix with stiff constraints. What the finite stiffness leaves out, refinement puts in.
+//! Second derivatives matter: without them, predicted changes of a design are wrong by 5 to 100 %. They are not assembled.
+//! Conjugate gradients use products H·v, differences of the exact G at fixed multipliers. The preconditioner is the factor of
+//! the Gauss-Newton matrix with stiff constraints. Refinement corrects the error of the finite stiffness.
 
 use super::normal::{NormalEquations, row_energy};
 use crate::formulation::rows::{Columns, Role, Row, Rows};
 
-/// Stiffness b/(1 − b) of a constraint in the preconditioner, at most, in units of its penalty. From 1000 on rounding shows.
+/// Maximum stiffness b/(1 − b) of a constraint in the preconditioner, in units of its penalty. From 1000 on, rounding has an
+/// effect.
 const STIFFNESS_MAX: f64 = 100.0;
-/// Damping of the preconditioner: unknowns that nothing but second derivatives determines.
+/// Damping of the preconditioner, for unknowns that only second derivatives determine.
 const DAMPING: f64 = 1e-7;
-/// Longest step of a difference, scaled variables: central differences of rows that are curved over 0.1 and more.
+/// Largest step of a central difference, scaled variables. Rows have radii of curvature of 0.1 and more.
 const DIFFERENCE: f64 = 2e-5;
-/// Accuracy of derivatives, and of steps towards the optimum, each of which the next one corrects.
+/// Accuracy of derivatives.
 const DERIVATIVE: Effort = Effort { leave: 1e-9, products: 120, refinements: 10, curvature: 1.0 };
+/// Accuracy of steps towards the optimum. Each step corrects the error of the previous one.
 const STEP: Effort = Effort { leave: 1e-3, products: 60, refinements: 3, curvature: 1.0 };
-/// Newton steps in a row after which the method gives up, if each leaves more than this part of the squares of the conditions.
+/// Number of consecutive stalled Newton steps after which the method gives up.
 const STALLED: usize = 3;
+/// Ratio of the squares of the conditions after and before a Newton step, above which the step counts as stalled.
 const HARDLY: f64 = 0.8;
-/// Parts of the second derivatives that steps take into account: away from the optimum the Hessian may be indefinite.
+/// Fractions of the second derivatives that steps use, in order of trial. Away from the optimum, the Hessian may be indefinite.
 const CURVATURES: [f64; 3] = [1.0, 0.5, 0.0];
-/// Squares of the conditions, in units of energy, that may be rounding; and length of a step, scaled variables, to which they
-/// are rounded where products of differences are inexact.
+/// Sum of the squares of the conditions, in units of energy, below which they are rounding errors.
 const ROUNDING: f64 = 1e-17;
+/// Length of a step below which the conditions are rounding errors, scaled variables. Products from differences are inexact.
 const NEARLY_NO_STEP: f64 = 1e-5;
-/// Shares of a Newton step that are tried.
+/// Fractions of a Newton step, in order of trial.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.1, 0.03, 0.01];
 
 /// Rows as functions of a step from a base point, in scaled variables.
@@ -49,21 +52,21 @@ pub trait Residuals {
     fn columns(&self) -> &Columns;
     /// Penalty of every constraint.
     fn penalty(&self) -> f64;
-    /// The rows after a step, with derivatives of those that count with these multipliers.
+    /// Returns the rows after a step. Rows that contribute to the energy with these multipliers have derivatives.
     fn rows(&self, step: &[f64], shifts: &[f64], reuse: Rows) -> Rows;
 }
 
 /// Conditions of an optimum, zero there: G for every unknown, Φ for every row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
-    /// G.
+    /// Condition G.
     pub gradient: Vec<f64>,
-    /// Φ, 0 for costs.
+    /// Condition Φ, 0 for costs.
     pub fixed_point: Vec<f64>,
 }
 
 impl Conditions {
-    /// Conditions of rows with multipliers.
+    /// Computes the conditions of rows with multipliers.
     pub fn of(rows: &Rows, shifts: &[f64], penalty: f64, columns: usize) -> Self {
         let slopes = slopes(rows, shifts, penalty);
         let fixed_point = rows.rows.iter().zip(shifts).map(|(row, &shift)| match row.role {
@@ -76,7 +79,7 @@ impl Conditions {
         }
     }
 
-    /// (`self` − `other`) × `by`.
+    /// Returns `(self − other) · by`.
     pub fn minus(mut self, other: &Self, by: f64) -> Self {
         let difference = |one: &mut Vec<f64>, other: &[f64]| {
             one.iter_mut().zip(other).for_each(|(one, other)| *one = (*one - other) * by);
@@ -86,7 +89,7 @@ impl Conditions {
         self
     }
 
-    /// Sum of the products of all entries.
+    /// Returns the sum of the products of all entries.
     pub fn dot(&self, other: &Self) -> f64 {
         dot(&self.gradient, &other.gradient) + dot(&self.fixed_point, &other.fixed_point)
     }
@@ -121,17 +124,18 @@ impl Change {
     }
 }
 
-/// Second derivatives that are taken into account where an optimum is differentiated.
+/// Second derivatives that enter the differentiation of an optimum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curvature {
-    /// Second derivatives without omission: changes of the optimum are exact.
+    /// Complete second derivatives: changes of the optimum are exact.
     Full,
-    /// The positive ones that Gauss and Newton keep: changes are estimates. Of a plan whose optimum Newton's method does not
-    /// reach, or at which the Hessian of the Lagrangian is not positive definite along the constraints.
+    /// Second derivatives of the Gauss-Newton matrix, which is positive: changes are estimates. These serve for a plan whose
+    /// optimum Newton's method does not reach, and if the Hessian of the Lagrangian is not positive definite along the
+    /// constraints.
     GaussNewton,
 }
 
-/// Reason for which there is no optimum, or none that can be differentiated.
+/// Reason why there is no optimum, or no derivative of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoOptimum {
     /// Newton's method does not converge.
@@ -143,32 +147,32 @@ pub enum NoOptimum {
 /// Accuracy and limits of the solution of a linear system.
 #[derive(Clone, Copy)]
 struct Effort {
-    /// Part of the residual that conjugate gradients leave, and part of the first solution at which refinement ends.
+    /// Relative residual that conjugate gradients leave, and relative change at which refinement ends.
     leave: f64,
-    /// Products with the Hessian after which conjugate gradients end.
+    /// Maximum number of products with the Hessian per run of conjugate gradients.
     products: usize,
-    /// Solutions that are added up at most.
+    /// Maximum number of solutions that refinement adds up.
     refinements: usize,
-    /// Part of the second derivatives that is in the matrix.
+    /// Fraction of the second derivatives in the matrix.
     curvature: f64,
 }
 
-/// An optimum, or a point near one.
+/// Optimum, or point near one.
 pub struct Optimum<'a> {
     residuals: &'a dyn Residuals,
-    /// The point, as a step from the base point.
+    /// Point, as a step from the base point.
     position: Vec<f64>,
     rows: Rows,
     shifts: Vec<f64>,
-    /// Unit vector along which the optimum does not move, because nothing determines where it is along it.
+    /// Unit vector along which the optimum is fixed, because the rows do not determine it.
     pin: Option<Vec<f64>>,
     normal: NormalEquations,
-    /// b and 1 − b of every constraint, the latter with its limit of stiffness.
+    /// Factors b and 1 − b of every constraint; 1 − b is bounded by the maximum stiffness.
     slack: Vec<[f64; 2]>,
 }
 
 impl<'a> Optimum<'a> {
-    /// Begins at the base point, with multipliers. `pin` is a unit vector along which the point stays where it is.
+    /// Begins at the base point, with multipliers. `pin` is a unit vector along which the point is fixed.
     pub fn near(
         residuals: &'a dyn Residuals,
         mut shifts: Vec<f64>,
@@ -184,10 +188,10 @@ impl<'a> Optimum<'a> {
         Ok(here)
     }
 
-    /// Goes to the optimum by Newton's method, until a step is this short.
+    /// Moves to the optimum by Newton's method, until a step is shorter than `length`.
     ///
     /// # Errors
-    /// The optimum is not reached in `steps` steps, or three of them hardly come nearer.
+    /// Returns an error if the optimum is not reached in `steps` steps, or if three consecutive steps hardly approach it.
     pub fn polish(&mut self, steps: usize, length: f64) -> Result<(), NoOptimum> {
         let (mut stalled, mut previous, mut last) = (0, f64::INFINITY, f64::INFINITY);
         for _ in 0..steps {
@@ -216,7 +220,7 @@ impl<'a> Optimum<'a> {
         Err(NoOptimum::Diverges)
     }
 
-    /// Takes the largest share of a step that brings the conditions nearer to zero.
+    /// Takes the largest fraction of a step that brings the conditions nearer to zero. Returns false if no fraction does.
     fn take(&mut self, step: &Change, before: f64) -> bool {
         for share in SHARES {
             let position = along(&self.position, share, &step.unknowns);
@@ -236,30 +240,30 @@ impl<'a> Optimum<'a> {
         false
     }
 
-    /// The point, as a step from the base point.
+    /// Returns the point, as a step from the base point.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// The rows at the point.
+    /// Returns the rows at the point.
     pub fn rows(&self) -> &Rows {
         &self.rows
     }
 
-    /// The multipliers, as shifts of the rows.
+    /// Returns the multipliers, as shifts of the rows.
     pub fn shifts(&self) -> &[f64] {
         &self.shifts
     }
 
-    /// Conditions of rows of this pattern, with the pinned direction left out.
+    /// Conditions of an optimum for rows with the pattern of this point's rows.
     pub fn conditions(&self, rows: &Rows, shifts: &[f64]) -> Conditions {
         Conditions::of(rows, shifts, self.penalty(), self.position.len())
     }
 
-    /// Change of the optimum by a change of its conditions: −J⁻¹·`conditions`.
+    /// Change of the optimum for a change of its conditions: −J⁻¹·`conditions`.
     ///
     /// # Errors
-    /// The point is not a minimum.
+    /// Returns an error if the point is not a minimum.
     pub fn change(
         &self,
         conditions: &Conditions,
@@ -272,7 +276,7 @@ impl<'a> Optimum<'a> {
         self.solve(conditions, Effort { curvature, ..DERIVATIVE })
     }
 
-    /// −J⁻¹·`conditions`: a solution with stiff constraints, and generalised conjugate residuals for what that leaves.
+    /// Solves −J⁻¹·`conditions`: first with stiff constraints, then by generalised conjugate residuals for the rest.
     fn solve(&self, conditions: &Conditions, effort: Effort) -> Result<Change, NoOptimum> {
         let right = conditions.negated();
         let mut sum = self.solve_stiff(&right, effort)?;
@@ -305,7 +309,7 @@ impl<'a> Optimum<'a> {
         Ok(sum)
     }
 
-    /// Rest of Φ after a solution with stiff constraints.
+    /// Residual of Φ after a solution with stiff constraints.
     fn left_by(&self, step: &Change) -> Vec<f64> {
         let left = |(shift, [b, open]): (&f64, &[f64; 2])| {
             if *b > 0.0 { (1.0 - b - open) * shift } else { 0.0 }
@@ -313,11 +317,11 @@ impl<'a> Optimum<'a> {
         step.shifts.iter().zip(&self.slack).map(left).collect()
     }
 
-    /// Multipliers (y, z) of an objective with this gradient: by way of the optimum it changes by −y·∂G/∂p − z·∂Φ/∂p with
-    /// any parameter p.
+    /// Adjoint (y, z) of an objective with the given gradient. Through the optimum, the objective changes by −y·∂G/∂p − z·∂Φ/∂p
+    /// per unit of a parameter p.
     ///
     /// # Errors
-    /// The point is not a minimum.
+    /// Returns an error if the point is not a minimum.
     pub fn adjoint(&self, gradient: &[f64], curvature: Curvature) -> Result<Conditions, NoOptimum> {
         let fixed_point = vec![0.0; self.shifts.len()];
         let conditions =
@@ -361,7 +365,7 @@ impl<'a> Optimum<'a> {
         self.normal.factorise(DAMPING).ok_or(NoOptimum::Saddle)
     }
 
-    /// Solves J·x = `right` with the limits of stiffness.
+    /// Solves J·x = `right` with bounded stiffness.
     fn solve_stiff(&self, right: &Conditions, effort: Effort) -> Result<Change, NoOptimum> {
         let penalty = self.penalty();
         let pull: Vec<f64> = self
@@ -431,7 +435,7 @@ impl<'a> Optimum<'a> {
         Ok(x)
     }
 
-    /// (H + 2ρΣ b/(1−b) AᵀA)·v.
+    /// Product (H + 2ρΣ b/(1−b) AᵀA)·v.
     fn product(&self, v: &[f64], curvature: f64) -> Vec<f64> {
         let penalty = self.penalty();
         let Self { rows, shifts, position, slack, .. } = self;
@@ -463,7 +467,7 @@ impl<'a> Optimum<'a> {
         product
     }
 
-    /// Takes the part along the pinned direction out of a vector.
+    /// Removes the component along the pinned direction from a vector.
     fn without_pin(&self, vector: &mut [f64]) {
         if let Some(pin) = &self.pin {
             let part = dot(pin, vector);
@@ -472,7 +476,7 @@ impl<'a> Optimum<'a> {
     }
 }
 
-/// Sets multipliers of rows that do not count to 0.
+/// Sets the multipliers of rows that do not contribute to the energy to 0.
 fn drop_idle(rows: &Rows, shifts: &mut [f64]) {
     for (row, shift) in rows.rows.iter().zip(shifts) {
         if matches!(row.role, Role::Cost { .. }) || !row.counts(*shift) {
@@ -481,7 +485,7 @@ fn drop_idle(rows: &Rows, shifts: &mut [f64]) {
     }
 }
 
-/// ∂(energy)/∂r of every row: 2w r of costs, 2ρ s of constraints.
+/// Derivatives ∂(energy)/∂r of every row: 2w r for costs, 2ρ s for constraints.
 fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
     let slope = |(row, shift): (&Row, &f64)| match row.role {
         Role::Cost { weight } => 2.0 * weight * row.value,
@@ -490,7 +494,7 @@ fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
     rows.rows.iter().zip(shifts).map(slope).collect()
 }
 
-/// Σ slope·∇r over the rows that count.
+/// Sum Σ slope·∇r over the rows that contribute to the energy.
 pub(super) fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<f64> {
     let mut sum = vec![0.0; columns];
     for ((row, &shift), &slope) in rows.rows.iter().zip(shifts).zip(slopes) {
@@ -502,12 +506,12 @@ pub(super) fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usi
     sum
 }
 
-/// Share of a direction over which a product with the Hessian is a difference.
+/// Factor on a direction for the difference in a product with the Hessian.
 pub(super) fn difference_length(v: &[f64]) -> f64 {
     DIFFERENCE / v.iter().fold(f64::MIN_POSITIVE, |most, x| x.abs().max(most))
 }
 
-/// ∇r·v.
+/// Product ∇r·v.
 pub(super) fn change_of(rows: &Rows, row: &Row, v: &[f64]) -> f64 {
     row.entries.clone().map(|k| rows.derivatives[k] * v[rows.columns[k]]).sum()
 }

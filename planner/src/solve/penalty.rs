@@ -1,11 +1,10 @@
-//! The thesis's methods, for comparison: a penalty on every constraint instead of multipliers, minimised
-//! by Newton's method (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
+//! Methods of the thesis, for comparison: a penalty on every constraint instead of multipliers, minimised by Newton's method
+//! (sec. 2.4.2, 2.4.3) or L-BFGS with a backtracking line search.
 //!
-//! Constraints weigh 10 000, functional and choreography objectives 50; whether a plan meets its request is decided
-//! with both as constraints. The centre of mass is eliminated, so Eq. 2.11 has no second derivatives to filter. A
-//! Hessian that is not positive definite is regularised dynamically: the damping grows until the sum is. L-BFGS is
-//! our own two-loop recursion: it shares line search, stop tests and interruption with Newton's method, and reads no
-//! clock.
+//! Constraints have the weight 10 000, functional and choreography objectives 50. A plan meets its request if both are met as
+//! constraints. The centre of mass is eliminated, so that Eq. 2.11 has no second derivatives to filter. A Hessian that is not
+//! positive definite is regularised dynamically: the damping grows until their sum is positive definite. L-BFGS is a two-loop
+//! recursion of this crate. It shares line search, stop criteria and interruption with Newton's method, and reads no clock.
 
 use super::curvature::Curvature;
 use super::normal::NormalEquations;
@@ -22,7 +21,7 @@ use std::ops::ControlFlow;
 pub const PENALTY: f64 = 10_000.0;
 /// Weight of the thesis's functional objectives and of its choreography objectives.
 const OBJECTIVE: f64 = 50.0;
-/// Families with the weight of objectives. Height limits are inequalities and have the weight of inequalities.
+/// Families with the weight of objectives. Height limits have the weight of constraints, because they are inequalities.
 const OBJECTIVES: FamilySet = FamilySet::of(&[
     Family::DisplacementGoal,
     Family::TurningGoal,
@@ -30,11 +29,11 @@ const OBJECTIVES: FamilySet = FamilySet::of(&[
     Family::TargetVelocity,
     Family::TargetHeading,
 ]);
-/// Relative decrease of the energy below which an iteration is flat; and the count of flat iterations that ends the
-/// solve.
+/// Relative decrease of the energy below which an iteration is flat.
 const FLAT: f64 = 1e-8;
+/// Number of consecutive flat iterations that ends the solve.
 const FLAT_ITERATIONS: usize = 3;
-/// Pairs of steps and gradient changes that L-BFGS keeps.
+/// Number of pairs of step and gradient change that L-BFGS keeps.
 const MEMORY: usize = 10;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -54,7 +53,7 @@ fn is_objective(row: &Row) -> bool {
     OBJECTIVES.contains(row.family)
 }
 
-/// Row with the worst residual among constraints and objectives, and that residual over its tolerance.
+/// Index of the worst row among constraints and objectives, and its residual-to-tolerance ratio.
 fn worst(rows: &Rows) -> (usize, f64) {
     let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
     objectives
@@ -86,7 +85,7 @@ fn quasi_newton(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec
     direction
 }
 
-/// A point of the descent with its rows, energy and normal equations.
+/// Point of the descent with its rows, energy and normal equations.
 struct Descent<'a> {
     system: &'a System<'a>,
     unknowns: Unknowns,
@@ -115,7 +114,7 @@ impl<'a> Descent<'a> {
         self.normal.assemble(&self.rows, &self.none, PENALTY);
     }
 
-    /// Newton's direction: the damping grows until the Hessian is positive definite; `None` if it never is.
+    /// Newton direction. The damping grows until the Hessian is positive definite; `None` if it never is.
     fn newton(
         &mut self,
         curvature: &Curvature,
@@ -132,8 +131,8 @@ impl<'a> Descent<'a> {
         direction
     }
 
-    /// Goes along a direction, halving the step until the energy falls enough. Returns the step and the relative
-    /// decrease; `None` if no step lowers the energy.
+    /// Searches along a direction, halving the step until the energy falls enough. Returns the step and the relative decrease,
+    /// or `None` if no step lowers the energy.
     fn search_line(&mut self, direction: &[f64]) -> Option<(Vec<f64>, f64)> {
         let slope = dot(&self.normal.gradient, direction);
         let mut share = 1.0;
@@ -156,7 +155,7 @@ impl<'a> Descent<'a> {
     }
 }
 
-/// Minimises the penalty energy from a starting point. `progress` sees every iteration and may stop the solve.
+/// Minimises the penalty energy from a starting point. `progress` is called after every iteration and may stop the solve.
 pub fn solve(
     system: &System<'_>,
     unknowns: Unknowns,

@@ -7,13 +7,13 @@ use crate::formulation::rows::{Role, Row, Rows};
 /// Progress of a solve, passed to the caller after every iteration.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Iterations so far, from the present start.
+    /// Number of iterations so far, from the present start.
     pub iteration: usize,
     /// Energy E(m).
     pub energy: f64,
-    /// Share of the costs in the energy.
+    /// Sum of the costs in the energy.
     pub cost: f64,
-    /// Worst constraint residual as a fraction of its tolerance.
+    /// Residual-to-tolerance ratio of the worst constraint.
     pub worst_level: f64,
     /// Family of the worst constraint.
     pub worst_constraint: Family,
@@ -24,8 +24,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress at a point with these rows and this energy. `worst` is the index of the worst constraint row and its
-    /// residual over its tolerance.
+    /// Creates the progress at a point with these rows and this energy. `worst` contains the index of the worst constraint row
+    /// and its residual-to-tolerance ratio.
     pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
         let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
         Self {
@@ -40,7 +40,7 @@ impl Progress {
     }
 }
 
-/// Residual of a constraint over its tolerance; 0 for costs.
+/// Residual-to-tolerance ratio of a constraint; 0 for costs.
 pub fn level(row: &Row) -> f64 {
     match row.role {
         Role::Equality => row.value.abs() * row.scale / row.level,
@@ -49,7 +49,7 @@ pub fn level(row: &Row) -> f64 {
     }
 }
 
-/// Index of the worst constraint row, and its residual over its tolerance.
+/// Index of the worst constraint row, and its residual-to-tolerance ratio.
 pub fn worst(rows: &Rows) -> (usize, f64) {
     rows.rows
         .iter()

@@ -1,4 +1,4 @@
-//! Settings of a solve: the method, and when it stops.
+//! Settings of a solve: method and stop criteria.
 
 /// Method of minimising the energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -6,12 +6,12 @@ pub enum Method {
     /// Gauss-Newton on every row, with multipliers.
     #[default]
     GaussNewton,
-    /// The thesis's penalty and Newton's method without the second derivatives of the consistency
-    /// constraints 2.13 and 2.14 with respect to q: its Filtered Hessian.
+    /// Penalty of the thesis, and Newton's method with its Filtered Hessian. That omits the second derivatives of the
+    /// consistency constraints 2.13 and 2.14 with respect to q.
     NewtonFiltered,
-    /// The thesis's penalty and Newton's method with the true Hessian, regularised where indefinite.
+    /// Penalty of the thesis, and Newton's method with the true Hessian, regularised if indefinite.
     NewtonTrue,
-    /// The thesis's penalty and L-BFGS.
+    /// Penalty of the thesis, and L-BFGS.
     Lbfgs,
 }
 
@@ -22,11 +22,11 @@ pub struct Settings {
     pub method: Method,
     /// Iteration limit.
     pub iterations: usize,
-    /// Constraint residual, as a fraction of its tolerance, at which a plan is accepted.
+    /// Residual-to-tolerance ratio of the worst constraint below which a solve may end.
     pub target_level: f64,
     /// Relative energy decrease of a step below which multipliers are shifted.
     pub nearly_flat: f64,
-    /// Relative energy decrease of a step below which the solve ends if the constraints hold.
+    /// Relative energy decrease of a step below which the solve ends if all constraints are met.
     pub flat: f64,
 }
 

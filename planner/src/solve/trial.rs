@@ -1,8 +1,8 @@
-//! Trial steps with their second-order correction, which keeps them on curved constraints.
+//! Trial steps with a second-order correction, which keeps them on curved constraints.
 //!
-//! A straight step departs from a curved constraint by the square of its length. With a penalty this raises the
-//! energy even of a good step (the Maratos effect), to which damping would respond with many short steps. A
-//! second-order correction costs one evaluation and a solve with the present factor, less than another factorisation.
+//! A straight step departs from a curved constraint by the square of its length. With a penalty, this raises the energy even of
+//! a good step (Maratos effect), and damping would respond with many short steps. A second-order correction costs one
+//! evaluation and a solve with the present factor, which is less than another factorisation.
 
 use super::normal::NormalEquations;
 use crate::formulation::System;
@@ -13,18 +13,18 @@ use crate::problem::Unknowns;
 /// not worth another evaluation.
 const BEND_BELOW: f64 = 0.25;
 
-/// A point with its rows.
+/// Point with its rows.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// The unknowns.
     pub unknowns: Unknowns,
-    /// The rows there.
+    /// Rows at the point.
     pub rows: Rows,
 }
 
-/// A step with the point at its end.
+/// Step with the point at its end.
 pub(super) struct Trial {
-    /// The step in scaled variables.
+    /// Step in scaled variables.
     pub step: Vec<f64>,
     pub point: Point,
     pub energy: f64,
@@ -38,9 +38,11 @@ pub(super) struct Trials<'a> {
 }
 
 impl Trials<'_> {
-    /// Takes the damped Gauss-Newton step from a point with this energy, corrected if it achieves too little of the
-    /// predicted decrease and the correction helps. Also returns the fraction achieved. `None` if the matrix with
-    /// this damping is not positive definite.
+    /// Tries the damped Gauss-Newton step from a point with this energy. The step is corrected if it achieves too little of the
+    /// predicted decrease and the correction helps.
+    ///
+    /// Returns the trial and the fraction of the predicted decrease that it achieves. `None` if the matrix with this damping is
+    /// not positive definite.
     pub fn take(
         &mut self,
         normal: &mut NormalEquations,

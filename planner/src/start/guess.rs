@@ -8,8 +8,8 @@ use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
 use rollwalk_multibody::ground::ElevationMap;
 
-/// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaws are unwrapped
-/// to stay near those in `vars`.
+/// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaw angles are unwrapped to
+/// stay near those in `vars`.
 pub fn follow_kinematics(
     model: &Model,
     layout: &Layout,
@@ -36,7 +36,7 @@ fn stand_on(ground: &ElevationMap, vars: &mut DVector<f64>) {
     vars[BASE_POSITION + 2] += ground.at(&base).height_m;
 }
 
-/// The robot standing at the origin with its weight shared evenly.
+/// Variables of the robot standing at the origin with its weight shared evenly.
 pub fn standing(problem: &Problem) -> DVector<f64> {
     let layout = &problem.layout;
     let mut vars = DVector::zeros(layout.len);
@@ -49,7 +49,7 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     vars
 }
 
-/// Placement of the goal, with 0 for components that the goal leaves free.
+/// Placement of the goal, with 0 for its free components.
 pub fn goal_placement(problem: &Problem) -> Placement {
     let goal = &problem.goal;
     Placement {
@@ -58,7 +58,7 @@ pub fn goal_placement(problem: &Problem) -> Placement {
     }
 }
 
-/// Standing at all samples, moved and turned evenly towards the goal.
+/// Unknowns with a standing robot at all samples, moved and turned evenly towards the goal.
 pub fn from_standing(problem: &Problem) -> Unknowns {
     let stand = standing(problem);
     let placement = goal_placement(problem);

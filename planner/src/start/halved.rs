@@ -1,17 +1,18 @@
 //! Motions with half the samples, whose plans serve as starts.
 //!
-//! With few samples the solver finds a stroke of skates or a swizzle; with many, its steps from standing are too
-//! short for that, because every sample pulls on its neighbours. Resampled to twice the samples the coarse plan is
-//! nearly feasible, and a few Gauss-Newton steps complete the solve.
+//! With few samples, the solver finds a stroke of skates or a swizzle. With many, its steps from standing are too short for
+//! that, because every sample pulls on its neighbours. Resampled to twice the samples, the coarse plan is nearly feasible, and
+//! a few Gauss-Newton steps complete the solve.
 
 use crate::motion::{Ends, Motion, Subject};
 
 /// Sample count up to which a motion is not halved.
 const FEW: usize = 32;
-/// Fewest samples of a swing.
+/// Minimum number of samples of a swing.
 const LEAST_SWING: usize = 3;
 
-/// The motion with half the samples; `None` if they are few already, or if its footfalls would change.
+/// Returns the motion with half the samples. `None` if the samples are already few, if the footfalls would change, or if a
+/// target sets the height of a swing.
 pub fn halved(motion: &Motion) -> Option<Motion> {
     let samples = motion.stance.len();
     if samples <= FEW || motion.ends == Ends::Prescribed {
@@ -36,7 +37,7 @@ pub fn halved(motion: &Motion) -> Option<Motion> {
     (swings_last && as_many && !shaped).then(|| Motion { stance, ..motion.clone() })
 }
 
-/// Lengths of the swings of foot `j`, in samples, where a swing across the end of the period counts as two.
+/// Lengths of the swings of foot `j`, in samples. A swing across the end of the period counts as two.
 fn swing_lengths(stance: &[Vec<bool>], j: usize) -> Vec<usize> {
     let flags: Vec<bool> = stance.iter().map(|feet| feet[j]).collect();
     flags.split(|&stands| stands).map(<[bool]>::len).filter(|&length| length > 0).collect()

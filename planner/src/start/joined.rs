@@ -7,7 +7,7 @@ use crate::problem::{Problem, Unknowns};
 use nalgebra::DVector;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// The start of a transition: a cubic between the ends, with their velocities there.
+/// Creates the start of a transition: a cubic with the positions and velocities of both ends.
 pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {
     let [start, end, before, after] = fixed;
     let last = problem.samples - 1;

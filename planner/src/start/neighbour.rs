@@ -1,9 +1,8 @@
-//! Start from another plan: its motion, evaluated at the new problem's samples.
+//! Start from another plan: its motion, evaluated at the samples of the new problem.
 //!
-//! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one duration to the
-//! other, and the start is moved to where the anchor term requires it. If the robot was edited,
-//! contact points and wheel angles are computed from the pose again; at samples where the footfalls
-//! differ, the weight is distributed over the feet in stance again.
+//! The motions may differ in duration, sample count, footfalls and goal. Time is stretched from one duration to the other, and
+//! the start is moved to where the anchor term requires it. For an edited robot, contact points and wheel angles are recomputed
+//! from the pose. At samples with different footfalls, the weight is redistributed over the stance feet.
 
 use super::guess;
 use crate::plan::{Placement, Plan, Sample};
@@ -12,10 +11,10 @@ use crate::problem::{Problem, Unknowns};
 use crate::sample::resample;
 use nalgebra::DVector;
 
-/// Unknowns of `problem` that are closest to the plan `previous`.
+/// Returns the unknowns of `problem` that are closest to the plan `previous`.
 ///
-/// Both motions must have the same kind of ends, and both robots the same numbers of joints and of end effectors, of
-/// the same kinds.
+/// Both motions must have the same kind of ends. Both robots must have the same number of joints, and the same number and kinds
+/// of end effectors.
 pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     let duration_s = previous.motion.duration_s;
     let intervals = (problem.last() - 1) as f64;
@@ -52,7 +51,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     Unknowns { slots, placement }
 }
 
-/// `placement`, expressed in the frame `origin`.
+/// Converts `placement` to the frame `origin`.
 fn seen_from(origin: &Placement, placement: &Placement) -> Placement {
     let [x, y] = origin.offset_m;
     let [x, y, _] = origin.inverse().point(placement.point([x, y, 0.0]));

@@ -1,15 +1,15 @@
-//! The warm start of sec. 3.3 (Table 3.1): standing first, then swaying, then stepping in place.
+//! Warm start of sec. 3.3 (Table 3.1): standing, then swaying, then stepping in place.
 //!
 //! | step | unknowns | terms | ramp |
 //! |---|---|---|---|
 //! | 1 | forces | dynamics, friction | |
-//! | 2 | forces, body | the same, and no force in swing | unloading of the feet in swing, over 100 problems |
+//! | 2 | forces, body | dynamics, friction, no force in swing | unloading of the feet in swing, over 100 problems |
 //! | 3 | joints, contact points, wheels | kinematics | swing heights, over 20 problems |
 //! | 4 | all | all, goals at zero | |
 //!
-//! In the thesis no term of step 2 ties the body to the feet: it drifts, and the limbs cannot reach the contact
-//! points in step 3. Here the posture term holds the body near standing unless [`WarmStart::literal`] is set. Step 3
-//! keeps the base where step 2 left it; the thesis keeps the centre of mass, which is no unknown of ours.
+//! In step 2 of the thesis, no term ties the body to the feet. The body drifts, and the limbs cannot reach the contact points
+//! in step 3. Here, the posture term keeps the body near standing unless [`WarmStart::literal`] is set. Step 3 keeps the base
+//! of step 2. The thesis keeps the centre of mass, which is not an unknown here.
 
 use super::guess;
 use crate::families::{Family, FamilySet};
@@ -27,12 +27,13 @@ pub struct WarmStart {
     pub literal: bool,
 }
 
-/// Problems of step 2 (thesis: N₁ = 100) and step 3 (N₂, not given).
+/// Number of problems of step 2 (thesis: N₁ = 100).
 const UNLOADINGS: usize = 100;
+/// Number of problems of step 3 (thesis: N₂, without a value).
 const HEIGHTS: usize = 20;
-/// Iteration limit of each of them: one problem differs little from the next.
+/// Iteration limit of each problem of steps 2 and 3. Consecutive problems differ little.
 const ITERATIONS_EACH: usize = 2;
-/// Iteration limit of the first and the last step.
+/// Iteration limit of steps 1 and 4.
 const ITERATIONS: usize = 300;
 
 const STANDING: FamilySet = FamilySet::of(&[
@@ -58,11 +59,11 @@ const STEPPING: FamilySet = FamilySet::OBSTACLES.with(&[
     Family::WheelSmoothness,
 ]);
 
-/// Solves one problem of the warm start with the selected families. Arguments: problem, selection, unknowns (replaced
-/// by the solution), iteration limit.
+/// Function that solves one problem of the warm start with the selected families. Arguments: problem, selection, unknowns
+/// (replaced by the solution), iteration limit.
 pub(crate) type SolveStage<'a> = dyn FnMut(&Problem, &Selection, &mut Unknowns, usize) + 'a;
 
-/// Computes a start for `problem`; `solve` solves the intermediate problems.
+/// Computes a start for `problem`. `solve` solves the intermediate problems.
 pub(crate) fn warm(problem: &Problem, how: WarmStart, solve: &mut SolveStage<'_>) -> Unknowns {
     let in_place = Problem { goal: Goal::default(), placement_free: false, ..problem.clone() };
     let mut unknowns = guess::from_standing(&in_place);

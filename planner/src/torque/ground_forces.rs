@@ -1,17 +1,17 @@
-//! Ground forces nearest to the planned ones that move the base as the motion does: a small cone program at every time.
+//! Ground forces nearest to the planned ones that balance the motion of the base: a small cone program at every time.
 //!
-//! Force of contact j is a_j B_j x_j. B has three columns for what grips and two for what rolls freely, whose force
-//! along its rolling direction is drag. a is 1 in stance. While a foot lifts off or lands, a falls with the time since
-//! stance and with the height of the foot: a foot above the ground carries nothing, although the plan's forces fall
-//! linearly from a stance sample to zero.
+//! The force of contact j is a_j B_j x_j. B has three columns for a gripping contact and two for a freely rolling one, whose
+//! force along its rolling direction is drag. a is 1 in stance. While a foot lifts off or lands, a falls with the time from
+//! stance and with the height of the foot. A foot above the ground carries nothing, although the plan's forces fall linearly
+//! from a stance sample to zero.
 //!
 //! ```text
 //! minimise   ½ Σ |x_j − x_j⁰|² + ½ κ |w − Σ G_j a_j B_j x_j|²      with B_j x_j in the friction cone
 //! ```
 //!
-//! x⁰ are the planned forces by a's first part, G maps a force to a wrench about the centre of mass. Forces are in units
-//! of the weight, moments in that times the height of the centre of mass. So a wrench is met to about 1/κ where
-//! contacts can give it, and x is unique where they can give it in many ways.
+//! x⁰ are the planned forces of the full contacts, and G maps a force to a wrench about the centre of mass. Forces are in units
+//! of the weight, moments in units of the weight times the height of the centre of mass. A wrench that contacts can supply is
+//! met to about 1/κ. If they can supply it in many ways, x is unique nevertheless.
 
 use crate::cone_program::{Accuracy, Cone, ConeProgram};
 use crate::families::ROLLING_SIGN_WIDTH_M_S;
@@ -20,31 +20,31 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Vector3, Vector6};
 use rollwalk_multibody::{Kinematics, RimContact};
 use rollwalk_robot::EndEffector;
 
-/// κ: weight of the wrench against that of the planned forces.
+/// Weight κ of the wrench against that of the planned forces.
 const WRENCH_WEIGHT: f64 = 1e4;
-/// Accuracy of the solver: with its own tolerances, 1e-8, forces of 60 N are off by up to 1 mN.
+/// Accuracy of the solver. With its default tolerances of 1e-8, forces of 60 N are off by up to 1 mN.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, regularisation: 1e-12 };
 /// Height up to which a contact of a converged plan is on the ground, m: a fifth of the tolerance.
 const ON_GROUND_M: f64 = 0.0002;
-/// Height above that at which a foot that lifts off or lands carries half of what it would on the ground, m.
+/// Height above [`ON_GROUND_M`] at which a foot that lifts off or lands carries half of its force on the ground, m.
 const CARRIES_HALF_AT_M: f64 = 0.0005;
 
-/// Contact that may carry.
+/// Contact that can carry force.
 pub struct Support {
-    /// Force per unknown, B.
+    /// Matrix B: force per unknown.
     directions: Matrix3xX<f64>,
     friction_coefficient: f64,
     /// Unit normal of the ground.
     normal: Vector3<f64>,
-    /// a: part of a full contact.
+    /// Factor a: fraction of a full contact.
     part: f64,
-    /// Force of the full contact, N, that is planned.
+    /// Planned force of the full contact, N.
     planned_n: Vector3<f64>,
     /// Vector from the centre of mass to the contact, m.
     arm: Vector3<f64>,
 }
 
-/// Wrench that the motion takes from the ground.
+/// Wrench that the motion requires from the ground.
 pub struct Wanted {
     /// Force, N, and moment about the centre of mass, N·m.
     pub wrench: Vector6<f64>,
@@ -55,7 +55,7 @@ pub struct Wanted {
 }
 
 impl Support {
-    /// A contact of the plan, which has a share of it, at a height above the ground.
+    /// Creates a support from a planned contact at a height above the ground.
     pub fn new(
         foot: &EndEffector,
         contact: &RimContact,
@@ -91,7 +91,7 @@ impl Support {
         }
     }
 
-    /// Two unit vectors along the ground; of level ground x and y.
+    /// Two unit vectors along the ground; x and y on level ground.
     fn tangents(&self) -> [Vector3<f64>; 2] {
         let first = Vector3::y().cross(&self.normal).normalize();
         [first, self.normal.cross(&first)]
@@ -104,7 +104,7 @@ impl Support {
     }
 }
 
-/// The nearest forces, N, one for each support.
+/// Returns the nearest forces, N, one for each support.
 pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
     let count: usize = supports.iter().map(|support| support.directions.ncols()).sum();
     if count == 0 {
@@ -154,8 +154,8 @@ pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// Minimum of ½ |x − x⁰|² + ½ κ |w − G x|², in closed form: x⁰ + κ Gᵀ (1 + κ G Gᵀ)⁻¹ (w − G x⁰). If it is within the cones,
-/// it is the minimum there, which the cone solver takes fifty times as long to find.
+/// Minimum of ½ |x − x⁰|² + ½ κ |w − G x|² in closed form: x⁰ + κ Gᵀ (1 + κ G Gᵀ)⁻¹ (w − G x⁰). If it is within the cones, it
+/// is also the constrained minimum. The cone solver would take fifty times as long.
 fn without_cones(
     planned: &DVector<f64>,
     wrenches: &DMatrix<f64>,
@@ -168,15 +168,15 @@ fn without_cones(
     Some(planned + wrenches.transpose() * pull)
 }
 
-/// True if each three entries are in the second-order cone; false for NaN.
+/// Returns true if each three entries are in the second-order cone, and false for NaN.
 fn is_within(cones: &DVector<f64>) -> bool {
     cones.as_slice().chunks_exact(3).all(|cone| cone[1].hypot(cone[2]) <= cone[0])
 }
 
 /// Minimum of ½ |x − x⁰|² + ½ κ |w − G x|² with every three entries of C x in the second-order cone.
 ///
-/// What is missing of the wrench is a variable of its own. Condensed to a Hessian of x, whose eigenvalues span κ, some
-/// problems ended far from their solution.
+/// The missing wrench is a separate variable. With a condensed Hessian of x, whose eigenvalues span κ, some problems ended far
+/// from their solution.
 fn solve(
     planned: &DVector<f64>,
     wrenches: &DMatrix<f64>,
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
     use crate::test_robots;
 
-    /// The point of the friction cone |f_xy| ≤ μ f_z that is nearest to `force`.
+    /// Nearest point to `force` in the friction cone |f_xy| ≤ μ f_z.
     fn in_cone(force: &Vector3<f64>, friction_coefficient: f64) -> Vector3<f64> {
         let (side, mu) = (force.xy().norm(), friction_coefficient);
         if side <= mu * force.z {
@@ -227,7 +227,8 @@ mod tests {
         Vector3::new(force.x / side * mu * load, force.y / side * mu * load, load)
     }
 
-    /// Plans in files may have any finite numbers; forces of such are no use, but they end.
+    /// Checks that the solver terminates for any finite or infinite values. Plan files may contain any, and the forces are then
+    /// meaningless.
     #[test]
     fn numbers_beyond_reason_end_with_some_force() {
         for number in [f64::NAN, f64::INFINITY, 1e300, -1e300, 1e-300] {
@@ -245,7 +246,7 @@ mod tests {
         }
     }
 
-    /// Closed form and cone solver lead to the same minimum within the cones.
+    /// Checks that closed form and cone solver give the same minimum within the cones.
     #[test]
     fn the_closed_form_is_what_the_cone_solver_finds() {
         let mut random = test_robots::uniform(4);
@@ -279,8 +280,8 @@ mod tests {
         assert!((20..80).contains(&within), "{within}");
     }
 
-    /// A convex function has its minimum over a cone exactly where a step against the gradient, put back into the
-    /// cone, leads nowhere.
+    /// Checks optimality: at the minimum of a convex function over a cone, a step against the gradient, projected to the cone,
+    /// does not move.
     #[test]
     fn no_step_within_the_cones_gets_nearer() {
         let mut random = test_robots::uniform(3);

@@ -1,4 +1,4 @@
-//! Torques against closed forms, and the balance of power along a plan.
+//! Torques compared with closed forms, and the balance of power along a plan.
 
 use super::*;
 use crate::motion::Motion;
@@ -9,10 +9,13 @@ use rollwalk_multibody::CompositeInertia;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-/// Measures of the robot of [`test_plans`].
+/// Length of a leg of the robot of [`test_plans`], m.
 const LEG_M: f64 = 0.2;
+/// Mass of a leg, kg.
 const LEG_KG: f64 = 0.2;
+/// Inertia of a leg, kg·m².
 const LEG_KG_M2: f64 = 7e-4;
+/// Armature of a joint, kg·m².
 const ARMATURE_KG_M2: f64 = 0.001;
 
 fn planned(robot: &str, motion: &str) -> Plan {
@@ -188,7 +191,7 @@ fn motors_and_ground_supply_the_change_of_energy() {
     }
 }
 
-/// Power that goes into the spin of a wheel relative to its link.
+/// Power that accelerates the spin of a wheel relative to its link.
 fn spin_power(inverse: &InverseDynamics, end_effector: usize, time_s: f64) -> f64 {
     let (tree, spline) = (&inverse.tree, &inverse.spline);
     let rates = spline.rates(time_s, tree);

@@ -1,4 +1,4 @@
-//! Targets, heights and phases: what motion files say of them, what is refused, and that plans do it.
+//! Targets, height limits and phases: reading and refusal of motion files, and plans that meet them.
 
 use rollwalk_planner::motion::{Motion, Subject};
 use rollwalk_planner::plan::{Plan, Sample, Status};
@@ -25,7 +25,7 @@ fn creature3() -> Robot {
     Robot::from_toml("robots/creature3.toml", text).unwrap()
 }
 
-/// A motion with more tables at its end.
+/// Reads a motion with more tables at its end.
 fn with(text: &str, tables: &str) -> Result<Motion, DocumentError> {
     Motion::from_toml("m.toml", &format!("{text}\n{tables}\n"), &agilebot())
 }
@@ -37,7 +37,7 @@ fn plan(motion: &Motion) -> Plan {
     plan
 }
 
-/// Asserts that the motion with these tables has exactly one fault, which says this.
+/// Asserts that the motion with these tables has exactly one fault, with this message and help.
 fn refused(text: &str, tables: &str, message: &str, help: &str) {
     let faults: Vec<_> = match with(text, tables) {
         Ok(_) => panic!("accepted: {tables}"),
@@ -75,54 +75,72 @@ fn faulty_targets_say_what_would_be_right() {
     for (rest, message, help) in [
         ("of = \"front_lft\"\nat_s = 0.5\nleft_m = 0.1", "front_lft", "did you mean `front_left`"),
         ("of = \"com\"\nat_s = 1.7\nleft_m = 0.1", "`at_s` is 1.7", "0 to 1.6"),
-        ("of = \"com\"\nat_s = 0.5", "com at 0.5 s asks for nothing", "forward_m, left_m, up_m"),
+        (
+            "of = \"com\"\nat_s = 0.5",
+            "com at 0.5 s has no position, speed or heading",
+            "forward_m, left_m, up_m",
+        ),
         ("of = \"com\"\nat_s = 0.5\nup_m = 0.3\nleft = 0.1", "unknown key `left`", "left_m"),
-        ("of = \"com\"\nat_s = 0.5\nheading_rad = 1", "has no heading", "of = \"body\""),
-        ("of = \"body\"\nat_s = 0.0\nleft_m = 0.1", "`left_m` is 0.1 at time 0", "there it is 0"),
-        ("of = \"body\"\nat_s = 0.5\nup_m = 1.5", "`up_m` is 1.5 m", "stands at 0.50 s"),
+        ("of = \"com\"\nat_s = 0.5\nheading_rad = 1", "without a heading", "of = \"body\""),
+        (
+            "of = \"body\"\nat_s = 0.0\nleft_m = 0.1",
+            "`left_m` is 0.1 at time 0",
+            "choose a later time",
+        ),
+        ("of = \"body\"\nat_s = 0.5\nup_m = 1.5", "`up_m` is 1.5 m", "on the ground at 0.50 s"),
         ("of = \"com\"\nat_s = 0.5\nup_m = -0.1", "`up_m` is -0.1", "above the ground"),
         ("of = \"front_left\"\nat_s = 0.6\nspeed_up_m_s = 1", "end effector", "`up_m`"),
         (
             "of = \"front_left\"\nat_s = 0.2\nup_m = 0.05",
-            "while `front_left` stands",
+            "while `front_left` is on the ground",
             "0.45 to 0.75 s",
         ),
         (
             "of = \"front_left\"\nat_s = 0.6\nup_m = 0.0",
             "0 while `front_left` swings",
-            "leave it out",
+            "leave out `up_m`",
         ),
-        ("of = \"front_left\"\nat_s = 0.45\nup_m = 0.3", "too near to an end", "higher than 1 m"),
+        ("of = \"front_left\"\nat_s = 0.45\nup_m = 0.3", "too close to an end", "above 1 m"),
     ] {
         refused(WALK, &target(rest), message, help);
     }
     let at_end = "of = \"com\"\nat_s = 4.0\nspeed_forward_m_s = 0.1";
-    refused(DRIVE, &target(at_end), "is given at an end", "inside it");
+    refused(DRIVE, &target(at_end), "is given for an end", "between the ends");
     let far = "of = \"com\"\nat_s = 1.0\nforward_m = 4.0";
     refused(
         DRIVE,
         &target(far),
         "`at_s` is 1 s",
-        "4.00 m in 1.00 s; with `front_left` on the ground",
+        "4.00 m in 1.00 s is too far with `front_left` on the ground",
     );
 }
 
 #[test]
 fn what_contradicts_something_above_is_refused() {
     let up = |m: f64| format!("[[target]]\nof = \"front_left\"\nat_s = {m}\nup_m = 0.05\n");
-    refused(WALK, &(up(0.55) + &up(0.6)), "swing that a target above shapes", "one height");
+    refused(
+        WALK,
+        &(up(0.55) + &up(0.6)),
+        "swing whose height an earlier target determines",
+        "one `up_m`",
+    );
     let left = "[[target]]\nof = \"com\"\nat_s = 0.5\nleft_m = 0.01\n";
-    refused(WALK, &left.repeat(2), "`at_s` is 0.5, as in a target above", "another time");
+    refused(WALK, &left.repeat(2), "`at_s` is 0.5 s, as in an earlier target", "another time");
     let height = |rest: &str| format!("[[height]]\nof = \"body\"\n{rest}\n");
     let (low, high) = (height("from_s = 0.2\nto_s = 0.5\nbelow_m = 0.2"), height("above_m = 0.25"));
     refused(WALK, &(low.clone() + &high), "`above_m` is 0.25 m", "below 0.2 m from 0.2 to 0.5 s");
     let target = "[[target]]\nof = \"body\"\nat_s = 0.4\nup_m = 0.25\n";
-    refused(WALK, &format!("{low}{target}"), "`up_m` is 0.25 m", "below 0.2 m from 0.2 to 0.5 s");
+    refused(
+        WALK,
+        &format!("{low}{target}"),
+        "`up_m` is 0.25 m",
+        "below 0.2 m, the bound of a [[height]] from 0.2 to 0.5 s",
+    );
     for (rest, message, help) in [
-        ("from_s = 0.5\nto_s = 0.2\nbelow_m = 0.2", "`to_s` is 0.2, before", "from 0.5 s"),
+        ("from_s = 0.5\nto_s = 0.2\nbelow_m = 0.2", "`to_s` is 0.2 s, before", "give 0.5 s"),
         ("from_s = 0.5", "height of body has no bound", "`above_m`, `below_m`"),
-        ("above_m = 0.3\nbelow_m = 0.2", "`below_m` is 0.2, lower", "at least `above_m`, 0.3"),
-        ("above_m = 2.0", "`above_m` is 2 m", "limb is"),
+        ("above_m = 0.3\nbelow_m = 0.2", "`below_m` is 0.2 m, lower", "give `above_m`, 0.3 m"),
+        ("above_m = 2.0", "`above_m` is 2 m", "allows at most"),
     ] {
         refused(WALK, &height(rest), message, help);
     }
@@ -141,7 +159,8 @@ fn standing_point_feet_do_not_move() {
     let error = read("0.1").unwrap_err();
     let fault = error.faults().next().unwrap();
     assert!(
-        fault.message.contains("is to move") && fault.help.contains("0.30 to 0.45 s"),
+        fault.message.contains("cannot move while it is on the ground")
+            && fault.help.contains("0.30 to 0.45 s"),
         "{error}"
     );
 }
@@ -174,7 +193,8 @@ fn phases_say_when_feet_touch_down() {
         found[0].clone()
     };
     assert!(
-        fault(&walk.replace("0.475", "1.5")).contains("`front_left` is 1.5 | allowed is 0 to 1")
+        fault(&walk.replace("0.475", "1.5"))
+            .contains("`front_left` is 1.5 | give a fraction of the cycle from 0 to 1")
     );
     assert!(fault(&walk.replace("rear_left", "rear_lft")).contains("did you mean `rear_left`"));
     assert!(fault(&walk.replace("rear_left = 0.225\n", "")).contains("`rear_left` is missing"));

@@ -1,4 +1,5 @@
-//! Limbs keep clear of each other and of the ground: what crossed or sank before is planned clear of it, or refused.
+//! Clearance of limbs from each other and from the ground. A motion that violates it without shapes is planned clear of
+//! obstacles with them, or refused.
 
 use rollwalk_planner::families::Family;
 use rollwalk_planner::motion::Motion;
@@ -12,14 +13,14 @@ fn robot(text: &str) -> Robot {
     Robot::from_toml("robot.toml", text).unwrap()
 }
 
-/// The same robot without shapes.
+/// Returns the robot without shapes.
 fn without_shapes(robot: &Robot) -> Robot {
     let mut bare = robot.clone();
     bare.links.iter_mut().for_each(|link| link.shapes.clear());
     bare
 }
 
-/// The plan from the first start alone.
+/// Returns the plan from the first start alone.
 fn plan(robot: &Robot, motion: &str) -> Plan {
     let motion = Motion::from_toml("motion.toml", motion, robot).unwrap();
     let first = &candidates(robot, &motion, &Options::default())[0];
@@ -32,8 +33,7 @@ fn missing_mm(plan: &Plan, robot: &Robot, family: Family) -> f64 {
     report.row(family, Grid::Samples).unwrap().worst
 }
 
-/// Plans a motion that violates a clearance without shapes, by more than `least_mm`, and converges clear of it with
-/// them.
+/// Checks that a motion violates a clearance by more than `least_mm` without shapes, and converges clear of it with them.
 fn kept_clear(robot: &Robot, motion: &str, family: Family, least_mm: f64) {
     let blind = plan(&without_shapes(robot), motion);
     assert_eq!(blind.solve.status, Status::Converged, "{:?}", blind.solve.diagnosis);
@@ -84,7 +84,7 @@ fn a_crouch_into_the_ground_is_refused_with_its_reason() {
     assert!(against.subject.is_some() && against.worst > 0.001, "{diagnosis}");
 }
 
-/// Pairs that overlap in the nominal pose are as the robot was drawn: they forbid nothing.
+/// Checks that pairs of shapes that overlap in the nominal pose impose no constraint.
 #[test]
 fn shapes_that_overlap_in_the_nominal_pose_leave_motions_possible() {
     let text = AGILEBOT

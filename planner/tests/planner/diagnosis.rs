@@ -1,5 +1,4 @@
-//! Requests that cannot be met: which constraints the planner names, where, with which numbers it would work, and how
-//! long it takes to say so.
+//! Requests that cannot be met: constraints and times in the diagnosis, feasible values, and the effort of the diagnosis.
 
 use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
@@ -12,13 +11,14 @@ fn robot(text: &str) -> Robot {
     Robot::from_toml("robot.toml", text).unwrap()
 }
 
-/// The plan from the first start alone.
+/// Returns the plan from the first start alone.
 fn plan(robot: &Robot, motion: &Motion) -> Plan {
     let first = &candidates(robot, motion, &Options::default())[0];
     optimise(robot, motion, first, &mut |_| ControlFlow::Continue(()))
 }
 
-/// The diagnosis of a request that no other start would help. Every number in it works.
+/// Returns the diagnosis of an impossible request. Checks that the verdict ends the search, and that every suggested value is
+/// feasible.
 fn impossible(impossible: &Plan, feasible: &Plan) -> Diagnosis {
     assert_eq!(feasible.solve.status, Status::Converged);
     assert_eq!(feasible.solve.diagnosis, None);
@@ -34,7 +34,7 @@ fn impossible(impossible: &Plan, feasible: &Plan) -> Diagnosis {
     diagnosis
 }
 
-/// A car with wheels that do not steer, from rest to rest.
+/// Car with wheels that do not steer, and its drive from rest to rest with another goal.
 fn car(goal: Goal) -> (Robot, Motion) {
     let car = robot(include_str!("../../../shipped/robots/car.toml"));
     let text = include_str!("../../../shipped/motions/car_drive.toml");
@@ -111,7 +111,7 @@ fn walk(change: impl Fn(&mut Motion)) -> (Robot, Motion) {
     (robot, motion)
 }
 
-/// A walk that is possible, but asks about as much as it can.
+/// Plan of a walk with about the largest feasible distance.
 fn long_walk() -> Plan {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(0.9));
     plan(&robot, &motion)
@@ -205,7 +205,7 @@ fn weak_servos_are_named(torques_max_nm: &[f64]) {
         assert_eq!(named, torque, "{diagnosis}");
         // Of all motors those of the knees hold most.
         assert!(first.subject.as_ref().is_some_and(|joint| joint.ends_with("knee")), "{diagnosis}");
-        assert!(first.advice.contains("standing alone takes 0.57 N·m"), "{diagnosis}");
+        assert!(first.advice.contains("standing alone requires 0.57 N·m"), "{diagnosis}");
         // Servos that strong can do it.
         let works = first.would_do.expect("stronger motors work");
         assert!(works > 0.57, "{diagnosis}");

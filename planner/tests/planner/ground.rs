@@ -1,4 +1,4 @@
-//! Plans on level ground of another height: start, solve, torques and report measure heights above the ground.
+//! Plans on level ground at another height. Start, solve, torques and report measure heights above the ground.
 
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_planner::motion::Motion;
@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 
 /// Height of the ground, m.
 const UP_M: f64 = 0.25;
-/// Largest difference of plans, m, rad and N: rounding, which the solver amplifies.
+/// Tolerance for differences of plans, m, rad and N. The solver amplifies rounding errors.
 const SAME: f64 = 1e-5;
 
 fn planned(robot: &Robot, motion: &str, up_m: f64) -> Plan {

@@ -1,10 +1,10 @@
-//! Layers of the optimiser: which module may use which, no circles, and solvers that see rows only, read off the source.
+//! Layers of the optimiser, checked on the source: permitted uses between modules, no cycles, and solvers that use rows only.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Modules in order: each may use itself and those before it. Modules of one line do not use each other.
+/// Modules in order. Each may use itself and those before it. Modules of one line do not use each other.
 const LAYERS: &[&[&str]] = &[
     &["json", "cone_program"],
     &["families"],
@@ -62,7 +62,7 @@ fn code() -> Vec<(PathBuf, String)> {
     files.into_iter().map(code_of).collect()
 }
 
-/// Module of the first level that a file belongs to.
+/// First-level module of a file.
 fn module(inside: &Path) -> &str {
     let first = inside.components().next().unwrap();
     Path::new(first.as_os_str()).file_stem().unwrap().to_str().unwrap()
@@ -88,8 +88,8 @@ fn no_layer_uses_one_above_it() {
     assert!(seen > 100, "{seen} uses of modules");
 }
 
-/// Items that solvers may use: rows as functions of unknowns, the columns of each slot, families that name the worst row, and the
-/// outcome's status.
+/// Items that solvers may use: rows as functions of unknowns, the columns of each slot, families for the name of the worst row,
+/// and the outcome's status.
 const SEEN_BY_SOLVERS: &[&str] = &[
     "families::Family",
     "families::FamilySet",
@@ -102,7 +102,7 @@ const SEEN_BY_SOLVERS: &[&str] = &[
     "problem::Unknowns",
 ];
 
-/// Paths behind `crate::` in a piece of code, with lists in braces written out.
+/// Paths after `crate::` in a piece of code, with lists in braces expanded.
 fn paths(code: &str) -> Vec<String> {
     let mut found = Vec::new();
     for rest in code.split("crate::").skip(1) {
@@ -140,14 +140,14 @@ fn solvers_see_rows_only() {
     assert!(seen > 10, "{seen} uses of modules");
 }
 
-/// Names of a file's module and of those around it, from the outermost; none for the crate's root.
+/// Names of a file's module and of its parents, from the outermost. Empty for the crate's root.
 fn names(inside: &Path) -> Vec<String> {
     let names = inside.with_extension("");
     let names = names.iter().map(|name| name.to_string_lossy().into_owned());
     names.filter(|name| name != "lib" && name != "mod").collect()
 }
 
-/// Modules whose files use siblings only, never an item of the module around them.
+/// Modules whose files use siblings only, never an item of their parent module.
 const SIBLINGS_ONLY: &[&str] = &["planning"];
 
 #[test]

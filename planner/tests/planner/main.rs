@@ -1,8 +1,9 @@
-//! The planner as other crates use it: one binary, one module per subject.
+//! Tests of the planner through its public interface: one binary, one module per subject.
 
 mod choreography;
 mod clearance;
 mod diagnosis;
+mod examples;
 mod ground;
 mod layers;
 mod motion_files;

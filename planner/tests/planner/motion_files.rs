@@ -1,4 +1,4 @@
-//! Motion and library files: shipped ones mean what they say, broken ones say what is wrong where.
+//! Motion and library files: contents of shipped files, and faults of broken ones with their lines.
 
 use proptest::prelude::*;
 use rollwalk_planner::library_file::LibraryFile;
@@ -26,7 +26,7 @@ fn motion(text: &str) -> Motion {
     Motion::from_toml("m.toml", text, &agilebot()).unwrap()
 }
 
-/// `#` and `.` of one end effector, as people write it.
+/// Pattern of `#` and `.` of one end effector, as in a motion file.
 fn row(motion: &Motion, foot: usize) -> String {
     motion.stance.iter().map(|flags| if flags[foot] { '#' } else { '.' }).collect()
 }
@@ -50,7 +50,7 @@ fn broken(from: &str, to: &str) -> Result<Motion, DocumentError> {
     Motion::from_toml("walk.toml", &WALK.replacen(from, to, 1), &agilebot())
 }
 
-/// Line of the shipped walk file that begins with `start`.
+/// Number of the line of the shipped walk file that begins with `start`.
 fn line(start: &str) -> usize {
     1 + WALK.lines().position(|line| line.starts_with(start)).unwrap()
 }
@@ -129,7 +129,7 @@ fn a_posture_takes_the_place_of_nominal_angles() {
     );
     assert_faults(
         with("rear_left_steer = 50.0"),
-        &[(at, "posture: `rear_left_steer` is 50 rad", "allowed is -1.6 to 1.6 rad")],
+        &[(at, "posture: `rear_left_steer` is 50 rad", "give an angle from -1.6 to 1.6 rad")],
     );
 }
 
@@ -185,7 +185,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
 
     assert_faults(
         broken("swing_height_m = 0.03", "swing_height_m = 0.03\nneeds_feedback = \" \""),
-        &[(line("swing_height_m") + 1, "`needs_feedback` is empty", "say why")],
+        &[(line("swing_height_m") + 1, "`needs_feedback` is empty", "give the reason")],
     );
     assert_faults(
         broken("ends = \"periodic\"", "ends = periodic"),
@@ -225,7 +225,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     );
     assert_faults(
         broken("duty = 0.8", "duty = 80"),
-        &[(gait + 1, "`duty` is 80", "allowed is 0.3 to 0.95")],
+        &[(gait + 1, "`duty` is 80", "give a value from 0.3 to 0.95")],
     );
     assert_faults(
         broken("gait = \"walk\"", "gait = \"wlak\""),
@@ -233,7 +233,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     );
     assert_faults(
         hand("all = \"swing\""),
-        &[(gait, "`all` cannot be \"swing\"", "known are: `stance`")],
+        &[(gait, "`all` cannot be \"swing\"", "valid names: `stance`")],
     );
     assert_faults(
         hand("front_left = \"##..##\"\nfront_right = \"######\"\nrear_left = \"######\""),
@@ -245,8 +245,8 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
         ),
         &[(
             gait + 1,
-            "row `front_right` has another length",
-            "`front_left` has 6 characters, this row has 5",
+            "row `front_right` differs in length",
+            "`front_left` has 6 characters, but this row has 5",
         )],
     );
     assert_faults(
@@ -260,14 +260,14 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
         ],
     );
     let air = "front_left = \"..\"\nfront_right = \"..\"\nrear_left = \"..\"\nrear_right = \"..\"";
-    assert_faults(hand(air), &[(footfalls, "no stance at all", "mark stance with #")]);
+    assert_faults(hand(air), &[(footfalls, "no foot in stance", "with # for stance")]);
     // A leap with all feet in the air for a while is allowed.
     hand(&air.replace("..", "##..##")).unwrap();
     let rest = WALK.replace("periodic", "at_rest").replace("\"walk\"\n", "\"trot\"\n");
     let rest = rest.replace("gait = \"trot\"\nduty = 0.8", &air.replace("..", "..##"));
     assert_faults(
         Motion::from_toml("m.toml", &rest, &agilebot()),
-        &[(footfalls, "a foot in the air at an end", "starts and ends with #")],
+        &[(footfalls, "a foot in the air at an end", "begin and end every row with #")],
     );
 }
 
@@ -283,8 +283,8 @@ fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
         Motion::from_toml("m.toml", &short, &agilebot()),
         &[(
             duration,
-            "2.5 s for 4 m on the wheel of `front_left`",
-            "without leaning that takes 11.68 s",
+            "2.5 s for a distance of 4 m on the wheel of `front_left`",
+            "the distance takes 11.68 s without leaning",
         )],
     );
     let error = Motion::from_toml("m.toml", DRIVE, &creature3()).unwrap_err();
@@ -326,7 +326,11 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
     let line = |start: &str| 1 + LIBRARY.lines().position(|line| line == start).unwrap();
     assert_faults(
         break_it("safe = \"stand\"", "safe = \"stnad\""),
-        &[(line("safe = \"stand\""), "names no motion \"stnad\"", "did you mean `stand`?")],
+        &[(
+            line("safe = \"stand\""),
+            "names \"stnad\", which is not a motion",
+            "did you mean `stand`?",
+        )],
     );
     assert_faults(
         break_it("code = 4", "code = 2"),
@@ -338,14 +342,22 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
     );
     assert_faults(
         break_it("from = \"walk\"", "from = \"turn_in_place\""),
-        &[(line("from = \"walk\"") + 1, "`to` is where it comes from", "periodic ends")],
+        &[(
+            line("from = \"walk\"") + 1,
+            "`to` names the same motion as `from`",
+            "ends = \"periodic\"",
+        )],
     );
     assert_faults(
         break_it(
             "from = \"turn_in_place\"\nto = \"walk\"",
             "from = \"walk\"\nto = \"turn_in_place\"",
         ),
-        &[(line("from = \"turn_in_place\""), "joined a second time", "once in each direction")],
+        &[(
+            line("from = \"turn_in_place\""),
+            "that an earlier [[transition]] joins",
+            "for each direction",
+        )],
     );
     for (name, words) in [
         ("w\u{430}lk", "letters of several scripts"),
@@ -358,8 +370,8 @@ fn every_kind_of_mistake_in_a_library_file_is_named() {
         break_it("name = \"walk\"", "name = \"stand\""),
         &[
             (line("name = \"walk\""), "`stand` is listed twice", "its own name"),
-            (line("from = \"walk\""), "names no motion \"walk\"", "known are"),
-            (line("to = \"walk\""), "names no motion \"walk\"", "known are"),
+            (line("from = \"walk\""), "names \"walk\", which is not a motion", "valid names"),
+            (line("to = \"walk\""), "names \"walk\", which is not a motion", "valid names"),
         ],
     );
     assert_faults(
@@ -398,7 +410,7 @@ fn a_library_is_checked_against_its_motions() {
     assert_faults(
         library.check_motions("l.toml", LIBRARY, &motions),
         &[
-            (via, "`stand to walk`: other feet are down than where it enters `walk`", "agree"),
+            (via, "`stand to walk`: where it enters `walk`, its feet in stance differ", "agree"),
             (line("[[transition]]"), "`walk to turn_in_place`", "agree"),
             (line("[[transition]]") + 6, "`turn_in_place to walk`", "agree"),
         ],
@@ -406,7 +418,7 @@ fn a_library_is_checked_against_its_motions() {
 }
 
 proptest! {
-    /// Whatever bytes a file has, reading it ends with a value or with faults inside the text.
+    /// Checks that reading returns a value or faults inside the text, whatever bytes a file contains.
     #[test]
     fn damaged_files_never_panic(
         file in prop::sample::select(vec![STAND, DRIVE, TURN, WALK, LIBRARY]),
@@ -448,7 +460,7 @@ fn wheels_are_driven_unless_a_motion_holds_them() {
         &STAND.replacen("ends =", "wheels = \"held\"\nends =", 1),
         &creature3(),
     );
-    assert!(none.unwrap_err().faults().any(|f| f.message.contains("drives none")));
+    assert!(none.unwrap_err().faults().any(|f| f.message.contains("has no wheel with a motor")));
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! The optimiser on the shipped robot, motions and library, judged by the report, which recomputes
-//! every residual from the plan alone.
+//! Optimiser on the shipped robot, motions and library. The report judges the plans: it recomputes every residual from the plan
+//! alone.
 
 use rollwalk_planner::families::Family;
 use rollwalk_planner::library_file::LibraryFile;
@@ -22,7 +22,7 @@ static LIBRARY: LazyLock<LibraryFile> = LazyLock::new(|| {
     LibraryFile::from_toml("agilebot_library.toml", text, &ROBOT).unwrap()
 });
 
-/// The motions of the library, in its order.
+/// Plans of the library's motions, in its order.
 static PLANS: LazyLock<Vec<Plan>> =
     LazyLock::new(|| MOTIONS.iter().map(|text| plan(&motion(text))).collect());
 
@@ -203,7 +203,7 @@ fn a_robot_with_weak_knees_stands_on_straighter_legs() {
     }
 }
 
-/// AgileBot on blades in place of its wheels, skating with one diagonal pair of legs at a time.
+/// Checks AgileBot on blades in place of its wheels, skating with one diagonal pair of legs at a time.
 #[test]
 fn skates_push_off_along_their_blades() {
     let mut robot = ROBOT.clone();

@@ -1,4 +1,4 @@
-//! Horizons from states on the way of the ones before them, in stance and in swing, with and without a push.
+//! Horizons from states along earlier horizons, in stance and in swing, with and without a push.
 
 use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::State;
@@ -36,7 +36,7 @@ fn forward(forward_m_s: f64) -> Steering {
     Steering { forward_m_s, ..Steering::default() }
 }
 
-/// A robot that moves as its horizons say.
+/// Simulated robot that follows its horizons exactly.
 struct Walker {
     horizon: Horizon,
     state: State,
@@ -45,7 +45,7 @@ struct Walker {
 }
 
 impl Walker {
-    /// Starts in the stand at the beginning of the gait.
+    /// Begins standing, at the start of the gait.
     fn new(robot: &Robot, gait: Gait, duration_s: f64) -> Self {
         let options = HorizonOptions { duration_s, ..HorizonOptions::default() };
         let horizon = Horizon::new(robot, gait, options).unwrap();
@@ -60,7 +60,7 @@ impl Walker {
         self.plan_pushed(steering, Vector3::zeros())
     }
 
-    /// Plans from its state with another velocity of the body, m/s.
+    /// Plans from the present state with `push` added to the velocity of the body, m/s.
     fn plan_pushed(&mut self, steering: Steering, push: Vector3<f64>) -> HorizonPlan {
         let mut state = self.state.clone();
         (0..3).for_each(|k| state.velocity[k] += push[k]);
@@ -68,7 +68,7 @@ impl Walker {
         self.horizon.plan(measured, self.at, steering, &mut go).unwrap()
     }
 
-    /// Follows a plan for some samples.
+    /// Follows a plan for `samples` samples.
     fn follow(&mut self, found: &HorizonPlan, samples: u64) {
         let time_s = samples as f64 * self.horizon.interval_s();
         let there = WholeBody::new(&found.plan).at(time_s, &found.world_from_plan);
@@ -77,8 +77,8 @@ impl Walker {
     }
 }
 
-/// Horizons are accepted from ten states, `every` samples apart, undisturbed and pushed by 0.2 m/s to all sides. Returns how many
-/// are after pushes by 0.5 m/s.
+/// Checks that horizons from ten states, `every` samples apart, are accepted undisturbed and with pushes of 0.2 m/s in various
+/// directions. Returns the number of accepted horizons with pushes of 0.5 m/s.
 fn is_planned_from_everywhere(robot: &Robot, gait: Gait, duration_s: f64, every: u64) -> usize {
     let mut walker = Walker::new(robot, gait, duration_s);
     let mut accepted = 0;
@@ -201,12 +201,12 @@ fn what_cannot_be_planned_is_refused_with_its_value() {
     let error = walker.horizon.change_gait(other, 0).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "gait `stand`: sample spacing, s, is 0.05, expected 0.1: that of the horizon"
+        "gait `stand`: sample spacing in s is 0.05; expected 0.1, as in the horizon"
     );
     let touches = [true; 3];
     let measured = Measured { state: &walker.state, touches: &touches };
     let error = walker.horizon.plan(measured, 0, forward(0.0), &mut go).unwrap_err();
-    assert_eq!(error.to_string(), "measured touches has 3 entries, expected 4");
+    assert_eq!(error.to_string(), "measured touches has 3 entries; expected 4");
     let measured = Measured { state: &walker.state, touches: &walker.touches };
     let error = walker.horizon.plan(measured, 0, forward(f64::NAN), &mut go).unwrap_err();
     assert_eq!(error, HorizonError::NotFinite { what: "steering.forward_m_s" });

@@ -1,4 +1,4 @@
-//! Plans that do not hold as they are played are planned again with more samples.
+//! Refinement: plans that fail as played are planned again with more samples.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
@@ -8,7 +8,7 @@ use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
 
 const BRAINBOT: &str = include_str!("../../../shipped/robots/brainbot.toml");
-/// Sixteen samples are too few: its wheels creep in the turn.
+/// Turn of BrainBot. With 12 samples, its wheels creep.
 const TURN: &str = include_str!("../../../shipped/motions/table_2_1/brainbot_turn.toml");
 
 fn turn(extra: &str) -> (Robot, Motion) {
@@ -72,7 +72,7 @@ fn motions_that_need_feedback_keep_their_samples() {
     let report = Report::new(&plan);
     assert_eq!(report.judgement, Judgement::NeedsFeedback);
     let words = report.conclusion(&plan.solve).to_string();
-    assert!(words.starts_with("needs feedback when it is played: wheels creep"), "{words}");
+    assert!(words.starts_with("needs feedback when played: wheels creep"), "{words}");
 }
 
 #[test]
@@ -108,6 +108,6 @@ fn every_status_and_residual_has_one_verdict() {
             far(plan);
         });
         assert_eq!(judgement, Judgement::BeyondTolerance);
-        assert!(words.starts_with("not consistent, the plan was changed"), "{words}");
+        assert!(words.starts_with("not consistent, because the plan was changed"), "{words}");
     }
 }

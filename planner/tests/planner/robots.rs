@@ -1,4 +1,4 @@
-//! Motions of the shipped robots: each plan converges, and the report finds each residual within its level.
+//! Motions of the shipped robots: each plan converges, and the report finds each residual within its tolerance.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
@@ -10,10 +10,10 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// The car of thesis sec. 2.5.1 whose front wheels, tilted, no longer roll in parallel.
+/// Car of thesis sec. 2.5.1, whose tilted front wheels do not roll in parallel.
 const CANNOT_DRIVE: &str = "car_tilted";
 
-/// Robot files other than [`CANNOT_DRIVE`], with a motion file of each.
+/// Robot files other than [`CANNOT_DRIVE`], each with a motion file.
 const MOTIONS: [(&str, &str); 16] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),

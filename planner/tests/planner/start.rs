@@ -185,7 +185,7 @@ fn an_edited_robot_may_start_from_the_plan_before_the_edit() {
     assert_eq!(plan.robot, longer);
 }
 
-/// The first solve, from the plan of 1 m, ends infeasible.
+/// Checks a goal from which the first solve, from the plan of 1 m, ends infeasible.
 #[test]
 fn what_one_plan_does_not_lead_to_is_not_called_infeasible() {
     let robot = agilebot();
@@ -210,7 +210,7 @@ fn plans_that_cannot_be_played_are_refused() {
     assert!(message.contains("`agilebot`") && message.contains("`swizzlebot`"), "{message}");
 }
 
-/// Standing start: ends in a bad minimum if all feet are in the air between the pairs.
+/// Checks a flying trot. A standing start ends in a bad minimum because all feet are in the air between the pairs.
 #[test]
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn the_warm_start_finds_a_flying_trot_that_standing_does_not() {

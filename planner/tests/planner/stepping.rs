@@ -1,4 +1,4 @@
-//! Transitions of which the library file leaves the footfalls open: feet that cannot roll step by themselves.
+//! Transitions without footfalls in the library file: feet that cannot roll step.
 
 use rollwalk_planner::building::{Contents, Misfit, Shelf};
 use rollwalk_planner::motion::Motion;
@@ -17,7 +17,7 @@ const LIBRARY: &str = "name = \"legs\"\nrobot = \"../robots/legbot.toml\"\nsafe 
     [[motion]]\nname = \"walk\"\nfile = \"GAIT\"\ncode = 3\n\
     [via_safe]\nduration_s = 1.6\n";
 
-/// LegBot's files: a stand, its walk and a trot.
+/// Files of LegBot: a stand, its walk and a trot.
 struct Files;
 
 impl Shelf for Files {
@@ -55,7 +55,7 @@ fn contents(gait: &str) -> Contents {
     Contents::read("legs.toml", &LIBRARY.replace("GAIT", gait), &mut Files).unwrap()
 }
 
-/// `#` and `.` of each end effector in a transition.
+/// Pattern of `#` and `.` of each end effector in a transition.
 fn rows(contents: &Contents, from: usize, to: usize) -> Vec<String> {
     let wanted =
         contents.file.transitions.iter().find(|of| (of.from, of.to) == (from, to)).unwrap();

@@ -1,5 +1,5 @@
-//! Protocol and settings of an actuator bus, from a robot file to the controller. Buses that the file
-//! leaves out have actuators of the Rollwalk profile.
+//! Protocol and settings of an actuator bus, from a robot file to the controller. A bus that the file omits has actuators of
+//! the Rollwalk profile.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -10,28 +10,28 @@ use super::{
 };
 use crate::config::{Channel, ChannelKind};
 
-/// Most actuator buses of a controller.
+/// Maximum number of actuator buses of a controller.
 pub const MAX_BUSES: usize = 4;
 
-/// The actuator buses of a controller, by number.
+/// Actuator buses of a controller; the index is the bus number.
 pub type Buses = Vec<Bus, MAX_BUSES>;
 
-/// Buses from their postcard encoding, which images hold; `None` for anything else.
+/// Decodes buses from postcard, the encoding in firmware images. `None` if the bytes are not exactly one encoding.
 pub fn decode(bytes: &[u8]) -> Option<Buses> {
     postcard::take_from_bytes(bytes).ok().and_then(|(buses, rest)| rest.is_empty().then_some(buses))
 }
 
-/// A bus and the actuators on it.
+/// Bus with its actuators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bus {
     /// Protocol of the actuators.
     pub protocol: Protocol,
-    /// Bits per second on the bus.
+    /// Bit rate of the bus, bit/s.
     pub bit_rate: u32,
     /// Side that computes the torque: drive or controller.
     pub control: ControlLoop,
-    /// Source of the joint positions before torque comes on.
+    /// Source of the joint positions before torque is on.
     pub pose: Pose,
 }
 
@@ -59,18 +59,18 @@ impl Bus {
             || self.protocol.capabilities().gains != UpdatePolicy::Never
     }
 
-    /// True if a host may close a loop over the actuators: torques and gains come with every setpoint. Gains that a drive stores
-    /// are sent to one actuator after the other, and may be lost.
+    /// True if a host may close a control loop over the actuators. Torque and gains must then take effect with every set-point.
+    /// Gains that a drive stores do not qualify: they are sent to one actuator after the other, and may be lost.
     pub fn can_be_tracked(&self) -> bool {
         let gains = self.protocol.capabilities().gains;
         let at_once = gains == UpdatePolicy::EverySetpoint;
         self.takes_torque() && (self.control == ControlLoop::OnController || at_once)
     }
 
-    /// Checks that the protocol can carry every command at the ends of a channel's limits.
+    /// Checks that the protocol can encode every command at the ends of a channel's limits.
     ///
     /// # Errors
-    /// The value that the protocol cannot carry.
+    /// Returns the refusal of the first command that the protocol cannot encode.
     pub fn can_drive(&self, limits: &Channel) -> Result<(), Refusal> {
         let can = self.protocol.capabilities();
         let check = |command| self.protocol.check(&ActuatorCommand { id: limits.id, command });
@@ -136,21 +136,21 @@ impl Bus {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlLoop {
-    /// The drive, at its own rate.
+    /// The drive computes the torque at its own rate.
     InDrive,
-    /// The controller, at its rate and from the last feedback; the drive receives a torque, within the
-    /// channel's limit. No torque is computed from feedback older than two ticks.
+    /// The controller computes the torque in each tick from the latest feedback, within the channel's limit, and sends it to
+    /// the drive. Feedback older than two ticks is not used.
     OnController,
 }
 
-/// Source of the joint positions before torque comes on.
+/// Source of the joint positions before torque is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pose {
     /// Measured by the actuators. Actuators that measure no position cannot be armed.
     Measured,
-    /// Assumed for actuators that measure no position: SAFE at first, where an operator has put the robot, later the last
-    /// setpoint. A joint that stands elsewhere jumps there.
+    /// Assumed, for actuators that measure no position. The first pose is SAFE, in which the operator must put the robot. Later
+    /// poses are the previous set-points. A joint at another angle jumps to the assumed one.
     AssumedSafe,
 }
 

@@ -1,8 +1,7 @@
-//! Xiaomi's CyberGear, in its operation control mode.
+//! Xiaomi CyberGear motors in operation control mode.
 //!
-//! Document: "CyberGear micro motor instruction manual", section 4. Identifier = type (5 bits) │ data
-//! (16 bits) │ target (8 bits). Scaled values are big-endian, parameters little-endian. The torque of
-//! a setpoint travels in the identifier.
+//! Document: "CyberGear micro motor instruction manual", section 4. Identifier = type (5 bits) │ data (16 bits) │ target (8
+//! bits). Scaled values are big-endian, parameters little-endian. The identifier contains the torque of a set-point.
 
 use core::fmt::Arguments;
 
@@ -16,9 +15,9 @@ use super::{
 };
 use crate::can::{Frame, worst_case_bits_extended};
 
-/// The largest position as the manual's tables have it, rad: 4π.
+/// Largest position according to the tables of the manual, rad: 4π.
 pub const TABLE_MAX_RAD: f32 = 4.0 * core::f32::consts::PI;
-/// The largest position as the manual's sample program has it, rad.
+/// Largest position according to the sample program of the manual, rad.
 pub const SAMPLE_MAX_RAD: f32 = 12.5;
 /// Largest speed, rad/s.
 pub const MAX_SPEED_RAD_S: f32 = 30.0;
@@ -28,10 +27,10 @@ pub const MAX_TORQUE_NM: f32 = 12.0;
 /// Motors on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CyberGear {
-    /// Host address on the bus, which motors answer to.
+    /// Address of the host on the bus; motors answer to it.
     pub host: u8,
-    /// Largest position: [`TABLE_MAX_RAD`] or [`SAMPLE_MAX_RAD`]. The manual has both; which is
-    /// right for a motor shows when its feedback is compared with [`MECHANICAL_POSITION`].
+    /// Largest position: [`TABLE_MAX_RAD`] or [`SAMPLE_MAX_RAD`], since the manual gives both. Compare the feedback of a motor
+    /// with [`MECHANICAL_POSITION`] to find out which applies.
     pub max_position_rad: f32,
 }
 
@@ -51,10 +50,10 @@ pub const RUN_MODE: u16 = 0x7005;
 pub const TORQUE_LIMIT: u16 = 0x700B;
 /// Parameter: speed limit of the position mode, rad/s.
 pub const SPEED_LIMIT: u16 = 0x7017;
-/// Parameter, to read: position of the output, rad.
+/// Parameter, read only: position of the output, rad.
 pub const MECHANICAL_POSITION: u16 = 0x7019;
 
-/// Fault bits of a feedback, 16 and up of its identifier.
+/// Fault bits of a feedback frame, from bit 16 of its identifier up.
 const FEEDBACK_FAULTS: [(u32, Faults); 5] = [
     (1 << 0, Faults::BAD_VOLTAGE),     // under voltage
     (1 << 1, Faults::OVERCURRENT),     // over current
@@ -63,7 +62,7 @@ const FEEDBACK_FAULTS: [(u32, Faults); 5] = [
     (1 << 5, Faults::SENSOR),          // not calibrated
 ];
 
-/// Bits of a fault frame.
+/// Fault bits of a fault frame.
 const FAULT_BITS: [(u32, Faults); 4] = [
     (1 << 0, Faults::OVERHEATED),
     (1 << 2 | 1 << 3, Faults::BAD_VOLTAGE), // under and over voltage
@@ -86,24 +85,24 @@ impl CyberGear {
         frame(kind, u16::from(self.host), motor, [first, 0, 0, 0, 0, 0, 0, 0])
     }
 
-    /// Requests the device identifier: answered with type 0 and the controller's 64-bit number.
+    /// Requests the device identifier. The motor answers with type 0 and its 64-bit identifier.
     pub fn get_id(&self, motor: u8) -> Frame {
         self.command(GET_ID, motor, 0)
     }
 
-    /// Makes the present position 0, until power goes. Never while torque is on: the setpoint that it
-    /// holds stays, and the joint moves there.
+    /// Makes the present position 0 until power-off. Do not send it while torque is on: the motor keeps its set-point, and the
+    /// joint moves there.
     pub fn zero_here(&self, motor: u8) -> Frame {
         self.command(SET_ZERO, motor, 1)
     }
 
-    /// Asks for a parameter: see [`parameter`](Self::parameter).
+    /// Requests a parameter; [`parameter`](Self::parameter) decodes the answer.
     pub fn read(&self, motor: u8, index: u16) -> Frame {
         let [i0, i1] = index.to_le_bytes();
         frame(READ_PARAMETER, u16::from(self.host), motor, [i0, i1, 0, 0, 0, 0, 0, 0])
     }
 
-    /// Writes a parameter, until power goes. Floats as `f32::to_le_bytes`, bytes as the first of
+    /// Writes a parameter, which applies until power-off. Encode floats with `f32::to_le_bytes`, and a byte as the first of
     /// four.
     pub fn write(&self, motor: u8, index: u16, value: [u8; 4]) -> Frame {
         let [i0, i1] = index.to_le_bytes();
@@ -134,7 +133,7 @@ impl CyberGear {
         Ok(frame(CONTROL, torque, motor, [a, b, c, d, e, f, g, h]))
     }
 
-    /// Torque and nothing else.
+    /// Builds a set-point of torque alone, with zero gains.
     fn free(&self, motor: u8, position_rad: f32, torque_nm: f32) -> Result<Frame, Refusal> {
         let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
         let speed_rad_s = 0.0;
@@ -150,7 +149,7 @@ impl CyberGear {
     }
 }
 
-/// Type, data and target of an identifier.
+/// Splits an identifier into type, data and target.
 fn parts(frame: &Frame) -> Option<(u8, u16, u8)> {
     let id = frame.extended_id()?;
     Some(((id >> 24) as u8, (id >> 8) as u16, id as u8))
@@ -188,7 +187,7 @@ impl Codec for CyberGear {
         }
     }
 
-    /// Enabling selects the operation control mode, and sends a limp setpoint before and after.
+    /// Encodes an order. Enabling selects the operation control mode, and sends a limp set-point before and after.
     fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let motor = order.id;
         super::address(motor, 0x7F)?;
@@ -262,7 +261,8 @@ impl Codec for CyberGear {
             .any(|most| (max_position_rad - most).abs() < 1e-3)
         {
             let help = format_args!(
-                "the manual has 12.5 and 12.566 (4π): docs/actuators.md says how to find out which it is"
+                "give 12.5 or 12.566 (4π), the two values of the manual; docs/actuators.md \
+                 describes how to find the right one"
             );
             report.violated("max_position_rad", format_args!("is {max_position_rad} rad"), help);
         }
@@ -270,8 +270,8 @@ impl Codec for CyberGear {
 
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         match quantity {
-            "speed" => report(format_args!("at most {MAX_SPEED_RAD_S} rad/s")),
-            "torque" => report(format_args!("at most {MAX_TORQUE_NM} N·m")),
+            "speed" => report(format_args!("give at most {MAX_SPEED_RAD_S} rad/s")),
+            "torque" => report(format_args!("give at most {MAX_TORQUE_NM} N·m")),
             _ => {}
         }
     }

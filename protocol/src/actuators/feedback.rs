@@ -1,6 +1,6 @@
 //! Feedback of an actuator in the units of this crate, and its faults.
 
-/// Feedback of an actuator. A frame of most protocols carries a part of it.
+/// Feedback of an actuator. In most protocols a frame contains only some of the values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Feedback {
     /// Angle, rad.
@@ -18,7 +18,7 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Takes over the values that `newer` contains.
+    /// Overwrites the values that `newer` contains.
     pub fn merge(&mut self, newer: &Feedback) {
         self.position_rad = newer.position_rad.or(self.position_rad);
         self.speed_rad_s = newer.speed_rad_s.or(self.speed_rad_s);
@@ -29,7 +29,7 @@ impl Feedback {
     }
 }
 
-/// Faults of an actuator, as bits. Any fault in its own protocol sets at least one.
+/// Faults of an actuator, as bits. Every fault of the actuator's own protocol sets at least one bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults(pub u8);
 
@@ -44,7 +44,7 @@ impl Faults {
     pub const BAD_VOLTAGE: Faults = Faults(1 << 2);
     /// Too much current, or overload.
     pub const OVERCURRENT: Faults = Faults(1 << 3);
-    /// Position sensor.
+    /// Position sensor failed.
     pub const SENSOR: Faults = Faults(1 << 4);
     /// Stopped by an emergency stop of its own protocol.
     pub const ESTOPPED: Faults = Faults(1 << 5);
@@ -63,8 +63,8 @@ impl Faults {
         self.0 & other.0 == other.0
     }
 
-    /// Translates an actuator's bits: the faults of every row whose bits meet `bits`, and
-    /// [`Faults::OTHER`] for bits in no row.
+    /// Translates an actuator's fault bits. Each row with a bit in `bits` contributes its faults. Bits in no row set
+    /// [`Faults::OTHER`].
     pub(super) fn translate(bits: u32, table: &[(u32, Faults)]) -> Faults {
         let known = table.iter().filter(|(mask, _)| bits & mask != 0);
         let sum = known.fold(0, |sum, (_, fault)| sum | fault.0);

@@ -1,16 +1,15 @@
-//! Numbers as drives scale them: offset-binary codes, and rounding to the nearest integer.
+//! Fixed-point codes of drives: offset-binary codes, and rounding to the nearest integer.
 //!
-//! The code of a signed quantity runs from 0 for −max to 2^bits − 1 for +max. Zero lies halfway
-//! between two codes, and is not among them.
+//! The code of a signed quantity runs from 0 for −max to 2^bits − 1 for +max. Zero has no code: it lies halfway between two.
 
-/// A quantity from −`max` to `max`.
+/// Scale of a quantity from −`max` to `max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Signed {
     pub max: f32,
     pub bits: u32,
 }
 
-/// A quantity from 0 to `max`.
+/// Scale of a quantity from 0 to `max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unsigned {
     pub max: f32,
@@ -22,7 +21,7 @@ fn most(bits: u32) -> f32 {
 }
 
 impl Signed {
-    /// Nearest code, the upper one halfway between; `None` for NaN and for values beyond the scale.
+    /// Nearest code; the upper one if `value` is halfway between two. `None` if `value` is NaN or beyond the scale.
     pub fn encode(self, value: f32) -> Option<u16> {
         let most = most(self.bits);
         let scaled = (value / self.max * most + most) * 0.5 + 0.5;
@@ -30,7 +29,7 @@ impl Signed {
         (value.abs() <= self.max).then_some((scaled as u16).min(most as u16))
     }
 
-    /// The value of a code.
+    /// Value of a code.
     pub fn decode(self, code: u16) -> f32 {
         // Twice the code less `most` is a whole number: values are symmetric about 0.
         let most = most(self.bits);
@@ -39,20 +38,20 @@ impl Signed {
 }
 
 impl Unsigned {
-    /// Nearest code; `None` for NaN and for values beyond the scale.
+    /// Nearest code; `None` if `value` is NaN or beyond the scale.
     pub fn encode(self, value: f32) -> Option<u16> {
         let most = most(self.bits);
         let scaled = value / self.max * most + 0.5;
         (value >= 0.0 && value <= self.max).then_some((scaled as u16).min(most as u16))
     }
 
-    /// The value of a code.
+    /// Value of a code.
     pub fn decode(self, code: u16) -> f32 {
         f32::from(code) * self.max / most(self.bits)
     }
 }
 
-/// The nearest integer; `None` when it is not within `min` to `max`, or `value` is NaN.
+/// Nearest integer; `None` if it is not within `min` to `max`, or if `value` is NaN.
 pub(super) fn nearest(value: f32, min: i32, max: i32) -> Option<i32> {
     let rounded = if value < 0.0 { value - 0.5 } else { value + 0.5 };
     // The cast saturates, and makes 0 of a NaN.

@@ -1,7 +1,7 @@
-//! The list of actuator protocols, and the one place that dispatches to their codecs.
+//! List of the actuator protocols, and the only dispatch to their codecs.
 //!
-//! A protocol is a row of the list, a codec in the module of that name, and a simulated drive in the module of that name of
-//! `rollwalk-drives`. Robot files, firmware, simulator and tests use it through [`Protocol`] alone.
+//! A protocol consists of a row of the list, a codec in the module of that name, and a simulated drive in the module of that
+//! name of `rollwalk-drives`. Robot files, firmware, simulator and tests use it only through [`Protocol`].
 
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +14,12 @@ use super::{
 };
 use crate::can::Frame;
 
-/// Passes the list of protocols to a macro, after the arguments given: of each its module, its codec's
-/// type, its transport and its name in robot files.
+/// Passes the list of protocols to a macro, after the given arguments. A row contains the module, the type of the codec, the
+/// transport, and the name in robot files.
 ///
-/// The first is the Rollwalk profile, the default of a bus, which has no settings. A new protocol goes to the end:
-/// postcard encodes a [`Protocol`] by its place in this list, and the hash of a robot's configuration covers that
-/// encoding (`docs/formats/wire-format.md`). In another order, controllers would refuse the libraries of robots with these buses.
+/// The first row is the Rollwalk profile, the default of a bus, which has no settings. Append a new protocol at the end:
+/// postcard encodes a [`Protocol`] by its position in this list, and the hash of a robot's configuration covers that encoding
+/// (`docs/formats/wire-format.md`). In another order, controllers would refuse the libraries of robots with these buses.
 #[macro_export]
 macro_rules! actuator_protocols {
     ($macro:ident $(, $argument:tt)*) => {
@@ -36,7 +36,7 @@ macro_rules! actuator_protocols {
     };
 }
 
-/// The first expression for a protocol on CAN, the second for one on a serial line.
+/// Selects the first expression for a protocol on CAN, the second for one on a serial line.
 macro_rules! by_transport {
     (can, $on_can:expr, $on_serial:expr) => {
         $on_can
@@ -51,7 +51,7 @@ macro_rules! define_protocol {
         $profile:ident $Profile:ident can $profile_key:literal,
         $($module:ident $Codec:ident $transport:ident $key:literal,)*
     ) => {
-        /// The protocol of a bus, with the settings of the actuators on it.
+        /// Protocol of a bus, with the settings of the actuators on it.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         pub enum Protocol {
             #[doc = concat!("Settings of [`", stringify!($profile), "`](super::", stringify!($profile), "): none.")]
@@ -64,7 +64,7 @@ macro_rules! define_protocol {
             )*
         }
 
-        /// The value of an expression of the protocol's codec.
+        /// Evaluates an expression with the codec of a protocol.
         macro_rules! with_codec {
             ($protocol:expr, $codec:ident => $do:expr) => {
                 match $protocol {
@@ -77,7 +77,7 @@ macro_rules! define_protocol {
             };
         }
 
-        /// The same for codecs on CAN; `$other` for those on serial lines.
+        /// Evaluates an expression with the codec of a protocol on CAN; `$other` for a protocol on a serial line.
         macro_rules! with_can_codec {
             ($protocol:expr, $codec:ident => $do:expr, $other:expr) => {
                 match $protocol {
@@ -93,7 +93,7 @@ macro_rules! define_protocol {
             };
         }
 
-        /// The same for codecs on serial lines; `$other` for those on CAN.
+        /// Evaluates an expression with the codec of a protocol on a serial line; `$other` for a protocol on CAN.
         macro_rules! with_serial_codec {
             ($protocol:expr, $codec:ident => $do:expr, $other:expr) => {
                 match $protocol {
@@ -118,7 +118,7 @@ macro_rules! define_protocol {
                 }
             }
 
-            /// Reads the settings of a protocol, by its place in [`Self::KEYS`], from a robot file.
+            /// Reads the settings of the protocol at index `number` of [`Self::KEYS`] from a robot file.
             pub fn read(number: usize, keys: &dyn Keys) -> Self {
                 match Self::KEYS.get(number).copied() {
                     $(Some($key) => Self::$Codec(super::$module::$Codec::from_keys(keys)),)*
@@ -126,7 +126,7 @@ macro_rules! define_protocol {
                 }
             }
 
-            /// Examples of every protocol with practical settings; some protocols have several.
+            /// Examples of every protocol with practical settings, several of some protocols.
             pub fn examples() -> impl Iterator<Item = Self> {
                 let examples = [Self::$Profile].into_iter();
                 $(let examples = examples.chain(
@@ -145,7 +145,7 @@ impl Protocol {
         with_codec!(self, codec => codec.capabilities())
     }
 
-    /// Name of the protocol, for people.
+    /// Name of the protocol or of the actuator model, for messages.
     pub fn name(&self) -> &'static str {
         with_codec!(self, codec => codec.name())
     }
@@ -160,12 +160,12 @@ impl Protocol {
         with_codec!(self, codec => codec.has_dbc())
     }
 
-    /// Rate of the feedback that actuators send on a timer, Hz; `None` for those that answer.
+    /// Rate of the feedback that actuators send on a timer, Hz; `None` if they answer commands instead.
     pub fn feedback_hz(&self) -> Option<u32> {
         with_codec!(self, codec => codec.feedback_hz())
     }
 
-    /// Largest traffic of setpoints for `actuators` actuators and of their answers.
+    /// Maximum traffic of the set-points and answers of `actuators` actuators.
     pub fn traffic(&self, actuators: u32) -> Traffic {
         with_codec!(self, codec => codec.traffic(actuators))
     }
@@ -173,23 +173,23 @@ impl Protocol {
     /// Refuses an order that the protocol has no frames for.
     ///
     /// # Errors
-    /// Why.
+    /// Returns the reason if the protocol cannot encode the order.
     pub fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         with_codec!(self, codec => codec.check(order))
     }
 
-    /// Bit rates that the actuators can be set to; empty where their makers name no list.
+    /// Bit rates that the actuators can be set to, bit/s; empty if the maker publishes no list.
     pub fn bit_rates(&self) -> &'static [u32] {
         with_codec!(self, codec => codec.bit_rates())
     }
 
-    /// Reports the settings that no actuator can have.
+    /// Reports settings that no actuator can have.
     pub fn check_settings(&self, report: &mut dyn Report) {
         with_codec!(self, codec => codec.check_settings(report));
     }
 
-    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec gives more detail than
-    /// [`Capabilities`].
+    /// Reports the range of a quantity, if the codec has more detail than [`Capabilities`]. `quantity` is the name in
+    /// [`Refusal::OutOfRange`].
     pub fn explain_range(
         &self,
         quantity: &'static str,
@@ -198,10 +198,10 @@ impl Protocol {
         with_codec!(self, codec => codec.explain_range(quantity, report));
     }
 
-    /// Hands `send` the frames of an order; none for a protocol on a serial line.
+    /// Passes the frames of an order to `send`. A protocol on a serial line has no frames.
     ///
     /// # Errors
-    /// As [`Codec::emit`].
+    /// Returns the reason if the protocol cannot encode the order; `send` is then not called.
     pub fn emit(
         &self,
         order: &ActuatorCommand,
@@ -220,10 +220,10 @@ impl Protocol {
         with_can_codec!(self, codec => codec.decode_counted(received), None)
     }
 
-    /// Hands `send` the packets of orders; none for a protocol on CAN.
+    /// Passes the packets of orders to `send`. A protocol on CAN has no packets.
     ///
     /// # Errors
-    /// As [`Codec::encode`].
+    /// Returns the index of the first refused order and the reason; `send` is then not called.
     pub fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -242,7 +242,7 @@ impl Protocol {
         with_serial_codec!(self, codec => codec.take(buffer, is_silent), None)
     }
 
-    /// Returns [`SerialCodec::ADAPTER_ANSWERS`].
+    /// True if an adapter answers for all actuators of its line ([`SerialCodec::ADAPTER_ANSWERS`]).
     pub fn adapter_answers(&self) -> bool {
         with_serial_codec!(self, codec => adapter_answers(codec), false)
     }

@@ -1,10 +1,10 @@
 //! Hobby servos behind a Pololu Maestro.
 //!
-//! Document: "Pololu Maestro Servo Controller User's Guide", sections 5.c to 5.e. Command bytes have
-//! their highest bit set, data bytes do not: a number is 14 bits, low 7 first. A target is the length
-//! of a pulse in quarters of a microsecond; 0 stops the pulses, which is all the torque-off there is.
+//! Document: "Pololu Maestro Servo Controller User's Guide", sections 5.c to 5.e. The highest bit is set in command bytes and
+//! clear in data bytes, so values have 14 bits, low 7 first. A target is a pulse length in quarters of a microsecond. Target 0
+//! stops the pulses, the only way to switch torque off.
 //!
-//! Nothing is measured: a servo that is switched on goes to its first target as fast as it can.
+//! The servos measure nothing: a servo that is switched on moves to its first target as fast as it can.
 
 use core::fmt::Arguments;
 use core::ops::RangeInclusive;
@@ -21,12 +21,12 @@ use super::{
 };
 use crate::packet::append;
 
-/// A servo's pulses.
+/// Pulses of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pulse {
-    /// Length at 0 rad, µs.
+    /// Pulse length at 0 rad, µs.
     pub centre_us: f32,
-    /// Change of length with angle, µs/rad; negative when the servo turns the other way.
+    /// Change of the pulse length with the angle, µs/rad; negative if the servo turns the other way.
     pub us_per_rad: f32,
     /// Shortest and longest pulse, µs.
     pub limits_us: (f32, f32),
@@ -38,7 +38,7 @@ impl Default for Pulse {
     }
 }
 
-/// 1 to 2 ms for 90°, as most servos have it. The Maestro itself clips to its settings.
+/// Pulses of most servos: 1 to 2 ms for 90°. The Maestro itself clips pulses to its settings.
 const USUAL_PULSE: Pulse = Pulse {
     centre_us: 1500.0,
     us_per_rad: 1000.0 / core::f32::consts::FRAC_PI_2,
@@ -48,19 +48,19 @@ const USUAL_PULSE: Pulse = Pulse {
 /// Settings of a Maestro on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Maestro {
-    /// Device number for the Pololu protocol, which can share a line; `None`: the compact protocol.
+    /// Device number of the Pololu protocol, in which devices can share a line; `None` for the compact protocol.
     pub device: Option<u8>,
-    /// True to append a CRC-7 to every command, as "Enable CRC" in its settings.
+    /// True to append a CRC-7 to every command. Must match "Enable CRC" in the settings of the Maestro.
     pub crc: bool,
-    /// True if the board supports "Set Multiple Targets": all but the Micro Maestro do.
+    /// True if the board supports "Set Multiple Targets"; all boards but the Micro Maestro do.
     pub set_multiple: bool,
-    /// Pulses of its servos.
+    /// Pulses of the servos.
     pub pulse: Pulse,
 }
 
-/// Largest channel of the largest Maestro.
+/// Largest channel number of the largest Maestro.
 pub const MAX_CHANNEL: u8 = 23;
-/// Device numbers of a board: 7 bits.
+/// Range of device numbers, 7 bits.
 const DEVICES: RangeInclusive<u32> = 0..=127;
 
 const SET_TARGET: u8 = 0x84;
@@ -70,8 +70,7 @@ const SET_MULTIPLE: u8 = 0x9F;
 const GET_ERRORS: u8 = 0xA1;
 const GO_HOME: u8 = 0xA2;
 
-/// Error bits of a Maestro: 0 to 4 are commands that arrived damaged or are none, 5 is the serial
-/// timeout, 6 to 8 are of its script.
+/// Error bits of a Maestro: 0 to 4 for damaged or invalid commands, 5 for the serial timeout, 6 to 8 for its script.
 const ERRORS: [(u32, Faults); 2] = [(0x1F, Faults::REFUSED), (1 << 5, Faults::TIMED_OUT)];
 
 /// CRC-7 with the polynomial x⁷ + x³ + 1, least significant bit first.
@@ -82,13 +81,13 @@ pub fn crc7(bytes: &[u8]) -> u8 {
     })
 }
 
-/// A 14-bit number.
+/// Encodes a 14-bit value in two bytes, low 7 bits first.
 fn two(value: u16) -> [u8; 2] {
     [(value & 0x7F) as u8, (value >> 7 & 0x7F) as u8]
 }
 
 impl Maestro {
-    /// A command with its data. What does not fit is left out; the longest here is 51 bytes.
+    /// Builds a command with its data. Excess data is dropped; the longest command has 54 bytes.
     fn command(&self, command: u8, data: &[u8]) -> Packet {
         let mut packet = Packet::new();
         let _ = match self.device {
@@ -103,13 +102,13 @@ impl Maestro {
         packet
     }
 
-    /// Target of a channel, quarters of a microsecond; 0 stops its pulses.
+    /// Sets the target of a channel, quarters of a microsecond; 0 stops its pulses.
     pub fn set_target(&self, channel: u8, quarters_us: u16) -> Packet {
         let [low, high] = two(quarters_us);
         self.command(SET_TARGET, &[channel & 0x7F, low, high])
     }
 
-    /// Targets of channels that follow each other, 24 at most.
+    /// Sets the targets of up to 24 consecutive channels, quarters of a microsecond.
     pub fn set_targets(&self, first: u8, quarters_us: &[u16]) -> Packet {
         let mut data = heapless::Vec::<u8, 50>::new();
         let count = quarters_us.len().min(24);
@@ -120,35 +119,35 @@ impl Maestro {
         self.command(SET_MULTIPLE, &data)
     }
 
-    /// Limit of a channel's speed, in 0.25 µs per 10 ms; 0 is none.
+    /// Sets the speed limit of a channel, in 0.25 µs per 10 ms; 0 for no limit.
     pub fn set_speed(&self, channel: u8, speed: u16) -> Packet {
         let [low, high] = two(speed);
         self.command(SET_SPEED, &[channel & 0x7F, low, high])
     }
 
-    /// Limit of a channel's acceleration, 0 to 255, in 0.25 µs per 10 ms per 80 ms; 0 is none.
+    /// Sets the acceleration limit of a channel, 0 to 255, in 0.25 µs per 10 ms per 80 ms; 0 for no limit.
     pub fn set_acceleration(&self, channel: u8, acceleration: u8) -> Packet {
         let [low, high] = two(u16::from(acceleration));
         self.command(SET_ACCELERATION, &[channel & 0x7F, low, high])
     }
 
-    /// Asks for the error bits, and clears them: two bytes come back.
+    /// Requests the error bits and clears them. The answer has two bytes.
     pub fn get_errors(&self) -> Packet {
         self.command(GET_ERRORS, &[])
     }
 
-    /// Moves all servos to their home positions from the settings, which may be "off".
+    /// Moves all servos to the home positions in the settings, which may be "off".
     pub fn go_home(&self) -> Packet {
         self.command(GO_HOME, &[])
     }
 
-    /// The errors in the answer to [`Self::get_errors`].
+    /// Decodes the errors in the answer to [`Self::get_errors`].
     pub fn errors(answer: [u8; 2]) -> Feedback {
         let faults = Faults::translate(u32::from(u16::from_le_bytes(answer)), &ERRORS);
         Feedback { faults: Some(faults), ..Feedback::default() }
     }
 
-    /// The target of an angle.
+    /// Target for an angle, quarters of a microsecond.
     pub fn target(&self, position_rad: f32) -> Result<u16, Refusal> {
         let us = self.pulse.centre_us + position_rad * self.pulse.us_per_rad;
         let (least, most) = self.pulse.limits_us;
@@ -222,7 +221,7 @@ impl Codec for Maestro {
         Ok(())
     }
 
-    /// Setpoints of channels that follow each other, in this order, share a command.
+    /// Encodes orders. One command carries the set-points of consecutive channels if the orders are sorted by channel.
     fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -262,7 +261,7 @@ impl Codec for Maestro {
         Ok(())
     }
 
-    /// Targets, and one question for errors with its answer.
+    /// Counts the targets, one error query and its answer.
     fn traffic(&self, actuators: u32) -> Traffic {
         let around = if self.device.is_some() { 3 } else { 1 } + u32::from(self.crc);
         let (once, each) = if self.set_multiple { (2 + around, 2) } else { (0, 3 + around) };
@@ -289,13 +288,15 @@ impl Codec for Maestro {
         }
         let Pulse { us_per_rad, limits_us: (least, most), .. } = self.pulse;
         if !(1.0..=10_000.0).contains(&us_per_rad.abs()) {
-            let help =
-                format_args!("µs for each rad, 1 to 10000; negative where it turns the other way");
-            report.violated("us_per_rad", format_args!("is {us_per_rad}"), help);
+            let help = format_args!(
+                "give 1 to 10000 µs/rad, or a negative value if the servo turns the \
+                    other way"
+            );
+            report.violated("us_per_rad", format_args!("is {us_per_rad} µs/rad"), help);
         }
         if !(least >= 1.0 && most > least && most <= 4000.0) {
-            let help = format_args!("the shortest and the longest pulse, 1 to 4000 µs");
-            report.violated("pulse_us", format_args!("is [{least}, {most}]"), help);
+            let help = format_args!("give the shortest and the longest pulse, from 1 to 4000 µs");
+            report.violated("pulse_us", format_args!("is [{least}, {most}] µs"), help);
         }
     }
 
@@ -305,14 +306,15 @@ impl Codec for Maestro {
             let ends = [least, most].map(|pulse_us| (pulse_us - centre_us) / us_per_rad);
             let (min, max) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
             report(format_args!(
-                "its pulses of {least} to {most} µs are {min:.3} to {max:.3} rad: see `centre_us` and `us_per_rad`"
+                "its pulses of {least} to {most} µs correspond to {min:.3} to {max:.3} rad; give \
+                 an angle in this range, or correct `centre_us` and `us_per_rad`"
             ));
         }
     }
 }
 
 impl SerialCodec for Maestro {
-    /// The board has errors, its servos have none.
+    /// True: the board reports errors, its servos report nothing.
     const ADAPTER_ANSWERS: bool = true;
 
     fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool) {

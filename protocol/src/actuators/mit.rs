@@ -1,13 +1,11 @@
 //! Frames of MIT's mini cheetah drive, which T-Motor's AK series uses in its MIT mode.
 //!
-//! Documents: bgkatz/motorcontrol (`CAN_com`), CubeMars "AK Series Actuator Driver Manual V1.0.8",
-//! section 5.3. A setpoint is 64 bits, most significant first: position 16, speed 12, kp 12, kd 12,
-//! torque 12. The answer is the drive's number 8, position 16, speed 12, torque 12, and from AK
-//! drives temperature 8, error 8. Eight bytes of which seven are `FF` are commands.
+//! Documents: bgkatz/motorcontrol (`CAN_com`), CubeMars "AK Series Actuator Driver Manual V1.0.8", section 5.3. A set-point has
+//! 64 bits, most significant first: position 16, speed 12, kp 12, kd 12, torque 12. An answer consists of the drive's number 8,
+//! position 16, speed 12, torque 12, and from AK drives temperature 8, error 8. Seven bytes `FF` and one more are a command.
 //!
-//! Ranges belong to the model, and the wrong ones mean the wrong torque. Zero speed and zero torque
-//! lie between two codes; a wheel's torque makes up for the rounding of its speed, see
-//! [`Mit::wheel`].
+//! Ranges depend on the model: with the ranges of another model, the torque is wrong. Zero speed and zero torque lie between
+//! two codes. The torque of a wheel compensates the rounding of its speed; see [`Mit::wheel`].
 
 use core::fmt::Arguments;
 use core::ops::RangeInclusive;
@@ -49,15 +47,15 @@ pub const MAX_KP_NM_RAD: f32 = 500.0;
 /// Largest kd of every model, N·m·s/rad.
 pub const MAX_KD_NM_S_RAD: f32 = 5.0;
 
-/// Identifiers that mini cheetah drives may answer from.
+/// Range of the identifiers of answers of mini cheetah drives.
 const MASTER_IDS: RangeInclusive<u32> = 0..=0x7FF;
 
 const fn model(name: &'static str, max_speed_rad_s: f32, max_torque_nm: f32) -> Model {
     Model { name, max_speed_rad_s, max_torque_nm }
 }
 
-/// The models. AK drives as in the table of the manual's section 5.3; the mini cheetah as in its
-/// published firmware, where torque depends on how it was built: compare yours.
+/// Supported models. AK drives have the ranges of section 5.3 of the manual. The mini cheetah has those of its published
+/// firmware. Its torque range depends on how the drive was built, so compare yours.
 pub const MODELS: [Model; 7] = [
     model("AK10-9", 50.0, 65.0),
     model("AK60-6", 50.0, 15.0),
@@ -68,7 +66,7 @@ pub const MODELS: [Model; 7] = [
     model("mini-cheetah", 65.0, 18.0),
 ];
 
-/// Identifier of a drive's answers.
+/// Identifier of the answers of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AnswerId {
@@ -88,9 +86,11 @@ pub struct Mit {
     pub answers_from: AnswerId,
 }
 
-/// The commands, as the last byte after seven `FF`.
+/// Last byte of the command that switches torque on. Seven bytes `FF` precede it.
 const ENTER: u8 = 0xFC;
+/// Last byte of the command that switches torque off.
 const EXIT: u8 = 0xFD;
+/// Last byte of the command that makes the present position 0.
 const ZERO: u8 = 0xFE;
 
 const POSITION: Signed = Signed { max: MAX_POSITION_RAD, bits: 16 };
@@ -101,24 +101,24 @@ fn special(id: u8, last: u8) -> Frame {
     Frame::known(u16::from(id), [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last])
 }
 
-/// Codes of a setpoint.
+/// Codes of a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Codes {
-    /// 16 bits.
+    /// Code of the position, 16 bits.
     pub position: u16,
-    /// 12 bits.
+    /// Code of the speed, 12 bits.
     pub speed: u16,
-    /// 12 bits.
+    /// Code of kp, 12 bits.
     pub kp: u16,
-    /// 12 bits.
+    /// Code of kd, 12 bits.
     pub kd: u16,
-    /// 12 bits.
+    /// Code of the torque, 12 bits.
     pub torque: u16,
 }
 
 impl Codes {
-    /// The frame. Never one of the commands: the setpoints with the same bytes, everything at its
-    /// largest, are sent with a little less torque.
+    /// Encodes the frame. A set-point with all values at their maximum would have the bytes of a command, and is sent with a
+    /// little less torque.
     pub fn frame(self, id: u8) -> Frame {
         let Codes { position, speed, kp, kd, torque } = self;
         let [p1, p0] = position.to_be_bytes();
@@ -140,7 +140,7 @@ impl Codes {
         Frame::known(u16::from(id), [b0, b1, b2, b3, b4, b5, b6, last])
     }
 
-    /// The codes of a setpoint; `None` for commands and other frames. What a drive would read.
+    /// Codes of a set-point, as a drive would decode them; `None` for commands and other frames.
     pub fn of(frame: &Frame) -> Option<Codes> {
         frame.standard_id()?;
         let data: [u8; 8] = frame.data().try_into().ok()?;
@@ -168,7 +168,7 @@ impl Mit {
         Signed { max: self.model.max_torque_nm, bits: 12 }
     }
 
-    /// The codes of a joint's setpoint.
+    /// Codes of a joint's set-point.
     pub fn joint(&self, setpoint: &JointSetpoint) -> Result<Codes, Refusal> {
         let gains = setpoint.gains.ok_or(Refusal::Missing("gains"))?;
         let beyond = Refusal::OutOfRange;
@@ -181,8 +181,8 @@ impl Mit {
         })
     }
 
-    /// Codes of a wheel's setpoint, with kp 0. The torque compensates the rounding of ω*, so that kd (ω* − ω) + τ is right to
-    /// half a step of torque. At 0 rad/s a wheel creeps by at most half a step of torque divided by kd.
+    /// Codes of a wheel's set-point, with kp 0. The torque compensates the rounding of ω*, so that kd (ω* − ω) + τ is accurate
+    /// to half a step of torque. At 0 rad/s a wheel creeps at up to half a step of torque divided by kd.
     pub fn wheel(&self, setpoint: &WheelSetpoint) -> Result<Codes, Refusal> {
         without(setpoint.torque_limit_nm, "torque limit")?;
         let kd = setpoint.kd_nm_s_rad.ok_or(Refusal::Missing("kd"))?;
@@ -197,20 +197,20 @@ impl Mit {
         Ok(Codes { torque: torque.ok_or(Refusal::OutOfRange("torque"))?, ..codes })
     }
 
-    /// Codes of a setpoint at which the actuator gives no torque, to within half a step of its scale.
+    /// Codes of a set-point with zero torque, to within half a step of its scale.
     fn limp(&self, position_rad: f32) -> Result<Codes, Refusal> {
         let gains = Some(Gains { kp_nm_rad: 0.0, kd_nm_s_rad: 0.0 });
         self.joint(&JointSetpoint { position_rad, speed_rad_s: 0.0, torque_nm: 0.0, gains })
     }
 
-    /// Makes the present position 0. Never while torque is on: the setpoint that it holds stays, and
-    /// the joint moves there.
+    /// Makes the present position 0. Do not send it while torque is on: the drive keeps its set-point, and the joint moves
+    /// there.
     pub fn zero_here(id: u8) -> Frame {
         special(id, ZERO)
     }
 }
 
-/// Error codes of AK drives, from the manual; others are [`Faults::OTHER`].
+/// Translates an error code of an AK drive, as listed in the manual. Unlisted codes are [`Faults::OTHER`].
 fn faults_of(error: u8) -> Faults {
     match error {
         0 => Faults::NONE,
@@ -257,8 +257,8 @@ impl Codec for Mit {
         }
     }
 
-    /// Enabling sends a limp setpoint before and after: a drive remembers the last setpoint, and
-    /// would follow it.
+    /// Encodes an order. Enabling sends a limp set-point before and after, since a drive would follow the set-point that it
+    /// received before.
     fn emit(&self, order: &ActuatorCommand, send: &mut dyn FnMut(Frame)) -> Result<(), Refusal> {
         let id = order.id;
         super::address(id, 0x7F)?;
@@ -322,9 +322,9 @@ impl Codec for Mit {
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         let Model { max_speed_rad_s, max_torque_nm, .. } = self.model;
         match quantity {
-            "position" => report(format_args!("positions are within ±{MAX_POSITION_RAD} rad")),
-            "speed" => report(format_args!("at most {max_speed_rad_s} rad/s")),
-            "torque" => report(format_args!("at most {max_torque_nm} N·m")),
+            "position" => report(format_args!("give a position within ±{MAX_POSITION_RAD} rad")),
+            "speed" => report(format_args!("give at most {max_speed_rad_s} rad/s")),
+            "torque" => report(format_args!("give at most {max_torque_nm} N·m")),
             _ => {}
         }
     }

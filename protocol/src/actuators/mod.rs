@@ -1,7 +1,9 @@
-//! Codecs for servos and wheel drives of several makers. [`Codec`] has their common functions, [`CanCodec`] and [`SerialCodec`]
-//! those of their transport. The makers' documents and this project's: `docs/actuators.md`.
+//! Codecs for servos and wheel drives of several makers.
 //!
-//! | module | speaks to | over |
+//! [`Codec`] contains the common functions, [`CanCodec`] and [`SerialCodec`] those of a transport. `docs/actuators.md` lists
+//! the documents of the makers and of this project.
+//!
+//! | module | actuators | transport |
 //! |---|---|---|
 //! | [`rollwalk`] | servos of the Rollwalk profile, [`crate::actuator`] | CAN, 11-bit identifiers |
 //! | [`mit`] | mini cheetah drives and T-Motor's AK series | CAN, 11-bit identifiers |
@@ -10,13 +12,11 @@
 //! | [`dynamixel`] | Dynamixel X, Protocol 2.0 | a half-duplex serial line |
 //! | [`feetech`] | Feetech STS and SMS | a half-duplex serial line |
 //! | [`maestro`] | hobby servos behind a Pololu Maestro | a serial line |
-//! | [`list`] | the list of these, and the dispatch to their codecs | |
-//! | [`bus`] | the protocol and the settings of a bus | |
-//! | [`traffic`] | how much of a bus that takes | |
 //!
-//! Two rules hold for all. A command that the protocol cannot carry is refused, never dropped or clipped:
-//! a damped hold that arrives as a stiff one breaks gears. And enabling takes the measured pose, which is
-//! sent as a setpoint before torque comes on.
+//! [`list`] dispatches to the codecs, [`bus`] contains the protocol and the settings of a bus, and [`traffic`] its load.
+//!
+//! Two rules apply to all codecs. A command that the protocol cannot encode is refused, never dropped or clipped: gears break
+//! if a damped hold arrives as a stiff one. Enabling takes the measured pose and sends it as a set-point before torque is on.
 
 use core::fmt::Arguments;
 
@@ -46,7 +46,7 @@ use crate::can::Frame;
 use serial::{Answer, ReceiveBuffer};
 use settings::{Keys, Report};
 
-/// A command for one actuator.
+/// Command for one actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorCommand {
     /// Address of the actuator on its bus.
@@ -58,35 +58,35 @@ pub struct ActuatorCommand {
 /// Commands to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
-    /// Switch torque off.
+    /// Switches torque off.
     Disable,
-    /// Switch torque on and hold a joint at its measured position.
+    /// Switches torque on and holds a joint at its measured position.
     EnableJoint {
         /// Measured position, rad.
         measured_rad: f32,
     },
-    /// Switch torque on and hold a wheel at 0 rad/s.
+    /// Switches torque on and holds a wheel at 0 rad/s.
     EnableWheel,
-    /// Switch torque control on at 0 N·m, for [`Command::Torque`].
+    /// Switches torque control on at 0 N·m, for [`Command::Torque`].
     EnableTorque,
-    /// Request feedback; changes nothing.
+    /// Requests feedback; changes nothing.
     Query,
-    /// Clear latched faults. Never switches torque on.
+    /// Clears latched faults. Never switches torque on.
     ClearFaults,
-    /// Store gains in the actuator ([`UpdatePolicy::Stored`]).
+    /// Stores gains in the actuator ([`UpdatePolicy::Stored`]).
     Gains(Gains),
-    /// Store limits in the actuator ([`UpdatePolicy::Stored`]).
+    /// Stores limits in the actuator ([`UpdatePolicy::Stored`]).
     Limits {
         /// Largest speed, rad/s.
         speed_rad_s: f32,
         /// Largest torque, N·m.
         torque_nm: f32,
     },
-    /// Setpoint of a joint: position in rad, speed in rad/s, torque in N·m.
+    /// Set-point of a joint: position in rad, speed in rad/s, torque in N·m.
     Joint(JointSetpoint),
-    /// Setpoint of a wheel: speed in rad/s, torque in N·m.
+    /// Set-point of a wheel: speed in rad/s, torque in N·m.
     Wheel(WheelSetpoint),
-    /// Setpoint of torque control, at any position and speed: the sender closes the loop.
+    /// Set-point of torque control, at any position and speed. The sender closes the loop.
     Torque {
         /// Torque, N·m.
         torque_nm: f32,
@@ -102,29 +102,29 @@ pub struct Gains {
     pub kd_nm_s_rad: f32,
 }
 
-/// Setpoint of a joint: torque = kp (q* − q) + kd (q̇* − q̇) + τ.
+/// Set-point of a joint: torque = kp (q* − q) + kd (q̇* − q̇) + τ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointSetpoint {
     /// Position q*, rad.
     pub position_rad: f32,
-    /// Speed q̇*, rad/s: the slope of the positions. Protocols without a field for it leave it out.
+    /// Speed q̇*, rad/s, the time derivative of the position. Protocols without a speed field ignore it.
     pub speed_rad_s: f32,
-    /// Feed-forward torque τ, N·m. Not 0 only where [`Capabilities::torque`] is set.
+    /// Feed-forward torque τ, N·m. Must be 0 unless [`Capabilities::torque`] is set.
     pub torque_nm: f32,
-    /// kp and kd; present exactly where gains are [`UpdatePolicy::EverySetpoint`].
+    /// Gains kp and kd; present if and only if gains are [`UpdatePolicy::EverySetpoint`].
     pub gains: Option<Gains>,
 }
 
-/// Setpoint of a wheel: torque = kd (ω* − ω) + τ, within a limit.
+/// Set-point of a wheel: torque = kd (ω* − ω) + τ, within a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSetpoint {
     /// Speed ω*, rad/s.
     pub speed_rad_s: f32,
-    /// Feed-forward torque τ, N·m. Not 0 only where [`Capabilities::torque`] is set.
+    /// Feed-forward torque τ, N·m. Must be 0 unless [`Capabilities::torque`] is set.
     pub torque_nm: f32,
-    /// kd, N·m·s/rad; present exactly where gains are [`UpdatePolicy::EverySetpoint`].
+    /// Gain kd, N·m·s/rad; present if and only if gains are [`UpdatePolicy::EverySetpoint`].
     pub kd_nm_s_rad: Option<f32>,
-    /// Torque limit, N·m; present exactly where limits are [`UpdatePolicy::EverySetpoint`].
+    /// Torque limit, N·m; present if and only if limits are [`UpdatePolicy::EverySetpoint`].
     pub torque_limit_nm: Option<f32>,
 }
 
@@ -132,31 +132,31 @@ pub struct WheelSetpoint {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// The protocol has no such address.
-    #[error("address is beyond the largest of this protocol")]
+    #[error("the address exceeds the largest address of this protocol")]
     Address,
     /// The protocol has no field for this value, or no such command.
     #[error("this protocol cannot carry {0}")]
     Unsupported(&'static str),
-    /// The protocol needs this value in every such command.
+    /// The protocol requires this value in every such command.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// NaN, infinite or beyond the protocol's scale.
-    #[error("{0} is beyond its scale")]
+    /// Value is NaN, infinite or beyond the protocol's scale.
+    #[error("{0} exceeds the range of this protocol")]
     OutOfRange(&'static str),
 }
 
-/// Time at which a quantity is sent to an actuator.
+/// Policy by which a quantity, such as a gain, is sent to an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpdatePolicy {
-    /// Sent in every setpoint.
+    /// Sent in every set-point.
     EverySetpoint,
     /// Sent once, in a separate command.
     Stored,
-    /// Never sent, or not in the units of this crate.
+    /// Never sent, or sent in other units than those of this crate.
     Never,
 }
 
-/// Time at which an actuator sends feedback.
+/// Occasion on which an actuator sends feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answers {
     /// After every command.
@@ -174,9 +174,9 @@ pub enum Answers {
 pub enum Watchdog {
     /// Stops, and stays stopped until it is cleared.
     Latches,
-    /// Takes torque away until the next setpoint. The controller has to do the latching.
+    /// Switches torque off until the next set-point. The controller has to latch the timeout.
     Resumes,
-    /// Moves to a position that was configured beforehand.
+    /// Moves to a configured position.
     GoesHome,
     /// Undocumented.
     Unknown,
@@ -187,53 +187,53 @@ pub enum Watchdog {
 /// Commands, values and answers that a protocol supports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
-    /// Joints can be commanded.
+    /// True if joints can be commanded.
     pub joints: bool,
-    /// Wheels can be commanded.
+    /// True if wheels can be commanded.
     pub wheels: bool,
-    /// Time at which gains are sent.
+    /// Policy by which gains are sent.
     pub gains: UpdatePolicy,
-    /// The largest gains that the protocol can carry.
+    /// Largest gains that the protocol can encode.
     pub max_gains: Gains,
-    /// Time at which speed and torque limits are sent; setpoints carry only the torque limit of wheels.
+    /// Policy by which speed and torque limits are sent. Set-points carry only the torque limit of wheels.
     pub limits: UpdatePolicy,
-    /// The speed of a joint's setpoint has an effect.
+    /// True if the speed of a joint's set-point has an effect.
     pub joint_speed: bool,
-    /// Feed-forward torque is possible.
+    /// True if feed-forward torque is supported.
     pub torque: bool,
-    /// [`Command::Torque`] is possible.
+    /// True if [`Command::Torque`] is supported.
     pub torque_alone: bool,
-    /// A wheel at a setpoint of 0 rad/s stands still. Where not, it creeps, by less than a step of its scale.
+    /// True if a wheel stands still at a set-point of 0 rad/s. Otherwise it creeps, since 0 lies between two codes.
     pub exact_zero_speed: bool,
-    /// Time at which actuators answer.
+    /// Occasion on which actuators answer.
     pub answers: Answers,
-    /// True if actuators measure their position. Otherwise the pose can only be assumed, and enabling may jump.
+    /// True if actuators measure their position. Otherwise the pose is assumed, and joints may jump when enabled.
     pub measures_position: bool,
     /// True if actuators measure or estimate their torque.
     pub measures_torque: bool,
-    /// [`Command::Query`] is possible. Where not, and it answers every command, a command that changes
-    /// nothing takes its place.
+    /// True if [`Command::Query`] is supported. Otherwise a command that changes nothing replaces it, if the actuator answers
+    /// every command.
     pub query: bool,
-    /// True if actuators report whether their torque is on. Otherwise the state is taken from the last command.
+    /// True if actuators report whether their torque is on. Otherwise the state follows from the last command.
     pub reports_enabled: bool,
-    /// The pose can be read while torque is off: by [`Command::Query`], by [`Command::Disable`]
-    /// again where that is answered, or because it comes on a timer.
+    /// True if the pose can be read while torque is off: with [`Command::Query`], with a repeated [`Command::Disable`] that is
+    /// answered, or from feedback on a timer.
     pub pose_while_disabled: bool,
-    /// Reaction of the watchdog. Only the Rollwalk profile's watchdog is on from the factory.
+    /// Reaction of the watchdog. Only servos of the Rollwalk profile have it switched on as delivered.
     pub watchdog: Watchdog,
     /// Largest address.
     pub max_id: u8,
 }
 
-/// An actuator protocol with the settings of the actuators on one bus.
+/// Actuator protocol with the settings of the actuators on one bus.
 pub trait Codec: Copy + 'static {
     /// Unit of transmission: a CAN frame, or a packet for a serial line.
     type Sent;
 
-    /// Settings as in practice, for tests.
+    /// Practical settings, for tests.
     const EXAMPLES: &'static [Self];
 
-    /// The name of the protocol or of the model, for people.
+    /// Name of the protocol or of the actuator model, for messages.
     fn name(&self) -> &'static str;
 
     /// Commands and settings that the protocol supports.
@@ -244,15 +244,15 @@ pub trait Codec: Copy + 'static {
         false
     }
 
-    /// Rate of the feedback that actuators send on a timer, Hz; `None` for those that answer.
+    /// Rate of the feedback that actuators send on a timer, Hz; `None` if they answer commands instead.
     fn feedback_hz(&self) -> Option<u32> {
         None
     }
 
-    /// Hands `send` the frames of one order, in the order in which they have to go out.
+    /// Passes the frames of an order to `send`, in the sequence of transmission.
     ///
     /// # Errors
-    /// The protocol has no frames for it; `send` was handed none.
+    /// Returns the reason if the protocol cannot encode the order; `send` is then not called.
     fn emit(
         &self,
         order: &ActuatorCommand,
@@ -262,15 +262,15 @@ pub trait Codec: Copy + 'static {
     /// Refuses an order that [`Self::emit`] would refuse.
     ///
     /// # Errors
-    /// As [`Self::emit`].
+    /// Returns the reason if the protocol cannot encode the order.
     fn check(&self, order: &ActuatorCommand) -> Result<(), Refusal> {
         self.emit(order, &mut |_| {})
     }
 
-    /// Hands `send` the frames of many orders, at most one for each actuator.
+    /// Passes the frames of many orders to `send`, at most one order for each actuator.
     ///
     /// # Errors
-    /// The first order that is refused, by its place; `send` was handed nothing.
+    /// Returns the index of the first refused order and the reason; `send` is then not called.
     fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -285,13 +285,13 @@ pub trait Codec: Copy + 'static {
         Ok(())
     }
 
-    /// Largest traffic of setpoints for `actuators` actuators and of their answers.
+    /// Maximum traffic of the set-points and answers of `actuators` actuators.
     fn traffic(&self, actuators: u32) -> Traffic;
 
     /// Reads the settings from a robot file.
     fn from_keys(keys: &dyn Keys) -> Self;
 
-    /// Bit rates that the actuators can be set to; empty where their makers name no list.
+    /// Bit rates that the actuators can be set to, bit/s; empty if the maker publishes no list.
     fn bit_rates(&self) -> &'static [u32] {
         &[]
     }
@@ -301,8 +301,8 @@ pub trait Codec: Copy + 'static {
         let _ = report;
     }
 
-    /// Reports the range of a quantity, by its name in [`Refusal::OutOfRange`], where the codec gives more detail than
-    /// [`Capabilities`].
+    /// Reports the range of a quantity, if the codec has more detail than [`Capabilities`]. `quantity` is the name in
+    /// [`Refusal::OutOfRange`].
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         let _ = (quantity, report);
     }
@@ -313,36 +313,36 @@ pub trait Codec: Copy + 'static {
 pub enum Decoded {
     /// Complete feedback, with a counter.
     Counted(crate::actuator::Feedback),
-    /// Part of the feedback.
+    /// Incomplete feedback, or feedback without a counter.
     Partial(Feedback),
 }
 
-/// A codec of CAN frames.
+/// Codec of CAN frames.
 pub trait CanCodec: Codec<Sent = Frame> {
-    /// The address and the feedback of a frame; `None` for frames that are none of the protocol's
-    /// feedback, among them all whose identifier has another length.
+    /// Decodes the address and the feedback of a frame. `None` if the frame is not feedback of the protocol, or if its
+    /// identifier has another length.
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)>;
 
-    /// Decodes the same feedback, with the counter of protocols whose frames are complete and counted.
+    /// Decodes the feedback with its counter, if the protocol has complete and counted frames; otherwise as [`Self::decode`].
     fn decode_counted(&self, received: &Frame) -> Option<(u8, Decoded)> {
         self.decode(received).map(|(id, feedback)| (id, Decoded::Partial(feedback)))
     }
 }
 
-/// A codec of packets on a serial line.
+/// Codec of packets on a serial line.
 pub trait SerialCodec: Codec<Sent = Packet> {
-    /// An adapter between the line and its actuators answers for all of them: one query is enough.
+    /// True if an adapter between the line and its actuators answers for all of them, so that one query is enough.
     const ADAPTER_ANSWERS: bool = false;
 
-    /// Takes a received byte; `is_awaited` while an answer is due.
+    /// Stores a received byte; `is_awaited` is true while an answer is due.
     fn receive(&self, buffer: &mut ReceiveBuffer, byte: u8, is_awaited: bool);
 
-    /// Removes the next answer from the buffer; call again until `None`. When `is_silent`, the line has been
-    /// quiet for longer than a byte takes, and an incomplete answer is dropped.
+    /// Removes the next answer from the buffer; call it until it returns `None`. `is_silent` is true if the line has been quiet
+    /// for longer than a byte takes. An incomplete answer is then dropped.
     fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer>;
 }
 
-/// Refuses addresses above `most`.
+/// Refuses an address above `most`.
 fn address(id: u8, most: u8) -> Result<(), Refusal> {
     if id <= most { Ok(()) } else { Err(Refusal::Address) }
 }

@@ -1,4 +1,4 @@
-//! Models of actuators in files: by their names. For fields: `#[serde(with = "named")]`.
+//! Serialization of actuator models by name, for fields with `#[serde(with = "named")]`.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -6,20 +6,20 @@ use core::marker::PhantomData;
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserializer, Serializer};
 
-/// A model that files name.
+/// Model that files refer to by name.
 pub trait Named: Copy + 'static {
     const ALL: &'static [Self];
 
-    /// Name of the value.
+    /// Name of the model.
     fn name(&self) -> &'static str;
 }
 
-/// Writes the name.
+/// Serializes the name of the model.
 pub fn serialize<M: Named, S: Serializer>(model: &M, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(model.name())
 }
 
-/// The model that a file names.
+/// Deserializes the model with a given name.
 pub fn deserialize<'de, M: Named, D: Deserializer<'de>>(deserializer: D) -> Result<M, D::Error> {
     deserializer.deserialize_str(ByName(PhantomData))
 }

@@ -1,11 +1,11 @@
-//! ODrive's CANSimple, of firmware 0.5 (ODrive v3) and 0.6 (Pro, S1, Micro).
+//! ODrive CANSimple, for firmware 0.5 (ODrive v3) and 0.6 (Pro, S1, Micro).
 //!
-//! Documents: ODrive firmware 0.5.6, `docs/can-protocol.rst` and `tools/odrive-cansimple.dbc`; CAN
-//! protocol page and `odrive-cansimple.dbc` of 0.6.10. Identifier = node (6 bits) │ command (5 bits);
-//! integers and floats are little-endian; turns, turns/s and N·m are those of the motor.
+//! Documents: ODrive firmware 0.5.6, `docs/can-protocol.rst` and `tools/odrive-cansimple.dbc`; CAN protocol page and
+//! `odrive-cansimple.dbc` of 0.6.10. Identifier = node (6 bits) │ command (5 bits). Integers and floats are little-endian.
+//! Turns, turns/s and N·m refer to the motor.
 //!
-//! Nothing is queried: any frame to an axis, a request too, feeds its watchdog, so the drive would
-//! stay alive on questions. It sends its heartbeat and estimates on timers.
+//! The controller never queries a drive, since every frame to an axis feeds its watchdog, even a request. The drive sends
+//! heartbeat and estimates on timers.
 
 use core::f32::consts::TAU;
 use core::fmt::Arguments;
@@ -21,35 +21,35 @@ use super::{
 };
 use crate::can::{Frame, worst_case_bits};
 
-/// Firmware of the drives: heartbeats and error bits differ.
+/// Firmware of the drives, which determines heartbeats and error bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Version {
-    /// 0.5.
+    /// Firmware 0.5.
     #[serde(rename = "0.5")]
     V05,
-    /// 0.6.
+    /// Firmware 0.6.
     #[serde(rename = "0.6")]
     V06,
 }
 
-/// Drives of one kind on a bus.
+/// Drives with common settings on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Odrive {
     /// Firmware version of the drives.
     pub version: Version,
-    /// Turns of the motor for a turn of the joint or wheel; negative when it turns the other way.
+    /// Turns of the motor per turn of the joint or wheel; negative if the motor turns the other way.
     pub reduction: f32,
     /// Torque constant of the motor, N·m/A.
     pub torque_constant_nm_a: f32,
-    /// Rate at which drives send estimates and torques or currents, Hz (`encoder_rate_ms` and the like).
+    /// Rate of the estimates and of the torques or currents of a drive, Hz (`encoder_rate_ms` and similar settings).
     pub estimates_hz: u32,
 }
 
 /// Largest node number.
 pub const MAX_NODE: u8 = 0x3F;
-/// Feed-forward of a position setpoint: steps per turn/s and per N·m.
+/// Scale of the feed-forward in a position set-point: steps per turn/s and per N·m.
 const FEED_FORWARD_STEPS: f32 = 1000.0;
-/// Heartbeats per second, from the factory.
+/// Heartbeat rate as delivered, Hz.
 const HEARTBEAT_HZ: u32 = 10;
 
 const HEARTBEAT: u16 = 0x01;
@@ -69,19 +69,23 @@ const SET_POS_GAIN: u16 = 0x1A;
 const SET_VEL_GAINS: u16 = 0x1B;
 const GET_TORQUES_06: u16 = 0x1C;
 
-/// Accepted rates of an ODrive's estimates, Hz. A period is whole milliseconds; the range is wider.
+/// Accepted rates of a drive's estimates, Hz. Drives support only periods of whole milliseconds, a subset of this range.
 const ESTIMATES_HZ: RangeInclusive<u32> = 1..=10_000;
 
-/// Axis states that matter here.
+/// Axis state without torque.
 const IDLE: u32 = 1;
+/// Axis state that follows set-points.
 const CLOSED_LOOP_CONTROL: u32 = 8;
-/// Control modes, and the input mode that passes setpoints on as they are.
+/// Control mode: torque.
 const TORQUE_CONTROL: u32 = 1;
+/// Control mode: velocity.
 const VELOCITY_CONTROL: u32 = 2;
+/// Control mode: position.
 const POSITION_CONTROL: u32 = 3;
+/// Input mode that applies set-points unchanged.
 const PASSTHROUGH: u32 = 1;
 
-/// Axis errors of 0.5.
+/// Axis errors of firmware 0.5.
 const ERRORS_05: [(u32, Faults); 8] = [
     (0x0000_0001, Faults::REFUSED),              // invalid state
     (0x0000_0040 | 0x0000_0200, Faults::OTHER),  // motor failed, controller failed
@@ -93,7 +97,7 @@ const ERRORS_05: [(u32, Faults); 8] = [
     (0x0002_0000 | 0x0008_0000, Faults::SENSOR), // homing without end stop, unknown position
 ];
 
-/// Errors of 0.6.
+/// Errors of firmware 0.6.
 const ERRORS_06: [(u32, Faults); 7] = [
     (0x0000_0100 | 0x0000_0200, Faults::BAD_VOLTAGE), // DC bus over voltage, under voltage
     (0x0000_0400 | 0x0000_0800 | 0x0000_1000, Faults::OVERCURRENT), // bus, regen, limit violation
@@ -121,17 +125,17 @@ fn integers(node: u8, command: u16, low: u32, high: u32) -> Frame {
     frame(node, command, eight(low.to_le_bytes(), high.to_le_bytes()))
 }
 
-/// The value, if it is a number; commands carry floats, so everything else fits.
+/// Returns `value` if it is finite. Commands contain floats, so every finite value fits.
 fn number(value: f32, name: &'static str) -> Result<f32, Refusal> {
     if value.is_finite() { Ok(value) } else { Err(Refusal::OutOfRange(name)) }
 }
 
-/// A limit.
+/// Returns a limit if it is finite and above 0.
 fn positive(value: f32, name: &'static str) -> Result<f32, Refusal> {
     if value > 0.0 { number(value, name) } else { Err(Refusal::OutOfRange(name)) }
 }
 
-/// The emergency stop of an axis: torque off, and an error until [`Command::ClearFaults`].
+/// Builds the emergency stop of an axis: torque off, and an error until [`Command::ClearFaults`].
 pub fn estop(node: u8) -> Frame {
     frame(node, ESTOP, [])
 }
@@ -141,7 +145,7 @@ impl Odrive {
         frame(node, SET_AXIS_STATE, state.to_le_bytes())
     }
 
-    /// A position setpoint, in the motor's units.
+    /// Builds a position set-point in the units of the motor.
     fn position(
         &self,
         node: u8,
@@ -171,8 +175,10 @@ impl Odrive {
         Ok(frame(node, SET_INPUT_TORQUE, torque_nm.to_le_bytes()))
     }
 
-    /// ODrive's cascade is torque = g_v (g_p (q* − q) + q̇* − q̇): g_v is kd, and g_p is kp / kd. The
-    /// integral gain goes to 0.
+    /// Builds the frames of gains.
+    ///
+    /// The cascade of an ODrive is torque = g_v (g_p (q* − q) + q̇* − q̇). Hence g_v is kd, and g_p is kp / kd. The integral
+    /// gain is set to 0.
     fn gains(&self, node: u8, gains: Gains) -> Result<[Frame; 2], Refusal> {
         let kd = positive(gains.kd_nm_s_rad, "kd")?;
         if gains.kp_nm_rad < 0.0 {
@@ -229,7 +235,7 @@ fn finite(value: f32) -> Option<f32> {
     value.is_finite().then_some(value)
 }
 
-/// Two floats; `None` unless both are numbers.
+/// Decodes two floats; `None` unless both are finite.
 fn two_floats(data: [u8; 8]) -> Option<(f32, f32)> {
     let [a, b, c, d, e, f, g, h] = data;
     let (low, high) = (f32::from_le_bytes([a, b, c, d]), f32::from_le_bytes([e, f, g, h]));
@@ -342,21 +348,24 @@ impl Codec for Odrive {
         check_integer(report, "estimates_hz", estimates_hz, ESTIMATES_HZ, " Hz");
         if !(1e-3..=1e3).contains(&reduction.abs()) {
             let help = format_args!(
-                "turns of the motor for one of the joint, 0.001 to 1000; negative where it turns the \
-                 other way"
+                "give the motor turns per joint turn, from 0.001 to 1000, or a negative value if \
+                 the motor turns the other way"
             );
             report.violated("reduction", format_args!("is {reduction}"), help);
         }
         if !(1e-4..=100.0).contains(&torque_constant_nm_a) {
             let problem = format_args!("is {torque_constant_nm_a} N·m/A");
-            let help = format_args!("0.0001 to 100 N·m/A; 8.27 divided by the motor's KV in rpm/V");
+            let help = format_args!(
+                "give 0.0001 to 100 N·m/A: 8.27 / KV, with the motor's KV in \
+                rpm/V"
+            );
             report.violated("torque_constant_nm_a", problem, help);
         }
     }
 
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         if quantity == "kd" {
-            report(format_args!("its kp is a multiple of its kd: give kd above 0"));
+            report(format_args!("give kd above 0, because the drive's kp is a multiple of kd"));
         }
     }
 }

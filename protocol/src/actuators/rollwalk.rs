@@ -1,4 +1,4 @@
-//! The Rollwalk servo profile behind the trait. Frames, units and golden bytes: [`crate::actuator`].
+//! Codec of the Rollwalk servo profile. [`crate::actuator`] defines its frames and units.
 
 use super::settings::Keys;
 use super::{
@@ -12,7 +12,7 @@ use crate::can::{Frame, worst_case_bits};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rollwalk;
 
-/// Faults of [`ActuatorStatus`].
+/// Faults for the bits of [`ActuatorStatus`].
 const FAULTS: [(u32, Faults); 4] = [
     (ActuatorStatus::TIMED_OUT as u32, Faults::TIMED_OUT),
     (ActuatorStatus::OVERHEATED as u32, Faults::OVERHEATED),

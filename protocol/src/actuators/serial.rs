@@ -1,31 +1,31 @@
-//! Receive buffer, packets and answers that all codecs on serial lines share.
+//! Receive buffer, packets and answers of all codecs on serial lines.
 
 use super::feedback::Feedback;
 use heapless::Vec;
 
-/// Longest packet on a serial line, bytes: gains for 24 servos in one sync write, with stuffing.
+/// Maximum size of a packet on a serial line, bytes. The longest packet writes gains of 24 servos, with byte stuffing.
 pub const MAX_PACKET: usize = 256;
-/// A packet for a serial line.
+/// Packet for a serial line.
 pub type Packet = Vec<u8, MAX_PACKET>;
 
-/// Bytes of a line that are no whole message yet.
+/// Received bytes that are not yet a complete message.
 #[derive(Clone, Debug, Default)]
 pub struct ReceiveBuffer {
     bytes: Packet,
-    /// Remaining parts of a packet whose parts are answers of different servos.
+    /// Remaining parts of the current packet, if the parts are answers of different servos.
     pub(super) parts: Option<Parts>,
 }
 
-/// Parts of a packet that are still to come.
+/// Parts of a packet that have not been received yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
     /// Number of parts.
     pub left: u8,
-    /// CRC of all bytes before them.
+    /// CRC of all bytes before these parts.
     pub crc: u16,
 }
 
-/// An answer on a serial line.
+/// Answer on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
     /// Answer of the actuator at this address.
@@ -35,7 +35,7 @@ pub enum Answer {
 }
 
 impl ReceiveBuffer {
-    /// Appends a byte; when there is no room, the oldest makes way.
+    /// Appends a byte. A full buffer drops its oldest byte.
     pub fn push(&mut self, byte: u8) {
         if self.bytes.push(byte).is_err() {
             self.drop_front(1);
@@ -43,12 +43,12 @@ impl ReceiveBuffer {
         }
     }
 
-    /// The bytes, oldest first.
+    /// Buffered bytes, oldest first.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Removes the oldest bytes.
+    /// Removes the `count` oldest bytes.
     pub fn drop_front(&mut self, count: usize) {
         let left = self.bytes.len().saturating_sub(count);
         for to in 0..left {

@@ -1,41 +1,40 @@
-//! Share of a bus that a protocol takes: setpoints and answers in the worst case, stuffing and waiting included. A configuration
-//! whose load is beyond [`MAX_LOAD`] is not run.
+//! Worst-case load of a bus: set-points and answers, with bit stuffing and waiting times. A configuration whose load is above
+//! [`MAX_LOAD`] is refused.
 
 use thiserror::Error;
 
-/// Largest share of a bus that setpoints and answers may take. The rest is for torque switches,
-/// repeats after errors, and for being wrong.
+/// Largest load of a bus by set-points and answers, as a fraction of its capacity. The rest is for torque switches and repeats
+/// after errors, and a margin for wrong assumptions.
 pub const MAX_LOAD: f32 = 0.7;
 
 /// Worst-case traffic on a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Bits of each control period.
+    /// Bits per control period.
     pub bits_per_period: u32,
-    /// Time of each control period in which the line waits for servos to begin their answers, µs.
+    /// Time per control period in which the line waits for servos to begin their answers, µs.
     pub waiting_us_per_period: u32,
-    /// Bits per second of messages that come on a timer of their own.
+    /// Bits per second of messages that actuators send on timers of their own.
     pub bits_per_s: u32,
 }
 
-/// More than a bus can take.
+/// Error for a load above [`MAX_LOAD`].
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("load of the bus would be {percent:.0} %, at most 70 % is right")]
+#[error("the bus load would be {percent:.0} %; at most 70 % is accepted")]
 pub struct Overload {
-    /// The load, %.
+    /// Load, %.
     pub percent: f32,
 }
 
 impl Traffic {
-    /// Share of a bus of `bit_rate` bits per second that the traffic takes at `control_hz` control periods per second. 1 is all
-    /// of it.
+    /// Load as a fraction of the capacity of a bus with `bit_rate` bit/s, at `control_hz` control periods per second.
     pub fn load(&self, control_hz: f32, bit_rate: f32) -> f32 {
         let period_s =
             self.bits_per_period as f32 / bit_rate + self.waiting_us_per_period as f32 * 1e-6;
         period_s * control_hz + self.bits_per_s as f32 / bit_rate
     }
 
-    /// Refuses traffic above [`MAX_LOAD`] of the bus, and invalid rates.
+    /// Refuses a load above [`MAX_LOAD`], and invalid rates.
     pub fn check(&self, control_hz: f32, bit_rate: f32) -> Result<(), Overload> {
         let load = self.load(control_hz, bit_rate);
         // A NaN and a negative rate fail this.
@@ -44,8 +43,8 @@ impl Traffic {
     }
 }
 
-/// Traffic of a serial line on which all servos are commanded and queried together. A period carries `once` bytes, and `each`
-/// bytes per servo. Every servo waits for its return delay before it answers.
+/// Traffic of a serial line whose servos are commanded and queried together. A control period has `once` bytes, and `each`
+/// bytes more per servo. Each servo waits for its return delay before it answers.
 pub(super) fn polled(actuators: u32, once: u32, each: u32, return_delay_us: u32) -> Traffic {
     // Start bit, 8 bits, stop bit.
     let bits = |bytes: u32| bytes.saturating_mul(10);

@@ -1,4 +1,4 @@
-//! Direction of up while a clip plays, as an IMU measures it.
+//! Direction of up while a clip plays, as an IMU would measure it.
 
 use super::records::AttitudeRecord;
 
@@ -6,24 +6,25 @@ use super::records::AttitudeRecord;
 const DIRECTION_LSB: f32 = 1.0 / 16384.0;
 /// Quantum of the spread, rad.
 const SPREAD_LSB_RAD: f32 = 1e-3;
-/// Largest tilt of the body in a clip, rad: the angle between up and the robot's own top, and how far up strays from
-/// there. A library that allows more would switch tilt protection off: a robot that leans so far lies on the ground.
+/// Limit of the tilt of the body in a clip, rad. Tilt is the angle between up and the robot's z axis, plus the spread. A larger
+/// limit would make tilt protection useless, since a robot that leans further lies on the ground.
 pub const MAX_TILT_RAD: f32 = core::f32::consts::FRAC_PI_3;
 
-/// The direction of "up" during a clip, and how far it strays from there.
+/// Direction of up during a clip, with its spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attitude {
-    /// Up, a unit vector in the body frame: x forward, y to the left, z to the robot's own top.
+    /// Direction of up, a unit vector in the body frame: x forward, y to the left, z to the robot's top.
     pub up_body: [f32; 3],
-    /// Largest angle between that and up at any frame of the clip, rad.
+    /// Largest angle between `up_body` and up in any frame of the clip, rad.
     pub spread_rad: f32,
 }
 
 impl Attitude {
-    /// A level body.
+    /// Attitude of a level body.
     pub const LEVEL: Self = Self { up_body: [0.0, 0.0, 1.0], spread_rad: 0.0 };
 
-    /// Nearest record; `None` unless this is a unit vector and an angle, within [`MAX_TILT_RAD`].
+    /// Nearest record. `None` unless `up_body` is a unit vector, `spread_rad` is an angle from 0 up, and the tilt is within
+    /// [`MAX_TILT_RAD`].
     pub(super) fn record(&self) -> Option<AttitudeRecord> {
         let nearest = |x: f32| (x / DIRECTION_LSB + if x < 0.0 { -0.5 } else { 0.5 }) as i16;
         let [up_x, up_y, up_z] = self.up_body.map(nearest);
@@ -33,7 +34,7 @@ impl Attitude {
         (spread >= 0.5 && Self::of(&record).is_some()).then_some(record)
     }
 
-    /// Attitude of a record; `None` if it is no unit vector, or tilted beyond [`MAX_TILT_RAD`].
+    /// Attitude of a record; `None` if its direction is not a unit vector, or if its tilt is beyond [`MAX_TILT_RAD`].
     pub(super) fn of(record: &AttitudeRecord) -> Option<Self> {
         let up_body = [record.up_x, record.up_y, record.up_z].map(|x| f32::from(x) * DIRECTION_LSB);
         let length_squared = up_body.iter().map(|x| x * x).sum::<f32>();
@@ -45,7 +46,7 @@ impl Attitude {
     }
 }
 
-/// Cosine of an angle from 0 to [`MAX_TILT_RAD`]; at most 0.002 too large.
+/// Cosine of an angle from 0 to [`MAX_TILT_RAD`], at most 0.002 too large.
 fn cosine(angle_rad: f32) -> f32 {
     let square = angle_rad * angle_rad;
     1.0 - square / 2.0 + square * square / 24.0
@@ -57,7 +58,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// However a direction and a spread share a tilt.
+        /// Tests a tilt and a spread of any size: [`MAX_TILT_RAD`] limits their sum.
         #[test]
         fn what_tilts_further_than_a_robot_stands_is_no_attitude(
             tilt in 0.0..3.1_f32, spread in 0.0..3.1_f32, about in 0.0..6.3_f32,

@@ -1,25 +1,28 @@
-//! Blocks of frames: where they are, and their CRCs, taken in portions before a block is entered, so that
-//! entering it costs little more than any other step.
+//! Positions and CRC checks of blocks of frames.
+//!
+//! The CRC of a block is computed in portions before the block is entered. Entering it then takes little more time than any
+//! other step.
 
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN};
 use super::container::{u16_at, u32_at};
 use crate::crc::crc32c_append;
 use thiserror::Error;
 
-/// The frames are not those that were validated: the library was overwritten, or the cursor belongs
-/// to another one. Also a clip, a frame or an output that does not fit.
+/// Error of a read from a library.
+///
+/// The library was overwritten after validation, or the cursor belongs to another library. Also returned if a clip or frame
+/// does not exist, or if the output does not fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("no such frame, or the library changed after it was validated")]
 pub struct Unreadable;
 
-/// Bytes of a portion. With one in every frame a block of the shipped libraries is checked within a
-/// fifth of a second.
+/// Length of a portion, bytes. With one portion per frame, a block of the shipped libraries is checked within 0.2 s.
 const PORTION: usize = 64;
 
-/// The check of a block, as far as it has come.
+/// Progress of the check of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BlockCheck {
-    /// Header, bytes from the start of the track's section.
+    /// Offset of the header in the track's section, bytes.
     block: u32,
     /// CRC of the header and of the first `taken` bytes of the payload.
     crc: u32,
@@ -29,20 +32,21 @@ pub(super) struct BlockCheck {
 }
 
 impl BlockCheck {
-    /// Check that is over, without a block.
+    /// Finished check without a block.
     pub const NONE: Self = Self { block: u32::MAX, crc: 0, taken: 0, over: true, passed: false };
 
-    /// Check of a block, not yet begun.
+    /// Starts a check of a block.
     pub fn of(block: u32) -> Self {
         Self { block, over: false, ..Self::NONE }
     }
 
-    /// True if the check is over.
+    /// True if the check is finished.
     pub fn is_over(&self) -> bool {
         self.over
     }
 
-    /// Checks the rest of a block; all of it if this check was of another block or failed. Returns true if the block is good.
+    /// Finishes the check of `block` and returns true if the block is valid. Restarts if the check was of another block, or
+    /// failed.
     pub fn finish_for(&mut self, blocks: &[u8], block: u32) -> bool {
         if self.block != block || self.over && !self.passed {
             *self = Self::of(block);
@@ -51,7 +55,7 @@ impl BlockCheck {
         self.passed
     }
 
-    /// Checks another portion of the block, in the track's section.
+    /// Checks another portion of the block; `blocks` is the track's section.
     pub fn step(&mut self, blocks: &[u8]) {
         self.take(blocks, PORTION);
     }
@@ -63,7 +67,7 @@ impl BlockCheck {
         }
     }
 
-    /// Takes a portion into the CRC. Returns the number of bytes left; `None` when the block is cut off.
+    /// Adds a portion to the CRC. Returns the number of remaining bytes; `None` if the block is cut off.
     fn portion(&mut self, blocks: &[u8], portion: usize) -> Option<usize> {
         let block = blocks.get(usize::try_from(self.block).ok()?..)?;
         let (header, rest) = block.split_at_checked(BLOCK_HEADER_LEN)?;
@@ -82,30 +86,30 @@ impl BlockCheck {
     }
 }
 
-/// A clip of a track, and the check of the block that will be entered next, as far as it has come.
+/// Clip of a track, with the check of the block that will be entered next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BlockPlace {
-    /// First block of the clip, bytes from the start of the track's section.
+    /// Offset of the clip's first block in the track's section, bytes.
     pub clip_at: u32,
     pub check: BlockCheck,
 }
 
 impl BlockPlace {
-    /// Place in a track that the library does not have.
+    /// Value for a track that the library does not have.
     pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
 
-    /// Block `n` of the clip that begins at `clip_at`, unchecked.
+    /// Unchecked block `n` of the clip that begins at `clip_at`.
     pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
         Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
     }
 }
 
-/// Offset of the next block in the track's section.
+/// Offset of the block after `block` in the track's section, bytes.
 pub(super) fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
     block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
 }
 
-/// Block `n` after the one at `block`, bytes from the start of the track's section.
+/// Offset of the block that is `n` blocks after `block`, in bytes from the start of the track's section.
 pub(super) fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
     for _ in 0..n {
         let header = usize::try_from(block).map_err(|_| Unreadable)?;

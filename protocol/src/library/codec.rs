@@ -1,33 +1,33 @@
 //! Packing of frames: second differences of the quanta, bit-packed.
 //!
-//! Smooth motion has small second differences. For each group of 16 frames every channel has a
-//! width of its own; within a group the bits go frame by frame, channel by channel, so that a
-//! decoder needs one bit position only. Bits fill a byte from its least significant end.
+//! Smooth motion has small second differences. In each group of 16 frames, every channel has its own width. The fields of a
+//! group are ordered by frame, then by channel, so that a decoder needs only one bit position. Bits fill a byte from its least
+//! significant end.
 
-/// Frames of a group that share their widths.
+/// Number of frames in a group.
 pub(crate) const GROUP: u8 = 16;
-/// Largest width of a field.
+/// Largest width of a field, bits.
 const MAX_WIDTH: u8 = 18;
-/// Bits of a width.
+/// Size of a width code, bits.
 pub(crate) const WIDTH_BITS: u8 = 4;
-/// Bytes of a block's header: clip, frames, first frame, payload bytes, CRC-32C.
+/// Size of a block's header, bytes: clip, frames, first frame, payload bytes, CRC-32C.
 pub(crate) const BLOCK_HEADER_LEN: usize = 10;
-/// Bytes of a block's header that its CRC covers, with the payload.
+/// Offset of the CRC in a block's header. The CRC covers the bytes before it, and the payload.
 pub(crate) const BLOCK_CRC_AT: usize = 6;
 
-/// Bits that a width code stands for: itself, but 15 for 18, the most that two 16-bit differences
-/// can need.
+/// Width of a code, bits. Code 15 stands for 18, the largest width that second differences of 16-bit values need. Other codes
+/// are the width itself.
 pub(crate) fn width_of(code: u8) -> u8 {
     if code >= 15 { MAX_WIDTH } else { code }
 }
 
-/// Code of the smallest width that holds `zigzag`.
+/// Code of the smallest width that fits `zigzag`.
 pub(crate) fn code_for(zigzag: u32) -> u8 {
     let bits = 32 - zigzag.leading_zeros();
     if bits <= 14 { bits as u8 } else { 15 }
 }
 
-/// Signed to unsigned, small magnitudes first: 0, −1, 1, −2, …
+/// Maps signed integers to unsigned ones, small magnitudes first: 0, −1, 1, −2, …
 pub(crate) fn zigzag(x: i32) -> u32 {
     ((x << 1) ^ (x >> 31)) as u32
 }
@@ -37,16 +37,16 @@ pub(crate) fn unzigzag(x: u32) -> i32 {
     ((x >> 1) as i32) ^ -((x & 1) as i32)
 }
 
-/// Reads fields of bits one after the other.
+/// Reads bit fields one after the other.
 pub(crate) struct BitReader<'a> {
     rest: &'a [u8],
-    /// Bits that were taken from the bytes and not read, the next one lowest.
+    /// Bits that were taken from `rest` and not read yet, the next one lowest.
     pending: u32,
     count: u32,
 }
 
 impl<'a> BitReader<'a> {
-    /// Begins at bit `at`. `None` beyond the end.
+    /// Starts at bit `at`; `None` if that is beyond the end.
     pub fn new(bytes: &'a [u8], at: u32) -> Option<Self> {
         let rest = bytes.get(usize::try_from(at / 8).ok()?..)?;
         let mut reader = Self { rest, pending: 0, count: 0 };
@@ -54,7 +54,7 @@ impl<'a> BitReader<'a> {
         Some(reader)
     }
 
-    /// The next field, of at most 18 bits. `None` beyond the end.
+    /// Reads the next field, of at most 18 bits; `None` beyond the end.
     pub fn read(&mut self, width: u8) -> Option<u32> {
         let width = u32::from(width.min(MAX_WIDTH));
         // At most 17 bits and 8 more.
@@ -71,8 +71,7 @@ impl<'a> BitReader<'a> {
     }
 }
 
-/// Writes the low `width` bits of `value` at bit `at` of bytes that are still 0 there.
-/// `None` when there is no room.
+/// Writes the low `width` bits of `value` at bit `at`, where `bytes` must still be 0. `None` if there is no room.
 pub(crate) fn write_bits(bytes: &mut [u8], at: u32, width: u8, value: u32) -> Option<()> {
     for i in 0..u32::from(width) {
         let bit = at.checked_add(i)?;

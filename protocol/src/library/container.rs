@@ -1,7 +1,7 @@
-//! The outside of a library file: header, length-prefixed sections, footer.
+//! Outer structure of a library file: header, length-prefixed sections, footer.
 //!
-//! The header and the footer never change, not even in a later major version: every reader can
-//! distinguish a damaged library from one that is too new.
+//! The header and the footer never change, not even in a later major version. Every reader can therefore distinguish a damaged
+//! library from one that is too new.
 
 use super::reject::{Reject, Section, Why};
 use super::{FORMAT_MAJOR, FORMAT_MINOR};
@@ -15,39 +15,40 @@ pub(crate) const SECTION_HEADER_LEN: usize = 8;
 
 /// Number of sections of this format version, tags 1 to `SECTIONS`.
 pub(crate) const SECTIONS: usize = 12;
-/// Sections that every library has; the others came with [`MINOR_WITH_TORQUES`], and are there together or not at all.
+/// Number of sections that every library has. [`MINOR_WITH_TORQUES`] added the other ones, and a library has all of them or
+/// none.
 const REQUIRED: usize = 9;
-/// The minor version that attitudes came with.
+/// Minor version that introduced attitudes.
 pub(crate) const MINOR_WITH_ATTITUDES: u16 = 1;
-/// The minor version that torques came with. A library without them is written in the version before.
+/// Minor version that introduced torques. A library without torques is written in the previous version.
 pub(crate) const MINOR_WITH_TORQUES: u16 = 2;
 
 /// Position of a section's payload in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Span {
-    /// Bytes from the start of the file.
+    /// Offset from the start of the file, bytes.
     pub offset: u32,
-    /// Bytes of payload.
+    /// Length of the payload, bytes.
     pub len: u32,
-    /// Bytes of a record; 1 when the section is no table.
+    /// Length of a record, bytes; 1 if the section is not a table.
     pub stride: u16,
 }
 
 impl Span {
-    /// The payload.
+    /// Payload of the section; `None` if it is beyond the end of `bytes`.
     pub fn of<'a>(&self, bytes: &'a [u8]) -> Option<&'a [u8]> {
         let start = usize::try_from(self.offset).ok()?;
         let end = start.checked_add(usize::try_from(self.len).ok()?)?;
         bytes.get(start..end)
     }
 
-    /// Offset of a record from the start of the file.
+    /// Offset of record `i` from the start of the file, bytes.
     pub fn record_offset(&self, i: usize) -> u32 {
         let skip = u32::try_from(i).unwrap_or(u32::MAX).saturating_mul(u32::from(self.stride));
         self.offset.saturating_add(skip)
     }
 
-    /// Record `i`, of `record_len` bytes at least.
+    /// Record `i`, `stride` bytes long; `None` if it is beyond the end of the payload.
     pub fn record<'a>(&self, bytes: &'a [u8], i: usize) -> Option<&'a [u8]> {
         let stride = usize::from(self.stride);
         let start = i.checked_mul(stride)?;
@@ -65,8 +66,8 @@ pub(crate) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-/// Identity of the library at the start of a file, whose length is in its header: a signature may follow. `None` if there is no
-/// library. Only validation shows that the library is sound.
+/// Identity of the library at the start of `bytes`, which may end with a signature. `None` if there is no library. Only
+/// validation shows that the library is valid.
 pub fn identity(bytes: &[u8]) -> Option<u32> {
     let len = usize::try_from(u32_at(bytes, 12)?).ok()?;
     let library = bytes.get(..len)?;
@@ -93,7 +94,7 @@ pub(crate) fn header(minor: u16, len: u32) -> [u8; HEADER_LEN] {
     h
 }
 
-/// Footer of a library of `len` bytes whose bytes before the footer have `body_crc`.
+/// Footer of a library of `len` bytes; `body_crc` is the CRC of the bytes before the footer.
 pub(crate) fn footer(len: u32, body_crc: u32) -> [u8; FOOTER_LEN] {
     let mut f = [0; FOOTER_LEN];
     let (body, crc) = f.split_at_mut(FOOTER_LEN - 4);
@@ -108,19 +109,19 @@ fn fill(target: &mut [u8], parts: &[&[u8]]) {
     }
 }
 
-/// The sound outside of a library.
+/// Outer structure of a library, after its checks.
 pub(crate) struct Container {
     /// Identity of the library: the digest of the file.
     pub identity: u32,
-    /// CRC-32C of everything before the footer, which has it.
+    /// CRC-32C of all bytes before the footer, as stored in the footer.
     pub body_crc: u32,
     /// Minor version of the format.
     pub minor: u16,
-    /// Sections by tag − 1.
+    /// Sections, indexed by tag − 1.
     pub sections: [Span; SECTIONS],
 }
 
-/// Checks header, lengths, footer and CRCs, and finds the sections.
+/// Checks header, lengths, footer and CRCs, and locates the sections.
 pub(crate) fn open(bytes: &[u8]) -> Result<Container, Reject> {
     let minor = check_header(bytes)?;
     let (body, body_crc) = check_footer(bytes)?;
@@ -162,7 +163,7 @@ fn check_header(bytes: &[u8]) -> Result<u16, Reject> {
     Ok(minor)
 }
 
-/// The sections' bytes, header included, and their CRC.
+/// Checks the footer. Returns the bytes before it, header included, and their CRC.
 fn check_footer(bytes: &[u8]) -> Result<(&[u8], u32), Reject> {
     let at = bytes.len().saturating_sub(FOOTER_LEN);
     let fail = |why| Reject { section: Section::Footer, offset: at as u32, why };

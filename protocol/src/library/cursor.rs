@@ -1,4 +1,4 @@
-//! The cursor: a place in a clip, with the frame there. From one frame to the next, or to any frame within bounded work.
+//! Cursor of a clip, which decodes the next frame or seeks any frame in bounded time.
 
 use super::ClipId;
 use super::block::Unreadable;
@@ -18,31 +18,32 @@ pub enum Advance {
     AtEnd,
 }
 
-/// A place in a clip, with the frame there: values, and torques where the library has them.
+/// Position in a clip with the decoded frame: values, and torques if the library has them.
 ///
-/// Borrows nothing: each step takes the library again, and it must be the one that the cursor was made with. A step takes a
-/// portion of the CRC of the following block, so that little is left to check when the block is entered. Worst work of a step,
-/// for each track: the rest of the CRC of one block, and its first frame. Worst work of a seek: the CRC of a whole block, the
-/// headers of the blocks before (59 at most) and 59 frames.
+/// A cursor borrows nothing. Each call receives the library again, which must be the one that the cursor was made with.
+///
+/// A step also adds a portion to the CRC of the following block, so that little is left to check when the block is entered.
+/// Worst case of a step, for each track: the rest of the CRC of one block, and its first frame. Worst case of a seek: the CRC
+/// of a whole block, the headers of 59 earlier blocks, and 59 frames.
 #[derive(Clone, Copy, Debug)]
 pub struct ClipCursor {
     /// Identity of the library.
     library: u32,
     shape: Shape,
     frame: u16,
-    /// Decoders by [`Track`]; only the first is used without torques.
+    /// Decoders, indexed by [`Track`]. Libraries without torques use only the first.
     tracks: [Decoder; Track::ALL.len()],
 }
 
 const _: () = assert!(size_of::<ClipCursor>() == 452, "docs/formats/motion-library.md says so");
 
 impl ClipCursor {
-    /// A cursor at a frame of a clip.
+    /// Creates a cursor at a frame of a clip.
     pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
         Self::enter(library, &Entry::new(library, clip, frame)?)
     }
 
-    /// A cursor at a place whose blocks may have been checked before; otherwise they are now.
+    /// Creates a cursor at an entry. Blocks of the entry that have not been checked yet are checked now.
     pub fn enter(library: &Library<'_>, at: &Entry) -> Result<Self, Unreadable> {
         let record = library.clip_record(at.clip).ok_or(Unreadable)?;
         let shape = Shape {
@@ -57,17 +58,17 @@ impl ClipCursor {
         Ok(cursor)
     }
 
-    /// The clip.
+    /// Clip of the cursor.
     pub fn clip(&self) -> ClipId {
         self.shape.clip
     }
 
-    /// Number of the frame that it is at.
+    /// Index of the current frame.
     pub fn frame(&self) -> u16 {
         self.frame
     }
 
-    /// After the last frame of its clip comes the first.
+    /// True if the first frame of the clip follows its last.
     pub fn loops(&self) -> bool {
         self.shape.looping
     }
@@ -77,12 +78,12 @@ impl ClipCursor {
         self.frame.saturating_add(1) >= self.shape.frames
     }
 
-    /// The frame's values, in quanta, channel by channel.
+    /// Values of the frame in quanta, by channel.
     pub fn quanta(&self) -> impl Iterator<Item = i16> + '_ {
         self.track_quanta(Track::Values)
     }
 
-    /// The frame's torques, in quanta, channel by channel; 0 where the library has none.
+    /// Torques of the frame in quanta, by channel; 0 if the library has no torques.
     pub fn torque_quanta(&self) -> impl Iterator<Item = i16> + '_ {
         self.track_quanta(Track::Torques)
     }
@@ -93,13 +94,15 @@ impl ClipCursor {
         decoder.quanta(self.shape.channels)
     }
 
-    /// Writes the frame: joint angles in rad, wheel motor speeds in rad/s. More elements of `out`
-    /// than channels are left alone. Errors: `out` is too short, or the library is another one.
+    /// Writes the values of the frame to the beginning of `out`: joint angles in rad, wheel motor speeds in rad/s. Further
+    /// elements of `out` keep their values. Returns an error if `out` is shorter than the number of channels, or if `library`
+    /// is not the cursor's own.
     pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
         self.track_into(library, Track::Values, out)
     }
 
-    /// Writes the frame's torques, N·m; 0 where the library has none. As [`frame_into`](Self::frame_into).
+    /// Writes the torques of the frame to the beginning of `out`, N·m; 0 if the library has no torques. Fails in the same cases
+    /// as [`frame_into`](Self::frame_into).
     pub fn torques_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
         self.track_into(library, Track::Torques, out)
     }
@@ -118,8 +121,8 @@ impl ClipCursor {
         Ok(())
     }
 
-    /// Moves to the next frame. From the last frame, a looping motion continues at its first frame and another clip stays. After
-    /// an error the cursor must not be used any more.
+    /// Moves to the next frame. After the last frame, a looping motion continues at its first frame; another clip stays. Do not
+    /// use the cursor after an error.
     pub fn advance(&mut self, library: &Library<'_>) -> Result<Advance, Unreadable> {
         self.check(library)?;
         let next = self.frame.saturating_add(1);
@@ -135,7 +138,7 @@ impl ClipCursor {
         Ok(Advance::Next)
     }
 
-    /// Moves to any frame of the clip. After an error the cursor must not be used any more.
+    /// Moves to any frame of the clip. Do not use the cursor after an error.
     pub fn seek(&mut self, library: &Library<'_>, frame: u16) -> Result<(), Unreadable> {
         self.check(library)?;
         if frame >= self.shape.frames {
@@ -146,7 +149,7 @@ impl ClipCursor {
         Ok(())
     }
 
-    /// True if the blocks that follow need no more checking.
+    /// True if the following blocks need no further checks.
     pub fn is_checked_ahead(&self) -> bool {
         self.tracks.iter().all(Decoder::is_checked_ahead)
     }
@@ -169,8 +172,8 @@ impl ClipCursor {
 }
 
 impl Library<'_> {
-    /// Writes the torques in the safe pose, N·m; 0 when the library has none. As
-    /// [`safe_pose_into`](Self::safe_pose_into).
+    /// Writes the torques in the safe pose to the beginning of `out`, N·m; 0 if the library has no torques. Requires the same
+    /// length of `out` as [`safe_pose_into`](Self::safe_pose_into).
     pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), Unreadable> {
         let clip = self.safe_node().clip();
         let frames = self.clip(clip).ok_or(Unreadable)?.frames;

@@ -1,6 +1,6 @@
-//! The decoder of one track of a clip: the values of its channels, or their torques.
+//! Decoder of one track of a clip: the values or the torques of its channels.
 //!
-//! Both tracks have the same blocks, group for group, so that one decoder reads either.
+//! Both tracks have the same blocks and groups, so one decoder reads either.
 
 use super::block::{BlockCheck, BlockPlace, Unreadable, block_end, block_of};
 use super::codec::{BLOCK_HEADER_LEN, BitReader, GROUP, WIDTH_BITS, unzigzag, width_of};
@@ -27,46 +27,47 @@ pub(super) struct Shape {
     pub channels: u8,
 }
 
-/// A place in a track, with the frame there.
+/// Position in a track with the decoded frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Decoder {
     place: BlockPlace,
-    /// Header of the current block, bytes from the start of the track's section.
+    /// Offset of the current block's header in the track's section, bytes.
     block: u32,
-    /// Bytes of its payload.
+    /// Length of the current block's payload, bytes.
     payload: u16,
-    /// Frame within the block.
+    /// Index of the frame in the current block.
     in_block: u8,
-    /// Next bit of the payload.
+    /// Index of the next bit in the payload.
     bit: u32,
     states: [ChannelState; MAX_CHANNELS],
 }
 
 impl Decoder {
-    /// A decoder that has yet to enter its block.
+    /// Creates a decoder that has not entered a block yet.
     pub fn new(place: BlockPlace) -> Self {
         Self { place, block: 0, payload: 0, in_block: 0, bit: 0, states: Default::default() }
     }
 
-    /// The frame, in quanta.
+    /// Quanta of the frame, by channel.
     pub fn quanta(&self, channels: u8) -> impl Iterator<Item = i16> + '_ {
         self.states.iter().take(usize::from(channels)).map(|state| state.value)
     }
 
-    /// Differences that led to the frame, or at a keyframe lead to the next.
+    /// Differences from the previous frame to this one; at a keyframe, from this one to the next.
     pub fn deltas(&self, channels: u8) -> impl Iterator<Item = i32> + '_ {
         let states = self.states.iter().take(usize::from(channels));
         states.map(|state| i32::from_le_bytes(state.delta))
     }
 
-    /// True if the frame after a keyframe has the keyframe's first differences, apart from those cut to 16 bits.
+    /// True if this frame, the one after `keyframe`, has the first differences of the keyframe. Differences that were clipped
+    /// to 16 bits are ignored.
     pub fn keeps_first(&self, keyframe: &Self, channels: u8) -> bool {
         let is_cut = |first: i32| first == i32::from(i16::MIN) || first == i32::from(i16::MAX);
         let mut pairs = keyframe.deltas(channels).zip(self.deltas(channels));
         pairs.all(|(first, then)| first == then || is_cut(first))
     }
 
-    /// Moves to the next frame of the clip, which is not its first.
+    /// Moves to frame `next`, which is the following one and not the first of the clip.
     pub fn advance(&mut self, blocks: &[u8], shape: &Shape, next: u16) -> Result<(), Unreadable> {
         if next.is_multiple_of(BLOCK_FRAMES) {
             let block = self.after_block()?;
@@ -89,17 +90,17 @@ impl Decoder {
         Ok(())
     }
 
-    /// True if the block that follows needs no more checking.
+    /// True if the following block needs no further checks.
     pub fn is_checked_ahead(&self) -> bool {
         self.place.check.is_over()
     }
 
-    /// Offset of the next block in the track's section.
+    /// Offset of the block after the current one, in bytes from the start of the track's section.
     pub fn after_block(&self) -> Result<u32, Unreadable> {
         block_end(self.block, self.payload)
     }
 
-    /// True if the payload of the current block is used to the last byte, with zeros for padding.
+    /// True if the data ends in the last byte of the current block's payload, and padding bits are 0.
     pub fn block_used_up(&self, blocks: &[u8]) -> bool {
         let padding = (8 - self.bit % 8) % 8;
         u32::from(self.payload) * 8 == self.bit.saturating_add(padding)
@@ -114,7 +115,7 @@ impl Decoder {
         blocks.get(start..start.checked_add(usize::from(self.payload))?)
     }
 
-    /// Takes the keyframe of the block at `block`, whose first frame must be `first_frame`.
+    /// Enters the block at `block` and reads its keyframe. The first frame of the block must be `first_frame`.
     fn enter_block(
         &mut self,
         blocks: &[u8],
@@ -154,7 +155,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// The next frame of the current block.
+    /// Decodes the next frame of the current block.
     fn decode_next(&mut self, blocks: &[u8], shape: &Shape) -> Result<(), Unreadable> {
         let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
         let channels = usize::from(shape.channels);

@@ -1,6 +1,6 @@
-//! The encoder: packs quanta, works out routes, and validates what it wrote.
+//! Encoder, which packs quanta, computes routes, and validates its output.
 //!
-//! Runs where libraries are built, but without an allocator: it writes into the caller's buffer.
+//! The encoder runs where libraries are built, but needs no allocator: it writes into the caller's buffer.
 
 use super::attitude::Attitude;
 use super::codec::{BLOCK_CRC_AT, BLOCK_HEADER_LEN, GROUP, WIDTH_BITS, code_for, width_of, zigzag};
@@ -17,18 +17,17 @@ use crate::crc::{crc32c, crc32c_append};
 
 /// Writes a library into `out`, validates it and returns its length in bytes.
 ///
-/// Values are rounded to the nearest quantum that is within the channel's limits. First and last
-/// frames of transitions are moved onto the frames that they join when they are within
-/// [`super::JOIN_TOLERANCE_RAD`] (wheels: within the change that one frame allows); so are the wheel
-/// speeds in the last frame of a motion that ends, to 0. Torques of transitions are led over to those of the motions
-/// that they join within [`super::TORQUE_BLEND_FRAMES`].
+/// Values are rounded to the nearest quantum within the limits of the channel. The first and the last frame of a transition are
+/// moved onto the frames that they join if they are within [`super::JOIN_TOLERANCE_RAD`], or for wheels within the change that
+/// one frame allows. With the same tolerance, wheel speeds in the last frame of a motion that ends are set to 0. Torques of a
+/// transition are blended into those of the joined motions within [`super::TORQUE_BLEND_FRAMES`].
 ///
-/// Motion `i` becomes node and clip `i`, transition `j` edge `j` and clip `motions + j`.
+/// Motion `i` becomes node and clip `i`. Transition `j` becomes edge `j` and clip `motions + j`.
 pub fn encode(spec: &LibrarySpec<'_>, out: &mut [u8]) -> Result<usize, EncodeError> {
     encode_with_attitudes(spec, &[], out)
 }
 
-/// Counterpart of [`encode`] with the attitude of each clip, motions first; an empty list writes none.
+/// Encodes like [`encode`], with the attitude of each clip, motions first. Writes no attitudes if the list is empty.
 pub fn encode_with_attitudes(
     spec: &LibrarySpec<'_>,
     attitudes: &[Attitude],
@@ -74,7 +73,7 @@ fn write_manifest(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeE
     })
 }
 
-/// Writes the frames, after the table of their positions.
+/// Writes the table of clips, then their frames.
 fn write_clips(
     source: &Source<'_>,
     attitudes: &[Attitude],
@@ -108,7 +107,7 @@ fn write_clips(
     })
 }
 
-/// Writes the torques, after the table of their positions.
+/// Writes the exponents of the torques, the table of clips, then their torques.
 fn write_torques(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeError> {
     w.section(10, 1, |w| {
         let channels = source.spec.config.channels.iter();
@@ -171,7 +170,7 @@ fn write_graph(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeErro
     })
 }
 
-/// The blocks of a clip.
+/// Writes the blocks of a clip.
 fn write_blocks(
     source: &Source<'_>,
     w: &mut Writer<'_>,
@@ -187,7 +186,7 @@ fn write_blocks(
     })
 }
 
-/// Quanta by frame and channel.
+/// Function that returns the quanta of a frame and channel.
 type Quanta<'a> = dyn Fn(usize, usize) -> Result<i32, EncodeError> + 'a;
 
 fn write_block(
@@ -214,7 +213,7 @@ fn write_block(
     w.overwrite(header_at, &header)
 }
 
-/// Keyframe, first differences, then groups of second differences.
+/// Writes the keyframe, first differences, then groups of second differences.
 fn write_frames(
     quanta: &Quanta<'_>,
     channels: usize,

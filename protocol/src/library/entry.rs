@@ -1,23 +1,23 @@
-//! An entry: a place where playback will probably go on, whose blocks are checked beforehand.
+//! Entry at which playback will probably continue, with blocks that are checked beforehand.
 
 use super::block::{BlockPlace, Unreadable};
 use super::view::{Library, Track};
 use super::{BLOCK_FRAMES, ClipId};
 
-/// A place where playback will probably go on, and the checks of its blocks.
+/// Position at which playback will probably continue, with the checks of its blocks.
 ///
-/// Borrows nothing: each call takes the library again, and it must be the one of [`Entry::new`].
+/// An entry borrows nothing. Each call receives the library again, which must be the one of [`Entry::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
     pub(super) library: u32,
     pub(super) clip: ClipId,
     pub(super) frame: u16,
-    /// Places by [`Track`].
+    /// Positions, indexed by [`Track`].
     pub(super) places: [BlockPlace; Track::ALL.len()],
 }
 
 impl Entry {
-    /// Entry into a frame of a clip, unchecked.
+    /// Creates an unchecked entry at a frame of a clip.
     pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
         let record = library.clip_record(clip).ok_or(Unreadable)?;
         if frame >= record.frames {
@@ -32,12 +32,12 @@ impl Entry {
         Ok(Self { library: library.index().id(), clip, frame, places })
     }
 
-    /// True if the entry is at this frame of this clip.
+    /// True if the entry is at `frame` of `clip`.
     pub fn is_at(&self, clip: ClipId, frame: u16) -> bool {
         (self.clip, self.frame) == (clip, frame)
     }
 
-    /// Checks a portion of a block, 64 bytes. `false` when nothing was left to do.
+    /// Checks a portion of a block, 64 bytes. Returns false if nothing was left to check.
     pub fn check_a_portion(&mut self, library: &Library<'_>) -> bool {
         if library.index().id() != self.library {
             return false;
@@ -49,7 +49,7 @@ impl Entry {
         library.payload(track.blocks()).inspect(|blocks| place.check.step(blocks)).is_some()
     }
 
-    /// Checks the rest of the blocks.
+    /// Checks all remaining portions of the blocks.
     pub fn check_all(&mut self, library: &Library<'_>) {
         while self.check_a_portion(library) {}
     }

@@ -1,5 +1,5 @@
-//! The motion library (`.rwl`): every motion of a robot at 60 Hz, the transitions that join them,
-//! and the graph to walk from any of them to any other and to SAFE.
+//! Motion library (`.rwl`): all motions of a robot at 60 Hz, the transitions that join them, and the graph with the routes
+//! between motions and to SAFE.
 //!
 //! ```text
 //! LibrarySpec --encode--> bytes --validate(config)--> Index --Library::open(bytes, &index)--> Library
@@ -7,26 +7,25 @@
 //!                  ClipCursor: sequential frames, seek, 8 B a channel, 16 B with torques <──┘
 //! ```
 //!
-//! - [`encode`] quantises, packs, works out the routes and validates its own result.
-//! - [`validate`] walks everything once. The [`Index`] that it returns is the proof, a small `Copy`
-//!   token without borrow, so that its owner may also own the store that the bytes live in.
-//! - [`Library`] is the read view. It only comes into being from bytes with their index.
-//! - [`ClipCursor`] decodes frames. It borrows nothing either.
+//! - [`encode`] quantises, packs, computes the routes and validates its own output.
+//! - [`validate`] checks everything once, and returns an [`Index`] as proof. The index is a small `Copy` token without a
+//!   borrow, so that its owner may also own the store that contains the bytes.
+//! - [`Library`] is the read view. It can only be created from bytes with their index.
+//! - [`ClipCursor`] decodes frames, and borrows nothing.
 //!
 //! # Terms
 //!
-//! - **Frame**: one value for each channel of the robot at one 60th of a second.
-//! - **Torque**: what the motion needs of a channel's actuator at a frame. A library has torques for all clips or none.
-//! - **Motion**: a clip with a command code, a node of the graph. The motion clip with number `i` is
-//!   node `i`.
-//! - **Transition**: a clip that leads from one motion to another, an edge of the graph. Its first
-//!   frame *is* the source's exit frame and its last frame *is* the target's entry frame, to the
-//!   last bit: leave the source at its exit frame, go on with the transition's frame 1, and after
-//!   its last frame go on with the target's frame `entry_frame + 1`.
-//! - **Looping** motion of n frames: frame n−1 is followed by frame 0.
-//! - **Motion that ends**: stays at its last frame, in which every wheel stands still, and is left
-//!   there.
-//! - **SAFE**: the motion that every motion has a route to; it comes to rest in the safe pose.
+//! - **Frame**: one value for each channel of the robot, every 1/60 s.
+//! - **Torque**: effort that the motion requires of a channel's actuator in a frame. A library has torques for all clips, or
+//!   for none of them.
+//! - **Motion**: a clip with a command code, and a node of the graph. The motion clip with number `i` is node `i`.
+//! - **Transition**: a clip that leads from one motion to another, and an edge of the graph. Its first frame *is* the exit
+//!   frame of the source, and its last frame *is* the entry frame of the target, bit for bit. Playback leaves the source at its
+//!   exit frame, continues with frame 1 of the transition, and after its last frame continues with frame `entry_frame + 1` of
+//!   the target.
+//! - **Looping** motion of n frames: frame 0 follows frame n−1.
+//! - **Motion that ends**: stays at its last frame, in which every wheel stands still, and is left from there.
+//! - **SAFE**: the motion to which every motion has a route. It comes to rest in the safe pose.
 //!
 //! The byte format is normative in `docs/formats/motion-library.md`.
 
@@ -68,26 +67,26 @@ pub use spec::{
 pub use validate::validate;
 pub use view::{ClipInfo, ClipKind, Edge, Index, Library};
 
-/// Frames per second: the only rate of format 1.
+/// Frame rate, Hz: the only rate of format 1.
 pub const RATE_HZ: u16 = 60;
-/// Format version: a different major number is refused.
+/// Major format version. Readers refuse any other.
 pub const FORMAT_MAJOR: u16 = 1;
-/// Format version: a higher minor number has sections and record fields that we skip.
+/// Minor format version. Readers skip the sections and record fields of a higher one.
 pub const FORMAT_MINOR: u16 = 2;
-/// Most motions (nodes) of a library.
+/// Maximum number of motions (nodes) of a library.
 pub const MAX_MOTIONS: usize = 32;
-/// Most transitions (edges) of a library.
+/// Maximum number of transitions (edges) of a library.
 pub const MAX_TRANSITIONS: usize = 96;
-/// Most clips of a library: motions, then transitions.
+/// Maximum number of clips of a library: motions, then transitions.
 pub const MAX_CLIPS: usize = MAX_MOTIONS + MAX_TRANSITIONS;
-/// Longest clip, frames: one minute. Also fits the 12 bits of a status message.
+/// Maximum length of a clip, frames: one minute. Fits in the 12 bits of a status message.
 pub const MAX_CLIP_FRAMES: u16 = 3600;
-/// Frames from a keyframe, where decoding can start, to the next.
+/// Number of frames from one keyframe, where decoding can start, to the next.
 pub const BLOCK_FRAMES: u16 = 60;
-/// Longest name of a motion, bytes of UTF-8.
+/// Maximum length of a motion's name, bytes of UTF-8.
 pub const MAX_NAME: usize = 32;
 
-/// Number in tables of transitions for "no route" and "no transition".
+/// Marker for "no route" and "no transition" in tables of transitions.
 pub(crate) const NO_EDGE: u8 = 0xFF;
 
 const _: () = {
@@ -110,7 +109,7 @@ pub struct NodeId(pub u8);
 pub struct EdgeId(pub u8);
 
 impl NodeId {
-    /// The motion clip that is played at this node.
+    /// Motion clip that is played at this node.
     pub fn clip(self) -> ClipId {
         ClipId(self.0)
     }

@@ -1,28 +1,29 @@
-//! Quanta: how an angle or a speed becomes a 16-bit integer and back.
+//! Conversion of angles and speeds to 16-bit integers and back.
 //!
-//! A quantum is a power of two, so that `value = quanta · 2^exponent` is exact in `f32` on every
-//! machine and limits can be compared without tolerance.
+//! A quantum is a power of two. Hence `value = quanta · 2^exponent` is exact in `f32` on every machine, and limits can be
+//! compared without tolerance.
 
 use super::RATE_HZ;
 use super::records::ChannelRecord;
 use crate::config::{Channel, ChannelKind};
 
-/// Joint angles: 2⁻¹⁰ rad = 0.977 mrad, at most 0.49 mrad of rounding. Finest quantum of a wheel.
+/// Exponent of the quantum of joint angles, and of the finest quantum of a wheel. The quantum is 2⁻¹⁰ rad = 0.977 mrad, which
+/// rounds by at most 0.49 mrad.
 pub(crate) const FINEST_EXPONENT: i8 = -10;
-/// Coarsest quantum that a record may have: 2⁶ rad/s.
+/// Exponent of the coarsest quantum of a record: 2⁶ rad/s.
 const COARSEST_EXPONENT: i8 = 6;
-/// Finest quantum of a torque: 0.06 µN·m.
+/// Exponent of the finest quantum of a torque: 0.06 µN·m.
 const FINEST_TORQUE_EXPONENT: i8 = -24;
-/// Quanta stay within ±32000, which leaves room to compute in.
+/// Largest magnitude of a value in quanta. Below 2¹⁵ to leave headroom for calculations.
 const MAX_QUANTA: f32 = 32000.0;
 
-/// 2 to the power of `exponent`.
+/// Quantum 2^`exponent`.
 pub(crate) fn lsb(exponent: i8) -> f32 {
     let biased = 127 + i32::from(exponent.clamp(FINEST_TORQUE_EXPONENT, COARSEST_EXPONENT));
     f32::from_bits((biased as u32) << 23)
 }
 
-/// Largest integer that is not above `x`; saturates.
+/// Largest integer that is not above `x`, saturating.
 fn floor(x: f32) -> i32 {
     let t = x as i32;
     if (t as f32) > x { t.saturating_sub(1) } else { t }
@@ -32,8 +33,8 @@ fn ceil(x: f32) -> i32 {
     floor(-x).saturating_neg()
 }
 
-/// Quantum and limits of a channel: a function of the configuration alone, so that a library can be
-/// checked against it. `None` when the limits do not fit 16 bits.
+/// Quantum and limits of a channel. They depend only on the configuration, so that a library can be checked against it. `None`
+/// if the limits do not fit in 16 bits.
 pub(crate) fn channel_record(channel: &Channel) -> Option<ChannelRecord> {
     let reach = channel.min.abs().max(channel.max.abs());
     let mut exponent = FINEST_EXPONENT;
@@ -62,13 +63,15 @@ pub(crate) fn channel_record(channel: &Channel) -> Option<ChannelRecord> {
     })
 }
 
-/// The value of some quanta: rad or rad/s.
+/// Value of `quanta`, rad or rad/s.
 pub(crate) fn value(quanta: i32, exponent: i8) -> f32 {
     quanta as f32 * lsb(exponent)
 }
 
-/// Quantum of a channel's torques as a power of two, N·m, and the limit in quanta: 1024 to 2047 of them (fewer for
-/// limits below 60 µN·m), so that rounding moves a torque by at most 1/2048 of the limit.
+/// Exponent of the quantum of a channel's torques, N·m, and torque limit in quanta.
+///
+/// The limit is 1024 to 2047 quanta, so rounding moves a torque by at most 1/2048 of the limit. Limits below 60 µN·m have fewer
+/// quanta.
 pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
     // The exponent of the limit, which is above 0 and at most 160 N·m.
     let exponent = ((channel.max_torque_nm.to_bits() >> 23) & 0xFF) as i32 - 127;
@@ -76,7 +79,7 @@ pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
     (exponent, (channel.max_torque_nm / lsb(exponent)) as i16)
 }
 
-/// Nearest quanta of a torque within the limit; `None` for NaN, and beyond the limit by more than half a quantum.
+/// Nearest quanta of a torque within the limit. `None` if `torque_nm` is NaN, or beyond the limit by more than half a quantum.
 pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> {
     let (exponent, limit) = torque_record(channel);
     let in_reach = torque_nm.abs() <= channel.max_torque_nm + 0.5 * lsb(exponent);
@@ -85,8 +88,8 @@ pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> 
     in_reach.then_some(nearest.min(limit).max(-limit))
 }
 
-/// Nearest quanta within the limits; `None` for NaN, and beyond a limit by more than half a quantum. The half quantum is granted
-/// to values that an optimiser left on the limit.
+/// Nearest quanta within the limits. `None` if `value` is NaN, or beyond a limit by more than half a quantum. The half quantum
+/// allows for rounding of values that an optimiser left on the limit.
 pub(crate) fn quantise(value: f32, channel: &Channel, record: &ChannelRecord) -> Option<i16> {
     let lsb = lsb(record.lsb_exponent);
     let in_reach = value >= channel.min - 0.5 * lsb && value <= channel.max + 0.5 * lsb;

@@ -1,30 +1,30 @@
-//! Reasons for refusing a library, as values that read as sentences.
+//! Reasons for refusing a library, whose texts read as sentences.
 
 use super::{ClipId, EdgeId, FORMAT_MAJOR, MAX_CLIP_FRAMES, NodeId, RATE_HZ};
 use crate::text::{Limit, Number};
 use core::fmt;
 use thiserror::Error;
 
-/// A library that must not be played, with the position of the fault and the reason.
+/// Refusal of a library, with the position of the fault and the reason.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{section} at byte {offset}: {why}")]
 pub struct Reject {
-    /// Part of the file.
+    /// Section of the file.
     pub section: Section,
-    /// Bytes from the start of the file.
+    /// Offset of the fault from the start of the file, bytes.
     pub offset: u32,
-    /// The reason.
+    /// Reason for the refusal.
     pub why: Why,
 }
 
-/// A part of a library file.
+/// Section of a library file, including header, section table and footer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// Fixed header.
     Header,
-    /// The sequence of sections.
+    /// Table of the sections.
     Table,
-    /// Counts, rate, robot.
+    /// Counts, frame rate, and hash of the robot's configuration.
     Manifest,
     /// Channel table.
     Channels,
@@ -53,7 +53,7 @@ pub enum Section {
 }
 
 impl Section {
-    /// Tag in the file; `None` for the parts that have none.
+    /// Index of the section, its tag − 1; `None` for header, section table and footer, which lack a tag.
     pub(crate) fn index(self) -> Option<usize> {
         match self {
             Section::Header | Section::Table | Section::Footer => None,
@@ -74,7 +74,7 @@ impl Section {
 }
 
 impl Section {
-    /// Number on the wire: the section's tag, 0 for header and section table, 255 for the footer.
+    /// Code on the wire: the section's tag, 0 for header and section table, 255 for the footer.
     pub fn code(self) -> u8 {
         match self.index() {
             Some(index) => (index as u8).saturating_add(1),
@@ -110,47 +110,50 @@ impl fmt::Display for Section {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Why {
-    /// The magic bytes are not there.
+    /// The magic bytes are missing.
     #[error("this is not a motion library")]
     NotALibrary,
-    /// Fewer bytes than the header says.
-    #[error("truncated: {len} bytes of {expected}")]
+    /// The file has fewer bytes than the header states.
+    #[error("truncated: {len} of {expected} bytes are present")]
     Truncated {
-        /// Bytes there are.
+        /// Size of the file, bytes.
         len: u64,
-        /// Bytes there should be.
+        /// Size in the header, bytes.
         expected: u64,
     },
-    /// More bytes than the header says.
-    #[error("{len} bytes where the header says {expected}: something follows the library")]
+    /// The file has more bytes than the header states.
+    #[error(
+        "the file has {len} bytes, but the header states {expected}: remove the bytes after \
+        the library"
+    )]
     TrailingBytes {
-        /// Bytes there are.
+        /// Size of the file, bytes.
         len: u64,
-        /// Bytes there should be.
+        /// Size in the header, bytes.
         expected: u64,
     },
-    /// A checksum does not fit.
-    #[error("corrupted: CRC-32C is {computed:#010x}, stored was {stored:#010x}")]
+    /// A checksum is wrong.
+    #[error("corrupted: the CRC-32C is {computed:#010x}, but the file states {stored:#010x}")]
     Corrupted {
         /// Checksum in the file.
         stored: u32,
         /// Checksum of the bytes read.
         computed: u32,
     },
-    /// Another major version of the format.
+    /// The file has another major version of the format.
     #[error(
-        "format version {found}, but this reader knows version {FORMAT_MAJOR}: build the library \
-         and the firmware from the same release"
+        "format version {found}, but this reader supports version {FORMAT_MAJOR}: build the \
+         library and the firmware from the same release"
     )]
     OtherMajor {
         /// Major version of the file.
         found: u16,
     },
-    /// A section reaches beyond the end.
+    /// A section extends beyond the end of the file.
     #[error("a section reaches beyond the end of the file")]
     SectionBeyondEnd,
-    /// A section out of order, twice, unknown to this minor version, or of broken size.
-    #[error("section {tag} is out of order, repeated, unknown or of broken size")]
+    /// A section is out of order, repeated, unknown to this minor version, or of a wrong size.
+    #[error("section {tag} is out of order, repeated, unknown or has a wrong size")]
     BadSection {
         /// Tag of the section.
         tag: u16,
@@ -161,12 +164,12 @@ pub enum Why {
         /// Tag of the section.
         tag: u16,
     },
-    /// The configuration of the reader itself is unusable.
+    /// The reader's own robot configuration is unusable.
     #[error("the robot's configuration is unusable: {0}")]
     BadConfig(crate::config::ConfigError),
-    /// Built for another robot, or for other limits of this one.
+    /// The library was built for another robot, or for other limits of this robot.
     #[error(
-        "built for another robot: configuration hash {library:#010x}, this robot has \
+        "built for another robot: the configuration hash is {library:#010x}, but this robot has \
          {robot:#010x}; build the library again from this robot's file"
     )]
     WrongRobot {
@@ -175,69 +178,70 @@ pub enum Why {
         /// Hash of the robot's configuration.
         robot: u32,
     },
-    /// Frame rate other than 60 Hz.
-    #[error("frame rate is {found} Hz, must be {RATE_HZ} Hz")]
+    /// The frame rate is not 60 Hz.
+    #[error("the frame rate is {found} Hz; expected {RATE_HZ} Hz")]
     WrongRate {
         /// Rate of the file.
         found: u16,
     },
-    /// A record cannot be read, or a table has another number of records than the manifest says.
-    #[error("{found} records, the manifest asks for {expected}")]
+    /// The number of records or bytes differs from the expected one, or records have a wrong size.
+    #[error("{found} records, but the manifest requires {expected}")]
     WrongCount {
-        /// Records there are.
+        /// Number in the file.
         found: u32,
-        /// Records there should be.
+        /// Number expected.
         expected: u32,
     },
-    /// Count of zero where a motion is needed, or beyond the room of a reader.
-    #[error("{what}: {found}, must be {min} to {max}")]
+    /// A count is outside its range.
+    #[error("{what}: {found}; expected {min} to {max}")]
     CountOutOfRange {
-        /// Item counted.
+        /// Counted item.
         what: &'static str,
         /// Count in the file.
         found: u32,
-        /// Fewest.
+        /// Minimum count.
         min: u32,
-        /// Most.
+        /// Maximum count.
         max: u32,
     },
-    /// A record that does not decode.
-    #[error("record {record} does not decode")]
+    /// A record cannot be decoded.
+    #[error("record {record} cannot be decoded")]
     BadRecord {
-        /// Number of the record in its table.
+        /// Index of the record in its table.
         record: u32,
     },
-    /// Kind, quantum or limits of a channel differ from the configuration's.
+    /// Kind, quantum or limits of a channel differ from those of the configuration.
     #[error("channel {channel}: kind, quantum or limits differ from the robot's configuration")]
     ChannelMismatch {
-        /// Number of the channel.
+        /// Index of the channel.
         channel: u8,
     },
-    /// A clip without frames, or longer than the format allows.
-    #[error("clip {}: {frames} frames, must be {min} to {MAX_CLIP_FRAMES}", clip.0)]
+    /// A clip has too few frames, or more than the format allows.
+    #[error("clip {}: {frames} frames; expected {min} to {MAX_CLIP_FRAMES}", clip.0)]
     ClipLength {
         /// The clip.
         clip: ClipId,
-        /// Frames of the clip.
+        /// Number of frames of the clip.
         frames: u16,
-        /// Fewest frames of such a clip.
+        /// Minimum number of frames of such a clip.
         min: u16,
     },
-    /// Unknown flags, a transition that loops, or blocks that do not follow one another.
-    #[error("clip {}: broken clip record", clip.0)]
+    /// A clip has unknown flags or an invalid attitude, is a transition that loops, or has blocks that do not follow one
+    /// another.
+    #[error("clip {}: invalid clip record", clip.0)]
     BadClip {
         /// The clip.
         clip: ClipId,
     },
-    /// A block of frames that does not decode or is damaged.
-    #[error("clip {}: frame {frame} cannot be decoded, its block is broken", clip.0)]
+    /// A block of frames is damaged or cannot be decoded.
+    #[error("clip {}: frame {frame} cannot be decoded, because its block is damaged", clip.0)]
     BadBlock {
         /// The clip.
         clip: ClipId,
-        /// First frame that could not be had.
+        /// First frame that could not be decoded.
         frame: u16,
     },
-    /// A frame outside a channel's limits, or a torque.
+    /// A value or a torque is outside the limits of its channel.
     #[error(
         "clip {}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \
          (rad, rad/s for a wheel, N·m in the torques)",
@@ -250,36 +254,36 @@ pub enum Why {
         frame: u16,
         /// The channel.
         channel: u8,
-        /// Value, rad or rad/s; N·m in the torques.
+        /// Value: rad for a joint, rad/s for a wheel, N·m for a torque.
         value: f32,
         /// Smallest value.
         min: f32,
         /// Largest value.
         max: f32,
     },
-    /// A change from the frame before that is faster than the channel's limit.
+    /// A channel changes faster than its limit between two frames.
     #[error(
-        "clip {}, frame {frame}, channel {channel}: changes at {rate} per second, limit is \
-         {limit} (rad/s, or rad/s² for a wheel)",
+        "clip {}, frame {frame}, channel {channel}: the rate of change is {rate}, above the limit \
+         of {limit} (rad/s, or rad/s² for a wheel)",
         clip.0,
         limit = Limit::AtMost(*max_rate)
     )]
     TooFast {
         /// The clip.
         clip: ClipId,
-        /// The frame that is reached too fast.
+        /// Second of the two frames.
         frame: u16,
         /// The channel.
         channel: u8,
-        /// Change per second, rad/s or rad/s².
+        /// Rate of change, rad/s or rad/s².
         rate: f32,
-        /// Largest change per second.
+        /// Largest rate of change, rad/s or rad/s².
         max_rate: f32,
     },
     /// The last frame of a looping motion does not lead to its first one.
     #[error(
-        "clip {}, channel {channel}: jumps by {step} from its last frame to its first, largest \
-         step is {most} (rad, or rad/s for a wheel)",
+        "clip {}, channel {channel}: the step from the last to the first frame is {step}, above \
+         the limit of {most} (rad, or rad/s for a wheel)",
         clip.0,
         most = Limit::AtMost(*max_step)
     )]
@@ -290,30 +294,30 @@ pub enum Why {
         channel: u8,
         /// Jump, rad or rad/s.
         step: f32,
-        /// Largest step of a frame.
+        /// Largest step between frames, rad or rad/s.
         max_step: f32,
     },
-    /// A motion that ends with a turning wheel would leave it turning for ever.
-    #[error("clip {} ends, but channel {channel}, a wheel, turns at {} rad/s in its last frame", clip.0, Number::from(*speed))]
+    /// A motion ends with a turning wheel, which would keep turning.
+    #[error("clip {} ends, but channel {channel}, a wheel, turns at {} rad/s in the last frame; \
+        expected 0 rad/s", clip.0, Number::from(*speed))]
     EndsInMotion {
         /// The clip.
         clip: ClipId,
         /// The channel.
         channel: u8,
-        /// Speed, rad/s.
+        /// Speed of the wheel, rad/s.
         speed: f32,
     },
-    /// A transition from or to a node or a frame that does not exist, or to its own source.
+    /// A transition joins nodes or frames that do not exist, or a motion to itself.
     #[error("transition {}: joins nodes or frames that do not exist, or a motion to itself", edge.0)]
     BadEdge {
         /// The transition.
         edge: EdgeId,
     },
-    /// A transition that leaves a motion that ends, before its end: after the end nothing would
-    /// lead on.
+    /// A transition leaves a non-looping motion before its last frame. No transition would then lead on from the end.
     #[error(
-        "transition {}: leaves its source at frame {exit_frame}, but a motion that ends is left \
-         at its last frame, {last}",
+        "transition {}: leaves its source at frame {exit_frame}; expected the last frame, {last}, \
+         because the source does not loop",
         edge.0
     )]
     ExitBeforeEnd {
@@ -324,16 +328,16 @@ pub enum Why {
         /// Frame at which it must leave.
         last: u16,
     },
-    /// A transition whose end is not the frame that it joins.
+    /// The first or last frame of a transition differs from the frame that it joins.
     #[error(
-        "transition {}, channel {channel}: its {end} is {found}, the motion that it joins is at \
-         {expected} (rad, rad/s for a wheel, N·m of a torque)",
+        "transition {}, channel {channel}: the {end} is {found}; expected {expected}, as in the \
+         joined motion (rad, rad/s for a wheel, N·m for a torque)",
         edge.0
     )]
     EndMismatch {
         /// The transition.
         edge: EdgeId,
-        /// "first frame" or "last frame", or the torque there.
+        /// "first frame" or "last frame"; "first torque" or "last torque" if torques differ.
         end: &'static str,
         /// The channel.
         channel: u8,
@@ -342,7 +346,7 @@ pub enum Why {
         /// Value in the motion.
         expected: f32,
     },
-    /// A motion from which SAFE cannot be reached.
+    /// A motion has no route to SAFE.
     #[error("motion {} has no route to the safe motion {}: add a transition", node.0, safe.0)]
     NoRouteToSafe {
         /// The motion.
@@ -350,55 +354,57 @@ pub enum Why {
         /// The safe motion.
         safe: NodeId,
     },
-    /// A route that does not arrive, starts elsewhere, or is missing although there is one.
+    /// A route does not arrive, starts elsewhere, or is missing although it exists.
     #[error("the route from motion {} to motion {} is wrong", from.0, to.0)]
     BadRoute {
-        /// Start.
+        /// First motion of the route.
         from: NodeId,
-        /// Goal.
+        /// Last motion of the route.
         to: NodeId,
     },
-    /// A command code that leads to a motion that does not exist.
-    #[error("command code {code} asks for motion {node}, there are {motions}")]
+    /// A command code selects a motion that does not exist.
+    #[error(
+        "command code {code} selects motion {node}, but the library has only {motions} motions"
+    )]
     CodeWithoutMotion {
         /// The code.
         code: u8,
         /// Number of the motion.
         node: u8,
-        /// Motions of the library.
+        /// Number of motions of the library.
         motions: u8,
     },
-    /// A command code twice, or out of order.
-    #[error("command code {code} is used twice (or out of order)")]
+    /// A command code is repeated, or out of order.
+    #[error("command code {code} is used twice, or is out of order")]
     DuplicateCode {
         /// The code.
         code: u8,
     },
-    /// A motion with two codes, while another has none.
+    /// A motion has two codes, so that another one lacks a code.
     #[error("motion {} has more than one command code", node.0)]
     MotionWithTwoCodes {
         /// The motion.
         node: NodeId,
     },
     /// The safe motion does not exist.
-    #[error("the safe motion is number {found}, there are {motions} motions")]
+    #[error("the safe motion is number {found}, but the library has only {motions} motions")]
     NoSafeMotion {
         /// Number of the safe motion.
         found: u8,
-        /// Motions of the library.
+        /// Number of motions of the library.
         motions: u8,
     },
-    /// The safe motion never comes to rest in the safe pose.
+    /// The safe motion does not come to rest in the safe pose.
     #[error(
-        "channel {channel}: the safe motion does not come to rest in the safe pose: it must end, \
-         or hold still in all its frames"
+        "channel {channel}: the safe motion must end in the safe pose, or hold the safe pose in \
+         all its frames"
     )]
     SafeNotAtRest {
         /// The channel.
         channel: u8,
     },
-    /// A name that is no text, empty or too long.
-    #[error("the name of motion {} is no text, empty or too long", node.0)]
+    /// A name is empty, too long, or not valid text.
+    #[error("the name of motion {} is empty, too long or not valid text", node.0)]
     BadName {
         /// The motion.
         node: NodeId,
@@ -406,7 +412,7 @@ pub enum Why {
 }
 
 impl Why {
-    /// Number on the wire; never changes its meaning.
+    /// Code on the wire, whose meaning never changes.
     pub fn code(&self) -> u8 {
         match self {
             Why::NotALibrary => 1,

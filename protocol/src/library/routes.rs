@@ -1,4 +1,4 @@
-//! Shortest routes through the motion graph, worked out once when a library is built.
+//! Shortest routes through the motion graph, computed once when a library is built.
 
 use super::{MAX_MOTIONS, NO_EDGE};
 
@@ -7,14 +7,14 @@ use super::{MAX_MOTIONS, NO_EDGE};
 pub(crate) struct Arc {
     pub from: u8,
     pub to: u8,
-    /// Frames of the transition.
+    /// Length of the transition, frames.
     pub frames: u16,
 }
 
 const FAR: u32 = u32::MAX;
 
-/// First transition of the shortest route to `to` from each start, by number; [`NO_EDGE`] without a route. Of equally long
-/// routes, the one that begins with the lowest transition number. The route from `to` to itself is the shortest round trip.
+/// First transition of the shortest route from each motion to `to`, by its number; [`NO_EDGE`] if there is no route. Among
+/// equally short routes, the lowest transition number is chosen. The route from `to` to itself is the shortest round trip.
 pub(crate) fn hops_to(to: u8, motions: u8, arcs: &[Arc]) -> [u8; MAX_MOTIONS] {
     // Bellman-Ford towards the target.
     let mut distance = [FAR; MAX_MOTIONS];

@@ -1,37 +1,37 @@
-//! Signature behind a library: its position in a file, and the bytes that it covers. Other modules make and check it.
+//! Layout of the signature block that follows a library in a file. Other modules sign and verify.
 //!
 //! ```text
 //! library │ `RW-SIGN1` │ fingerprint of the key 8 B │ Ed25519 signature 64 B, over everything before it
 //! ```
 //!
-//! The fingerprint only shows people which key the signature claims. `docs/formats/motion-library.md` is normative.
+//! The fingerprint only shows which key the signature claims. `docs/formats/motion-library.md` is normative.
 
-/// Begins the block behind a signed library.
+/// First bytes of the block behind a signed library.
 pub const SIGNATURE_MAGIC: [u8; 8] = *b"RW-SIGN1";
-/// Bytes of the fingerprint of a public key.
+/// Length of the fingerprint of a public key, bytes.
 pub const FINGERPRINT_LEN: usize = 8;
-/// Bytes of an Ed25519 signature (RFC 8032).
+/// Length of an Ed25519 signature (RFC 8032), bytes.
 pub const SIGNATURE_LEN: usize = 64;
-/// Bytes before the signature that are not the library's.
+/// Length of the block before its signature, bytes.
 const HEAD_LEN: usize = SIGNATURE_MAGIC.len() + FINGERPRINT_LEN;
-/// Bytes that a signature adds to a library.
+/// Length that a signature adds to a library, bytes.
 pub const SIGNATURE_BLOCK_LEN: usize = HEAD_LEN + SIGNATURE_LEN;
 
-/// A file that ends with a signature, which may be wrong.
+/// File that ends with a signature, not yet verified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SignedFile<'a> {
-    /// The library alone.
+    /// Library without the signature block.
     pub library: &'a [u8],
-    /// Signed bytes: the library, magic and fingerprint.
+    /// Signed bytes: library, magic and fingerprint.
     pub message: &'a [u8],
-    /// First bytes of the SHA-256 of the public key, as the file has it.
+    /// Fingerprint in the file: first bytes of the SHA-256 of the public key.
     pub fingerprint: [u8; FINGERPRINT_LEN],
     /// The signature.
     pub signature: &'a [u8; SIGNATURE_LEN],
 }
 
 impl<'a> SignedFile<'a> {
-    /// Takes a file apart; `None` if it does not end with a signature.
+    /// Splits a file; `None` if it does not end with a signature.
     pub fn split(file: &'a [u8]) -> Option<Self> {
         let (message, signature) = file.split_last_chunk::<SIGNATURE_LEN>()?;
         let (rest, fingerprint) = message.split_last_chunk::<FINGERPRINT_LEN>()?;
@@ -40,7 +40,7 @@ impl<'a> SignedFile<'a> {
     }
 }
 
-/// The bytes between a library and its signature, which the signature covers.
+/// Bytes between a library and its signature. The signature covers them, too.
 pub fn signature_head(fingerprint: [u8; FINGERPRINT_LEN]) -> [u8; HEAD_LEN] {
     let mut head = [0; HEAD_LEN];
     let bytes = SIGNATURE_MAGIC.into_iter().chain(fingerprint);

@@ -1,4 +1,4 @@
-//! A specification in quanta: shapes checked, values rounded within limits, ends joined.
+//! Library specification in quanta: shapes are checked, values rounded within limits, ends joined.
 
 use super::quantise;
 use super::records::{ChannelRecord, FLAG_LOOPING};
@@ -10,7 +10,7 @@ use super::{MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, RATE_HZ};
 use crate::config::{Channel, ChannelKind, ConfigError, MAX_CHANNELS};
 use crate::text::is_plain_name;
 
-/// A specification of sound shape, and its channels' quanta.
+/// Specification with valid shapes, and the quanta of its channels.
 pub(super) struct Source<'a> {
     pub spec: &'a LibrarySpec<'a>,
     pub channels: usize,
@@ -99,7 +99,7 @@ impl<'a> Source<'a> {
         self.spec.transitions.iter().enumerate()
     }
 
-    /// True if any clip has torques: then all must.
+    /// True if any clip has torques. All clips must then have them.
     pub fn has_torques(&self) -> bool {
         let motions = self.spec.motions.iter().map(|m| m.torques);
         motions.chain(self.spec.transitions.iter().map(|t| t.torques)).any(|t| !t.is_empty())
@@ -109,7 +109,7 @@ impl<'a> Source<'a> {
         values.len() / self.channels.max(1)
     }
 
-    /// Quanta of one value, before ends are joined.
+    /// Quanta of a value before ends are joined.
     fn rounded(
         &self,
         clip: ClipRef,
@@ -170,7 +170,7 @@ impl<'a> Source<'a> {
         self.joined(clip, frame, channel, quanta, target)
     }
 
-    /// `target`, unless `quanta` is too far from it.
+    /// Returns `target`, or an error if `quanta` is too far from it.
     fn joined(
         &self,
         clip: ClipRef,
@@ -214,7 +214,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// A torque as given.
+    /// Torque as specified, N·m; an error if it is beyond the limit.
     fn torque(&self, clip: ClipRef, frame: usize, channel: usize) -> Result<f32, EncodeError> {
         let torques = match clip {
             ClipRef::Motion(i) => self.spec.motions.get(i).map(|m| m.torques),
@@ -228,8 +228,8 @@ impl<'a> Source<'a> {
         quantise::quantise_torque(torque_nm, limits).map(|_| torque_nm).ok_or(beyond)
     }
 
-    /// Quanta of a torque. Torques of a transition are shifted to match at its ends; the shift fades with the distance from the
-    /// end.
+    /// Quanta of a torque. Torques of a transition are shifted to match the joined motion at each end. The shift fades with the
+    /// distance from the end.
     fn torque_quanta(
         &self,
         clip: ClipRef,

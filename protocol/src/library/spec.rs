@@ -1,4 +1,4 @@
-//! Contents of a library, and the errors that they can have.
+//! Specification of a library, and its possible errors.
 
 use super::reject::Reject;
 use super::{MAX_CLIP_FRAMES, MAX_NAME};
@@ -6,59 +6,59 @@ use crate::config::{ConfigError, RobotConfig};
 use core::fmt;
 use thiserror::Error;
 
-/// Largest distance of a joint in a transition's first or last frame from the motion that it joins, rad. The encoder moves the
-/// joint onto the motion's frame, so the library has no gap.
+/// Largest distance of a joint in a transition's first or last frame from the joined motion, rad. The encoder moves the joint
+/// onto the motion's frame, so that the library has no gap.
 pub const JOIN_TOLERANCE_RAD: f32 = 0.005;
 
-/// Frames over which the encoder leads a transition's torques over to those of the motions that it joins: 0.1 s.
+/// Number of frames over which the encoder blends a transition's torques into those of the joined motions: 0.1 s.
 pub const TORQUE_BLEND_FRAMES: usize = 6;
 
-/// Contents of a library.
+/// Specification of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct LibrarySpec<'a> {
-    /// The robot that it is for.
+    /// Configuration of the robot.
     pub config: &'a RobotConfig,
-    /// The motions: nodes of the graph, 1 to [`MAX_MOTIONS`](super::MAX_MOTIONS).
+    /// Motions, the nodes of the graph: 1 to [`MAX_MOTIONS`](super::MAX_MOTIONS).
     pub motions: &'a [MotionSpec<'a>],
-    /// The transitions: edges of the graph, up to [`MAX_TRANSITIONS`](super::MAX_TRANSITIONS).
+    /// Transitions, the edges of the graph: up to [`MAX_TRANSITIONS`](super::MAX_TRANSITIONS).
     pub transitions: &'a [TransitionSpec<'a>],
-    /// Number of the motion that is SAFE. It must come to rest: not loop, or hold still.
+    /// Index of the SAFE motion. It must come to rest: either it does not loop, or all its frames are equal.
     pub safe: usize,
 }
 
-/// A motion to put into a library.
+/// Motion of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionSpec<'a> {
     /// Name, 1 to [`MAX_NAME`] bytes.
     pub name: &'a str,
-    /// Command code that selects it.
+    /// Command code that selects the motion.
     pub code: u8,
-    /// n frames that repeat: frame n−1 is followed by frame 0, do not give frame 0 twice.
-    /// Otherwise the motion stays at its last frame, where its wheels must (nearly) rest.
+    /// True if frame 0 follows the last frame; do not append frame 0 again. Otherwise the motion stays at its last frame, where
+    /// its wheels must be nearly at rest.
     pub looping: bool,
-    /// Frames at 60 Hz one after the other, each with one value for every channel: joint angles in
-    /// rad, then wheel motor speeds in rad/s.
+    /// Frames at 60 Hz one after the other. Each has one value for every channel: joint angles in rad, then wheel motor speeds
+    /// in rad/s.
     pub frames: &'a [f32],
-    /// Torques of the actuators at these frames in the same order, N·m, within the channels' limits; empty for none.
-    /// All clips have them or none.
+    /// Torques of the actuators in these frames, in the same order, N·m, within the channels' limits. Empty if there are none.
+    /// Either all clips have torques, or none has.
     pub torques: &'a [f32],
 }
 
-/// A transition to put into a library.
+/// Transition of a library.
 #[derive(Clone, Copy, Debug)]
 pub struct TransitionSpec<'a> {
-    /// Number of the motion that it leaves.
+    /// Index of the source motion.
     pub from: usize,
-    /// Frame of that motion that is the transition's first frame.
+    /// Frame of the source motion that equals the transition's first frame.
     pub exit_frame: u16,
-    /// Number of the motion that it leads to.
+    /// Index of the target motion.
     pub to: usize,
-    /// Frame of that motion that is the transition's last frame.
+    /// Frame of the target motion that equals the transition's last frame.
     pub entry_frame: u16,
-    /// Frames at 60 Hz, like those of a motion; two at least.
+    /// Frames at 60 Hz, in the layout of [`MotionSpec::frames`]; at least two.
     pub frames: &'a [f32],
-    /// Torques, like those of a motion. At each end they may be off those of the motion that it joins by the channel's
-    /// limit: the encoder leads over to them within [`TORQUE_BLEND_FRAMES`].
+    /// Torques, in the layout of [`MotionSpec::torques`]. At each end they may differ from those of the joined motion by the
+    /// channel's limit. The encoder blends them within [`TORQUE_BLEND_FRAMES`].
     pub torques: &'a [f32],
 }
 
@@ -75,12 +75,12 @@ impl<'a> TransitionSpec<'a> {
     }
 }
 
-/// A clip of a [`LibrarySpec`].
+/// Clip of a [`LibrarySpec`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipRef {
-    /// Number of a motion.
+    /// Motion, by its index.
     Motion(usize),
-    /// Number of a transition.
+    /// Transition, by its index.
     Transition(usize),
 }
 
@@ -93,63 +93,63 @@ impl fmt::Display for ClipRef {
     }
 }
 
-/// A specification that no library can be made of.
+/// Reason why a specification cannot be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EncodeError {
     /// The robot's configuration is unusable.
     #[error("the robot's configuration is unusable: {0}")]
     Config(#[from] ConfigError),
-    /// Too few or too many of something.
-    #[error("{what}: {found}, must be {min} to {max}")]
+    /// A count is outside its range.
+    #[error("{what}: {found}; expected {min} to {max}")]
     Count {
-        /// Item counted.
+        /// Counted item.
         what: &'static str,
-        /// Number of items.
+        /// Actual count.
         found: usize,
-        /// Fewest.
+        /// Minimum count.
         min: usize,
-        /// Most.
+        /// Maximum count.
         max: usize,
     },
-    /// The number of values is no multiple of the number of channels, or there are none or too
-    /// many.
+    /// The number of values is not a multiple of the number of channels, or the number of frames is outside its range.
     #[error(
-        "{clip}: {values} values are not {min} to {MAX_CLIP_FRAMES} frames of {channels} channels"
+        "{clip}: {values} values; expected {min} to {MAX_CLIP_FRAMES} frames of {channels} \
+         channels"
     )]
     Shape {
         /// The clip.
         clip: ClipRef,
-        /// Values given.
+        /// Number of values.
         values: usize,
-        /// Channels of the robot.
+        /// Number of channels of the robot.
         channels: usize,
-        /// Fewest frames of such a clip.
+        /// Minimum number of frames of such a clip.
         min: usize,
     },
-    /// A name that is empty or too long.
-    #[error("motion {motion}: its name has {len} bytes, must have 1 to {MAX_NAME}")]
+    /// A name is empty or too long.
+    #[error("motion {motion}: its name has {len} bytes; expected 1 to {MAX_NAME}")]
     Name {
-        /// Number of the motion.
+        /// Index of the motion.
         motion: usize,
-        /// Bytes of the name.
+        /// Length of the name, bytes.
         len: usize,
     },
-    /// A name with characters that a terminal obeys or hides, or with a space at an end.
-    #[error("motion {motion}: its name has characters that cannot be seen, or a space at an end")]
+    /// A name has a space at an end, or characters that terminals hide or interpret.
+    #[error("motion {motion}: its name has invisible characters, or a space at an end")]
     UnclearName {
-        /// Number of the motion.
+        /// Index of the motion.
         motion: usize,
     },
-    /// Two motions with one name.
+    /// Two motions have the same name.
     #[error("motions {first} and {second} have the same name")]
     DuplicateName {
-        /// Number of one.
+        /// Index of the first motion.
         first: usize,
-        /// Number of the other.
+        /// Index of the second motion.
         second: usize,
     },
-    /// A value that is NaN or outside the channel's limits.
+    /// A value is NaN or outside the limits of its channel.
     #[error(
         "{clip}, frame {frame}, channel {channel}: {value} is outside the limits {min} to {max} \
          (rad, or rad/s for a wheel)"
@@ -168,17 +168,17 @@ pub enum EncodeError {
         /// Largest value.
         max: f32,
     },
-    /// Clip whose number of torques differs from its number of values, where other clips have torques.
-    #[error("{clip}: {torques} torques are not one for each of its {values} values")]
+    /// The number of torques of a clip differs from its number of values, although some clip has torques.
+    #[error("{clip}: {torques} torques; expected one for each of its {values} values")]
     TorqueShape {
         /// The clip.
         clip: ClipRef,
-        /// Torques given.
+        /// Number of torques.
         torques: usize,
-        /// Values given.
+        /// Number of values.
         values: usize,
     },
-    /// A torque that is NaN or beyond the channel's limit.
+    /// A torque is NaN or beyond the limit of its channel.
     #[error(
         "{clip}, frame {frame}, channel {channel}: a torque of {torque_nm} N·m is beyond the limit of {limit_nm} N·m"
     )]
@@ -194,10 +194,10 @@ pub enum EncodeError {
         /// Largest torque, N·m.
         limit_nm: f32,
     },
-    /// A transition's torque at an end is too far from that of the motion that it joins.
+    /// A torque at an end of a transition is too far from that of the joined motion.
     #[error(
-        "{clip}, frame {frame}, channel {channel}: a torque of {torque_nm} N·m must be within {tolerance_nm} N·m of \
-         {expected_nm} N·m, where it ends"
+        "{clip}, frame {frame}, channel {channel}: the torque at this end is {torque_nm} N·m; \
+         expected a torque within {tolerance_nm} N·m of {expected_nm} N·m"
     )]
     TorqueMismatch {
         /// The clip.
@@ -213,23 +213,23 @@ pub enum EncodeError {
         /// Allowed difference, N·m: the channel's limit.
         tolerance_nm: f32,
     },
-    /// A transition names a motion or a frame that does not exist.
+    /// A transition refers to a motion or a frame that does not exist.
     #[error(
         "transition {transition}: joins motion {motion} at frame {frame}, which does not exist"
     )]
     NoSuchFrame {
-        /// Number of the transition.
+        /// Index of the transition.
         transition: usize,
-        /// Number of the motion.
+        /// Index of the motion.
         motion: usize,
         /// The frame.
         frame: u16,
     },
-    /// An end too far from its required value: a transition's end from the frame that it joins, or a wheel's speed at the end of
-    /// a motion from 0.
+    /// The end of a clip is too far from its required value. For a transition this is the joined frame; for a wheel at the end
+    /// of a motion, 0 rad/s.
     #[error(
-        "{clip}, frame {frame}, channel {channel}: {value} must be within {tolerance} of \
-         {expected}, where it ends (rad, or rad/s for a wheel)"
+        "{clip}, frame {frame}, channel {channel}: the value at this end is {value}; expected a \
+         value within {tolerance} of {expected} (rad, or rad/s for a wheel)"
     )]
     EndMismatch {
         /// The clip.
@@ -248,14 +248,15 @@ pub enum EncodeError {
     /// Two motions have the same code.
     #[error("motions {first} and {second} have the same command code {code}")]
     DuplicateCode {
-        /// Number of a motion.
+        /// Index of the first motion.
         first: usize,
-        /// Number of another.
+        /// Index of the second motion.
         second: usize,
         /// Common command code.
         code: u8,
     },
-    /// The attitude of a clip is missing, or is not a unit vector with an angle, or beyond [`MAX_TILT_RAD`](super::MAX_TILT_RAD).
+    /// The attitude of a clip is missing, is not a unit vector with an angle, or is beyond
+    /// [`MAX_TILT_RAD`](super::MAX_TILT_RAD).
     #[error(
         "{clip}: its attitude must be a unit vector and an angle, together at most 60° from upright"
     )]
@@ -266,10 +267,10 @@ pub enum EncodeError {
     /// The buffer is too small.
     #[error("the library does not fit into {room} bytes")]
     Full {
-        /// Bytes of the buffer.
+        /// Size of the buffer, bytes.
         room: usize,
     },
-    /// The library would be refused by the robot.
+    /// The encoded library fails validation, so that the robot would refuse it.
     #[error("the robot would refuse this library: {0}")]
     Rejected(#[from] Reject),
 }

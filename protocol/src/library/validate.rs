@@ -1,8 +1,8 @@
-//! Validation of a whole library in one pass, after which playback cannot fail.
+//! Validation of a whole library in one pass. Playback of a validated library cannot fail.
 //!
-//! Order: outside (CRCs, sections), manifest and channels against the robot, every frame of every
-//! clip, then the graph. Work is bounded by the size of the library: each frame is decoded once,
-//! each transition's four joints by a seek, routes are worked out as for a library that is built.
+//! Order: outer structure (CRCs, sections), manifest and channels against the robot, every frame of every clip, then the graph.
+//! The work is bounded by the size of the library. Each frame is decoded once, the four joined frames of each transition are
+//! found by a seek, and routes are computed as when a library is built.
 
 use super::block::BlockPlace;
 use super::container::{self, Container, MINOR_WITH_ATTITUDES, SECTIONS, Span};
@@ -16,9 +16,9 @@ use super::{
 };
 use crate::config::{MAX_CHANNELS, RobotConfig};
 
-/// Checks a library for a robot. The result opens it: [`Library::open`].
+/// Checks a library for a robot. The returned index opens the library with [`Library::open`].
 ///
-/// Errors: [`Reject`] states the position and the reason of the first fault.
+/// Returns a [`Reject`] with the position and the reason of the first fault.
 pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
     let Container { identity, body_crc, minor, sections } = container::open(bytes)?;
     let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
@@ -94,10 +94,10 @@ fn manifest(
     Ok(manifest)
 }
 
-/// Channels by the robot's configuration.
+/// Channels that follow from the robot's configuration.
 struct Channels {
     records: [ChannelRecord; MAX_CHANNELS],
-    /// Torque limits, in quanta.
+    /// Torque limits, quanta.
     max_torques: [i16; MAX_CHANNELS],
     lsb_exponents: [i8; MAX_CHANNELS],
     torque_exponents: [i8; MAX_CHANNELS],
@@ -152,7 +152,8 @@ impl Validation<'_> {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
 
-    /// Checks that each table has as many records as the manifest says, of the right size; later versions may have larger ones.
+    /// Checks that each table has the number of records in the manifest, and records of the right size. Later minor versions
+    /// may have larger records.
     fn tables(&self) -> Result<(), Reject> {
         let index = self.library.index();
         let (channels, motions) = (u32::from(index.channels), u32::from(index.motions));
@@ -197,7 +198,7 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// Quanta of torques as they follow from the robot's limits.
+    /// Checks that the quanta of torques are those that follow from the robot's limits.
     fn torque_quanta(&self) -> Result<(), Reject> {
         let found = self.library.payload(Section::TorqueQuanta).unwrap_or(&[]);
         let expected = &self.library.index().torque_exponents;
@@ -255,8 +256,8 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// Checks that every frame of a clip decodes, is within limits, and is not too fast. Then the seam of a looping clip must be
-    /// closed, and the wheels must rest at the end of another motion. Returns the end of its blocks.
+    /// Checks that every frame of a clip decodes, is within limits, and does not change too fast. Also checks that a looping
+    /// clip has a closed seam, and that wheels rest at the end of any other motion. Returns the end of the clip's blocks.
     fn frames(
         &self,
         track: Track,
@@ -351,8 +352,8 @@ impl Validation<'_> {
         })
     }
 
-    /// The first channel that changes by more than its largest step. A torque may: where contact is made, it
-    /// does.
+    /// First channel that changes by more than its largest step, and the change in quanta. Torques are exempt, since they jump
+    /// when contact is made.
     fn too_fast(&self, track: Track, from: &Decoder, to: &Decoder) -> Option<(usize, i32)> {
         let channels = self.library.channel_count() as u8;
         let mut pairs = from.quanta(channels).zip(to.quanta(channels)).enumerate();

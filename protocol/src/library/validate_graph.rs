@@ -1,4 +1,4 @@
-//! The second half of validation: the motion graph, its codes, the safe pose, names.
+//! Second half of validation: motion graph, command codes, safe pose and names.
 
 use super::container::u16_at;
 use super::cursor::ClipCursor;
@@ -10,8 +10,7 @@ use super::view::Track;
 use super::{MAX_MOTIONS, MAX_NAME, MAX_TRANSITIONS, NodeId};
 
 impl Validation<'_> {
-    /// Transitions join motions that exist, at frames where they can be left and entered, without
-    /// any gap.
+    /// Checks that transitions join existing motions without a gap, at frames where these can be left and entered.
     pub fn edges(&self) -> Result<(), Reject> {
         for id in self.library.edges() {
             let fail = |why| self.fail(Section::Edges, usize::from(id.0), why);
@@ -60,7 +59,7 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// SAFE is reached from everywhere, and the table has the shortest routes.
+    /// Checks that every motion has a route to SAFE, and that the table contains the shortest routes.
     pub fn routes(&self) -> Result<(), Reject> {
         let cell = |from: NodeId, to: NodeId| {
             usize::from(from.0) * usize::from(self.library.node_count()) + usize::from(to.0)
@@ -122,7 +121,7 @@ impl Validation<'_> {
         Ok(())
     }
 
-    /// The safe pose is where the safe motion rests: its last frame, all its frames if it loops.
+    /// Checks that the safe motion rests in the safe pose: in its last frame, or in all frames if it loops.
     pub fn safe_pose(&self) -> Result<(), Reject> {
         let fail = |channel| {
             self.fail(Section::SafePose, channel, Why::SafeNotAtRest { channel: channel as u8 })
@@ -146,7 +145,7 @@ impl Validation<'_> {
         }
     }
 
-    /// Names of a length, each behind its length in one byte, and nothing else.
+    /// Checks the names. Each must have a valid length and follow its length in one byte, with no other data in the section.
     pub fn names(&self) -> Result<(), Reject> {
         let mut rest = self.library.payload(Section::Names).unwrap_or_default();
         let mut last = NodeId(0);

@@ -1,4 +1,4 @@
-//! The read view of a validated library, and the proof of validation that opens it.
+//! Read view of a validated library, and the proof of validation that opens it.
 
 use super::attitude::Attitude;
 use super::container::{FOOTER_LEN, SECTIONS, Span, u16_at, u32_at};
@@ -8,16 +8,16 @@ use super::{ClipId, EdgeId, NO_EDGE, NodeId, quantise, records};
 use crate::config::MAX_CHANNELS;
 use serde::de::DeserializeOwned;
 
-/// Proof that some bytes are a valid library for a robot, and where its tables are.
+/// Proof that some bytes are a valid library for a robot, with the positions of its tables.
 ///
-/// Only [`validate`](super::validate) makes one. It borrows nothing, so that it can be kept next to
-/// the store that holds the bytes. Its owner must drop it when it changes them; if it does not,
-/// [`Library::open`] and the next CRC of a block of frames notice, and nothing panics.
+/// Only [`validate`](super::validate) creates an index. It borrows nothing, so that it can be kept next to the store that
+/// contains the bytes. The owner must drop the index when the bytes change. Otherwise [`Library::open`] and the next CRC check
+/// of a block of frames detect the change, and nothing panics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Index {
     pub(super) len: u32,
     pub(super) id: u32,
-    /// CRC in the footer: comparing it shows quickly if the bytes are still the same.
+    /// CRC in the footer. Comparing it is a quick check that the bytes are unchanged.
     pub(super) body_crc: u32,
     pub(super) config_hash: u32,
     pub(super) sections: [Span; SECTIONS],
@@ -30,13 +30,13 @@ pub struct Index {
 }
 
 impl Index {
-    /// Identity of the library: the [digest](crate::crc::file_digest) of all its bytes. HELLO contains it, and a status message
-    /// its lowest byte.
+    /// Identity of the library: the [digest](crate::crc::file_digest) of all its bytes. HELLO contains the identity, and a
+    /// status message contains its lowest byte.
     pub fn id(&self) -> u32 {
         self.id
     }
 
-    /// Bytes of the library.
+    /// Size of the library, bytes.
     pub fn len_bytes(&self) -> u32 {
         self.len
     }
@@ -47,7 +47,7 @@ impl Index {
     }
 }
 
-/// Quantity of every channel in the blocks of a section.
+/// Quantity that the blocks of a section contain for every channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Track {
     Values,
@@ -77,46 +77,46 @@ impl Track {
 /// Kind of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipKind {
-    /// A node of the graph.
+    /// Node of the graph.
     Motion,
-    /// An edge of the graph.
+    /// Edge of the graph.
     Transition,
 }
 
-/// Facts about a clip.
+/// Properties of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClipInfo {
     /// Motion or transition.
     pub kind: ClipKind,
-    /// Frames at 60 Hz.
+    /// Number of frames, at 60 Hz.
     pub frames: u16,
-    /// The last frame is followed by the first one.
+    /// True if the first frame follows the last.
     pub looping: bool,
     /// Command code; `None` for a transition.
     pub code: Option<u8>,
-    /// Bytes of its frames in the library, those of the torques included.
+    /// Size of the clip's frames in the library, bytes, torques included.
     pub bytes: u32,
 }
 
-/// A transition from a frame of a motion to a frame of another.
+/// Transition from a frame of a motion to a frame of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// The clip to play between.
+    /// Clip of the transition.
     pub clip: ClipId,
-    /// Source.
+    /// Source motion.
     pub from: NodeId,
-    /// Frame of the source that is the transition's first frame.
+    /// Frame of the source that equals the transition's first frame.
     pub exit_frame: u16,
-    /// Target.
+    /// Target motion.
     pub to: NodeId,
-    /// Frame of the target that is the transition's last frame.
+    /// Frame of the target that equals the transition's last frame.
     pub entry_frame: u16,
 }
 
-/// A validated library, ready to be read. Cheap to make: open it wherever it is needed.
+/// Read view of a validated library. Views are cheap: open one wherever it is needed.
 ///
-/// All lookups take constant time, or time in the number of motions for names and codes. `None`
-/// means a number that does not exist.
+/// Lookups of names and codes take time proportional to the number of motions. Other lookups take constant time. A lookup
+/// returns `None` for a number that does not exist.
 #[derive(Clone, Copy, Debug)]
 pub struct Library<'a> {
     bytes: &'a [u8],
@@ -124,8 +124,7 @@ pub struct Library<'a> {
 }
 
 impl<'a> Library<'a> {
-    /// The view of bytes that were validated. `None` when they are evidently other bytes than those
-    /// that `index` is about (their lengths or the CRCs in their footers differ).
+    /// Opens validated bytes. `None` if their length or the CRC in their footer shows that `index` belongs to other bytes.
     pub fn open(bytes: &'a [u8], index: &Index) -> Option<Self> {
         let footer = bytes.len().checked_sub(FOOTER_LEN)?;
         let same = bytes.len() as u64 == u64::from(index.len)
@@ -133,44 +132,44 @@ impl<'a> Library<'a> {
         same.then_some(Self::unchecked(bytes, *index))
     }
 
-    /// View without checks, for the validator, which reads through the same code as the player.
+    /// Creates a view without checks, for the validator, which reads with the code of the player.
     pub(super) fn unchecked(bytes: &'a [u8], index: Index) -> Self {
         Self { bytes, index }
     }
 
-    /// The whole file.
+    /// Bytes of the library.
     pub fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
-    /// The proof that opened this view.
+    /// Proof of validation that opened this view.
     pub fn index(&self) -> &Index {
         &self.index
     }
 
-    /// True if there are torques with the frames.
+    /// True if the library has torques.
     pub fn has_torques(&self) -> bool {
         self.tracks().len() > 1
     }
 
-    /// The tracks that there are.
+    /// Tracks of the library.
     pub(super) fn tracks(&self) -> &'static [Track] {
         // A section that is there has a stride.
         let has_torques = self.span(Section::Torques).is_some_and(|span| span.stride > 0);
         if has_torques { &Track::ALL } else { &[Track::Values] }
     }
 
-    /// Joints and wheels of a frame.
+    /// Number of channels: joints and wheels.
     pub fn channel_count(&self) -> usize {
         usize::from(self.index.channels)
     }
 
-    /// Motions and transitions.
+    /// Number of clips: motions and transitions.
     pub fn clip_count(&self) -> u8 {
         self.index.motions.saturating_add(self.index.transitions)
     }
 
-    /// Nodes of the graph: the motions.
+    /// Number of nodes of the graph, which are the motions.
     pub fn node_count(&self) -> u8 {
         self.index.motions
     }
@@ -185,7 +184,7 @@ impl<'a> Library<'a> {
         (0..self.index.transitions).map(EdgeId)
     }
 
-    /// Facts about a clip.
+    /// Properties of a clip.
     pub fn clip(&self, clip: ClipId) -> Option<ClipInfo> {
         let record = self.clip_record(clip)?;
         let motion = clip.0 < self.index.motions;
@@ -200,7 +199,7 @@ impl<'a> Library<'a> {
         })
     }
 
-    /// Direction of up during a clip; `None` when the library does not contain it.
+    /// Direction of up during a clip; `None` if the library does not contain it.
     pub fn attitude(&self, clip: ClipId) -> Option<Attitude> {
         if clip.0 >= self.clip_count() {
             return None;
@@ -211,18 +210,18 @@ impl<'a> Library<'a> {
         AttitudeRecord::read(record).as_ref().and_then(Attitude::of)
     }
 
-    /// The motion that a command code asks for.
+    /// Motion that a command code selects.
     pub fn node_for_code(&self, code: u8) -> Option<NodeId> {
         self.codes().find(|record| record.code == code).map(|record| NodeId(record.node))
     }
 
-    /// The command code of a motion.
+    /// Command code of a motion.
     pub fn code_of(&self, node: NodeId) -> Option<u8> {
         self.codes().find(|record| record.node == node.0).map(|record| record.code)
     }
 
-    /// The transition to take first on the shortest way from one motion to another; `None` when
-    /// there is no way. From a motion to itself: the shortest way round, to play it once more.
+    /// First transition of the shortest route from one motion to another; `None` if there is no route. From a motion to itself,
+    /// the route is the shortest round trip, which plays the motion once more.
     pub fn next_hop(&self, from: NodeId, to: NodeId) -> Option<EdgeId> {
         let n = usize::from(self.index.motions);
         if usize::from(from.0) >= n || usize::from(to.0) >= n {
@@ -233,7 +232,7 @@ impl<'a> Library<'a> {
         (edge != NO_EDGE).then_some(EdgeId(edge))
     }
 
-    /// A transition.
+    /// Transition with the number `edge`.
     pub fn edge(&self, edge: EdgeId) -> Option<Edge> {
         if edge.0 >= self.index.transitions {
             return None;
@@ -248,14 +247,14 @@ impl<'a> Library<'a> {
         })
     }
 
-    /// The motion that every motion has a route to. It comes to rest in the safe pose: start it at
-    /// its last frame when the robot stands in that pose.
+    /// SAFE motion, to which every motion has a route. The motion comes to rest in the safe pose. If the robot stands in that
+    /// pose, start the motion at its last frame.
     pub fn safe_node(&self) -> NodeId {
         NodeId(self.index.safe_node)
     }
 
-    /// Writes the safe pose: joint angles in rad, wheels at 0 rad/s. `None` when `out` is shorter
-    /// than [`channel_count`](Self::channel_count); more elements are left alone.
+    /// Writes the safe pose to the beginning of `out`: joint angles in rad, wheels at 0 rad/s. Further elements of `out` keep
+    /// their values. `None` if `out` is shorter than [`channel_count`](Self::channel_count).
     pub fn safe_pose_into(&self, out: &mut [f32]) -> Option<()> {
         let pose = self.payload(Section::SafePose)?;
         for (i, slot) in out.get_mut(..self.channel_count())?.iter_mut().enumerate() {
@@ -265,17 +264,17 @@ impl<'a> Library<'a> {
         Some(())
     }
 
-    /// The size of a quantum of a channel: rad for a joint, rad/s for a wheel.
+    /// Size of a quantum of a channel: rad for a joint, rad/s for a wheel.
     pub fn quantum(&self, channel: usize) -> Option<f32> {
         self.value(channel, 1)
     }
 
-    /// The size of a quantum of a channel's torques, N·m.
+    /// Size of a quantum of a channel's torques, N·m.
     pub fn torque_quantum(&self, channel: usize) -> Option<f32> {
         self.track_value(Track::Torques, channel, 1)
     }
 
-    /// Name of a motion. `None` for a motion that does not exist.
+    /// Name of a motion; `None` if the motion does not exist.
     pub fn name(&self, node: NodeId) -> Option<&'a str> {
         let mut rest = self.payload(Section::Names)?;
         for _ in 0..node.0 {
@@ -284,12 +283,12 @@ impl<'a> Library<'a> {
         postcard::take_from_bytes::<&str>(rest).ok().map(|(name, _)| name)
     }
 
-    /// Value of some quanta of a channel.
+    /// Value of `quanta` of a channel, rad or rad/s.
     pub(super) fn value(&self, channel: usize, quanta: i32) -> Option<f32> {
         self.track_value(Track::Values, channel, quanta)
     }
 
-    /// The same of a track.
+    /// Value of `quanta` of a channel in a track; N·m in the track of torques.
     pub(super) fn track_value(&self, track: Track, channel: usize, quanta: i32) -> Option<f32> {
         if channel >= self.channel_count() {
             return None;
@@ -301,7 +300,7 @@ impl<'a> Library<'a> {
         Some(quantise::value(quanta, *exponents.get(channel)?))
     }
 
-    /// Offset of a clip's first block in the track's section, and the number of bytes of its blocks.
+    /// Offset of a clip's first block in the track's section, and total length of its blocks, bytes.
     pub(super) fn clip_span(&self, track: Track, clip: ClipId) -> Option<(u32, u32)> {
         let record = self.span(track.clips())?.record(self.bytes, usize::from(clip.0))?;
         // Frames are behind flags and count.

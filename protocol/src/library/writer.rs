@@ -1,4 +1,4 @@
-//! Appending to the caller's buffer, without ever reaching beyond it.
+//! Writer that appends to the caller's buffer, within its bounds.
 
 use super::codec::write_bits;
 use super::container::{self, FOOTER_LEN, HEADER_LEN};
@@ -6,7 +6,7 @@ use super::spec::EncodeError;
 use crate::crc::crc32c;
 use serde::Serialize;
 
-/// The buffer and how much of it is used. Every method fails with [`EncodeError::Full`].
+/// Buffer with its used length. Methods return [`EncodeError::Full`] if there is no room.
 pub(super) struct Writer<'a> {
     out: &'a mut [u8],
     len: usize,
@@ -38,7 +38,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Writes over bytes that are already there.
+    /// Overwrites existing bytes.
     pub fn overwrite(&mut self, at: usize, bytes: &[u8]) -> Result<(), EncodeError> {
         let full = self.full();
         let slot = at.checked_add(bytes.len()).and_then(|end| self.out.get_mut(at..end));
@@ -46,7 +46,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Writes a record over `len` bytes that are already there.
+    /// Overwrites `len` existing bytes with a record.
     pub fn record_at<T: Serialize>(
         &mut self,
         at: usize,
@@ -63,7 +63,7 @@ impl<'a> Writer<'a> {
         self.out.get(start..self.len).unwrap_or(&[])
     }
 
-    /// Writes a section: its head, and the content from `payload`.
+    /// Writes a section: its header, and the content that `payload` writes.
     pub fn section(
         &mut self,
         tag: u16,
@@ -80,7 +80,7 @@ impl<'a> Writer<'a> {
         self.overwrite(len_at, &len.to_le_bytes())
     }
 
-    /// Header, of a format version, and footer; the whole file.
+    /// Adds header and footer for a minor format version, and returns the whole file.
     pub fn finish(mut self, minor: u16) -> Result<&'a [u8], EncodeError> {
         let full = self.full();
         let total = u32::try_from(self.len.saturating_add(FOOTER_LEN)).map_err(|_| full)?;
@@ -105,7 +105,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Bits at the end of a [`Writer`], which grows with them.
+/// Appends bits to a [`Writer`].
 pub(super) struct BitWriter {
     start: usize,
     bits: u32,

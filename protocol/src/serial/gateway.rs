@@ -1,22 +1,22 @@
-//! Gateway between a program that speaks ISO-TP and a serial line that does not need it: reassembles messages of
-//! the transport, sends them whole, and segments them again at the other end.
+//! Gateway between a program that uses ISO-TP and a serial line that does not need it. It reassembles messages of the
+//! transport, sends them whole, and segments them again at the other end.
 //!
-//! On CAN a block of a library is 75 frames and 5 flow controls. One packet per frame would take two and a half
-//! times the block's bytes, and six round trips; a whole block is one packet with 11 bytes of overhead. Sessions and
-//! controllers are unaware of it: both ends look like a CAN bus.
+//! On CAN, a block of a library takes 75 frames and 5 flow controls. One packet per frame would take 2.5 times the bytes of the
+//! block, and six round trips. A whole block takes one packet with 11 bytes of overhead. Sessions and controllers need no
+//! change: both ends look like a CAN bus.
 
 use super::Packet;
 use crate::can::Frame;
 use crate::wire::isotp::{Event, Output, Timing};
 use crate::wire::transport::{Endpoint, partner};
 
-/// Timing without pauses and with a single flow control: there is no bus between a program and its gateway.
+/// Timing without pauses and with a single flow control, since there is no bus between a program and its gateway.
 const TIMING: Timing = Timing { block_size: 0, st_min: 0, timeout_us: 1_000_000 };
 
-/// Gateway at one end of a line, the same at host and controller. One conversation at a time.
+/// Gateway at one end of a line, identical for host and controller. It transfers one conversation at a time.
 #[derive(Clone, Debug)]
 pub struct Gateway {
-    /// Identifier of the transport's frames that this end sends.
+    /// Identifier of the transport frames that this end sends.
     ours: u16,
     endpoint: Endpoint,
 }
@@ -28,8 +28,8 @@ impl Default for Gateway {
 }
 
 impl Gateway {
-    /// Takes a frame sent at this end; returns the packet for the line: the frame, the message that it completes, or
-    /// none. Call [`Self::poll`] afterwards.
+    /// Accepts a frame sent at this end. Returns the packet for the line: the frame itself, or the message that it completes,
+    /// or `None`. Call [`Self::poll`] afterwards.
     pub fn send(&mut self, now_us: u64, frame: &Frame) -> Option<Packet<'_>> {
         let Some(id) = frame.standard_id().filter(|&id| partner(id).is_some()) else {
             return Some(Packet::Link(*frame));
@@ -39,8 +39,8 @@ impl Gateway {
         whole.then(|| Packet::Message { id, bytes: self.endpoint.received() })
     }
 
-    /// Accepts a message from the line; [`Self::poll`] returns its frames. It supersedes an earlier message whose
-    /// frames are still pending, because a sender that starts anew has given up on that one.
+    /// Accepts a message from the line; [`Self::poll`] returns its frames. The message supersedes an earlier one with pending
+    /// frames, because its sender has abandoned that one.
     pub fn receive(&mut self, id: u16, message: &[u8]) {
         if let Some(ours) = partner(id) {
             self.use_id(ours);
@@ -50,7 +50,7 @@ impl Gateway {
         }
     }
 
-    /// The next frame for this end; call again until `None`.
+    /// Returns the next frame for this end; call it until it returns `None`.
     pub fn poll(&mut self, now_us: u64) -> Option<Frame> {
         // A failed message is dropped; the next one may follow at once.
         for _ in 0..3 {
@@ -63,7 +63,7 @@ impl Gateway {
         None
     }
 
-    /// Sets the identifier of this end's frames; another one starts a new conversation.
+    /// Sets the identifier of this end's frames. A different identifier starts a new conversation.
     fn use_id(&mut self, id: u16) {
         if self.ours != id {
             self.ours = id;
@@ -84,7 +84,7 @@ mod tests {
 
     const NODE: Node = Node::new(3).unwrap();
 
-    /// A program that speaks ISO-TP, at its end of a line.
+    /// Program that exchanges ISO-TP frames with a gateway at its end of a line.
     struct Program {
         endpoint: Endpoint,
         frame: fn(Node, &Pdu) -> Frame,
@@ -102,7 +102,7 @@ mod tests {
             Self { endpoint, frame, gateway, line, received: Vec::new(), packets: 0 }
         }
 
-        /// Takes bytes from the line, passes frames between program and gateway, and returns the bytes they send.
+        /// Accepts bytes from the line, passes frames between program and gateway, and returns the bytes that they send.
         fn work(&mut self, bytes: &[u8]) -> Vec<u8> {
             for &byte in bytes {
                 match self.line.push(byte).and_then(Packet::decode) {
@@ -156,7 +156,7 @@ mod tests {
             }
         }
 
-        /// Either end may have given up at any frame: the next message gets through.
+        /// Either end may abandon a message at any frame; the next message still arrives.
         #[test]
         fn a_message_that_was_left_half_way_is_in_nobody_s_way(
             asked in message(8), frames in 0usize..80,

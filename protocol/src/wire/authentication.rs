@@ -1,15 +1,15 @@
-//! Authentication of a host's messages: a frame ahead of each message proves that its sender has the robot's link key, and that
-//! the message is no copy of an earlier one.
+//! Authentication of a host's messages. A frame ahead of each message proves that the sender has the robot's link key, and that
+//! the message is not a copy of an earlier one.
 //!
-//! The messages themselves stay as they are, so that tools read them as before. AUTOSAR calls this a secured PDU
-//! collection: the authentic and the cryptographic PDU are sent one after the other (AUTOSAR, Secure Onboard
-//! Communication, R22-11, section 7.1.1).
+//! The messages themselves are unchanged, so that existing tools can read them. AUTOSAR calls this a secured PDU collection:
+//! the authentic and the cryptographic PDU are sent one after the other (AUTOSAR, Secure Onboard Communication, R22-11, section
+//! 7.1.1).
 //!
 //! ```text
 //! host                                       controller
-//! SESSION_REQUEST {nonce}              ──>   a number that it has never used, over all power cycles
+//! SESSION_REQUEST {nonce}              ──>   chooses a number that it has never used, over all power cycles
 //!                                      <──   SESSION {number, tag}
-//! AUTHENTICATOR {counter, tag}         ──>   keeps it
+//! AUTHENTICATOR {counter, tag}         ──>   stores it
 //! COMMAND, HEARTBEAT, BEGIN, …         ──>   computes the tag over session, counter and message; the counter must rise
 //! ```
 
@@ -19,30 +19,30 @@ use crate::can::Frame;
 
 const AUTHENTICATOR: Kind = Kind::new(0, 2);
 
-/// Bytes of a tag in an [`Authenticator`].
+/// Length of the tag in an [`Authenticator`], bytes.
 pub const TAG_LEN: usize = 6;
-/// Bytes of the tag in a [`SessionOffer`].
+/// Length of the tag in a [`SessionOffer`], bytes.
 pub const OFFER_TAG_LEN: usize = 8;
-/// Bytes of a link key.
+/// Length of a link key, bytes.
 pub const LINK_KEY_LEN: usize = 32;
 
-/// A session of a host with a controller.
+/// Session of a host with a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkSession {
-    /// Number that the controller uses once: its count of boots in the upper 32 bits, its count of offers in the lower.
+    /// Number that the controller uses only once: boot count in the upper 32 bits, count of offers in the lower 32.
     pub number: u64,
-    /// Number that the host uses once.
+    /// Number that the host uses only once.
     pub nonce: u64,
 }
 
 impl LinkSession {
-    /// The part of the number that an [`Authenticator`] has: 4 bits.
+    /// Lowest 4 bits of the number, which an [`Authenticator`] contains.
     pub fn short(&self) -> u8 {
         self.number as u8 & 0xF
     }
 }
 
-/// Message that an [`Authenticator`] is for.
+/// Message that an [`Authenticator`] refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// The next HEARTBEAT.
@@ -56,7 +56,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// Subjects in order.
+    /// List of the subjects.
     pub const ALL: [Self; 4] = [Self::Heartbeat, Self::Command, Self::Transfer, Self::Parameter];
 
     /// Class of the message's identifier.
@@ -69,14 +69,14 @@ impl Subject {
         }
     }
 
-    /// Subject of a frame with this identifier to a controller; `None` for frames that need no authentication.
+    /// Subject of a frame with identifier `id` to a controller; `None` if the frame needs no authentication.
     pub fn of(id: u16) -> Option<Self> {
         let is_it = |subject: &Self| id & 0x70F == u16::from(subject.class()) << 8;
         Self::ALL.into_iter().find(is_it)
     }
 
-    /// Counter of the session that it advances. Requests of a transfer have their own: heartbeats pass between the
-    /// frames of a long one.
+    /// Index of the session counter that the message advances. Requests of a transfer have a separate counter, because
+    /// heartbeats are sent between the frames of a long request.
     pub const fn counter(self) -> usize {
         match self {
             Self::Transfer => 1,
@@ -85,7 +85,7 @@ impl Subject {
     }
 }
 
-/// Counters of a session.
+/// Number of counters of a session.
 pub const COUNTERS: usize = 2;
 
 /// Identifier of the requests to a controller.
@@ -98,12 +98,12 @@ pub fn response_id(from: Node) -> u16 {
     TO_HOST.id(from)
 }
 
-/// Proof ahead of a message.
+/// Proof of authenticity, sent ahead of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Authenticator {
-    /// [`LinkSession::short`].
+    /// Lowest bits of the session's number: [`LinkSession::short`].
     pub session: u8,
-    /// Message that it is for.
+    /// Message that the proof refers to.
     pub subject: Subject,
     /// Low 8 bits of the message's counter.
     pub counter: u8,
@@ -112,21 +112,21 @@ pub struct Authenticator {
 }
 
 impl Authenticator {
-    /// `[session 4 low bits, class 4 high bits][counter u8][tag 6 bytes]`
+    /// Encodes `[session 4 low bits, class 4 high bits][counter u8][tag 6 bytes]`.
     pub fn encode(self, to: Node) -> Frame {
         let head = self.session & 0xF | self.subject.class() << 4;
         let [a, b, c, d, e, f] = self.tag;
         Frame::known(AUTHENTICATOR.id(to), [head, self.counter, a, b, c, d, e, f])
     }
 
-    /// Addressee and message.
+    /// Decodes addressee and authenticator.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [head, counter, a, b, c, d, e, f]) = AUTHENTICATOR.plain(frame)?;
         let subject = Subject::of(u16::from(head >> 4) << 8).ok_or(DecodeError::BadValue)?;
         Ok((node, Self { session: head & 0xF, subject, counter, tag: [a, b, c, d, e, f] }))
     }
 
-    /// The counter that it stands for, above `last`: the next one with its low 8 bits. `None` when there is none.
+    /// Full counter of the message: the next one above `last` with these low 8 bits. `None` if there is no such `u32`.
     pub fn counter_after(&self, last: u32) -> Option<u32> {
         let ahead = match self.counter.wrapping_sub(last as u8) {
             0 => 256,
@@ -139,18 +139,18 @@ impl Authenticator {
 const SESSION_REQUEST: u8 = 0x03;
 const SESSION: u8 = 0x83;
 
-/// Asks for a session: a message of the [transport](super::transport).
+/// Request for a session: a message of the [transport](super::transport).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SessionRequest {
-    /// Number that the host uses once, so that no old answer passes for this one's.
+    /// Number that the host uses only once, so that an old answer cannot pass for the answer to this request.
     pub nonce: u64,
 }
 
 impl SessionRequest {
-    /// Type of the message; a [`super::transport::Reply`] names it.
+    /// Type of the message, as in [`super::transport::Reply`].
     pub const KIND: u8 = SESSION_REQUEST;
 
-    /// `[type][nonce u64]`
+    /// Encodes `[type][nonce u64]`.
     pub fn encode(self) -> [u8; 9] {
         let mut message = [SESSION_REQUEST; 9];
         if let Some((_, nonce)) = message.split_first_mut() {
@@ -159,7 +159,7 @@ impl SessionRequest {
         message
     }
 
-    /// The request in a received message.
+    /// Decodes the request in a received message.
     pub fn decode(message: &[u8]) -> Result<Self, TransportError> {
         let rest = of_type(message, SESSION_REQUEST)?;
         let nonce = rest.try_into().map_err(|_| TransportError::BadLength)?;
@@ -167,17 +167,17 @@ impl SessionRequest {
     }
 }
 
-/// The answer to a [`SessionRequest`].
+/// Answer to a [`SessionRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SessionOffer {
-    /// [`LinkSession::number`].
+    /// Number of the session: [`LinkSession::number`].
     pub number: u64,
-    /// Proof that the controller has the key, over number, nonce and its address.
+    /// Proof that the controller has the key, computed over number, nonce and the identifier of its answers.
     pub tag: [u8; OFFER_TAG_LEN],
 }
 
 impl SessionOffer {
-    /// `[type][number u64][tag 8 bytes]`
+    /// Encodes `[type][number u64][tag 8 bytes]`.
     pub fn encode(self) -> [u8; 17] {
         let mut message = [SESSION; 17];
         if let Some((_, rest)) = message.split_first_mut() {
@@ -187,7 +187,7 @@ impl SessionOffer {
         message
     }
 
-    /// The answer in a received message.
+    /// Decodes the answer in a received message.
     pub fn decode(message: &[u8]) -> Result<Self, TransportError> {
         let rest = of_type(message, SESSION)?;
         let (number, tag) = rest.split_first_chunk().ok_or(TransportError::BadLength)?;
@@ -210,17 +210,18 @@ mod key {
     use hmac::{Hmac, KeyInit, Mac};
     use sha2::Sha256;
 
-    /// Domain of a code: a code for a message is never valid for an offer.
+    /// Domain of a message's code. With separate domains, the code of a message is never valid for an offer.
     const OF_MESSAGE: u8 = 1;
+    /// Domain of an offer's code.
     const OF_OFFER: u8 = 2;
 
-    /// The secret of a robot and its hosts: 32 random bytes, kept as the state of HMAC-SHA256 (RFC 2104, FIPS 198-1)
-    /// after its key.
+    /// Secret of a robot and its hosts: 32 random bytes. It is stored as the state of HMAC-SHA256 (RFC 2104, FIPS 198-1) after
+    /// processing the key.
     #[derive(Clone)]
     pub struct LinkKey(Hmac<Sha256>);
 
     impl LinkKey {
-        /// A key from its bytes.
+        /// Creates a key from its bytes.
         pub fn new(key: &[u8; LINK_KEY_LEN]) -> Self {
             // HMAC fills keys up with zeros to the hash's blocks of 64 bytes.
             let mut block = [0; 64];
@@ -228,7 +229,7 @@ mod key {
             Self(Hmac::new(&block.into()))
         }
 
-        /// Tag of a message to a controller: of the frame or transport message `bytes` with the identifier `id`.
+        /// Tag of a message to a controller. `bytes` are the data of the frame or transport message with identifier `id`.
         pub fn tag(
             &self,
             session: &LinkSession,
@@ -239,7 +240,7 @@ mod key {
             first(&self.of_message(session, counter, id, bytes).finalize().into_bytes())
         }
 
-        /// True if `tag` is the tag of a message; takes the same time for every wrong tag.
+        /// True if `tag` is the tag of the message. The comparison takes the same time for every wrong tag.
         pub fn is_tag(
             &self,
             tag: &[u8; TAG_LEN],
@@ -251,12 +252,12 @@ mod key {
             self.of_message(session, counter, id, bytes).verify_truncated_left(tag).is_ok()
         }
 
-        /// Tag of the offer of a session; `id` is the identifier of a controller's answers.
+        /// Tag of the offer of a session; `id` is the identifier of the controller's answers.
         pub fn offer_tag(&self, session: &LinkSession, id: u16) -> [u8; OFFER_TAG_LEN] {
             first(&self.of_offer(session, id).finalize().into_bytes())
         }
 
-        /// True if `tag` is the tag of an offer.
+        /// True if `tag` is the tag of the offer.
         pub fn is_offer_tag(
             &self,
             tag: &[u8; OFFER_TAG_LEN],

@@ -1,4 +1,4 @@
-//! Class 2: commands of the host. Each is acknowledged.
+//! Class 2: commands of the host, each of which is acknowledged.
 
 use super::{DecodeError, Kind, Node, State};
 use crate::can::Frame;
@@ -7,71 +7,73 @@ use crate::coded::coded;
 const COMMAND: Kind = Kind::new(2, 0);
 const ACK: Kind = Kind::new(3, 2);
 
-/// Code for no motion.
+/// Code for a missing motion.
 const NO_MOTION: u8 = 0xFF;
 
-/// Longest allowed validity of a command, ms.
+/// Maximum validity of a command, ms.
 pub const MOST_VALID_MS: u16 = 1000;
 
-/// A command to the controller.
+/// Command to the controller.
 ///
-/// The controller executes it at most once: it recognises a repetition by the sequence number, and
-/// acknowledges it again without executing it. After `valid_until_ms` the answer is [`CommandResult::Expired`].
+/// The controller executes a command at most once. It recognises a repetition by the sequence number, and acknowledges it again
+/// without executing it. After `valid_until_ms` the answer is [`CommandResult::Expired`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command {
-    /// 0 to 15, one more (and around) with each new command.
+    /// Sequence number, 0 to 15; increases by one with each new command, and wraps.
     pub seq: u8,
-    /// Action requested.
+    /// Requested action.
     pub action: Action,
-    /// Low 16 bits of the controller's clock in ms (see [`super::HeartbeatReply`]) up to which the
-    /// command may be executed; at most [`MOST_VALID_MS`] ahead.
+    /// Expiry of the command: low 16 bits of the controller's clock in ms (see [`super::HeartbeatReply`]), at most
+    /// [`MOST_VALID_MS`] ahead.
     pub valid_until_ms: u16,
 }
 
 /// Action that a command requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Go to the motion with a code and play it.
+    /// Goes to the motion with a code and plays it.
     Play {
         /// Command code of the motion.
         code: u8,
-        /// Playback speed in 64ths: 64 as planned. Negative speeds are reserved.
+        /// Playback speed in 64ths; 64 is the planned speed. Negative speeds are reserved.
         speed_64ths: i8,
     },
-    /// Hold the current pose, wheels stopped.
+    /// Holds the current pose with stopped wheels.
     Pause,
-    /// Go on after a pause.
+    /// Continues after a pause.
     Resume,
-    /// Go to the safe motion.
+    /// Goes to the safe motion.
     Return,
-    /// Torque off.
+    /// Switches torque off.
     Disarm,
-    /// First step of torque on: the acknowledgement has a nonce.
+    /// First step of switching torque on; the acknowledgement contains a nonce.
     ArmRequest,
-    /// Second step of torque on.
+    /// Second step of switching torque on.
     ArmConfirm {
         /// Nonce from the acknowledgement of the request.
         nonce: u16,
     },
-    /// First step out of a latched emergency stop or fault: the acknowledgement has a nonce.
+    /// First step of clearing a latched emergency stop or fault; the acknowledgement contains a nonce.
     ClearRequest,
-    /// Second step out of a latched emergency stop or fault.
+    /// Second step of clearing a latched emergency stop or fault.
     ClearConfirm {
         /// Nonce from the acknowledgement of the request.
         nonce: u16,
     },
-    /// Follow the [`super::Setpoint`]s that the host streams, from SAFE on, until [`Action::Return`].
+    /// Follows the [`super::Setpoint`]s that the host streams, from SAFE until [`Action::Return`].
     Stream,
-    /// Send [`super::Sample`]s, and follow the [`super::Setpoint`]s that answer them, from SAFE on, until [`Action::Return`].
+    /// Sends [`super::Sample`]s and follows the [`super::Setpoint`]s that answer them, from SAFE until [`Action::Return`].
     Track {
-        /// Samples a second; the controller takes this rate or the next higher one that divides its own, and acknowledges it.
+        /// Sample rate, Hz. The controller uses this rate or the next higher one that divides its control rate, and
+        /// acknowledges it.
         rate_hz: u16,
-        /// Part of the configured kp of each joint that its drive closes around a setpoint, %; of one that is stiff all of it.
+        /// Fraction of each joint's configured kp that its drive applies around a set-point, %. Stiff set-points have 100 %.
         kp_percent: u8,
-        /// The same of kd, %, 0 to 127.
+        /// Fraction of each joint's configured kd that its drive applies around a set-point, %, 0 to 127. Stiff set-points have
+        /// 100 %.
         kd_percent: u8,
     },
-    /// Kind of a later version; the answer is [`CommandResult::UnknownKind`].
+    /// Command of a later version; the answer is [`CommandResult::UnknownKind`].
     Unknown {
         /// Kind on the wire, 11 to 15.
         kind: u8,
@@ -79,7 +81,7 @@ pub enum Action {
 }
 
 impl Action {
-    /// Number on the wire, 4 bits.
+    /// Kind on the wire, 4 bits.
     pub fn kind(self) -> u8 {
         match self {
             Action::Play { .. } => 0,
@@ -99,8 +101,8 @@ impl Action {
 }
 
 impl Command {
-    /// `[crc8][seq 4 low bits, kind 4 high bits][code u8][speed i8/64][arg u16][valid until u16 ms]`;
-    /// fields that an action does not have are 0.
+    /// Encodes `[crc8][seq 4 low bits, kind 4 high bits][code u8][speed i8/64][arg u16][valid until u16 ms]`. Fields that the
+    /// action lacks are 0.
     pub fn encode(self, to: Node) -> Frame {
         let (code, speed, arg) = match self.action {
             Action::Play { code, speed_64ths } => (code, speed_64ths, 0),
@@ -116,7 +118,7 @@ impl Command {
         COMMAND.seal(to, [0, head, code, speed as u8, a0, a1, v0, v1])
     }
 
-    /// Addressee and command. A field that its action does not have, but that is not 0, is a
+    /// Decodes addressee and command. Fields that the action lacks must be 0; otherwise the result is
     /// [`DecodeError::BadValue`].
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, code, speed, a0, a1, v0, v1]) = COMMAND.unseal(frame)?;
@@ -158,8 +160,8 @@ impl Command {
         Ok((node, Self { seq, action, valid_until_ms: u16::from_le_bytes([v0, v1]) }))
     }
 
-    /// True if the command has expired by the controller's clock: past `valid_until_ms`, or apparently valid for longer than
-    /// [`MOST_VALID_MS`]. No host sends the latter: the command was delayed until the 16 bits wrapped.
+    /// True if the command has expired by the controller's clock. A command that seems valid for longer than [`MOST_VALID_MS`]
+    /// has also expired: it was delayed until the 16 bits wrapped.
     pub fn expired(self, now_us: u64) -> bool {
         let now_ms = crate::time::wrapping_ms(now_us) as u16;
         self.valid_until_ms.wrapping_sub(now_ms) > MOST_VALID_MS
@@ -169,46 +171,47 @@ impl Command {
 coded! {
     /// Result of a command.
     CommandResult {
-        /// Executed or being executed.
+        /// The command is executed, or being executed.
         Ok = 0,
-        /// Command code without a motion.
+        /// The command code belongs to no motion.
         UnknownCode = 1,
-        /// Impossible in this state.
+        /// The command is impossible in this state.
         WrongState = 2,
-        /// Arrived after its expiry.
+        /// The command arrived after its expiry.
         Expired = 3,
         /// The motion graph has no route to this motion.
         Unreachable = 4,
         /// Torque is off: arm first.
         NotArmed = 5,
-        /// Valid library missing.
+        /// The controller has no valid library.
         NoLibrary = 6,
-        /// The nonce is not the one last issued, or has expired: start again.
+        /// The nonce has expired, or is not the latest one: start again.
         WrongNonce = 7,
         /// The library is for another robot configuration.
         ConfigMismatch = 8,
-        /// An actuator's pose is not known, or outside its limits.
+        /// An actuator's pose is unknown, or outside its limits.
         PoseUnknown = 9,
-        /// Older than the last command.
+        /// The command is older than the previous one.
         OutOfOrder = 10,
         /// Kind of command that this version does not implement.
         UnknownKind = 11,
         /// A fault persists; the fault report names it.
         FaultPresent = 12,
-        /// Speed 0 or below, or beyond the robot's limits.
+        /// The speed is not above 0, or is beyond the robot's limits.
         BadSpeed = 13,
-        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication is missing: the controller accepts only hosts with the robot's link key ([`super::authentication`]).
         AuthenticationRequired = 14,
-        /// A controller with a key of its owner follows no setpoints of a host: nothing proves whose they are.
+        /// The controller has a key of its owner, for the link or for signatures. It refuses streamed set-points, which are
+        /// neither authenticated nor signed.
         Unproven = 15,
-        /// Unsuitable actuators: one of them takes no torque, or no gains with its setpoints.
+        /// An actuator accepts no torque, or no gains with its set-points.
         UnfitActuators = 16,
-        /// A rate or a part of gains is out of range.
+        /// A sample rate or a fraction of gains is out of range.
         BadTracking = 17,
     }
 }
 
-/// The answer to a command.
+/// Answer to a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandAck {
     /// Sequence number of the command.
@@ -217,17 +220,17 @@ pub struct CommandAck {
     pub kind: u8,
     /// Result of the command.
     pub result: CommandResult,
-    /// State after it.
+    /// State after the command.
     pub state: State,
-    /// Motion that the command leads to.
+    /// Motion that the command leads to; `None` if there is none.
     pub motion: Option<u8>,
-    /// Value of the answer. Arm or clear request: the nonce to confirm with. Played motion: frames until it starts. Tracking:
-    /// samples a second. Otherwise 0.
+    /// Value of the answer. For an arm or clear request it is the nonce to confirm with; for a motion, the number of frames
+    /// until it starts; for tracking, the sample rate in Hz. Otherwise it is 0.
     pub value: u16,
 }
 
 impl CommandAck {
-    /// `[crc8][seq 4 low bits, kind 4 high bits][result u8][state u8][motion u8, 255 none][value u16]`
+    /// Encodes `[crc8][seq 4 low bits, kind 4 high bits][result u8][state u8][motion u8, 255 none][value u16]`.
     pub fn encode(self, from: Node) -> Frame {
         let head = self.seq & 0xF | self.kind << 4;
         let [v0, v1] = self.value.to_le_bytes();
@@ -235,7 +238,7 @@ impl CommandAck {
         ACK.seal(from, [0, head, self.result.code(), self.state.code(), motion, v0, v1])
     }
 
-    /// Sender and answer.
+    /// Decodes sender and answer.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, result, state, motion, v0, v1]) = ACK.unseal(frame)?;
         let ack = Self {

@@ -1,4 +1,4 @@
-//! Decodes a frame into the message that it carries.
+//! Decoding of a frame into the message that it contains.
 
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
@@ -8,7 +8,7 @@ use super::{
 };
 use crate::can::Frame;
 
-/// A message that a controller may receive.
+/// Message that a controller may receive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToController {
     /// Emergency stop.
@@ -17,19 +17,19 @@ pub enum ToController {
     Heartbeat(Heartbeat),
     /// Command of the host.
     Command(Command),
-    /// Setpoint of a stream, or of the answer to a sample.
+    /// Set-point in a stream, or in the answer to a sample.
     Setpoint(Setpoint),
-    /// Part of a [`super::Request`], or flow control: for [`super::isotp::Endpoint::on_frame`].
+    /// Segment of a [`super::Request`], or flow control; pass it to [`super::isotp::Endpoint::on_frame`].
     Transport,
     /// Reads, sets or saves gains and limits.
     Parameter(ParameterRequest),
-    /// Asks every controller on the bus to identify itself.
+    /// Requests the identity of every controller on the bus.
     Discover,
 }
 
 impl ToController {
-    /// Addressee and message. Errors: [`DecodeError::OtherMessage`] for frames of other kinds,
-    /// which the receiver ignores; the others for damaged frames, which it counts.
+    /// Decodes addressee and message. Frames of other kinds return [`DecodeError::OtherMessage`]; the receiver ignores them.
+    /// All other errors mean a damaged frame; the receiver counts them.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         match frame.standard_id().ok_or(DecodeError::OtherMessage)? & 0x70F {
             0x000 => Estop::decode(frame).map(|(node, _)| (node, Self::Estop)),
@@ -44,16 +44,16 @@ impl ToController {
     }
 }
 
-/// A message that a host may receive.
+/// Message that a host may receive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FromController {
     /// Acknowledgement of an emergency stop.
     EstopAck(EstopAck),
-    /// The controller's answer to a heartbeat, with its clock.
+    /// Answer to a heartbeat, with the controller's clock.
     HeartbeatReply(HeartbeatReply),
     /// Status of the controller.
     Status(Status),
-    /// A fault in detail.
+    /// Details of a fault.
     FaultReport(FaultReport),
     /// Result of a command.
     CommandAck(CommandAck),
@@ -65,7 +65,7 @@ pub enum FromController {
     Accelerometer(Accelerometer),
     /// End of a batch of measurements.
     Sample(Sample),
-    /// Part of a [`super::Response`], or flow control: for [`super::isotp::Endpoint::on_frame`].
+    /// Segment of a [`super::Response`], or flow control; pass it to [`super::isotp::Endpoint::on_frame`].
     Transport,
     /// Result of a parameter request.
     ParameterAck(ParameterAck),
@@ -74,7 +74,7 @@ pub enum FromController {
 }
 
 impl FromController {
-    /// Sender and message. Errors as for [`ToController::decode`].
+    /// Decodes sender and message. Errors have the same meaning as for [`ToController::decode`].
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         match frame.standard_id().ok_or(DecodeError::OtherMessage)? & 0x70F {
             0x001 => EstopAck::decode(frame).map(|(node, m)| (node, Self::EstopAck(m))),
@@ -104,7 +104,7 @@ mod tests {
         Node::new(3).unwrap()
     }
 
-    /// Checks that each frame decodes to its own message, and only at its receiver.
+    /// Checks that each frame decodes to its own message, and only at a receiver of its direction.
     #[test]
     fn every_message_to_a_controller_arrives() {
         let heartbeat = Heartbeat { seq: 1, host_ms: 2 };

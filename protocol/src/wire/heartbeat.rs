@@ -9,45 +9,44 @@ const REPLY: Kind = Kind::new(1, 1);
 /// Heartbeat of the host, sent every [`super::HEARTBEAT_PERIOD_MS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// Goes up by one each time, and wraps. A heartbeat that is not ahead of the last one is a repeated frame
-    /// and does not feed the watchdog.
+    /// Sequence number, which increases by one with each heartbeat, and wraps. A heartbeat that is not ahead of the previous
+    /// one is a repeated frame, and does not feed the watchdog.
     pub seq: u8,
-    /// Host's clock, low 32 bits of ms.
+    /// Clock of the host, low 32 bits of ms.
     pub host_ms: u32,
 }
 
 impl Heartbeat {
-    /// `[crc8][seq u8][host ms u32]`
+    /// Encodes `[crc8][seq u8][host ms u32]`.
     pub fn encode(self, to: Node) -> Frame {
         let [t0, t1, t2, t3] = self.host_ms.to_le_bytes();
         HEARTBEAT.seal(to, [0, self.seq, t0, t1, t2, t3])
     }
 
-    /// Addressee and message.
+    /// Decodes addressee and message.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, seq, t0, t1, t2, t3]) = HEARTBEAT.unseal(frame)?;
         Ok((node, Self { seq, host_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))
     }
 }
 
-/// The controller's answer to each heartbeat. The host computes the expiry of a [`super::Command`]
-/// from its clock.
+/// Answer of the controller to each heartbeat. The host computes the expiry of a [`super::Command`] from the clock in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeartbeatReply {
     /// Sequence number of the heartbeat.
     pub seq: u8,
-    /// Controller's clock when the heartbeat arrived, low 32 bits of ms.
+    /// Clock of the controller when the heartbeat arrived, low 32 bits of ms.
     pub controller_ms: u32,
 }
 
 impl HeartbeatReply {
-    /// `[crc8][seq u8][controller ms u32]`
+    /// Encodes `[crc8][seq u8][controller ms u32]`.
     pub fn encode(self, from: Node) -> Frame {
         let [t0, t1, t2, t3] = self.controller_ms.to_le_bytes();
         REPLY.seal(from, [0, self.seq, t0, t1, t2, t3])
     }
 
-    /// Sender and message.
+    /// Decodes sender and message.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, seq, t0, t1, t2, t3]) = REPLY.unseal(frame)?;
         Ok((node, Self { seq, controller_ms: u32::from_le_bytes([t0, t1, t2, t3]) }))

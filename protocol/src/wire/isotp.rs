@@ -1,36 +1,34 @@
-//! ISO 15765-2 (ISO-TP) with normal addressing: messages longer than a frame, as a state machine
-//! without clock or bus.
+//! ISO 15765-2 (ISO-TP) with normal addressing: messages longer than a frame, as a state machine without clock or bus.
 //!
-//! Both directions of a link share an [`Endpoint`]: data one way and flow control the other have
-//! the same identifier. Pass it the payload of every frame of the peer ([`Endpoint::on_frame`]),
-//! and send the frames that [`Endpoint::poll`] returns. Time is an argument, µs of any monotonic clock.
+//! An [`Endpoint`] serves both directions of a link, since data in one direction and flow control in the other have the same
+//! identifier. Pass it the payload of every frame of the peer ([`Endpoint::on_frame`]), and send the frames that
+//! [`Endpoint::poll`] returns. Time is an argument, in µs of any monotonic clock.
 //!
-//! One message at a time each way. A lost, repeated or reordered frame ends the message with an
-//! [`IsoTpError`] on the side that detects it and with a timeout on the other; retrying is up to the
-//! caller. Frames are not padded.
+//! Each direction transfers one message at a time. A lost, repeated or reordered frame ends the message with an [`IsoTpError`]
+//! on the side that detects it, and with a timeout on the other side. The caller decides about retries. Frames are not padded.
 
 use crate::can::Frame;
 use thiserror::Error;
 
-/// Longest message that ISO-TP over classic frames can carry.
+/// Maximum length of a message in ISO-TP over classic frames, bytes.
 const MAX_LENGTH: usize = 4095;
-/// Most consecutive wait frames of a receiver before the sender gives up (N_WFTmax).
+/// Maximum number of consecutive wait frames of a receiver before the sender gives up (N_WFTmax).
 const MAX_WAITS: u8 = 16;
 
-/// Flow control that a receiver requests, and the timeout of both ends.
+/// Flow control that a receiver requests, and timeout of both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// Consecutive frames between two flow controls; 0: no further flow control.
+    /// Number of consecutive frames between two flow controls; 0 for no further flow control.
     pub block_size: u8,
-    /// Least time between two consecutive frames, in the coding of the standard: 0 to 127 ms, or
-    /// 0xF1 to 0xF9 for 100 to 900 µs.
+    /// Minimum time between two consecutive frames, in the coding of the standard: 0 to 127 ms, or 0xF1 to 0xF9 for 100 to 900
+    /// µs.
     pub st_min: u8,
     /// Longest wait for flow control or the next consecutive frame, µs (N_Bs and N_Cr).
     pub timeout_us: u64,
 }
 
 impl Default for Timing {
-    /// Blocks of 16 frames without pauses, 1 s timeout.
+    /// Blocks of 16 frames without pauses, and a timeout of 1 s.
     fn default() -> Self {
         Self { block_size: 16, st_min: 0, timeout_us: 1_000_000 }
     }
@@ -53,7 +51,7 @@ impl Pdu {
         pdu
     }
 
-    /// The bytes.
+    /// Bytes of the payload.
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&self.data)
     }
@@ -64,26 +62,26 @@ impl Pdu {
     }
 }
 
-/// Reason why a message did not get through.
+/// Reason why the transfer of a message failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum IsoTpError {
     /// A consecutive frame was lost, repeated or out of order.
     #[error("a frame of the message was lost, repeated or out of order")]
     Sequence,
     /// The peer stopped sending in the middle of a message (N_Cr).
-    #[error("the rest of the message did not come in time")]
+    #[error("the rest of the message did not arrive in time")]
     ReceiveTimeout,
     /// The peer sent no flow control in time (N_Bs).
-    #[error("the receiver did not ask for the rest of the message in time")]
+    #[error("the receiver did not request the rest of the message in time")]
     SendTimeout,
     /// The peer's receive buffer is too small for the message.
     #[error("the receiver has no room for the message")]
     PeerOverflow,
-    /// The peer's message exceeds the receive buffer; an overflow frame was sent to it.
+    /// The peer's message exceeds the receive buffer. An overflow frame was sent to the peer.
     #[error("the message is too long")]
     TooLong,
     /// The peer sends too many wait frames, or an invalid flow control.
-    #[error("the receiver does not get ready")]
+    #[error("the receiver did not become ready")]
     BadFlowControl,
 }
 
@@ -91,9 +89,9 @@ pub enum IsoTpError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
     /// An earlier message is still being sent.
-    #[error("the message before is still on its way")]
+    #[error("the previous message is still being sent")]
     Busy,
-    /// Empty, or longer than the endpoint's buffer.
+    /// The message is empty, or longer than the endpoint's buffer.
     #[error("the message is empty or too long")]
     BadLength,
 }
@@ -103,7 +101,7 @@ pub enum SendError {
 pub enum Event {
     /// Message incomplete, or frame ignored.
     None,
-    /// A message is complete: [`Endpoint::received`].
+    /// A message is complete; [`Endpoint::received`] returns it.
     Received,
     /// A message failed.
     Failed(IsoTpError),
@@ -112,9 +110,9 @@ pub enum Event {
 /// Next action of an endpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// Waiting: nothing to send now.
+    /// Wait: there is nothing to send now.
     Idle,
-    /// Send this.
+    /// Payload of the next frame to send.
     Send(Pdu),
     /// A message timed out.
     Failed(IsoTpError),
@@ -125,12 +123,12 @@ enum Sending {
     Idle,
     /// Single or first frame not sent yet.
     Start,
-    /// Waits for flow control.
+    /// Waiting for flow control.
     Waiting {
         since_us: u64,
         waits: u8,
     },
-    /// Sends consecutive frames: `left` until the next flow control, 0 for no limit.
+    /// Sending consecutive frames. If `bounded`, `left` of them remain until the next flow control.
     Streaming {
         left: u8,
         bounded: bool,
@@ -151,7 +149,7 @@ enum Receiving {
     },
 }
 
-/// End of a link, with room for a message of `N` bytes each way.
+/// End of a link, with buffers for a message of `N` bytes in each direction.
 #[derive(Clone, Debug)]
 pub struct Endpoint<const N: usize> {
     timing: Timing,
@@ -167,7 +165,7 @@ pub struct Endpoint<const N: usize> {
 }
 
 impl<const N: usize> Endpoint<N> {
-    /// An idle end.
+    /// Creates an idle endpoint.
     pub fn new(timing: Timing) -> Self {
         const { assert!(N > 0 && N <= MAX_LENGTH, "ISO-TP carries 1 to 4095 bytes") };
         Self {
@@ -184,7 +182,7 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
-    /// Takes a message for sending; [`poll`](Self::poll) returns its frames.
+    /// Accepts a message for sending; [`poll`](Self::poll) returns its frames.
     pub fn send(&mut self, message: &[u8]) -> Result<(), SendError> {
         if self.is_sending() {
             return Err(SendError::Busy);
@@ -201,7 +199,7 @@ impl<const N: usize> Endpoint<N> {
         self.sending != Sending::Idle
     }
 
-    /// The last complete message, until a frame of the next one arrives.
+    /// Previous complete message, until a frame of the next one arrives.
     pub fn received(&self) -> &[u8] {
         match self.receiving {
             Receiving::Idle => self.rx.get(..self.rx_at).unwrap_or(&[]),
@@ -221,7 +219,7 @@ impl<const N: usize> Endpoint<N> {
         self.flow_control = None;
     }
 
-    /// Takes the payload of a frame from the peer.
+    /// Processes the payload of a frame from the peer.
     pub fn on_frame(&mut self, data: &[u8], now_us: u64) -> Event {
         let Some((&head, rest)) = data.split_first() else { return Event::None };
         match head >> 4 {
@@ -233,7 +231,7 @@ impl<const N: usize> Endpoint<N> {
         }
     }
 
-    /// Next action at `now_us`; call until [`Output::Idle`].
+    /// Returns the next action at `now_us`; call it until it returns [`Output::Idle`].
     pub fn poll(&mut self, now_us: u64) -> Output {
         if let Some(pdu) = self.flow_control.take() {
             return Output::Send(pdu);
@@ -388,7 +386,7 @@ impl<const N: usize> Endpoint<N> {
     }
 }
 
-/// Least separation time of a code, µs. As in the standard, reserved codes mean the longest.
+/// Minimum separation time of a code, µs. As in the standard, reserved codes mean the longest time.
 fn st_min_us(code: u8) -> u64 {
     match code {
         0..=0x7F => u64::from(code) * 1000,

@@ -1,22 +1,22 @@
-//! The controller's log: recent changes of state and faults, for a diagnosis after the event.
+//! Log of the controller: recent changes of state and faults, for later diagnosis.
 
 use super::State;
 use crate::faults::Fault;
 
-/// Most entries of a [`Log`] message.
+/// Maximum number of entries of a [`Log`] message.
 pub const MAX_LOG_ENTRIES: usize = 16;
-/// Bytes of an entry.
+/// Length of an entry, bytes.
 pub const LOG_ENTRY_BYTES: usize = 12;
 
-/// Code for no fault and for no channel.
+/// Code for a missing fault or channel.
 const NONE: u8 = 0xFF;
 
-/// A change of state, or a fault that appeared.
+/// Log entry: a change of state, or a fault that appeared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogEntry {
-    /// Controller's clock, low 32 bits of ms.
+    /// Clock of the controller, low 32 bits of ms.
     pub at_ms: u32,
-    /// [`Event::code`](crate::faults::Event::code); a later version may have more of them.
+    /// Code of the event ([`Event::code`](crate::faults::Event::code)). A later version may have further codes.
     pub event: u8,
     /// State before the event.
     pub before: State,
@@ -24,15 +24,15 @@ pub struct LogEntry {
     pub after: State,
     /// Fault that the event raised.
     pub fault: Option<Fault>,
-    /// Channel concerned, see [`super::FaultReport`].
+    /// Channel concerned; see [`super::FaultReport`].
     pub channel: Option<u8>,
-    /// Offending value, see [`super::FaultReport`].
+    /// Offending value; see [`super::FaultReport`].
     pub value: f32,
 }
 
 impl LogEntry {
-    /// `[at u32 ms][event u8][before 4 low bits, after 4 high bits][fault u8, 255 none]`
-    /// `[channel u8, 255 none][value f32]`
+    /// Encodes
+    /// `[at u32 ms][event u8][before 4 low bits, after 4 high bits][fault u8, 255 none][channel u8, 255 none][value f32]`.
     pub fn encode(&self) -> [u8; LOG_ENTRY_BYTES] {
         let [t0, t1, t2, t3] = self.at_ms.to_le_bytes();
         let [v0, v1, v2, v3] = self.value.to_le_bytes();
@@ -42,7 +42,7 @@ impl LogEntry {
         [t0, t1, t2, t3, self.event, states, fault, channel, v0, v1, v2, v3]
     }
 
-    /// Decodes an entry; `None` for a state or fault that this version does not define.
+    /// Decodes an entry; `None` if this version does not define its state or fault.
     pub fn decode(bytes: &[u8; LOG_ENTRY_BYTES]) -> Option<Self> {
         let [t0, t1, t2, t3, event, states, fault, channel, v0, v1, v2, v3] = *bytes;
         Some(Self {
@@ -57,15 +57,15 @@ impl LogEntry {
     }
 }
 
-/// A part of the log, oldest first.
+/// Section of the log, oldest entry first.
 ///
-/// Entries are numbered from 0 at power-on. A controller keeps the latest: entries before
-/// [`first`](Self::first) are lost.
+/// Entries are numbered from 0 at power-on. A controller stores only the latest ones: entries before [`first`](Self::first) are
+/// lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Log {
-    /// Controller's clock when it answered, low 32 bits of ms.
+    /// Clock of the controller when it answered, low 32 bits of ms.
     pub now_ms: u32,
-    /// Number of the first entry contained, or of the next one when none is.
+    /// Number of the first entry contained; of the next entry if there are none.
     pub first: u32,
     /// Number that the next entry will get.
     pub next: u32,
@@ -80,7 +80,7 @@ impl Log {
         Self { now_ms, first, next, len: 0, entries }
     }
 
-    /// Adds an entry; returns whether there was room for it.
+    /// Adds an entry. Returns true if there was room for it.
     pub fn push(&mut self, entry: [u8; LOG_ENTRY_BYTES]) -> bool {
         let Some(slot) = self.entries.get_mut(usize::from(self.len)) else { return false };
         *slot = entry;
@@ -88,7 +88,7 @@ impl Log {
         true
     }
 
-    /// The entries as they are on the wire.
+    /// Encoded entries.
     pub fn encoded(&self) -> &[[u8; LOG_ENTRY_BYTES]] {
         self.entries.get(..usize::from(self.len)).unwrap_or(&self.entries)
     }

@@ -1,6 +1,6 @@
-//! Messages between host and controller, protocol version 1.
+//! Messages between host and controller, protocol version 2.
 //!
-//! An 11-bit identifier is class (3 bits), node (4 bits), message (4 bits): lower is more urgent.
+//! An 11-bit identifier consists of class (3 bits), node (4 bits) and message (4 bits). Lower identifiers have priority.
 //!
 //! | class | messages | from | |
 //! |---|---|---|---|
@@ -10,16 +10,15 @@
 //! | 2 | [`Command`] | host | answered by [`CommandAck`] |
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
 //! | 4 | [`JointTelemetry`] | controller | may be dropped |
-//! | 4 | [`Gyro`], [`Accelerometer`], [`Sample`] | controller | measurements of a robot that the host controls in closed loop |
-//! | 4 | [`Setpoint`] | host | streamed, 60 of each channel a second, or the answer to a [`Sample`] |
+//! | 4 | [`Gyro`], [`Accelerometer`], [`Sample`] | controller | measurements for a host that closes a control loop |
+//! | 4 | [`Setpoint`] | host | streamed at 60 Hz for each channel, or the answer to a [`Sample`] |
 //! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer, log |
 //! | 6 | [`ParameterRequest`], [`ParameterAck`] | both | gains and limits at run time |
 //! | 7 | [`Discover`], [`Discovered`] | both | |
 //!
-//! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message
-//! has `encode(node) -> Frame` and `decode(&Frame) -> Result<(Node, Self), DecodeError>`.
-//! Integers are little-endian. Layouts are normative in `docs/formats/wire-format.md`; [`SCHEMA`] lists
-//! them in short, and its hash is part of HELLO.
+//! A receiver dispatches with [`ToController::decode`] or [`FromController::decode`]. Every message has `encode(node) -> Frame`
+//! and `decode(&Frame) -> Result<(Node, Self), DecodeError>`. Integers are little-endian. Layouts are normative in
+//! `docs/formats/wire-format.md`. [`SCHEMA`] is a summary of them, whose hash is part of HELLO.
 
 pub mod authentication;
 mod command;
@@ -55,9 +54,9 @@ use crate::can::Frame;
 use crate::crc::crc8_with_id;
 use thiserror::Error;
 
-/// Major protocol version: with different ones the two sides may only exchange HELLO.
+/// Major protocol version. Two sides with different major versions may only exchange HELLO, DISCOVER and ESTOP.
 pub const PROTOCOL_MAJOR: u8 = 2;
-/// Minor protocol version: a higher one has messages that we ignore.
+/// Minor protocol version. A higher one has further messages, which this version ignores.
 pub const PROTOCOL_MINOR: u8 = 3;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
@@ -66,7 +65,7 @@ pub const HOST_TIMEOUT_MS: u32 = 250;
 /// Period of status messages, ms.
 pub const STATUS_PERIOD_MS: u32 = 50;
 
-/// Layout of every message in short; part of the protocol's identity.
+/// Summary of the layout of every message, as a component of the protocol's identity.
 pub const SCHEMA: &str = "\
 0n0 estop
 0n1 estop_ack crc8 state:u8
@@ -107,10 +106,10 @@ isotp 90 reply request:u8 result:u8 next:u32 section:u8 why:u8
 300+n wheel_torque_setpoint speed:i30*1e-4rad/s torque_limit_mantissa:7 torque_limit_exponent:4 kd_mantissa:7 kd_exponent:4 torque_mantissa:7 torque_exponent:4 torque_sign:1
 ";
 
-/// CRC-32C of [`SCHEMA`]: two sides with different hashes interpret the same bytes differently.
+/// CRC-32C of [`SCHEMA`]. Two sides with different hashes interpret the same bytes differently.
 pub const SCHEMA_HASH: u32 = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(SCHEMA.as_bytes());
 
-/// Address of a controller on the link, 0 to 14, or of all of them.
+/// Address of a controller on the link, 0 to 14, or of all controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Node(u8);
 
@@ -118,12 +117,12 @@ impl Node {
     /// Address of all controllers.
     pub const BROADCAST: Node = Node(0xF);
 
-    /// A controller's address; `None` above 14.
+    /// Creates the address of a controller; `None` if `number` is above 14.
     pub const fn new(number: u8) -> Option<Self> {
         if number < 0xF { Some(Self(number)) } else { None }
     }
 
-    /// The number, 0 to 14, 15 for all.
+    /// Number of the address: 0 to 14, or 15 for all controllers.
     pub fn number(self) -> u8 {
         self.0
     }
@@ -135,18 +134,18 @@ pub enum DecodeError {
     /// The identifier belongs to another message.
     #[error("another message")]
     OtherMessage,
-    /// The length is not that of the message.
+    /// The frame does not have the length of the message.
     #[error("wrong length")]
     BadLength,
     /// The checksum does not match: damaged in transit.
     #[error("wrong checksum")]
     BadCrc,
-    /// A field has a value that this version does not know.
+    /// A field has a value that this version does not define.
     #[error("unknown value")]
     BadValue,
 }
 
-/// Class and message number, which with a node make an identifier.
+/// Class and message number, which form an identifier together with a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Kind {
     class: u8,
@@ -163,7 +162,7 @@ impl Kind {
         u16::from(self.class) << 8 | u16::from(node.0) << 4 | u16::from(self.message)
     }
 
-    /// The node, when the frame is of this kind.
+    /// Node of a frame; an error if the frame is of another kind.
     fn node(self, frame: &Frame) -> Result<Node, DecodeError> {
         let id = frame.standard_id().ok_or(DecodeError::OtherMessage)?;
         let fits = id & 0x70F == u16::from(self.class) << 8 | u16::from(self.message);
@@ -177,7 +176,7 @@ impl Kind {
         Ok((node, data))
     }
 
-    /// The frame with `data`, whose first byte is replaced by the checksum.
+    /// Builds a frame of `data`, whose first byte is replaced by the checksum.
     fn seal<const N: usize>(self, node: Node, mut data: [u8; N]) -> Frame {
         let id = self.id(node);
         if let Some((crc, rest)) = data.split_first_mut() {
@@ -186,7 +185,7 @@ impl Kind {
         Frame::known(id, data)
     }
 
-    /// Node and payload of a sealed frame.
+    /// Node and payload of a frame with a valid checksum.
     fn unseal<const N: usize>(self, frame: &Frame) -> Result<(Node, [u8; N]), DecodeError> {
         let (node, data) = self.plain::<N>(frame)?;
         match data.split_first() {

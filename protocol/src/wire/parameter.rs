@@ -1,7 +1,7 @@
 //! Class 6: gains and limits of servos and wheel drives at run time.
 //!
-//! Lost and repeated requests do no harm: the controller acknowledges a repetition of the last request
-//! again without executing it, and refuses an older one as out of order.
+//! Lost and repeated requests are harmless. The controller acknowledges a repetition of the previous request again without
+//! executing it, and refuses an older one as out of order.
 
 use super::{DecodeError, Kind, Node};
 use crate::can::Frame;
@@ -10,19 +10,20 @@ use crate::coded::coded;
 const REQUEST: Kind = Kind::new(6, 0);
 const ACK: Kind = Kind::new(6, 1);
 
-/// Code for no channel.
+/// Code for a missing channel.
 const NO_CHANNEL: u8 = 0xFF;
 
 coded! {
     /// Parameter of a channel, or of the robot.
     Parameter {
-        /// Proportional gain, N·m/rad. Of a wheel always 0.
+        /// Proportional gain, N·m/rad; always 0 for a wheel.
         Kp = 0,
         /// Damping gain, N·m·s/rad.
         Kd = 1,
         /// Torque limit, N·m.
         MaxTorque = 2,
-        /// Share of the library's torques that is fed forward, 0 to 1. Of the robot: its channel is 0.
+        /// Fraction of the library's torques that is fed forward, 0 to 1. This parameter belongs to the whole robot; its
+        /// channel is 0.
         FeedForward = 3,
     }
 }
@@ -30,38 +31,38 @@ coded! {
 /// Parameter request of the host.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterRequest {
-    /// 0 to 15, one more (and around) with each new request.
+    /// Sequence number, 0 to 15; increases by one with each new request, and wraps.
     pub seq: u8,
-    /// Action requested.
+    /// Requested action.
     pub action: ParameterAction,
 }
 
 /// Action that a [`ParameterRequest`] requests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParameterAction {
-    /// Read a parameter of a channel.
+    /// Reads a parameter of a channel.
     Get {
-        /// [`Parameter::code`], 4 bits.
+        /// Code of the parameter ([`Parameter::code`]), 4 bits.
         parameter: u8,
         /// Channel, as in the robot's configuration.
         channel: u8,
     },
-    /// Set a parameter of a channel.
+    /// Sets a parameter of a channel.
     Set {
-        /// [`Parameter::code`], 4 bits.
+        /// Code of the parameter ([`Parameter::code`]), 4 bits.
         parameter: u8,
         /// Channel, as in the robot's configuration.
         channel: u8,
-        /// The new value, in the parameter's unit.
+        /// New value, in the parameter's unit.
         value: f32,
     },
-    /// Reset all parameters of all channels to the robot's configuration.
+    /// Resets all parameters of all channels to the robot's configuration.
     Reset,
-    /// Save the present values across power cycles.
+    /// Saves the present values across power cycles.
     Save,
-    /// Read the origin of the values in force after power-on.
+    /// Reads the origin of the values in force after power-on.
     Origin,
-    /// Kind of a later version; the answer is [`ParameterResult::UnknownRequest`].
+    /// Request of a later version; the answer is [`ParameterResult::UnknownRequest`].
     Unknown {
         /// Kind on the wire, 5 to 15.
         kind: u8,
@@ -69,7 +70,7 @@ pub enum ParameterAction {
 }
 
 impl ParameterAction {
-    /// Number on the wire, 4 bits.
+    /// Kind on the wire, 4 bits.
     pub fn kind(self) -> u8 {
         match self {
             ParameterAction::Get { .. } => 0,
@@ -81,7 +82,7 @@ impl ParameterAction {
         }
     }
 
-    /// Number of the parameter, and the channel concerned.
+    /// Code of the parameter, 0 without one, and the channel.
     pub fn about(self) -> (u8, Option<u8>) {
         match self {
             ParameterAction::Get { parameter, channel }
@@ -92,8 +93,8 @@ impl ParameterAction {
 }
 
 impl ParameterRequest {
-    /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, 0][channel u8][value f32]`;
-    /// fields that an action does not have are 0.
+    /// Encodes `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, 0][channel u8][value f32]`. Fields that the
+    /// action lacks are 0.
     pub fn encode(self, to: Node) -> Frame {
         let (parameter, channel, value) = match self.action {
             ParameterAction::Get { parameter, channel } => (parameter, channel, 0.0),
@@ -105,7 +106,7 @@ impl ParameterRequest {
         REQUEST.seal(to, [0, head, parameter & 0xF, channel, a, b, c, d])
     }
 
-    /// Addressee and request. A field that its action does not have, but that is not 0, is a
+    /// Decodes addressee and request. Fields that the action lacks must be 0; otherwise the result is
     /// [`DecodeError::BadValue`].
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, parameter, channel, a, b, c, d]) = REQUEST.unseal(frame)?;
@@ -141,19 +142,19 @@ coded! {
         UnknownParameter = 1,
         /// The robot has no such channel.
         UnknownChannel = 2,
-        /// Below the minimum, above the maximum, or not a number: the answer has the limit.
+        /// The value is NaN, below the minimum or above the maximum. The answer contains the limit.
         OutOfRange = 3,
-        /// Impossible in this state.
+        /// The request is impossible in this state.
         WrongState = 4,
-        /// The parameter store failed, or there is none: the values saved before are kept.
+        /// The parameter store failed or is missing. Values saved earlier are unchanged.
         StoreFailed = 5,
-        /// Older than the last request.
+        /// The request is older than the previous one.
         OutOfOrder = 6,
         /// Kind of request that this version does not implement.
         UnknownRequest = 7,
-        /// The actuator of this channel has no such parameter, or its protocol cannot transmit it.
+        /// The channel's actuator lacks the parameter, or its protocol cannot transmit it.
         NotSupported = 8,
-        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication is missing: the controller accepts only hosts with the robot's link key ([`super::authentication`]).
         AuthenticationRequired = 9,
     }
 }
@@ -161,18 +162,18 @@ coded! {
 coded! {
     /// Origin of the values in force after power-on.
     ParameterOrigin {
-        /// The robot's configuration: nothing was saved.
+        /// Robot configuration, since no values were saved.
         Configuration = 0,
-        /// The saved set.
+        /// Saved values.
         Saved = 1,
-        /// The configuration: the saved set is for another one.
+        /// Robot configuration, since the saved values are for another one.
         OtherConfiguration = 2,
-        /// The configuration: a saved value is not allowed any more.
+        /// Robot configuration, since a saved value is no longer allowed.
         OutOfRange = 3,
     }
 }
 
-/// The answer to a [`ParameterRequest`].
+/// Answer to a [`ParameterRequest`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterAck {
     /// Sequence number of the request.
@@ -181,19 +182,18 @@ pub struct ParameterAck {
     pub kind: u8,
     /// Result of the request.
     pub result: ParameterResult,
-    /// Parameter of the request, 4 bits; 0 without one.
+    /// Parameter of the request, 4 bits; 0 if it has no parameter.
     pub parameter: u8,
     /// Channel of the request.
     pub channel: Option<u8>,
-    /// The parameter as it is now, or after [`ParameterResult::OutOfRange`] the limit that the
-    /// request went beyond. The code of a [`ParameterOrigin`] after [`ParameterAction::Origin`].
-    /// Otherwise 0.
+    /// Present value of the parameter. After [`ParameterResult::OutOfRange`], the limit that the request exceeded; after
+    /// [`ParameterAction::Origin`], the code of a [`ParameterOrigin`]. Otherwise 0.
     pub value: f32,
 }
 
 impl ParameterAck {
-    /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, result 4 high bits]`
-    /// `[channel u8, 255 none][value f32]`
+    /// Encodes
+    /// `[crc8][seq 4 low bits, kind 4 high bits][parameter 4 low bits, result 4 high bits][channel u8, 255 none][value f32]`.
     pub fn encode(self, from: Node) -> Frame {
         let head = self.seq & 0xF | self.kind << 4;
         let what = self.parameter & 0xF | self.result.code() << 4;
@@ -201,7 +201,7 @@ impl ParameterAck {
         ACK.seal(from, [0, head, what, self.channel.unwrap_or(NO_CHANNEL), a, b, c, d])
     }
 
-    /// Sender and answer.
+    /// Decodes sender and answer.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, what, channel, a, b, c, d]) = ACK.unseal(frame)?;
         let ack = Self {

@@ -1,4 +1,4 @@
-//! Class 0: the emergency stop.
+//! Class 0: emergency stop.
 
 use super::{DecodeError, Kind, Node, State};
 use crate::can::Frame;
@@ -6,18 +6,20 @@ use crate::can::Frame;
 const ESTOP: Kind = Kind::new(0, 0);
 const ESTOP_ACK: Kind = Kind::new(0, 1);
 
-/// Emergency stop. The identifier alone counts: any payload is accepted, so that the simplest device on
-/// the bus can send it. Senders repeat it 5 times at 5 ms, then every 100 ms until acknowledged.
+/// Emergency stop.
+///
+/// Only the identifier counts. Any payload is accepted, so that the simplest device on the bus can send a stop. Senders repeat
+/// it 5 times at intervals of 5 ms, then every 100 ms until it is acknowledged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estop;
 
 impl Estop {
-    /// A frame without payload.
+    /// Encodes a frame without payload.
     pub fn encode(self, to: Node) -> Frame {
         Frame::known(ESTOP.id(to), [])
     }
 
-    /// Receiver and message.
+    /// Decodes addressee and message.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         Ok((ESTOP.node(frame)?, Estop))
     }
@@ -31,12 +33,12 @@ pub struct EstopAck {
 }
 
 impl EstopAck {
-    /// `[crc8][state u8]`
+    /// Encodes `[crc8][state u8]`.
     pub fn encode(self, from: Node) -> Frame {
         ESTOP_ACK.seal(from, [0, self.state.code()])
     }
 
-    /// Sender and message.
+    /// Decodes sender and message.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, state]) = ESTOP_ACK.unseal(frame)?;
         let state = State::from_code(state).ok_or(DecodeError::BadValue)?;

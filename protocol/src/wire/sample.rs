@@ -1,8 +1,8 @@
-//! Class 4: measurements of a robot at an instant, for a host that closes the loop over the link.
+//! Class 4: measurements of a robot at one time, for a host that closes the loop over the link.
 //!
-//! After [`super::Action::Track`] the controller sends a batch at a fixed rate, in this order: [`Gyro`] and [`Accelerometer`]
-//! if it has an IMU, [`super::JointTelemetry`] of every channel, and [`Sample`], which ends the batch. The host answers it with
-//! a [`super::Setpoint`] for every channel.
+//! After [`super::Action::Track`] the controller sends a batch of messages at a fixed rate, in this order: [`Gyro`] and
+//! [`Accelerometer`] if there is an IMU, [`super::JointTelemetry`] of every channel, and finally [`Sample`]. The host answers
+//! it with a [`super::Setpoint`] for every channel.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{SPEED_STEPS, measured, signed};
@@ -12,78 +12,80 @@ const GYRO: Kind = Kind::new(4, 2);
 const ACCELEROMETER: Kind = Kind::new(4, 3);
 const SAMPLE: Kind = Kind::new(4, 4);
 
-/// Steps of an acceleration in a m/s².
+/// Number of steps per m/s² in an acceleration.
 const ACCELERATION_STEPS: f32 = 200.0;
-/// Steps of a delay in a s.
+/// Number of steps per second in a delay.
 const DELAY_STEPS: f32 = 5000.0;
-/// Flags of a sample.
+/// Flag of a sample with measured contacts.
 const CONTACTS: u8 = 1 << 0;
+/// Flag of a sample with an answer.
 const ANSWERED: u8 = 1 << 1;
 
-/// Angular velocity of the root link in its own axes.
+/// Angular velocity of the root link in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gyro {
-    /// x, y, z, rad/s.
+    /// Components x, y, z, rad/s.
     pub rad_s: [f32; 3],
 }
 
 impl Gyro {
-    /// `[crc8][x i16 2 mrad/s][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
+    /// Encodes `[crc8][x i16 2 mrad/s][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
     pub fn encode(self, from: Node) -> Frame {
         three(GYRO, from, self.rad_s, SPEED_STEPS)
     }
 
-    /// Sender and measurement.
+    /// Decodes sender and measurement.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, rad_s) = of_three(GYRO, frame, SPEED_STEPS)?;
         Ok((node, Self { rad_s }))
     }
 }
 
-/// Specific force at the origin of the root link in its axes: acceleration minus gravity, mean since the last sample.
+/// Specific force at the origin of the root link in its own frame: acceleration minus gravity, averaged since the previous
+/// sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accelerometer {
-    /// x, y, z, m/s²: 9.81 upwards at rest.
+    /// Components x, y, z, m/s²; at rest 9.81 upwards.
     pub m_s2: [f32; 3],
 }
 
 impl Accelerometer {
-    /// `[crc8][x i16 5 mm/s²][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
+    /// Encodes `[crc8][x i16 5 mm/s²][y i16][z i16]`. Values beyond the scale saturate; NaN becomes 0.
     pub fn encode(self, from: Node) -> Frame {
         three(ACCELEROMETER, from, self.m_s2, ACCELERATION_STEPS)
     }
 
-    /// Sender and measurement.
+    /// Decodes sender and measurement.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, m_s2) = of_three(ACCELEROMETER, frame, ACCELERATION_STEPS)?;
         Ok((node, Self { m_s2 }))
     }
 }
 
-/// End of a batch.
+/// End of a batch of measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Number of the sample, modulo 256: its setpoints have it as their frame.
+    /// Number of the sample, modulo 256. Set-points that answer it have this number as their frame.
     pub number: u8,
-    /// The answer in force when this sample was taken; `None` before the first.
+    /// Answer in force when this sample was taken; `None` before the first answer.
     pub answered: Option<Answered>,
-    /// Ground contact of each end effector, a bit each, in the order of the robot file, 24 at most; `None` without contact
+    /// Ground contact of each end effector, one bit each, in the order of the robot file, at most 24. `None` without contact
     /// switches.
     pub contacts: Option<u32>,
 }
 
-/// An answer to a sample.
+/// Answer to a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Answered {
-    /// Number of the sample.
+    /// Number of the answered sample.
     pub number: u8,
-    /// Time from its measurements until it came into force, s: 51 ms at most.
+    /// Time from the measurements until the answer was in force, s; at most 0.051 s.
     pub delay_s: f32,
 }
 
 impl Sample {
-    /// `[crc8][number u8][answered u8][delay u8 0.2 ms][contacts, contacts are measured, answered is one: 24, 1, 1, zero 6]`. A
-    /// longer delay is sent as the longest; NaN becomes 0.
+    /// Encodes `[crc8][number u8][answered u8][delay u8 0.2 ms][contacts 24 bits, has contacts 1, has answered 1, zero 6]`.
+    /// Longer delays saturate; NaN becomes 0.
     pub fn encode(self, from: Node) -> Frame {
         let [c0, c1, c2, _] = self.contacts.unwrap_or(0).to_le_bytes();
         let flag = |is: bool, bit: u8| if is { bit } else { 0 };
@@ -95,7 +97,7 @@ impl Sample {
         SAMPLE.seal(from, [0, self.number, answered, delay, c0, c1, c2, flags])
     }
 
-    /// Sender and sample.
+    /// Decodes sender and sample.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, number, answered, delay, c0, c1, c2, flags]) = SAMPLE.unseal(frame)?;
         let contacts = u32::from_le_bytes([c0, c1, c2, 0]);

@@ -1,4 +1,4 @@
-//! Class 4: setpoints of a host, in place of a motion of the library: streamed ahead of time, or answers to measurements.
+//! Class 4: set-points of a host that replace a motion of the library. They are streamed ahead of time, or answer measurements.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{TORQUE_STEPS, measured, signed};
@@ -6,35 +6,35 @@ use crate::can::Frame;
 
 const SETPOINT: Kind = Kind::new(4, 1);
 
-/// Steps of a value in a rad or rad/s.
+/// Number of steps per rad or rad/s in a value.
 const VALUE_STEPS: f32 = 10_000.0;
-/// Largest number of steps, in 24 bits; the lowest number means no value.
+/// Largest magnitude of a value, steps. The lowest 24-bit integer is invalid.
 const MAX_STEPS: i32 = (1 << 23) - 1;
 
-/// Highest bit of the channel's byte.
+/// Flag of a stiff set-point, the highest bit of the channel's byte.
 const STIFF: u8 = 1 << 7;
 
-/// Setpoint of one channel, in a frame of a stream ([`crate::library::RATE_HZ`] frames a second) or in the answer to a
+/// Set-point of one channel, in a frame of a stream ([`crate::library::RATE_HZ`] frames per second) or in the answer to a
 /// [`super::Sample`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
-    /// Frame of the stream, from 0 after the command [`super::Action::Stream`], modulo 256; number of the sample that is
-    /// answered.
+    /// Frame of the stream, modulo 256, counted from 0 after the command [`super::Action::Stream`]. In an answer, the number of
+    /// the sample.
     pub frame: u8,
     /// Channel, as in the robot's configuration; 0 to 127.
     pub channel: u8,
-    /// True for the gains of the robot's configuration, false for the parts of them that [`super::Action::Track`] named. Ignored
-    /// in a stream.
+    /// True to use the gains of the robot's configuration. False to multiply them by the fractions in [`super::Action::Track`].
+    /// Ignored in a stream.
     pub stiff: bool,
     /// Angle of a joint, rad; speed of a wheel, rad/s.
     pub value: f32,
-    /// Torque that is fed forward, N·m.
+    /// Feed-forward torque, N·m.
     pub torque_nm: f32,
 }
 
 impl Setpoint {
-    /// `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Numbers beyond
-    /// their scale saturate; NaN becomes 0.
+    /// Encodes `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Values
+    /// beyond their scale saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
         // An f32 has all steps, but a product of two in f32 can be the next one.
         let exact = f64::from(self.value) * f64::from(VALUE_STEPS);
@@ -45,7 +45,7 @@ impl Setpoint {
         SETPOINT.seal(to, [0, self.frame, channel, v0, v1, v2, t0, t1])
     }
 
-    /// Addressee and setpoint.
+    /// Decodes addressee and set-point.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, number, channel, v0, v1, v2, t0, t1]) = SETPOINT.unseal(frame)?;
         let bad = DecodeError::BadValue;

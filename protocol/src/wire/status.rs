@@ -8,35 +8,35 @@ use crate::faults::{Fault, FaultBits, Severity};
 const STATUS: Kind = Kind::new(3, 0);
 const FAULT: Kind = Kind::new(3, 1);
 
-/// Code for no clip and for no channel.
+/// Code for a missing clip or channel.
 const NONE: u8 = 0xFF;
 
 coded! {
     /// State of the controller.
     State {
-        /// Before the first tick.
+        /// Waiting for the first tick.
         Boot = 0,
-        /// Examines configuration, settings and library.
+        /// Checking configuration, settings and library.
         SelfTest = 1,
-        /// Torque off; a library may be written, arming is possible.
+        /// Torque off. A library may be written, and arming is possible.
         Disarmed = 2,
-        /// Moves slowly from the measured pose to the SAFE pose.
+        /// Moving slowly from the measured pose to the SAFE pose.
         Aligning = 3,
-        /// Holds the SAFE node of the motion graph.
+        /// Holding the SAFE node of the motion graph.
         Ready = 4,
-        /// Plays motions and transitions of the graph.
+        /// Playing motions and transitions of the graph.
         Playing = 5,
-        /// Holds still within a motion.
+        /// Holding still within a motion.
         Paused = 6,
-        /// Follows the graph to SAFE without accepting motions, then holds there for a moment.
+        /// Following the graph to SAFE without accepting motions, then holding there briefly.
         Returning = 7,
         /// Joints free but damped (kp 0), so that the robot sinks instead of falling.
         Damped = 8,
-        /// Torque off; waits for a clear when a fault is latched.
+        /// Torque off; waiting for a clear if a fault is latched.
         TorqueOff = 9,
         /// Torque off; latched until the operator clears it.
         EStopped = 10,
-        /// Follows setpoints that the host streams.
+        /// Following set-points that the host streams.
         Streaming = 11,
     }
 }
@@ -48,7 +48,7 @@ pub enum Torque {
     Off,
     /// Damping only.
     Damped,
-    /// Follow setpoints.
+    /// Following set-points.
     Driven,
 }
 
@@ -74,7 +74,7 @@ impl State {
         matches!(self, Self::Ready | Self::Playing)
     }
 
-    /// The reaction under way with these faults, or else [`Severity::Notice`] that there are some.
+    /// Current reaction to `faults`; [`Severity::Notice`] if there are faults without a reaction.
     pub fn severity(self, faults: FaultBits) -> Severity {
         match self {
             Self::EStopped => Severity::EStop,
@@ -90,26 +90,25 @@ impl State {
 /// Controller status, sent every [`super::STATUS_PERIOD_MS`] and on change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// State.
+    /// State of the controller.
     pub state: State,
-    /// Reaction under way.
+    /// Current reaction to the faults.
     pub severity: Severity,
-    /// Faults present.
+    /// Present faults.
     pub faults: FaultBits,
-    /// Clip being played: motions, then transitions, as in the library.
+    /// Current clip, in the order of the library: motions, then transitions.
     pub clip: Option<u8>,
-    /// Frame of that clip, 0 to 4095; while streaming the frames played so far, modulo 4096.
+    /// Frame of that clip, 0 to 4095. While streaming, the number of frames played so far, modulo 4096.
     pub frame: u16,
-    /// 0 to 15, one more (and around) with each status message.
+    /// Counter of status messages, 0 to 15; wraps.
     pub counter: u8,
-    /// Low byte of the active library's identity; 0 without library.
+    /// Low byte of the active library's identity; 0 without a library.
     pub library: u8,
 }
 
 impl Status {
-    /// `[crc8][state 4 low bits, severity 4 high bits][faults u16][clip u8, 255 none]
-    /// [frame 12 low bits, counter 4 high bits: u16][library u8]`. A frame above 4095 is sent as
-    /// 4095.
+    /// Encodes `[crc8][state 4 low bits, severity 4 high bits][faults u16][clip u8, 255 none]`
+    /// `[frame 12 low bits, counter 4 high bits: u16][library u8]`. A frame above 4095 is sent as 4095.
     pub fn encode(self, from: Node) -> Frame {
         let [f0, f1] = self.faults.0.to_le_bytes();
         let place = self.frame.min(0xFFF) | u16::from(self.counter & 0xF) << 12;
@@ -118,7 +117,7 @@ impl Status {
         STATUS.seal(from, [0, head, f0, f1, self.clip.unwrap_or(NONE), p0, p1, self.library])
     }
 
-    /// Sender and status.
+    /// Decodes sender and status.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, head, f0, f1, clip, p0, p1, library]) = STATUS.unseal(frame)?;
         let place = u16::from_le_bytes([p0, p1]);
@@ -140,23 +139,23 @@ impl Status {
 pub struct FaultReport {
     /// Counter of reports; wraps.
     pub counter: u8,
-    /// The fault.
+    /// Reported fault.
     pub fault: Fault,
-    /// Channel concerned, see [`Fault::description`].
+    /// Channel concerned; see [`Fault::description`].
     pub channel: Option<u8>,
-    /// Offending value in SI units, see [`Fault::description`]; 0 when there is none.
+    /// Offending value in SI units, 0 if there is none; see [`Fault::description`].
     pub value: f32,
 }
 
 impl FaultReport {
-    /// `[crc8][counter u8][fault u8][channel u8, 255 none][value f32]`
+    /// Encodes `[crc8][counter u8][fault u8][channel u8, 255 none][value f32]`.
     pub fn encode(self, from: Node) -> Frame {
         let [v0, v1, v2, v3] = self.value.to_le_bytes();
         let channel = self.channel.unwrap_or(NONE);
         FAULT.seal(from, [0, self.counter, self.fault.code(), channel, v0, v1, v2, v3])
     }
 
-    /// Sender and report.
+    /// Decodes sender and report.
     pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
         let (node, [_, counter, fault, channel, v0, v1, v2, v3]) = FAULT.unseal(frame)?;
         let report = Self {
@@ -173,7 +172,7 @@ impl FaultReport {
 mod tests {
     use super::*;
 
-    /// The table written a second time: STATUS tells the operator which reaction is under way.
+    /// Independent copy of the table: STATUS shows the current reaction to the operator.
     #[test]
     fn severity_is_the_reaction_under_way() {
         use Severity as V;

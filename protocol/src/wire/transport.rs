@@ -4,19 +4,19 @@
 //!
 //! ```text
 //! host                                 controller (disarmed)
-//! Begin {len, crc}                ──>  makes room
+//! Begin {len, digest}             ──>  makes room
 //!                                 <──  Reply {Ok, next 0}
 //! Block {offset 0, …}             ──>  checks the block's CRC, writes
 //!                                 <──  Reply {Ok, next 512}
 //! …                                    a block received before: Ok; one too far ahead: OutOfOrder.
-//!                                      Both with `next`, where the host goes on
-//! Finish                          ──>  reads all back, checks CRC, validates
+//!                                      Both with `next`, where the host continues
+//! Finish                          ──>  reads all back, checks the digest, validates
 //!                                 <──  Reply {Ok}, or Rejected with section, offset and reason
-//! Activate {crc}                  ──>  plays from it from now on
+//! Activate {digest}               ──>  plays from this library from now on
 //!                                 <──  Reply {Ok}
 //! ```
 //!
-//! After a lost link the host sends the same Begin again, and goes on at the answer's `next`.
+//! After a lost link the host sends Begin with the same values again, and continues at `next` in the answer.
 
 use super::isotp;
 use super::{Kind, LOG_ENTRY_BYTES, Log, Node};
@@ -28,25 +28,25 @@ use crate::library::Reject;
 pub(super) const TO_CONTROLLER: Kind = Kind::new(5, 0);
 pub(super) const TO_HOST: Kind = Kind::new(5, 1);
 
-/// Most bytes of a library in one block.
+/// Maximum number of library bytes in one block.
 pub const MAX_BLOCK: usize = 512;
-/// Longest message: a block with its head.
+/// Maximum length of a message, bytes: a block with its head.
 pub const MAX_MESSAGE: usize = 9 + MAX_BLOCK;
 
-/// An end of the transport, with buffers for one message each way.
+/// End of the transport, with buffers for one message in each direction.
 pub type Endpoint = isotp::Endpoint<MAX_MESSAGE>;
 
-/// The frame of an [`Endpoint`]'s output from the host to a controller.
+/// Frame for `pdu`, sent by the host to a controller.
 pub fn frame_to_controller(to: Node, pdu: &isotp::Pdu) -> Frame {
     pdu.frame(TO_CONTROLLER.id(to))
 }
 
-/// The frame of an [`Endpoint`]'s output from a controller to the host.
+/// Frame for `pdu`, sent by a controller to the host.
 pub fn frame_to_host(from: Node, pdu: &isotp::Pdu) -> Frame {
     pdu.frame(TO_HOST.id(from))
 }
 
-/// Identifier of the frames of the other direction; `None` when `id` is not one of the transport's.
+/// Identifier of the opposite direction; `None` if `id` does not belong to the transport.
 pub(crate) fn partner(id: u16) -> Option<u16> {
     let is_ours = |kind: Kind| id & 0x70F == kind.id(Node(0));
     (is_ours(TO_CONTROLLER) || is_ours(TO_HOST)).then_some(id ^ 1)
@@ -55,54 +55,54 @@ pub(crate) fn partner(id: u16) -> Option<u16> {
 /// Request of a host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {
-    /// Asks for the controller's identity; answered by [`Response::Hello`].
+    /// Requests the controller's identity; answered by [`Response::Hello`].
     Hello {
-        /// Host's major protocol version.
+        /// Major protocol version of the host.
         major: u8,
-        /// Host's minor protocol version.
+        /// Minor protocol version of the host.
         minor: u8,
     },
-    /// Asks for the log; answered by [`Response::Log`] in every state.
+    /// Requests the log; answered by [`Response::Log`] in every state.
     Log {
         /// Number of the first entry requested.
         since: u32,
     },
-    /// Begins the transfer of a library, or resumes that of the same one.
+    /// Begins or resumes the transfer of a library.
     Begin {
-        /// Bytes of the library.
+        /// Size of the library, bytes.
         len: u32,
-        /// [Digest](crate::crc::file_digest) of all its bytes.
+        /// [Digest](crate::crc::file_digest) of all bytes of the library.
         digest: u32,
     },
-    /// A block of the library, 1 to [`MAX_BLOCK`] bytes. Repeating a block does no harm.
+    /// Block of the library, 1 to [`MAX_BLOCK`] bytes. Repeated blocks are harmless.
     Block {
         /// Offset in the library.
         offset: u32,
-        /// The bytes.
+        /// Bytes of the block.
         bytes: &'a [u8],
     },
-    /// Ends the transfer: the controller checks the library.
+    /// Ends the transfer, after which the controller checks the library.
     Finish,
     /// Activates the library.
     Activate {
-        /// [Digest](crate::crc::file_digest) of all its bytes, which identifies it.
+        /// [Digest](crate::crc::file_digest) of all bytes of the library, which identifies it.
         digest: u32,
     },
 }
 
-/// A message that cannot be read.
+/// Reason why a message cannot be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransportError {
-    /// A type that this version does not know.
+    /// Message type that this version does not define.
     #[error("unknown message type {0:#04x}")]
     UnknownType(u8),
-    /// Empty, or not of the length of its type.
+    /// The message is empty, or does not have the length of its type.
     #[error("wrong length")]
     BadLength,
     /// The checksum of a block does not match.
-    #[error("the block's checksum does not fit")]
+    #[error("the block's checksum does not match")]
     BadCrc,
-    /// A field has a value that this version does not know.
+    /// A field has a value that this version does not define.
     #[error("unknown value")]
     BadValue,
 }
@@ -118,7 +118,7 @@ const LOG: u8 = 0x82;
 const REPLY: u8 = 0x90;
 
 impl<'a> Request<'a> {
-    /// Number of the request's type on the wire; a [`Response::Reply`] names it.
+    /// Type of the request on the wire, as in [`Response::Reply`].
     pub fn kind(&self) -> u8 {
         match self {
             Request::Hello { .. } => HELLO_REQUEST,
@@ -130,13 +130,12 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// True if requests of this type are about a library transfer, and so need [authentication](super::authentication).
+    /// True if requests of this type belong to a library transfer, and therefore need [authentication](super::authentication).
     pub fn is_transfer(kind: u8) -> bool {
         (BEGIN..=ACTIVATE).contains(&kind)
     }
 
-    /// The message's bytes in `out`. `None` when they do not fit, or for a block that is empty or
-    /// longer than [`MAX_BLOCK`].
+    /// Encodes the message into `out`. `None` if it does not fit, or if a block is empty or longer than [`MAX_BLOCK`].
     pub fn encode<'o>(&self, out: &'o mut [u8]) -> Option<&'o [u8]> {
         let mut w = Bytes { out, len: 0 };
         w.put(&[self.kind()])?;
@@ -161,7 +160,7 @@ impl<'a> Request<'a> {
         w.finish()
     }
 
-    /// The request in a received message.
+    /// Decodes the request in a received message.
     pub fn decode(message: &'a [u8]) -> Result<Self, TransportError> {
         let (&kind, rest) = message.split_first().ok_or(TransportError::BadLength)?;
         let bad_length = |_| TransportError::BadLength;
@@ -209,19 +208,19 @@ pub struct Hello {
     pub major: u8,
     /// Minor protocol version.
     pub minor: u8,
-    /// [`super::SCHEMA_HASH`] of its firmware.
+    /// Schema of the firmware ([`super::SCHEMA_HASH`]).
     pub schema_hash: u32,
     /// Hash of the robot's configuration ([`crate::config::RobotConfig::hash`]).
     pub config_hash: u32,
-    /// Major version of the library format that it reads.
+    /// Major version of the library format that the controller reads.
     pub format_major: u16,
-    /// Minor version of the library format that it reads.
+    /// Minor version of the library format that the controller reads.
     pub format_minor: u16,
     /// Identity of the active library ([`crate::library::Index::id`]).
     pub library: Option<u32>,
-    /// Longest block that it accepts, bytes.
+    /// Maximum length of a block that the controller accepts, bytes.
     pub max_block: u16,
-    /// Channels of the robot.
+    /// Number of channels of the robot.
     pub channels: u8,
 }
 
@@ -234,53 +233,53 @@ coded! {
         WrongState = 1,
         /// The library is longer than the store.
         TooLong = 2,
-        /// Ahead of the transfer: go on at `next`.
+        /// The block is ahead of the transfer: continue at `next`.
         OutOfOrder = 3,
-        /// A checksum does not match.
+        /// A checksum is wrong.
         BadCrc = 4,
-        /// Missing begin of a transfer.
+        /// The transfer was not begun.
         NotBegun = 5,
-        /// Bytes are missing: go on at `next`.
+        /// Bytes are missing: continue at `next`.
         Incomplete = 6,
-        /// Library that this robot cannot play: the reply has section, offset and reason.
+        /// The robot cannot play the library; the reply contains section, offset and reason.
         Rejected = 7,
-        /// The transfer is not finished, or another library was.
+        /// The transfer is not finished, or the finished library is another one.
         NotFinished = 8,
         /// The store cannot be written.
         StoreFailed = 9,
         /// Request that this version does not implement.
         UnknownRequest = 10,
-        /// Authentication missing: only hosts with the robot's link key are obeyed ([`super::authentication`]).
+        /// Authentication is missing: the controller accepts only hosts with the robot's link key ([`super::authentication`]).
         AuthenticationRequired = 11,
     }
 }
 
-/// [`Reply::why`] of a library whose signature is missing or not the owner's; validation has no such code.
+/// Value of [`Reply::why`] if the library's signature is missing or not the owner's. Validation does not use this code.
 pub const UNSIGNED: u8 = 0;
 
-/// The answer to a transfer request.
+/// Answer to a transfer request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
-    /// [`Request::kind`] of the request.
+    /// Type of the request ([`Request::kind`]).
     pub request: u8,
     /// Result of the request.
     pub result: TransferResult,
-    /// Offset of the first byte that the controller has not received. After
-    /// [`TransferResult::Rejected`]: offset of the fault in the library.
+    /// Offset of the first byte that the controller has not received. After [`TransferResult::Rejected`], the offset of the
+    /// fault in the library.
     pub next: u32,
-    /// After [`TransferResult::Rejected`]: code of the section ([`crate::library::Section::code`]).
+    /// Code of the section ([`crate::library::Section::code`]) after [`TransferResult::Rejected`].
     pub section: u8,
-    /// After [`TransferResult::Rejected`]: code of the reason ([`crate::library::Why::code`], or [`UNSIGNED`]).
+    /// Code of the reason ([`crate::library::Why::code`] or [`UNSIGNED`]) after [`TransferResult::Rejected`].
     pub why: u8,
 }
 
 impl Reply {
-    /// An answer without rejection.
+    /// Creates an answer without rejection.
     pub fn new(request: u8, result: TransferResult, next: u32) -> Self {
         Self { request, result, next, section: 0, why: 0 }
     }
 
-    /// The answer to a rejected library.
+    /// Creates the answer to a rejected library.
     pub fn rejected(request: u8, reject: &Reject) -> Self {
         Self {
             request,
@@ -299,12 +298,12 @@ pub enum Response {
     Hello(Hello),
     /// Answer to [`Request::Log`].
     Log(Log),
-    /// Answer to all other requests.
+    /// Answer to any other request.
     Reply(Reply),
 }
 
 impl Response {
-    /// The message's bytes in `out`; `None` when they do not fit.
+    /// Encodes the message into `out`; `None` if it does not fit.
     pub fn encode<'o>(&self, out: &'o mut [u8]) -> Option<&'o [u8]> {
         let mut w = Bytes { out, len: 0 };
         match self {
@@ -335,7 +334,7 @@ impl Response {
         w.finish()
     }
 
-    /// The response in a received message.
+    /// Decodes the response in a received message.
     pub fn decode(message: &[u8]) -> Result<Self, TransportError> {
         let (&kind, rest) = message.split_first().ok_or(TransportError::BadLength)?;
         let mut r = Fields { rest };

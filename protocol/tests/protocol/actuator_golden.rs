@@ -1,4 +1,4 @@
-//! Bytes of the Rollwalk servo profile. Do not change: servos and gateways depend on them.
+//! Golden bytes of the Rollwalk servo profile. Do not change them: servos and gateways depend on them.
 
 use proptest::prelude::*;
 use rollwalk_protocol::actuator::*;
@@ -148,7 +148,7 @@ proptest! {
         prop_assert!(close(got.torque_limit_nm, torque_limit_nm, TORQUE_STEP_NM));
     }
 
-    /// Setpoints with a torque keep the accuracy of positions; gains are within half a percent, torques within 0.4 % or 2.5 mN·m.
+    /// Set-points with torque keep the accuracy of positions. Gains are accurate to 0.5 %, torques to 0.4 % or 2.5 mN·m.
     #[test]
     fn setpoints_with_torque_return_within_their_errors(
         position_rad in -6.5f32..6.5,
@@ -187,7 +187,7 @@ proptest! {
         prop_assert!(near(got.torque_limit_nm, torque_limit_nm, 0.008, 2.6e-3), "{got:?}");
     }
 
-    /// Decoded messages encode to the same bytes again: each meaning has a single encoding.
+    /// Decoded messages encode to the same bytes again, since each meaning has a single encoding.
     #[test]
     fn arbitrary_frames(id in 0u16..0x400, data in proptest::collection::vec(any::<u8>(), 0..=8)) {
         let frame = Frame::standard(id, &data).unwrap();
@@ -207,7 +207,7 @@ proptest! {
     }
 }
 
-/// Fuzzing found 837.9 rad/s, which came back a step beside.
+/// Above 419 rad/s a decoded speed may encode to the neighbouring step. Fuzzing found this at 837.9 rad/s.
 #[test]
 fn a_wheels_speed_is_exact_to_419_rad_s() {
     let (_, wheel) = WheelSetpoint::decode(&frame_of_speed(8_379_144)).expect("a setpoint");

@@ -1,4 +1,4 @@
-//! Tests of every actuator protocol, and helpers that the tests of each protocol share.
+//! Tests of every actuator protocol, and helpers for the tests of each protocol.
 
 use proptest::prelude::*;
 use rollwalk_protocol::actuator_protocols;
@@ -22,7 +22,7 @@ pub fn can_text(frame: &Frame) -> String {
     frame.to_string().to_lowercase()
 }
 
-/// Frames that a command sends; a refused command must send none.
+/// Frames that a command sends. A refused command must send none.
 pub fn sent<P: Codec>(protocol: &P, id: u8, command: Command) -> Result<Vec<P::Sent>, Refusal> {
     let mut frames = Vec::new();
     let result = protocol.emit(&ActuatorCommand { id, command }, &mut |frame| frames.push(frame));
@@ -53,7 +53,7 @@ const MAESTRO: Maestro = Maestro {
     pulse: Pulse { centre_us: 1500.0, us_per_rad: 600.0, limits_us: (500.0, 2500.0) },
 };
 
-/// Calls `$check(codec, key, function that counts the bits of a frame or packet)` with the examples of every protocol.
+/// Calls `$check(codec, key, bits)` for the examples of every protocol; `bits` counts the bits of a frame or packet.
 macro_rules! with_all {
     ($check:ident) => {
         actuator_protocols!(with_each, $check)
@@ -77,7 +77,7 @@ macro_rules! bits_of {
     };
 }
 
-/// Setpoint that the protocol accepts by its capabilities.
+/// Set-point that the protocol accepts according to its capabilities.
 fn usable<P: Codec>(protocol: &P, rad: f32) -> JointSetpoint {
     let each_time = protocol.capabilities().gains == UpdatePolicy::EverySetpoint;
     joint(rad, 0.1, 0.0, each_time.then_some((20.0, 0.5)))
@@ -89,7 +89,7 @@ fn usable_wheel<P: Codec>(protocol: &P) -> WheelSetpoint {
     wheel(1.0, kd, (can.limits == UpdatePolicy::EverySetpoint).then_some(2.0))
 }
 
-/// Capabilities match the commands that are accepted.
+/// Checks that the capabilities match the accepted commands.
 #[test]
 fn capabilities_are_true() {
     fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -130,7 +130,7 @@ fn capabilities_are_true() {
     with_all!(check);
 }
 
-/// Enabling sends the measured pose before torque comes on, or the actuator forgets its setpoint (Rollwalk).
+/// Enabling sends the measured pose before torque is on, or makes the actuator discard earlier set-points (Rollwalk).
 #[test]
 fn enabling_tells_the_measured_pose_before_torque() {
     fn check<P: Codec<Sent: PartialEq>>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -149,7 +149,7 @@ fn enabling_tells_the_measured_pose_before_torque() {
     with_all!(check);
 }
 
-/// NaN and infinity are refused in every field of every command of every protocol.
+/// NaN and infinity are refused in every field of every command.
 #[test]
 fn no_nan_and_no_infinity_is_sent() {
     fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -188,7 +188,7 @@ fn no_nan_and_no_infinity_is_sent() {
     with_all!(check);
 }
 
-/// Orders are all checked before any frame is sent: an order that cannot be encoded refuses all of them.
+/// Orders are checked before any frame is sent: one order that cannot be encoded refuses all of them.
 #[test]
 fn one_bad_order_stops_all() {
     fn check<P: Codec>(protocol: &P, name: &str, _: fn(&P::Sent) -> u32) {
@@ -203,7 +203,7 @@ fn one_bad_order_stops_all() {
     with_all!(check);
 }
 
-/// Traffic of a control period, for random setpoints, stays within the declared worst case.
+/// Traffic of a control period with random set-points stays within the declared worst case.
 #[test]
 fn traffic_is_the_worst_case() {
     fn check<P: Codec>(protocol: &P, name: &str, bits: fn(&P::Sent) -> u32) {
@@ -232,8 +232,8 @@ fn traffic_is_the_worst_case() {
     with_all!(check);
 }
 
-/// 16 actuators on 1 Mbit/s: 135 bits for an 11-bit frame of 8 bytes, 160 for a 29-bit one. A
-/// Dynamixel line of 3 Mbit/s has 10 bits a byte.
+/// Load of 16 actuators at 1 Mbit/s: 135 bits for an 11-bit frame of 8 bytes, 160 bits for a 29-bit frame. A Dynamixel line of
+/// 3 Mbit/s has 10 bits per byte.
 #[test]
 fn loads_of_sixteen_actuators() {
     let near = |load: f32, expected: f32| assert!((load - expected).abs() < 5e-4, "{load}");
@@ -259,7 +259,7 @@ fn loads_of_sixteen_actuators() {
     assert!(MIT.traffic(u32::MAX).check(1.0, 1e6).is_err());
 }
 
-/// The profile behind the trait sends the bytes that `docs/formats/wire-format.md` has.
+/// The codec of the profile sends the bytes in `docs/formats/wire-format.md`.
 #[test]
 fn rollwalk_profile_behind_the_trait() {
     let text = |command| can_text(&sent(&Rollwalk, 5, command).unwrap()[0]);
@@ -333,7 +333,7 @@ fn finite(told: Option<(u8, Feedback)>) -> bool {
 }
 
 proptest! {
-    /// Random command for any address: gives frames or a refusal.
+    /// A random command for any address gives frames or a refusal.
     #[test]
     fn any_command_does(command in any_command(), id: u8) {
         for protocol in Protocol::examples() {
@@ -348,7 +348,7 @@ proptest! {
         }
     }
 
-    /// Random frame: gives finite feedback or none.
+    /// A random frame gives finite feedback or `None`.
     #[test]
     fn any_frame_does(id in 0u32..1 << 29, data in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF), Just(0x7F)], 0..=8)) {
         let frame = Frame::standard(id as u16 & 0x7FF, &data).unwrap();

@@ -1,4 +1,4 @@
-//! CyberGear against its manual, section 4.1: identifiers, scales, bits.
+//! Tests of the CyberGear codec against its manual, section 4.1: identifiers, scales, bits.
 
 use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ fn frames(command: Command) -> Vec<String> {
     sent(&MOTORS, 0x7F, command).unwrap().iter().map(can_text).collect()
 }
 
-/// Types 0, 3, 4, 6 (4.1.1, 4.1.4 to 4.1.6): bits 28 to 24 the type, 15 to 8 the host, 7 to 0 the motor.
+/// Types 0, 3, 4, 6 (4.1.1, 4.1.4 to 4.1.6): bits 28 to 24 are the type, 15 to 8 the host, 7 to 0 the motor.
 #[test]
 fn commands() {
     assert_eq!(can_text(&MOTORS.get_id(0x7F)), "0000fd7f#0000000000000000");
@@ -28,8 +28,8 @@ fn commands() {
     assert_eq!(frames(Command::EnableTorque), enable);
 }
 
-/// Type 1 (4.1.2): torque in bits 23 to 8, then position, speed, kp, kd; 0 to 65535 are the ends of
-/// ±4π rad, ±30 rad/s, 0 to 500, 0 to 5, ±12 N·m.
+/// Type 1 (4.1.2): bits 23 to 8 are the torque; position, speed, kp and kd follow. Codes 0 and 65535 are the ends of ±4π rad,
+/// ±30 rad/s, 0 to 500, 0 to 5, and ±12 N·m.
 #[test]
 fn setpoints_from_end_to_end() {
     let low = joint(-TABLE_MAX_RAD, -30.0, -12.0, Some((0.0, 0.0)));
@@ -55,7 +55,7 @@ fn setpoints_from_end_to_end() {
     }
 }
 
-/// The sample program of 4.2.1 has ±12.5 rad where the tables have ±4π: half a percent.
+/// The sample program of 4.2.1 has ±12.5 rad where the tables have ±4π, a difference of 0.5 %.
 #[test]
 fn the_two_position_scales_of_the_manual() {
     let sample = CyberGear { max_position_rad: SAMPLE_MAX_RAD, ..MOTORS };
@@ -65,7 +65,8 @@ fn the_two_position_scales_of_the_manual() {
     assert_eq!(text(&MOTORS), "01800001#ff52800000000000");
 }
 
-/// Types 17, 18 (4.1.8, 4.1.9): index and value little-endian; 0x700B torque limit, 0x7017 speed limit.
+/// Parameters are read with type 17 and written with type 18 (4.1.8, 4.1.9). Index and value are little-endian. 0x700B is the
+/// torque limit, 0x7017 the speed limit.
 #[test]
 fn parameters() {
     let limits = Command::Limits { speed_rad_s: 10.0, torque_nm: 6.0 };
@@ -82,7 +83,7 @@ fn parameters() {
     assert_eq!(MOTORS.parameter(&read), None);
 }
 
-/// Type 2 (4.1.3): motor in bits 15 to 8, faults 21 to 16, mode 23 to 22; temperature in tenths.
+/// Type 2 (4.1.3): bits 15 to 8 are the motor, 21 to 16 faults, 23 to 22 the mode; the temperature is in tenths of a °C.
 #[test]
 fn feedback() {
     let data = [0xFF, 0xFF, 0, 0, 0xFF, 0xFF, 0x01, 0x4D];
@@ -109,7 +110,7 @@ fn feedback() {
     assert_eq!(told(0x0280_7F01), None);
 }
 
-/// Type 21 (4.1.10), with its addresses either way round.
+/// Type 21 (4.1.10), with its addresses in either order.
 #[test]
 fn fault_frames() {
     for id in [0x1500_7FFD, 0x1500_FD7F] {

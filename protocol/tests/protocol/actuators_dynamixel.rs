@@ -1,4 +1,4 @@
-//! Dynamixel Protocol 2.0 against the e-Manual: `dxl/protocol2` (all its examples for the instructions used here),
+//! Tests of the Dynamixel codec against the e-Manual: `dxl/protocol2` (all its examples for the instructions used here),
 //! `x/xm430-w210`, `x/xm540-w150`.
 
 use crate::actuators_all::{joint, sent, wheel};
@@ -43,7 +43,7 @@ fn status(hex: &str) -> Message {
     framed(&bytes(hex)).pop().unwrap()
 }
 
-/// Example packets of the page: Ping (0x01), Read, Write, Reboot, Sync Read, Sync Write.
+/// Example packets of the manual: Ping (0x01), Read, Write, Reboot, Sync Read, Sync Write.
 #[test]
 fn instructions_of_the_manual() {
     let ping = packet(1, 1, &[]).unwrap();
@@ -63,7 +63,7 @@ fn instructions_of_the_manual() {
     assert_eq!(write.packet().unwrap()[..], bytes(expected));
 }
 
-/// The page's answers to Ping, Read, Write and Sync Read.
+/// Example answers of the manual to Ping, Read, Write and Sync Read.
 #[test]
 fn answers_of_the_manual() {
     for (hex, id, data) in [
@@ -83,7 +83,7 @@ fn answers_of_the_manual() {
     assert_eq!((echo.status(), SERVOS.decode(&echo)), (None, None));
 }
 
-/// Packet that servos build together in answer to a fast sync read: each part ends with the CRC of all bytes before it.
+/// Packet that servos build together in answer to a fast sync read. Each part ends with the CRC of all bytes before it.
 fn fast(answers: &[(u8, [u8; 10])]) -> Vec<u8> {
     let [low, high] = (1 + 14 * answers.len() as u16).to_le_bytes();
     let mut all = [&HEADER[..], &[BROADCAST, low, high, STATUS]].concat();
@@ -95,7 +95,7 @@ fn fast(answers: &[(u8, [u8; 10])]) -> Vec<u8> {
     all
 }
 
-/// Parts that are taken from a stream, each as soon as its last byte is there; then the line is silent.
+/// Parts extracted from a stream, each with the index of the byte after which it was complete. Afterwards the line is silent.
 fn parts(stream: &[u8]) -> Vec<(usize, u8, [u8; 10])> {
     let mut line = ReceiveBuffer::default();
     let mut found = Vec::new();
@@ -113,7 +113,8 @@ fn parts(stream: &[u8]) -> Vec<(usize, u8, [u8; 10])> {
     found
 }
 
-/// The page's example of fast sync read: its question; and its answer, of 4 bytes each, has the sums that ours have.
+/// Query and answer of the manual's example of fast sync read. The answer has parts of 4 bytes, so only its checksums are
+/// compared.
 #[test]
 fn fast_sync_read_of_the_manual() {
     let question = fast_sync_read(table::PRESENT_POSITION, 4, &[3, 7, 4]).unwrap();
@@ -128,8 +129,8 @@ fn fast_sync_read_of_the_manual() {
     }
 }
 
-/// A silent or misunderstood servo costs its own part and those behind it, none before. Headers are searched for in bytes that
-/// turn out not to be data, and never in known data.
+/// Parts before a silent servo or a damaged part are received, but no later ones. Headers are searched in bytes that turn out
+/// not to be data, and never in valid data.
 #[test]
 fn parts_of_an_answer_of_many() {
     let header = [0xFF, 0xFF, 0xFD, 0, 0xFE, 15, 0, 0x55, 0xFF, 0xFF];
@@ -158,7 +159,7 @@ fn parts_of_an_answer_of_many() {
     assert_eq!(std::iter::from_fn(|| take(&mut line, false)).count(), 3);
 }
 
-/// Packets after parts that never came, or after a damaged part, are taken as soon as they are there.
+/// Packets after missing or damaged parts are extracted as soon as they are complete.
 #[test]
 fn a_packet_after_parts_that_failed() {
     let whole = fast(&[(3, [1; 10]), (7, [2; 10])]);
@@ -181,7 +182,7 @@ fn a_packet_after_parts_that_failed() {
     assert_eq!(next(&mut line, false, true), expected);
 }
 
-/// Fast reads carry as many servos as fit into a packet; more servos are read by an ordinary sync read.
+/// A fast read is used for up to as many servos as fit in one packet, an ordinary sync read for more.
 #[test]
 fn a_line_of_many_is_read_as_ever() {
     let servos = Dynamixel { reads_fast: true, ..SERVOS };
@@ -200,7 +201,7 @@ fn a_line_of_many_is_read_as_ever() {
     assert_eq!(servos.traffic(18), SERVOS.traffic(18));
 }
 
-/// "0xFF 0xFF 0xFD" in the parameters gets an 0xFD more, and the length counts it.
+/// Stuffing inserts 0xFD after "0xFF 0xFF 0xFD" in the parameters, and counts in the length.
 #[test]
 fn stuffing() {
     let stuffed = packet(1, WRITE, &[0xFF, 0xFF, 0xFD, 0, 0xFF, 0xFF, 0xFF, 0xFD]).unwrap();
@@ -209,7 +210,7 @@ fn stuffing() {
     assert_eq!(message.parameters[..], bytes("FF FF FD 00 FF FF FF FD"));
 }
 
-/// Bit 7 of the error byte is the alert, the rest why the instruction was not carried out.
+/// Bit 7 of the error byte is the alert. The other bits contain the reason why the instruction was not executed.
 #[test]
 fn error_byte() {
     let answer = |error: u8| framed(&packet(3, STATUS, &[error]).unwrap()).pop().unwrap();
@@ -302,8 +303,8 @@ fn written(orders: &[ActuatorCommand]) -> Vec<(u16, Vec<u8>)> {
     writes
 }
 
-/// The goal is the measured pose before torque comes on, and an expired watchdog is cleared before
-/// goals are written: while it reads −1 they cannot be.
+/// The goal is the measured pose before torque is on. An expired watchdog is cleared before goals are written, since they
+/// cannot be written while it reads −1.
 #[test]
 fn enabling_writes_in_order() {
     let enable =
@@ -326,7 +327,7 @@ fn enabling_writes_in_order() {
     assert_eq!(current(one_amp), [(102, vec![1, 0x8C, 0xFE])]);
 }
 
-/// Servos without a current sensor have no goal current, report a load in place of the current, and accept no torque.
+/// Servos without a current sensor lack a goal current, report a load instead of the current, and accept no torque.
 #[test]
 fn a_servo_without_a_current_sensor() {
     let servos = Dynamixel { model: table::XL430_W250, ..SERVOS };
@@ -385,7 +386,7 @@ fn measurements() {
     assert!(near(told.torque_nm, -0.269 * 3.0 / 2.3));
 }
 
-/// Number of positions at which a packet with a right CRC begins; packets may overlap.
+/// Number of positions at which a packet with a valid CRC begins; packets may overlap.
 fn whole_packets(stream: &[u8]) -> usize {
     let whole = |at: &usize| match stream[*at..] {
         [0xFF, 0xFF, 0xFD, 0, _, low, high, ..] => {
@@ -400,7 +401,7 @@ fn whole_packets(stream: &[u8]) -> usize {
     (0..stream.len()).filter(whole).count()
 }
 
-/// A cut packet that the next one's first byte makes whole is a packet, and takes that byte with it.
+/// A cut packet that becomes valid with the first byte of the next one counts as a packet, and uses up that byte.
 #[test]
 fn a_header_can_end_a_cut_packet() {
     let ends_like_a_header = (0..=u16::MAX)
@@ -444,8 +445,8 @@ proptest! {
         prop_assert_eq!(&found[0].parameters[..], &parameters[..]);
     }
 
-    /// Packets survive any garbage between them, cut packets and false headers with any length included. One case is left out: a
-    /// cut packet that lacks a final 0xFF in its CRC is completed by the next header, which is then lost.
+    /// Packets survive any garbage between them, including cut packets and false headers with any length. One case is excluded:
+    /// a cut packet that lacks a final 0xFF in its CRC is completed by the next header, whose packet is then lost.
     #[test]
     fn packets_survive_garbage(pieces in proptest::collection::vec((garbage(), 0u8..=252, parameters()), 1..4)) {
         let mut stream = Vec::new();
@@ -460,7 +461,7 @@ proptest! {
         }
     }
 
-    /// A single wrong bit anywhere hides the packet.
+    /// A single wrong bit at any position hides the packet.
     #[test]
     fn a_wrong_bit_is_noticed(id in 0u8..=252, parameters in proptest::collection::vec(any::<u8>(), 0..30), at: prop::sample::Index) {
         let mut whole = packet(id, STATUS, &parameters).unwrap();
@@ -482,7 +483,7 @@ proptest! {
         while take(&mut deframer, true).is_some() {}
     }
 
-    /// Second algorithm: bit by bit, as the polynomial is defined.
+    /// Compares the CRC with a second algorithm, bit by bit from the definition of the polynomial.
     #[test]
     fn crc16_is_the_remainder(data in proptest::collection::vec(any::<u8>(), 0..40)) {
         let bitwise = data.iter().fold(0u16, |crc, &byte| {

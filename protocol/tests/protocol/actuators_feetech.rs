@@ -1,5 +1,5 @@
-//! Feetech's protocol against its manual (FT-SCS), all examples for the instructions used here, and against the memory table of
-//! the STS series.
+//! Tests of the Feetech codec against its manual (FT-SCS), with all examples for the instructions used here, and against the
+//! memory table of the STS series.
 
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
@@ -57,7 +57,7 @@ fn instructions_of_the_manual() {
     assert_eq!(packets[0][4], SYNC_READ);
 }
 
-/// The answers of example 8, and those of examples 1 and 2, which answer no question of ours.
+/// Answers of example 8, and those of examples 1 and 2, which do not answer queries of this crate.
 #[test]
 fn answers_of_the_manual() {
     let both =
@@ -79,7 +79,7 @@ fn answers_of_the_manual() {
     assert_eq!(heard(&[&echo[0][..], &bytes(both)].concat()).len(), 2);
 }
 
-/// Positions and speeds have their sign in bit 15, loads in bit 10.
+/// Positions and speeds have the sign in bit 15, loads in bit 10.
 #[test]
 fn signs_are_bits() {
     let decode = |data| SERVOS.decode(&Answer { id: 1, status: 0, data }).1;
@@ -111,7 +111,7 @@ fn status_bits() {
     assert_eq!(faults(5), Faults(Faults::BAD_VOLTAGE.0 | Faults::OVERHEATED.0));
 }
 
-/// Addresses of the memory table, speeds and torques of the data sheets.
+/// Addresses of the memory table, and speeds and torques of the data sheets.
 #[test]
 fn memory_table() {
     let addresses = [
@@ -167,8 +167,8 @@ fn written(orders: &[ActuatorCommand]) -> Vec<(u8, Vec<u8>)> {
     writes
 }
 
-/// Before torque comes on, the goal is the measured pose, and nothing is left of another program's limits on the way
-/// there: acceleration 0 is the largest, and the speed is the motor's.
+/// Before torque is on, the goal is set to the measured pose, and limits left by another program are removed. An acceleration
+/// of 0 means the largest one. The speed is the motor's largest.
 #[test]
 fn enabling_writes_in_order() {
     let command = Command::EnableJoint { measured_rad: FRAC_PI_2 };
@@ -213,8 +213,8 @@ fn one_packet_for_all_servos() {
     }
 }
 
-/// Answers are there whatever stands before them, as long as that has no header of its own; and a false header at the end
-/// of a period costs no answer of the next.
+/// Answers are extracted after any bytes without a header of their own. A false header at the end of a period hides no answer
+/// of the next period.
 #[test]
 fn answers_survive_what_is_none() {
     let whole = answer(7, 0, [1, 2, 3, 4, 5, 6, 7, 8]);
@@ -248,7 +248,7 @@ proptest! {
         prop_assert!(!heard(&wrong).contains(&as_sent));
     }
 
-    /// Random bytes: the answers taken are on the line, one after the other.
+    /// Answers that are extracted from random bytes are on the line, one after the other.
     #[test]
     fn any_bytes_do(stream in proptest::collection::vec(
         prop_oneof![3 => Just(0xFFu8), 2 => Just(10), 1 => Just(BROADCAST), 4 => any::<u8>()], 0..600)

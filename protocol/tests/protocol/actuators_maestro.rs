@@ -1,4 +1,4 @@
-//! Maestro commands against Pololu's user's guide, sections 5.c to 5.e.
+//! Tests of the Maestro codec against Pololu's user's guide, sections 5.c to 5.e.
 
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
@@ -106,7 +106,7 @@ fn what_it_cannot_be_told() {
     assert_eq!(sent(&COMPACT, 24, Command::Disable), Err(Refusal::Address));
 }
 
-/// Bits of the error register, section 4.e of the guide.
+/// Bits of the error register from section 4.e of the guide.
 #[test]
 fn errors() {
     let faults = |bits: u16| {
@@ -126,7 +126,7 @@ fn errors() {
 }
 
 proptest! {
-    /// Data bytes never look like commands.
+    /// Data bytes never have the highest bit, which marks commands.
     #[test]
     fn only_the_first_byte_has_its_highest_bit(channel in 0u8..24, target: u16, device in proptest::option::of(any::<u8>()), crc: bool) {
         let maestro = Maestro { device, crc, ..COMPACT };
@@ -136,7 +136,7 @@ proptest! {
         }
     }
 
-    /// Second algorithm: long division of the bit string, as the guide does it by hand.
+    /// Compares the CRC with a second algorithm: long division of the bit string, as in the guide.
     #[test]
     fn crc7_is_the_remainder(bytes in proptest::collection::vec(any::<u8>(), 0..20)) {
         let mut bits: Vec<u8> = bytes.iter().flat_map(|b| (0..8).map(move |i| b >> i & 1)).collect();

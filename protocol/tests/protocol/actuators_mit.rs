@@ -1,5 +1,5 @@
-//! MIT and AK frames against the documents: bgkatz/motorcontrol `CAN_com`, and CubeMars "AK Series
-//! Actuator Driver Manual V1.0.8", section 5.3 (pages 48 to 50).
+//! Tests of MIT and AK frames against the documents: bgkatz/motorcontrol `CAN_com`, and CubeMars "AK Series Actuator Driver
+//! Manual V1.0.8", section 5.3 (pages 48 to 50).
 
 use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ fn frames(drive: &Mit, id: u8, command: Command) -> Vec<String> {
     sent(drive, id, command).unwrap().iter().map(can_text).collect()
 }
 
-/// The manual's "Special Can code", page 48.
+/// Commands of the manual's "Special Can code", page 48.
 #[test]
 fn commands_are_those_of_the_manual() {
     let ak = drive("AK80-9");
@@ -33,8 +33,7 @@ fn commands_are_those_of_the_manual() {
     assert_eq!(frames(&ak, 1, Command::Torque { torque_nm: 9.0 }), ["001#8000800000000bff"]);
 }
 
-/// Ranges of the manual's table, and the limits of `float_to_uint`: the ends of every scale are the
-/// first and the last code.
+/// Ranges of the manual's table, and limits of `float_to_uint`: the ends of every scale have the first and the last code.
 #[test]
 fn models_reach_from_end_to_end() {
     let table = [
@@ -68,8 +67,8 @@ fn models_reach_from_end_to_end() {
     }
 }
 
-/// The layout of `pack_cmd`: `p[15:8] p[7:0] v[11:4] v[3:0]kp[11:8] kp[7:0] kd[11:4]
-/// kd[3:0]t[11:8] t[7:0]`, with a different digit everywhere.
+/// Layout of `pack_cmd`: `p[15:8] p[7:0] v[11:4] v[3:0]kp[11:8] kp[7:0] kd[11:4] kd[3:0]t[11:8] t[7:0]`, tested with a
+/// different digit everywhere.
 #[test]
 fn fields_are_where_the_documents_have_them() {
     let codes = Codes { position: 0x1234, speed: 0x567, kp: 0x89A, kd: 0xBCD, torque: 0xEF0 };
@@ -77,7 +76,7 @@ fn fields_are_where_the_documents_have_them() {
     assert_eq!(Codes::of(&codes.frame(3)), Some(codes));
 }
 
-/// `pack_reply`: id, p16, v12, t12; AK drives add temperature and error (manual, page 49).
+/// Layout of `pack_reply`: id, p16, v12, t12; AK drives add temperature and error (manual, page 49).
 #[test]
 fn answers_of_all_lengths() {
     let ak = drive("AK80-9");
@@ -124,7 +123,7 @@ fn any_model() -> impl Strategy<Value = (Mit, JointSetpoint)> {
     })
 }
 
-/// Exhaustive over all torque codes, with the other fields at their largest: exactly three look like commands.
+/// Tests all torque codes, with the other fields at their largest. Exactly three of them look like commands.
 #[test]
 fn no_setpoint_is_a_command_exhaustively() {
     for torque in 0..=0xFFF {
@@ -144,7 +143,7 @@ proptest! {
         prop_assert!(Codes::of(&frame).is_some(), "{}", can_text(&frame));
     }
 
-    /// Fields are within half a step of their scale.
+    /// Fields are accurate to half a step of their scale.
     #[test]
     fn fields_round_to_nearest((mit, setpoint) in any_model()) {
         let codes = mit.joint(&setpoint).unwrap();
@@ -163,8 +162,8 @@ proptest! {
         }
     }
 
-    /// A wheel at a setpoint of 0: the residual torque at rest is half a step of torque, not kd times
-    /// half a step of speed, which would be up to 12 steps.
+    /// The residual torque of a wheel at rest with a set-point of 0 is half a step of torque. It is not kd times half a step of
+    /// speed, which would be up to 12 steps of torque.
     #[test]
     fn scar_10_a_wheel_told_zero_hardly_creeps(i in 0..MODELS.len(), kd in 0.05f32..=5.0) {
         let mit = Mit { model: MODELS[i], answers_from: AnswerId::Own };

@@ -1,5 +1,5 @@
-//! CANSimple against ODrive's documents: firmware 0.5.6 (`docs/can-protocol.rst`,
-//! `tools/odrive-cansimple.dbc`), the DBC of 0.6.10, and a recorded bus.
+//! Tests of CANSimple against ODrive's documents: firmware 0.5.6 (`docs/can-protocol.rst`, `tools/odrive-cansimple.dbc`), the
+//! DBC of 0.6.10, and a recorded bus.
 
 use crate::actuators_all::{can_text, joint, sent, wheel};
 use proptest::prelude::*;
@@ -21,8 +21,8 @@ fn told(drive: &Odrive, id: u16, data: [u8; 8]) -> (u8, rollwalk_protocol::actua
     drive.decode(&Frame::standard(id, &data).unwrap()).unwrap()
 }
 
-/// "An axis id of 0x01 with a command of 0x0C would result in 0x2C" (can-protocol). Position as a
-/// float, feed-forwards as signed thousandths (DBC: `32|16@1- (0.001,0)`, `48|16@1- (0.001,0)`).
+/// Example of can-protocol: "An axis id of 0x01 with a command of 0x0C would result in 0x2C". The position is a float, and the
+/// feed-forwards are signed thousandths (DBC: `32|16@1- (0.001,0)`, `48|16@1- (0.001,0)`).
 #[test]
 fn set_input_pos() {
     let setpoint = joint(TAU, 1.5 * TAU, -0.25, None);
@@ -34,7 +34,7 @@ fn set_input_pos() {
     assert_eq!(far(0.0, 32.8), Err(Refusal::OutOfRange("torque")));
 }
 
-/// DBC: velocity and torque as floats.
+/// DBC: velocity and torque are floats.
 #[test]
 fn set_input_vel_is_exact_at_zero() {
     assert_eq!(
@@ -44,7 +44,7 @@ fn set_input_vel_is_exact_at_zero() {
     assert_eq!(frames(&DRIVE, 2, Command::Wheel(wheel(0.0, None, None))), ["04d#0000000000000000"]);
 }
 
-/// DBC: control mode 1 torque, and `Input_Torque` as a float; nothing is asked for before torque is on.
+/// DBC: control mode 1 is torque, and `Input_Torque` is a float. The zero torque is sent before torque is on.
 #[test]
 fn torque_alone() {
     assert_eq!(frames(&DRIVE, 1, Command::Torque { torque_nm: 1.5 }), ["02e#0000c03f"]);
@@ -52,7 +52,7 @@ fn torque_alone() {
     assert_eq!(frames(&DRIVE, 1, Command::EnableTorque), enable);
 }
 
-/// DBC: modes 3 position, 2 velocity, input mode 1 passthrough; states 8 closed loop, 1 idle.
+/// DBC: mode 3 is position, 2 velocity; input mode 1 is passthrough; state 8 is closed loop, 1 idle.
 #[test]
 fn states_limits_and_stops() {
     let enable = Command::EnableJoint { measured_rad: -TAU / 2.0 };
@@ -73,8 +73,8 @@ fn states_limits_and_stops() {
     assert_eq!(sent(&DRIVE, 0x40, Command::Disable), Err(Refusal::Address));
 }
 
-/// The cascade's gains from the impedance's: kp = 20, kd = 0.5 are 40 (turn/s)/turn and
-/// 0.5 · 2π N·m/(turn/s), of a motor geared 1 : 2 a quarter of that.
+/// Gains of the cascade from the gains of the impedance. kp = 20 and kd = 0.5 are 40 (turn/s)/turn and 0.5 · 2π N·m/(turn/s). A
+/// motor geared 1 : 2 has a quarter of that velocity gain.
 #[test]
 fn gains_of_the_cascade() {
     let gains = Command::Gains(Gains { kp_nm_rad: 20.0, kd_nm_s_rad: 0.5 });
@@ -89,8 +89,8 @@ fn gains_of_the_cascade() {
     }
 }
 
-/// A recorded bus of firmware 0.4/0.5 (ODrive forum, "CAN Interface Available for Testing"): axis 0
-/// idle, axis 63 in closed loop.
+/// Recorded bus of firmware 0.4/0.5 (ODrive forum, "CAN Interface Available for Testing"): axis 0 is idle, axis 63 in closed
+/// loop.
 #[test]
 fn recorded_heartbeats() {
     let (node, heartbeat) = told(&DRIVE, 0x001, [0, 0, 0, 0, 1, 0, 0, 0]);
@@ -99,9 +99,9 @@ fn recorded_heartbeats() {
     assert_eq!((node, heartbeat.enabled, heartbeat.faults), (63, Some(true), Some(Faults::NONE)));
 }
 
-/// The same bytes mean other things to the two versions: byte 5 is the motor's error flag in 0.5 and
-/// the result of a procedure in 0.6, byte 6 the encoder's and "trajectory done", byte 7 the
-/// controller's with "trajectory done" in its highest bit, and reserved.
+/// Equal bytes have different meanings in the two versions. Byte 5 is the motor's error flag in 0.5, and the result of a
+/// procedure in 0.6. Byte 6 is the encoder's error flag in 0.5, and "trajectory done" in 0.6. Byte 7 is the controller's error
+/// flag in 0.5, with "trajectory done" in its highest bit, and reserved in 0.6.
 #[test]
 fn heartbeats_of_0_5_and_0_6_differ() {
     let faults = |drive, data| told(drive, 0x021, data).1.faults.unwrap();
@@ -119,7 +119,8 @@ fn heartbeats_of_0_5_and_0_6_differ() {
     assert_eq!(faults(&PRO, [0, 0, 0, 2, 1, 0, 0, 0]), Faults::ESTOPPED);
 }
 
-/// ODrive issue 700: the heartbeat's error stays 0 while the motor, encoder or controller is in error. Only the flags show it.
+/// ODrive issue 700: the error in the heartbeat stays 0 while motor, encoder or controller have an error. Only the flags show
+/// it.
 #[test]
 fn heartbeat_without_axis_error_still_tells_of_a_broken_motor() {
     for byte in 5..8 {
@@ -129,7 +130,7 @@ fn heartbeat_without_axis_error_still_tells_of_a_broken_motor() {
     }
 }
 
-/// DBC: estimates are turns and turns/s, currents A, torques N·m, temperatures °C.
+/// DBC: estimates are in turns and turns/s, currents in A, torques in N·m, temperatures in °C.
 #[test]
 fn what_it_measures() {
     let two = |low: f32, high: f32| {
@@ -153,7 +154,7 @@ fn what_it_measures() {
     assert_eq!(PRO.decode(&Frame::standard(0x029, &[0; 7]).unwrap()), None);
 }
 
-/// Queries are refused: any frame feeds the watchdog of a drive, so nothing may be sent only to ask.
+/// Queries are refused: any frame feeds the watchdog of a drive, so no frame may be sent only to query it.
 #[test]
 fn nothing_is_asked() {
     assert_eq!(sent(&DRIVE, 1, Command::Query), Err(Refusal::Unsupported("query")));

@@ -1,5 +1,5 @@
-//! The bytes of an authenticated link. Codes are those of another implementation: Python's `hmac`, over what
-//! `docs/formats/wire-format.md` lists.
+//! Golden bytes of an authenticated link. Their codes were computed by another implementation, Python's `hmac`, over the fields
+//! in `docs/formats/wire-format.md`.
 
 use proptest::prelude::*;
 use rollwalk_protocol::can::Frame;
@@ -108,7 +108,7 @@ mod codes {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(if cfg!(miri) { 2 } else { 256 }))]
 
-        /// A single changed bit in the message, in the tag or in the key makes the tag wrong.
+        /// A single changed bit in message, tag or key makes the tag wrong.
         #[test]
         fn every_bit_counts(
             number: u64, nonce: u64, counter: u32, id in 0u16..0x800, data: [u8; 8], bit in 0usize..64,

@@ -1,10 +1,10 @@
-//! The configuration's identity and its checks.
+//! Tests of the configuration's identity and its checks.
 
 use crate::fixture::{joint, robot, wheel};
 use rollwalk_protocol::config::{Channel, ConfigError, RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c;
 
-/// Do not change: controllers compare this number with the one in their libraries.
+/// Do not change the value: controllers compare it with the hash in their libraries.
 #[test]
 fn hash_is_pinned() {
     assert_eq!(robot(2, 1).hash(), 0x08b7_a61c);

@@ -1,9 +1,9 @@
-//! Decoded messages of the link, encoded again; the fuzz targets use it as well.
+//! Encoding of decoded messages of the link, shared with the fuzz targets.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::*;
 
-/// The frame of a message to a controller that was decoded; `None` for those that are any bytes.
+/// Frame of a decoded message to a controller; `None` if messages of its kind may have any bytes.
 pub fn encode_to(node: Node, message: ToController) -> Option<Frame> {
     Some(match message {
         ToController::Heartbeat(m) => m.encode(node),
@@ -16,7 +16,7 @@ pub fn encode_to(node: Node, message: ToController) -> Option<Frame> {
     })
 }
 
-/// The same of one from a controller.
+/// Frame of a decoded message from a controller; `None` if messages of its kind may have any bytes.
 pub fn encode_from(node: Node, message: FromController) -> Option<Frame> {
     Some(match message {
         FromController::EstopAck(m) => m.encode(node),

@@ -1,9 +1,9 @@
-//! A robot and motions to make libraries of.
+//! Robot and motions for libraries in tests.
 
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig, robot_id};
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
 
-/// A joint with limits of ±1.5 rad and 6 rad/s.
+/// Joint with limits of ±1.5 rad and 6 rad/s.
 pub fn joint(id: u8) -> Channel {
     Channel {
         kind: ChannelKind::JointPosition,
@@ -18,7 +18,7 @@ pub fn joint(id: u8) -> Channel {
     }
 }
 
-/// A wheel with limits of ±8 rad/s and 60 rad/s².
+/// Wheel with limits of ±8 rad/s and 60 rad/s².
 pub fn wheel(id: u8) -> Channel {
     Channel {
         kind: ChannelKind::WheelSpeed,
@@ -39,13 +39,13 @@ pub fn robot(joints: u8, wheels: u8) -> RobotConfig {
     RobotConfig { robot: robot_id("fixture"), channels }
 }
 
-/// Frames one after the other.
+/// Concatenates `count` frames.
 pub fn frames(count: usize, frame: impl Fn(usize) -> Vec<f32>) -> Vec<f32> {
     (0..count).flat_map(frame).collect()
 }
 
-/// Three motions of a robot with two joints and a wheel: `stand` (SAFE, one frame), `trot`
-/// (looping), `drive` (ends); transitions between stand and each of the others.
+/// Three motions of a robot with two joints and a wheel: `stand` (SAFE, one frame), `trot` (looping) and `drive` (ends), with
+/// transitions between `stand` and each of the others.
 pub struct Fixture {
     pub config: RobotConfig,
     pub stand: Vec<f32>,
@@ -55,7 +55,7 @@ pub struct Fixture {
     pub from_trot: Vec<f32>,
     pub to_drive: Vec<f32>,
     pub from_drive: Vec<f32>,
-    /// Torques of each clip, motions first; empty for none.
+    /// Torques of each clip, motions first; empty if there are none.
     pub torques: [Vec<f32>; 7],
 }
 
@@ -95,7 +95,7 @@ impl Fixture {
         }
     }
 
-    /// The same with torques: stiff springs' and, of a trot, steps as where feet touch the ground.
+    /// Creates the fixture with torques: those of stiff springs, and for the trot also steps, as at ground contact.
     pub fn with_torques() -> Self {
         let mut fixture = Self::new();
         let f = &fixture;
@@ -167,7 +167,7 @@ impl Fixture {
     }
 }
 
-/// The library of a specification that must be good.
+/// Encodes a specification that must be valid.
 pub fn encode_vec(spec: &LibrarySpec<'_>) -> Vec<u8> {
     let mut out = vec![0xA5; 1 << 20];
     let len = encode(spec, &mut out).unwrap_or_else(|error| panic!("{error}"));

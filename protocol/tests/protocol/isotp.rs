@@ -1,4 +1,4 @@
-//! ISO-TP: golden sequences, and two ends over a bus that loses, repeats, reorders and damages.
+//! Tests of ISO-TP: golden sequences, and two ends over a bus that loses, repeats, reorders and damages frames.
 
 use proptest::prelude::*;
 use rollwalk_protocol::wire::isotp::{Endpoint, Event, IsoTpError, Output, SendError, Timing};
@@ -9,7 +9,7 @@ fn end(block_size: u8, st_min: u8) -> End {
     End::new(Timing { block_size, st_min, timeout_us: 1_000_000 })
 }
 
-/// The next payload to send, as hexadecimal digits; `-` for none.
+/// Next payload to send, as hexadecimal digits; `-` if there is none.
 fn next<const N: usize>(end: &mut Endpoint<N>, now_us: u64) -> String {
     match end.poll(now_us) {
         Output::Idle => "-".into(),
@@ -116,7 +116,7 @@ fn refusals() {
     assert_eq!(small.received(), b"");
 }
 
-/// The standard: a reserved separation time means the longest one, 127 ms.
+/// A reserved separation time means the longest one, 127 ms, as in the standard.
 #[test]
 fn reserved_separation_times_are_the_longest() {
     for code in [0x80, 0xF0, 0xFA, 0xFF] {
@@ -130,8 +130,7 @@ fn reserved_separation_times_are_the_longest() {
     }
 }
 
-/// A first frame of a message that fits a single frame, or a truncated first frame, is ignored: no
-/// flow control answers it.
+/// A first frame is ignored if its message would fit in a single frame, or if it is truncated: no flow control answers it.
 #[test]
 fn first_frames_that_are_none() {
     let mut b = end(0, 0);
@@ -153,7 +152,8 @@ fn a_lost_repeated_or_swapped_frame_is_noticed() {
     }
 }
 
-/// Moves frames between two ends until both are silent; `bus` may change frames in transit.
+/// Transfers frames between two ends until both are silent; `bus` may change frames in transit. Returns the numbers of received
+/// and failed messages.
 fn exchange(a: &mut End, b: &mut End, mut bus: impl FnMut(Vec<u8>) -> Vec<Vec<u8>>) -> (u32, u32) {
     let (mut received, mut failed, mut now_us, mut idle) = (0, 0, 0, 0);
     while idle < 30 {
@@ -200,7 +200,7 @@ proptest! {
         prop_assert_eq!(b.received(), &m[..]);
     }
 
-    /// A lost frame, at any position, gives an error or nothing, never a wrong message. The next message gets through.
+    /// A lost frame, at any position, gives an error or nothing, never a wrong message. The next message arrives.
     #[test]
     fn a_lost_frame_is_an_error(
         m in proptest::collection::vec(any::<u8>(), 1..=600),
@@ -225,7 +225,7 @@ proptest! {
         prop_assert_eq!(b.received(), &m[..]);
     }
 
-    /// Repeated and swapped frames: the message or an error, never another message.
+    /// Repeated and swapped frames give the message or an error, never another message.
     #[test]
     fn a_bad_bus_never_makes_another_message(
         m in proptest::collection::vec(any::<u8>(), 8..=600),

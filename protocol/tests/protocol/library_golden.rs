@@ -1,6 +1,6 @@
-//! The bytes of libraries of formats 1.0 to 1.2. Do not change: libraries like these are stored in
-//! robots. If a test here fails, the code is wrong, or the format needs a new version. Once an attitude was changed, when a
-//! tilt beyond 60° became one that no robot takes.
+//! Golden bytes of libraries of formats 1.0 to 1.2. Do not change them: such libraries are stored in robots. If a test here
+//! fails, the code is wrong, or the format needs a new version. One attitude was changed when a tilt beyond 60° became invalid
+//! for every robot.
 
 use crate::fixture::robot;
 use rollwalk_protocol::library::{
@@ -8,7 +8,7 @@ use rollwalk_protocol::library::{
     encode_with_attitudes, validate,
 };
 
-/// Do not change: with attitudes and torques.
+/// Library with attitudes and torques. Do not change it.
 const GOLDEN_1_2: &str = "\
 524f4c4c57414c4b010002003402000000000000e48dce0101000a000a000000
 7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
@@ -30,7 +30,7 @@ ff0000039024a99524a9039524a99524a9039524a99524a9039524a995000104
 454e442e34020000af5d8d3e00000000e591c6eb
 ";
 
-/// Do not change: with attitudes.
+/// Library with attitudes. Do not change it.
 const GOLDEN_1_1: &str = "\
 524f4c4c57414c4b010001007d010000000000006db0daf001000a000a000000
 7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
@@ -46,7 +46,7 @@ const GOLDEN_1_1: &str = "\
 64036e6f6452574c2d454e442e7d010000fe0f100b00000000b641b5c0
 ";
 
-/// Do not change: without.
+/// Library without attitudes and torques. Do not change it.
 const GOLDEN_1_0: &str = "\
 524f4c4c57414c4b010000005d0100000000000051ae8c3601000a000a000000
 7eded3f13c0002020200020008001000000000f600fa0006670001f600e00020
@@ -67,7 +67,7 @@ fn golden(hex: &str) -> Vec<u8> {
     digits.chunks(2).map(byte).collect()
 }
 
-/// A joint that nods in steps of a few quanta while a wheel turns, and stops: 64 frames, two blocks.
+/// Joint that nods in steps of a few quanta while a wheel turns, and then stops: 64 frames, two blocks.
 fn nod() -> Vec<f32> {
     let mut quanta = 100;
     let frame = |k: usize| {
@@ -78,7 +78,8 @@ fn nod() -> Vec<f32> {
     (0..64).flat_map(frame).collect()
 }
 
-/// Torques of frames: against the joint's angle, along the wheel's speed. Multiples of their quanta.
+/// Torques for frames, in multiples of their quanta. They are opposite to the joint's angle, and in the direction of the
+/// wheel's speed.
 fn torques(frames: &[f32]) -> Vec<f32> {
     frames.chunks(2).flat_map(|frame| [-2.0 * frame[0], 0.5 * frame[1]]).collect()
 }
@@ -105,7 +106,7 @@ fn spec_bytes(with_torques: bool) -> Vec<u8> {
     bytes
 }
 
-/// Attitudes of the clips: the robot nods with its body, too.
+/// Attitudes of the clips, in which the body tilts, too.
 const ATTITUDES: [Attitude; 4] = [
     Attitude::LEVEL,
     Attitude { up_body: [-0.6, 0.0, 0.8], spread_rad: 0.25 },

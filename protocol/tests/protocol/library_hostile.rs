@@ -1,4 +1,4 @@
-//! Damaged and forged libraries: refused, or played within all limits. Never a panic.
+//! Tests of damaged and forged libraries. They are refused, or played within all limits, and never cause a panic.
 
 use crate::fixture::Fixture;
 use crate::reseal::{FOOTER, HEADER, reseal};
@@ -18,7 +18,7 @@ fn golden() -> &'static (Fixture, Vec<u8>) {
     })
 }
 
-/// Walks through everything that a player could ask a validated library for.
+/// Reads everything that a player could request from a validated library.
 fn assert_playable(bytes: &[u8], index: &Index, config: &RobotConfig) {
     let library = Library::open(bytes, index).expect("the same bytes");
     for clip in (0..library.clip_count()).map(ClipId) {
@@ -65,7 +65,7 @@ fn the_good_one_is_playable() {
     assert_playable(bytes, &index, &fixture.config);
 }
 
-/// Forges every single byte behind the checksums with several values. Miri, a hundred times slower, takes a sample.
+/// Forges every single byte with several values, and corrects the checksums. Miri is a hundred times slower and takes a sample.
 #[test]
 fn every_forged_byte() {
     let (fixture, bytes) = golden();

@@ -1,4 +1,4 @@
-//! Reasons to refuse a library, each with its message.
+//! Tests of all reasons to refuse a library, each with its message.
 
 use crate::fixture::{Fixture, robot};
 use crate::refusal::{self, expect};
@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{
     Library, LibrarySpec, MotionSpec, Reject, Section, Why, encode, validate,
 };
 
-/// Start and end of the payload of the section with this tag, which is there.
+/// Byte range of the payload of the section with this tag, which must exist.
 fn section(bytes: &[u8], tag: usize) -> std::ops::Range<usize> {
     find_section(bytes, tag).expect("every library has it")
 }
@@ -49,7 +49,7 @@ fn corrupted() {
     let mut damaged = bytes.clone();
     damaged[100] ^= 1;
     let reject = validate(&damaged, &fixture.config).unwrap_err();
-    expect(reject, Section::Footer, "corrupted: CRC-32C is 0x");
+    expect(reject, Section::Footer, "corrupted: the CRC-32C is 0x");
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn truncated() {
     }
     let mut longer = bytes.clone();
     longer.push(0);
-    expect(validate(&longer, &fixture.config).unwrap_err(), Section::Header, "follows the library");
+    expect(validate(&longer, &fixture.config).unwrap_err(), Section::Header, "after the library");
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn a_footer_that_belongs_to_another_file() {
 fn future_major_version() {
     let reject = refusal(|bytes| bytes[8] = 2);
     assert_eq!(reject.why, Why::OtherMajor { found: 2 });
-    expect(reject, Section::Header, "format version 2, but this reader knows version 1");
+    expect(reject, Section::Header, "format version 2, but this reader supports version 1");
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn future_minor_version_is_read() {
     }
 }
 
-/// A record too many or too few in any table.
+/// A table with one record too many or too few is refused.
 #[test]
 fn tables_have_as_many_records_as_the_manifest_says() {
     let (fixture, bytes) = good();
@@ -206,13 +206,17 @@ fn broken_section_table() {
 
 #[test]
 fn broken_manifest() {
-    expect(patched(1, 4, 50), Section::Manifest, "frame rate is 50 Hz, must be 60 Hz");
-    expect(patched(1, 6, 4), Section::Manifest, "channels: 4, must be 3 to 3");
-    expect(patched(1, 7, 33), Section::Manifest, "motions: 33, must be 1 to 32");
-    expect(patched(1, 7, 0), Section::Manifest, "motions: 0, must be 1 to 32");
-    expect(patched(1, 8, 97), Section::Manifest, "transitions: 97, must be 0 to 96");
-    expect(patched(1, 9, 3), Section::Manifest, "safe motion is number 3, there are 3 motions");
-    expect(patched(1, 7, 4), Section::Clips, "7 records, the manifest asks for 8");
+    expect(patched(1, 4, 50), Section::Manifest, "the frame rate is 50 Hz; expected 60 Hz");
+    expect(patched(1, 6, 4), Section::Manifest, "channels: 4; expected 3 to 3");
+    expect(patched(1, 7, 33), Section::Manifest, "motions: 33; expected 1 to 32");
+    expect(patched(1, 7, 0), Section::Manifest, "motions: 0; expected 1 to 32");
+    expect(patched(1, 8, 97), Section::Manifest, "transitions: 97; expected 0 to 96");
+    expect(
+        patched(1, 9, 3),
+        Section::Manifest,
+        "safe motion is number 3, but the library has only 3 motions",
+    );
+    expect(patched(1, 7, 4), Section::Clips, "7 records, but the manifest requires 8");
 }
 
 #[test]
@@ -225,17 +229,17 @@ fn channels_that_differ_from_the_robot() {
 
 #[test]
 fn broken_clip_table() {
-    expect(patched(3, 0, 3), Section::Clips, "clip 0: broken clip record");
-    expect(patched(3, 3 * 11, 1), Section::Clips, "clip 3: broken clip record");
-    expect(patched(3, 11 + 3, 9), Section::Clips, "clip 1: broken clip record");
-    expect(patched(3, 11 + 7, 9), Section::Clips, "clip 1: broken clip record");
-    expect(patched(3, 1, 0), Section::Clips, "clip 0: 0 frames, must be 1 to 3600");
-    expect(patched(3, 11 + 2, 0x0F), Section::Clips, "clip 1: 3930 frames, must be 1 to 3600");
-    expect(patched(3, 3 * 11 + 1, 1), Section::Clips, "clip 3: 1 frames, must be 2 to 3600");
+    expect(patched(3, 0, 3), Section::Clips, "clip 0: invalid clip record");
+    expect(patched(3, 3 * 11, 1), Section::Clips, "clip 3: invalid clip record");
+    expect(patched(3, 11 + 3, 9), Section::Clips, "clip 1: invalid clip record");
+    expect(patched(3, 11 + 7, 9), Section::Clips, "clip 1: invalid clip record");
+    expect(patched(3, 1, 0), Section::Clips, "clip 0: 0 frames; expected 1 to 3600");
+    expect(patched(3, 11 + 2, 0x0F), Section::Clips, "clip 1: 3930 frames; expected 1 to 3600");
+    expect(patched(3, 3 * 11 + 1, 1), Section::Clips, "clip 3: 1 frames; expected 2 to 3600");
     expect(patched(3, 11 + 1, 91), Section::Frames, "clip 1: frame 60 cannot be decoded");
 }
 
-/// Start of the block of a clip's frame 0.
+/// Offset of the block with a clip's frame 0.
 fn block(bytes: &[u8], clip: usize) -> usize {
     let record = section(bytes, 3).start + clip * 11;
     let offset = u32::from_le_bytes(bytes[record + 3..record + 7].try_into().unwrap());
@@ -249,7 +253,11 @@ fn broken_blocks() {
             let start = block(bytes, 1);
             bytes[start + at] ^= 1;
         });
-        expect(reject, Section::Frames, "clip 1: frame 0 cannot be decoded, its block is broken");
+        expect(
+            reject,
+            Section::Frames,
+            "clip 1: frame 0 cannot be decoded, because its block is damaged",
+        );
     }
     // A block without good checksum under a good checksum of the file.
     let (fixture, mut bytes) = good();
@@ -293,7 +301,7 @@ fn padding_must_be_zero_and_short() {
     expect(reject, Section::Frames, sentence);
 }
 
-/// Bytes after the last frame are checked in every block, not only in a clip's last one.
+/// Bytes after the last frame are checked in every block, not only in the last block of a clip.
 #[test]
 fn no_block_has_more_than_its_frames() {
     // `trot` has two blocks.
@@ -320,7 +328,7 @@ fn no_block_has_more_than_its_frames() {
     }
 }
 
-/// Moves a value of the keyframe of a clip's block, which moves the whole block.
+/// Shifts a value of the keyframe of a clip's block, which shifts all frames of the block.
 fn shifted(clip: usize, channel: usize, by: i16) -> Reject {
     refusal(|bytes| {
         let at = block(bytes, clip) + 10 + 2 * channel;
@@ -340,8 +348,8 @@ fn frames_out_of_limits() {
 fn frames_too_fast() {
     // The first block of `trot` is moved, the second is not: a jump between frames 59 and 60.
     let reject = shifted(1, 0, 200);
-    expect(reject, Section::Frames, "clip 1, frame 60, channel 0: changes at ");
-    expect(reject, Section::Frames, "limit is 6.0");
+    expect(reject, Section::Frames, "clip 1, frame 60, channel 0: the rate of change is ");
+    expect(reject, Section::Frames, "above the limit of 6.0");
 }
 
 #[test]
@@ -356,7 +364,7 @@ fn seam_jumps() {
     });
     let Why::SeamJump { channel: 0, step, max_step, .. } = reject.why else { panic!("{reject}") };
     assert!(step > max_step);
-    expect(reject, Section::Frames, "from its last frame to its first");
+    expect(reject, Section::Frames, "the step from the last to the first frame is");
 }
 
 #[test]
@@ -378,18 +386,17 @@ fn edges_to_nowhere() {
 
 #[test]
 fn edges_that_leave_before_the_end() {
-    let sentence = "leaves its source at frame 128, but a motion that ends is left at its last \
-                    frame, 129";
+    let sentence = "leaves its source at frame 128; expected the last frame, 129";
     expect(patched(5, 20, 128), Section::Edges, sentence);
 }
 
 #[test]
 fn edges_whose_ends_do_not_meet() {
     let reject = patched(5, 8, 71);
-    let sentence = "transition 1, channel 0: its first frame is 0.2";
+    let sentence = "transition 1, channel 0: the first frame is 0.2";
     expect(reject, Section::Edges, sentence);
     let reject = patched(5, 4, 1);
-    expect(reject, Section::Edges, "transition 0, channel 0: its last frame is 0.5");
+    expect(reject, Section::Edges, "transition 0, channel 0: the last frame is 0.5");
 }
 
 #[test]
@@ -413,22 +420,26 @@ fn wrong_routes() {
 
 #[test]
 fn broken_codes() {
-    expect(patched(7, 1, 3), Section::Codes, "command code 1 asks for motion 3, there are 3");
+    expect(
+        patched(7, 1, 3),
+        Section::Codes,
+        "command code 1 selects motion 3, but the library has only 3",
+    );
     expect(patched(7, 2, 1), Section::Codes, "command code 1 is used twice");
-    expect(patched(7, 0, 11), Section::Codes, "command code 10 is used twice (or out of order)");
+    expect(patched(7, 0, 11), Section::Codes, "command code 10 is used twice, or is out of order");
     expect(patched(7, 3, 0), Section::Codes, "motion 0 has more than one command code");
 }
 
 #[test]
 fn unsafe_safe_motion() {
     // trot as SAFE: everything reaches it, but it never rests.
-    let sentence = "does not come to rest in the safe pose";
+    let sentence = "the safe motion must end in the safe pose";
     expect(patched(1, 9, 1), Section::SafePose, sentence);
     expect(patched(8, 2, 0x11), Section::SafePose, sentence);
-    expect(patched(8, 4, 1), Section::SafePose, "channel 2: the safe motion does not come to rest");
+    expect(patched(8, 4, 1), Section::SafePose, "channel 2: the safe motion must end");
 }
 
-/// A loop that only passes through the safe pose, in its last frame.
+/// A loop that only passes through the safe pose, in its last frame, is refused.
 #[test]
 fn a_safe_loop_holds_still_in_all_frames() {
     let mut fixture = Fixture::new();
@@ -438,11 +449,11 @@ fn a_safe_loop_holds_still_in_all_frames() {
     let config = &fixture.config;
     let spec = LibrarySpec { config, motions: &motions, transitions: &transitions, safe: 0 };
     let error = encode(&spec, &mut [0; 1 << 15]).unwrap_err().to_string();
-    let sentence = "channel 0: the safe motion does not come to rest in the safe pose";
+    let sentence = "channel 0: the safe motion must end in the safe pose";
     assert!(error.contains(sentence), "{error}");
 }
 
-/// A loop that rolls on for ever in the same pose.
+/// A loop that stays in one pose with a turning wheel is refused.
 #[test]
 fn a_safe_loop_has_no_turning_wheel() {
     let config = &robot(2, 1);
@@ -455,11 +466,11 @@ fn a_safe_loop_has_no_turning_wheel() {
     };
     let spec = LibrarySpec { config, motions: &[roll], transitions: &[], safe: 0 };
     let error = encode(&spec, &mut [0; 1 << 15]).unwrap_err().to_string();
-    let sentence = "channel 2: the safe motion does not come to rest in the safe pose";
+    let sentence = "channel 2: the safe motion must end in the safe pose";
     assert!(error.contains(sentence), "{error}");
 }
 
-/// Puts bytes at the end of a section.
+/// Appends bytes to a section.
 fn appended(tag: usize, bytes: &[u8]) -> Reject {
     refusal(|library| {
         let table = section(library, tag);
@@ -469,7 +480,7 @@ fn appended(tag: usize, bytes: &[u8]) -> Reject {
     })
 }
 
-/// Bytes that belong to no record.
+/// Bytes that belong to no record are refused.
 #[test]
 fn tables_have_whole_records() {
     for tag in [2, 3, 5, 7, 8] {
@@ -485,7 +496,7 @@ fn nothing_follows_the_last_block() {
     assert_eq!(reject.section, Section::Frames);
 }
 
-/// Fields that the format page declares 0, absent or of a fixed size are checked.
+/// Fields that the format page declares as 0, absent or of a fixed size are checked.
 #[test]
 fn nothing_is_hidden_between_the_fields() {
     expect(refusal(|bytes| bytes[16] = 1), Section::Header, "not a motion library");
@@ -546,7 +557,7 @@ fn nothing_is_hidden_between_the_fields() {
 
 #[test]
 fn names_are_all_that_their_section_has() {
-    let sentence = "the name of motion 2 is no text, empty or too long";
+    let sentence = "the name of motion 2 is empty, too long or not valid text";
     expect(appended(9, &[0]), Section::Names, sentence);
     expect(appended(9, b"\x04more"), Section::Names, sentence);
     // A length in more bytes than it needs.
@@ -556,10 +567,10 @@ fn names_are_all_that_their_section_has() {
         bytes[names.start] |= 0x80;
         bytes.insert(names.start + 1, 0);
     });
-    expect(reject, Section::Names, "the name of motion 0 is no text");
+    expect(reject, Section::Names, "the name of motion 0 is empty, too long or not valid text");
 }
 
-/// The way that takes longer arrives as well, but it is not the shortest.
+/// A longer route that also arrives is refused.
 #[test]
 fn routes_are_the_shortest_ones() {
     let (fixture, bytes) = good();
@@ -581,7 +592,7 @@ fn routes_are_the_shortest_ones() {
     assert!(refused > 20);
 }
 
-/// A first difference that the next frame does not follow, and one that leads nowhere.
+/// A first difference is refused if the next frame does not follow it, or if there is no next frame.
 #[test]
 fn first_differences_lead_to_the_next_frame() {
     let reject = refusal(|bytes| {
@@ -602,9 +613,21 @@ fn first_differences_lead_to_the_next_frame() {
 
 #[test]
 fn broken_names() {
-    expect(patched(9, 1, 0xFF), Section::Names, "the name of motion 0 is no text");
-    expect(patched(9, 0, 0), Section::Names, "the name of motion 0 is no text, empty");
-    expect(patched(9, 6, 100), Section::Names, "the name of motion 1 is no text");
+    expect(
+        patched(9, 1, 0xFF),
+        Section::Names,
+        "the name of motion 0 is empty, too long or not valid text",
+    );
+    expect(
+        patched(9, 0, 0),
+        Section::Names,
+        "the name of motion 0 is empty, too long or not valid text",
+    );
+    expect(
+        patched(9, 6, 100),
+        Section::Names,
+        "the name of motion 1 is empty, too long or not valid text",
+    );
     // One byte longer than allowed.
     let reject = refusal(|bytes| {
         let names = section(bytes, 9);
@@ -613,5 +636,5 @@ fn broken_names() {
         bytes[names.start - 4..names.start].copy_from_slice(&len);
         bytes.splice(names, longer);
     });
-    expect(reject, Section::Names, "the name of motion 1 is no text");
+    expect(reject, Section::Names, "the name of motion 1 is empty, too long or not valid text");
 }

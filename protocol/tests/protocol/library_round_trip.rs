@@ -1,4 +1,4 @@
-//! Round trips: a library returns the values that were encoded.
+//! Round-trip tests: a library returns the values that were encoded.
 
 use crate::fixture::{Fixture, TROT_EXIT};
 use crate::reseal::{find_section, reseal};
@@ -248,7 +248,7 @@ fn a_place_that_was_checked_ahead_is_that_place() {
     assert!(ClipCursor::enter(&other, &entry).is_err());
 }
 
-/// Damaged bytes are always found, with and without checking ahead.
+/// Damaged bytes are always detected, with and without checking ahead.
 #[test]
 fn damage_is_found_however_much_was_checked_ahead() {
     let f = Fixture::new();

@@ -1,4 +1,4 @@
-//! Bytes per second of motion: bounds on both sides catch a regression of the packing.
+//! Tests of the size per second of motion. Lower and upper bounds detect a regression of the packing.
 
 use crate::fixture::{encode_vec, frames, robot};
 use rollwalk_protocol::config::RobotConfig;
@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{
 };
 use std::f32::consts::TAU;
 
-/// A gait of three harmonics, another phase for each channel, looping after 2 s.
+/// Gait with three harmonics and a different phase for each channel, looping after 2 s.
 fn gait(config: &RobotConfig) -> Vec<f32> {
     frames(120, |k| {
         let phase = |i: usize, harmonic: f32| {
@@ -20,8 +20,8 @@ fn gait(config: &RobotConfig) -> Vec<f32> {
     })
 }
 
-/// Torques of a gait in which every joint carries a load half of the time, from one frame to the next, and swings
-/// freely in the other half; wheels push evenly.
+/// Torques of a gait. Every joint is loaded for half of the time, with a step from one frame to the next, and swings freely in
+/// the other half. Wheels push evenly.
 fn torques(config: &RobotConfig, gait: &[f32]) -> Vec<f32> {
     let n = config.channels.len();
     let torque = |(at, value): (usize, &f32)| {

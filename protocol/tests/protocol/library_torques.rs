@@ -1,4 +1,4 @@
-//! Torques in a library: values return, ends of transitions join, and faults are refused.
+//! Tests of torques in a library: values return, ends of transitions join, and faults are refused.
 
 use crate::fixture::{Fixture, encode_vec, frames, robot};
 use crate::refusal::{self, expect};
@@ -74,7 +74,7 @@ fn torques_come_back_in_step_with_the_frames() {
     assert_eq!(safe.to_vec(), torques(&library, ClipId(0), 0));
 }
 
-/// A stand, and a nod of so many frames with other torques, in transitions of so many frames.
+/// Library of two motions with different torques, joined by transitions of `blend` frames with the torque `off_nm`.
 fn seams(config: &RobotConfig, blend: usize, off_nm: f32) -> Result<Vec<u8>, EncodeError> {
     let (stand, still) = ([0.5], frames(blend, |_| vec![0.5]));
     let off = vec![off_nm; blend];
@@ -112,8 +112,7 @@ fn transitions_are_led_over_to_the_torques_that_they_join() {
         }
     }
     let error = seams(&config, 10, 1.5).unwrap_err().to_string();
-    let sentence =
-        "transition 0, frame 9, channel 0: a torque of 1.5 N·m must be within 3 N·m of -2 N·m";
+    let sentence = "transition 0, frame 9, channel 0: the torque at this end is 1.5 N·m; expected a torque within 3 N·m of -2 N·m";
     assert!(error.contains(sentence), "{error}");
 }
 
@@ -139,11 +138,11 @@ fn errors_say_what_is_wrong() {
     let zero = [0.0; 4];
     assert_eq!(
         error(&zero, &[]),
-        Err("motion 0: 0 torques are not one for each of its 4 values".into())
+        Err("motion 0: 0 torques; expected one for each of its 4 values".into())
     );
     assert_eq!(
         error(&[], &zero),
-        Err("motion 1: 0 torques are not one for each of its 4 values".into())
+        Err("motion 1: 0 torques; expected one for each of its 4 values".into())
     );
     let beyond = "motion 1, frame 1, channel 0: a torque of 3.1 N·m is beyond the limit of 3 N·m";
     assert_eq!(error(&[0.0, 0.0, 3.1, 0.0], &zero), Err(beyond.into()));
@@ -181,8 +180,8 @@ fn what_is_wrong_with_torques_is_refused() {
         Section::TorqueQuanta,
         "channel 1: kind, quantum or limits differ",
     );
-    expect(patched(11, 0, 1), Section::TorqueClips, "clip 0: broken clip record");
-    expect(patched(11, 8 + 4, 1), Section::TorqueClips, "clip 1: broken clip record");
+    expect(patched(11, 0, 1), Section::TorqueClips, "clip 0: invalid clip record");
+    expect(patched(11, 8 + 4, 1), Section::TorqueClips, "clip 1: invalid clip record");
     expect(patched(12, 0, 1), Section::Torques, "clip 0: frame 0 cannot be decoded");
     // The keyframe of the first clip, one frame: far beyond the limit of 3 N·m.
     let reject = patched(12, 10 + 1, 0x7F);
@@ -193,7 +192,7 @@ fn what_is_wrong_with_torques_is_refused() {
         "is outside the limits -3 to 3 (rad, rad/s for a wheel, N·m in the torques)",
     );
     // Within it, but not where the transitions start.
-    expect(patched(12, 10, 0), Section::Edges, "transition 0, channel 0: its first torque is ");
+    expect(patched(12, 10, 0), Section::Edges, "transition 0, channel 0: the first torque is ");
     // A byte more than the clips have.
     let longer = refusal(|bytes| {
         let torques = find_section(bytes, 12).unwrap();
@@ -201,16 +200,16 @@ fn what_is_wrong_with_torques_is_refused() {
         bytes[torques.start - 4..torques.start].copy_from_slice(&len);
         bytes.insert(torques.end, 0);
     });
-    expect(longer, Section::Torques, "the manifest asks for");
+    expect(longer, Section::Torques, "but the manifest requires");
     // A plain array gets no wider.
     let wider = refusal(|bytes| {
         let quanta = find_section(bytes, 10).unwrap();
         bytes[quanta.start - 6] = 3;
     });
-    expect(wider, Section::TorqueQuanta, "1 records, the manifest asks for 3");
+    expect(wider, Section::TorqueQuanta, "1 records, but the manifest requires 3");
 }
 
-/// A reader of a later minor version's libraries reads the known parts of records, also of the torques.
+/// A library of a later minor version can be read: known fields are read from its wider records, also those of torques.
 #[test]
 fn wider_records_of_a_later_version_are_read() {
     let fixture = Fixture::with_torques();
@@ -231,8 +230,8 @@ fn wider_records_of_a_later_version_are_read() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Random torques within the limits, for any limit. Decoded torques are within the limits, and half a quantum from the
-    /// encoded ones (a whole quantum where the limit cuts them). The quantum is the limit in 1024 to 2047 parts.
+    /// Random torques within any limit. Decoded torques are within the limit. They differ from the encoded torques by at most
+    /// half a quantum, or by a whole quantum where the limit clips them. The limit is 1024 to 2047 quanta.
     #[test]
     fn any_torques_return_within_their_limits(
         channels in 1u8..6,

@@ -1,4 +1,4 @@
-//! Tests of the crate's boundaries, from outside.
+//! Tests of the crate's public interface.
 
 mod actuator_golden;
 mod actuators_all;

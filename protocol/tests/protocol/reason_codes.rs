@@ -1,10 +1,10 @@
-//! The numbers under which a controller names the reason of a refusal. Do not change: they are on the
-//! wire and in `docs/formats/motion-library.md`.
+//! Codes of the reasons for which a controller refuses a library. Do not change them: they are on the wire and in
+//! `docs/formats/motion-library.md`.
 
 use rollwalk_protocol::config::ConfigError;
 use rollwalk_protocol::library::{ClipId, EdgeId, NodeId, Section, Why};
 
-/// Reasons, each with the words of the page.
+/// Reasons, each with its text on the page.
 fn reasons() -> [(Why, &'static str); 33] {
     let (clip, frame, channel) = (ClipId(0), 0, 0);
     let (edge, node, safe, from, to) = (EdgeId(0), NodeId(0), NodeId(0), NodeId(0), NodeId(0));

@@ -1,10 +1,10 @@
-//! Refusals of libraries that were changed and have good checksums again.
+//! Refusals of libraries that were changed and then given valid checksums.
 
 use crate::fixture::Fixture;
 use crate::reseal::{find_section, reseal};
 use rollwalk_protocol::library::{Reject, Section, validate};
 
-/// The refusal of a fixture's library after a change.
+/// Refusal of a fixture's library after `change`.
 #[track_caller]
 pub fn refusal(fixture: &Fixture, change: impl FnOnce(&mut Vec<u8>)) -> Reject {
     let mut bytes = fixture.encode();
@@ -13,7 +13,7 @@ pub fn refusal(fixture: &Fixture, change: impl FnOnce(&mut Vec<u8>)) -> Reject {
     validate(&bytes, &fixture.config).expect_err("a change that must be refused")
 }
 
-/// The refusal after byte `at` of a section's payload became `value`.
+/// Refusal after setting byte `at` of a section's payload to `value`.
 #[track_caller]
 pub fn patched(fixture: &Fixture, tag: usize, at: usize, value: u8) -> Reject {
     refusal(fixture, |bytes| {
@@ -23,7 +23,7 @@ pub fn patched(fixture: &Fixture, tag: usize, at: usize, value: u8) -> Reject {
     })
 }
 
-/// Checks the section that a refusal names, and its sentence.
+/// Checks the section and the text of a refusal.
 #[track_caller]
 pub fn expect(reject: Reject, section: Section, sentence: &str) {
     assert_eq!(reject.section, section, "{reject}");

@@ -1,5 +1,5 @@
-//! Edits of libraries: finds parts by their place in the documented format, and corrects the checksums, so that the checks behind
-//! them are reached. A second reader of the format. The fuzz targets use it, too.
+//! Edits of libraries. This module finds sections by the documented format, and corrects checksums so that the checks behind
+//! them are reached. It is a second reader of the format, and is shared with the fuzz targets.
 
 use rollwalk_protocol::crc::crc32c;
 use std::ops::Range;
@@ -17,7 +17,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(u32::from_le_bytes(*bytes)).ok()
 }
 
-/// Start and end of the payload of the section with this tag, as far as its header can be found.
+/// Byte range of the payload of the section with this tag; `None` if its header cannot be found.
 pub fn find_section(bytes: &[u8], tag: usize) -> Option<Range<usize>> {
     let mut at = HEADER;
     loop {
@@ -29,8 +29,7 @@ pub fn find_section(bytes: &[u8], tag: usize) -> Option<Range<usize>> {
     }
 }
 
-/// Writes the right length and checksums into header, blocks and footer, as far as the structure is
-/// still there.
+/// Corrects lengths and checksums in header, blocks and footer, as far as the structure is intact.
 pub fn reseal(bytes: &mut [u8]) {
     if bytes.len() < HEADER + FOOTER {
         return;

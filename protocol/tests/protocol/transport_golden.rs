@@ -1,5 +1,4 @@
-//! The bytes of every transport message. Do not change: the other side may be a robot with
-//! old firmware.
+//! Golden bytes of every transport message. Do not change them: the other side may be a robot with old firmware.
 
 use proptest::prelude::*;
 use rollwalk_protocol::faults::{Event, Fault};

@@ -1,6 +1,5 @@
-//! The bytes of every message of the link, protocol version 1. Do not change: the other side may
-//! be a robot with old firmware. If a test here fails, the code is wrong, or the protocol needs a
-//! new version.
+//! Golden bytes of every message of the link, protocol version 2. Do not change them: the other side may be a robot with old
+//! firmware. If a test here fails, the code is wrong, or the protocol needs a new version.
 
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
@@ -241,7 +240,7 @@ fn discovery() {
     assert_eq!(Discovered::decode(&m.encode(node())), Ok((node(), m)));
 }
 
-/// Do not change: numbers on the wire.
+/// Codes on the wire, which must not change.
 #[test]
 fn codes_are_pinned() {
     let check = |all: Vec<(u8, String)>, expected: &str| {

@@ -1,4 +1,5 @@
-//! Random frames: each decodes to a message that encodes to the same frame again, or is refused. Never a panic.
+//! Property tests with random frames. Each frame decodes to a message that encodes to the same frame again, or is refused, and
+//! never causes a panic.
 
 use proptest::prelude::*;
 use rollwalk_protocol::can::Frame;
@@ -8,7 +9,7 @@ use rollwalk_protocol::wire::*;
 
 use crate::encode_again::{encode_from, encode_to};
 
-/// A frame of a known message more often than not, its checksum good half of the time.
+/// Random frame, usually with the identifier of a known message, and with a valid checksum in half of the cases.
 fn frame() -> impl Strategy<Value = Frame> {
     let kinds = vec![
         0x000, 0x001, 0x100, 0x101, 0x200, 0x300, 0x301, 0x302, 0x400, 0x401, 0x402, 0x403, 0x404,
@@ -25,7 +26,8 @@ fn frame() -> impl Strategy<Value = Frame> {
     })
 }
 
-/// Fields that a message does not use may have had any value.
+/// True if the frames are equal. Exceptions are commands and parameter requests of unknown kinds, and messages with a float,
+/// which may be NaN.
 fn same_but_for_ignored_bits(again: Frame, frame: Frame) -> bool {
     let kind = frame.standard_id().unwrap() & 0x70F;
     let unknown_command = kind == 0x200 && frame.data()[1] >> 4 > 10;
@@ -57,7 +59,7 @@ proptest! {
         );
     }
 
-    /// Identifiers of 29 bits belong to drives: none is a message on the link, for any number.
+    /// Frames with 29-bit identifiers, which belong to drives, are never messages on the link.
     #[test]
     fn no_message_has_an_identifier_of_29_bits(frame in frame(), low in 0u32..1 << 18) {
         let id = u32::from(frame.standard_id().unwrap());
@@ -68,7 +70,7 @@ proptest! {
         }
     }
 
-    /// A sealed frame with up to two damaged bits, or under another identifier, is refused.
+    /// A sealed frame is refused if up to two bits are damaged, or if its identifier is changed.
     #[test]
     fn damage_is_noticed(
         seq in any::<u8>(), host_ms in any::<u32>(), a in 0usize..48, b in 0usize..48,

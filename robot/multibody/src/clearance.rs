@@ -1,12 +1,13 @@
-//! Clearance of limbs from each other, from the body and from the ground: pairs of shapes with distances and their
-//! derivatives, and points above the ground.
+//! Clearance of limbs from each other, from the body and from the ground: pairs of shapes with distances and derivatives, and
+//! points above the ground.
 //!
-//! A distance within the robot depends on the joints between its two links alone. It changes as the second shape moves
-//! against the first, by f · dp for a point p on it: one force f with its moment about the world's origin stands for all
-//! derivatives, w · (m − o × f) per radian of a joint with axis w and origin o.
+//! The distance of a pair depends only on the joints between its two links. When the second shape moves against the first, the
+//! distance changes by f · dp for a point p on the second shape. One force f and its moment m about the world origin give all
+//! derivatives: w · (m − o × f) per radian of a joint with axis w and origin o.
 //!
-//! The nominal pose is right by definition. Shapes that overlap in it, because they are coarser than the parts, are no
-//! pair, and shapes that are nearer there than the margin may come as near as that. `rollwalk robot check` names both.
+//! The nominal pose is valid by definition. Shapes that overlap in it, because they are coarser than the real parts, are not
+//! checked. Shapes whose nominal distance is below the margin must keep the nominal distance. `rollwalk robot check` lists both
+//! cases.
 
 use crate::distance::{Capsule, OrientedBox};
 use crate::{Frames, Tree};
@@ -15,7 +16,7 @@ use rollwalk_robot::ClearancePair;
 use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
 
-/// Shapes and points that must keep clear, prepared once.
+/// Pairs of shapes and points above the ground that must keep clear, computed once.
 #[derive(Clone, Debug, Default)]
 pub struct Clearance {
     shapes: Vec<LinkShape>,
@@ -23,36 +24,36 @@ pub struct Clearance {
     points: Vec<GroundPoint>,
 }
 
-/// Two shapes that must keep clear of each other.
+/// Pair of shapes that must keep clear of each other.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Indices of their links.
+    /// Indices of the links.
     pub links: [usize; 2],
-    /// The shapes in the frames of these links; the second is a capsule.
+    /// Shapes, each in the frame of its link. The second is a capsule.
     pub shapes: [Shape; 2],
-    /// Distance that they must keep, m.
+    /// Required distance, m.
     pub least_m: f64,
-    /// Joints that move one of the links and not the other, base first.
+    /// Joints that move one link and not the other, base first.
     pub joints: [Vec<usize>; 2],
     /// Indices in [`Clearance::shapes`].
     placed: [usize; 2],
 }
 
-/// A sphere of a link that must stay above the ground: the end of a capsule, or, with radius 0, a corner of a box or
-/// the origin of a joint.
+/// Sphere of a link that must stay above the ground: the end of a capsule, or, with radius 0, a corner of a box or the origin
+/// of a joint.
 #[derive(Clone, Debug)]
 pub struct GroundPoint {
-    /// Index of its link.
+    /// Index of the link.
     pub link: usize,
     /// Centre in the link frame, m.
     pub center_in_link_m: Vector3<f64>,
     /// Radius, m.
     pub radius_m: f64,
-    /// Height above the ground that its lowest point must keep, m.
+    /// Required height of the lowest point above the ground, m.
     pub least_m: f64,
 }
 
-/// A shape with a sphere around it.
+/// Shape with an enclosing sphere.
 #[derive(Clone, Copy, Debug)]
 struct LinkShape {
     link: usize,
@@ -61,7 +62,7 @@ struct LinkShape {
     reach_m: f64,
 }
 
-/// Shapes of all pairs, in world.
+/// Shapes of all pairs in world axes.
 #[derive(Clone, Debug)]
 pub struct PlacedShapes(Vec<Placed>);
 
@@ -79,10 +80,10 @@ enum PlacedShape {
 }
 
 impl Frames {
-    /// Distance of the surfaces of a pair of shapes, m; negative where they overlap.
+    /// Distance between the surfaces of a pair of shapes, m; negative if they overlap.
     ///
     /// # Panics
-    /// The second shape is a box, which no valid robot has.
+    /// If the second shape is a box, which does not occur in a valid robot.
     pub fn clearance(&self, pair: &ClearancePair<'_>) -> f64 {
         let [first, second] = [0, 1].map(|k| self.placed(pair.links[k], pair.shapes[k]));
         let limb = second.limb();
@@ -120,17 +121,17 @@ impl PlacedShape {
     }
 }
 
-/// Distance of a pair.
+/// Distance of a pair, with its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct PairDistance {
-    /// Distance of the surfaces, m; negative where they overlap.
+    /// Distance between the surfaces, m; negative if they overlap.
     pub distance_m: f64,
     force: Vector3<f64>,
     moment: Vector3<f64>,
 }
 
 impl Clearance {
-    /// Prepares a robot from its frames in the nominal pose, in which it stands on the ground.
+    /// Prepares a robot from its frames in the nominal pose, standing on the ground.
     pub(crate) fn new(tree: &Tree, nominal: &Frames) -> Self {
         let robot = tree.robot();
         let mut made = Self::default();
@@ -194,7 +195,7 @@ impl Clearance {
         &self.points
     }
 
-    /// Places all shapes.
+    /// Transforms all shapes to world axes.
     pub fn placed(&self, frames: &Frames) -> PlacedShapes {
         let place = |of: &LinkShape| Placed {
             middle: frames.point(of.link, &of.middle_in_link_m),
@@ -205,7 +206,7 @@ impl Clearance {
     }
 }
 
-/// Spheres of a link: centre, radius and least height. A link without shapes has its joint's origin.
+/// Spheres of a link: centre, radius and required height. A link without shapes has a point at the origin of its joint.
 fn ground_points(robot: &Robot, link: usize, margin_m: f64) -> Vec<(Vector3<f64>, f64, f64)> {
     let shapes = &robot.links[link].shapes;
     if shapes.is_empty() {
@@ -231,7 +232,7 @@ fn ground_points(robot: &Robot, link: usize, margin_m: f64) -> Vec<(Vector3<f64>
 }
 
 impl PlacedShapes {
-    /// Distance of a pair if it is less than `within_m`, which is not negative.
+    /// Distance of a pair; `None` if it is at least `within_m`, which must not be negative.
     pub fn distance(&self, pair: &Pair, within_m: f64) -> Option<PairDistance> {
         let [first, second] = pair.placed.map(|index| &self.0[index]);
         let limb = second.shape.limb();
@@ -262,15 +263,15 @@ impl PlacedShapes {
 }
 
 impl PairDistance {
-    /// Derivative with respect to a turn of the second shape about an axis, m/rad: of a joint that moves the second
-    /// link; with the opposite sign of one that moves the first.
+    /// Derivative with respect to a turn about an axis, m/rad, for a joint that moves the second link. For a joint that moves
+    /// the first link, the sign is opposite.
     pub fn by_turn(&self, axis: &Vector3<f64>, origin: &Vector3<f64>) -> f64 {
         axis.dot(&(self.moment - origin.cross(&self.force)))
     }
 }
 
 impl GroundPoint {
-    /// Centre in world, m.
+    /// Centre in world axes, m.
     pub fn center(&self, frames: &Frames) -> Vector3<f64> {
         frames.point(self.link, &self.center_in_link_m)
     }

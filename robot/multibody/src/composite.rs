@@ -1,13 +1,13 @@
 //! Mass matrix by the composite-rigid-body algorithm (RBDA sec. 6.2), and forward dynamics from it.
 //!
-//! Every inertia and every joint's motion is expressed at the base origin in world axes, so that composite
-//! inertias are plain sums. The six rows of the base are momentum per generalised velocity.
+//! Inertias and joint motions are expressed at the base origin in world axes, so that composite inertias are plain sums. The
+//! six base rows are momentum per generalised velocity.
 
 use crate::rotation::skew;
 use crate::{ANGULAR, Frames, JOINTS, LINEAR, Tree};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Inertia of every link together with all that it carries.
+/// Inertia of every link together with all links that it carries.
 #[derive(Clone, Debug)]
 pub struct CompositeInertia {
     links: Vec<SpatialInertia>,
@@ -17,16 +17,16 @@ pub struct CompositeInertia {
 #[derive(Clone, Copy, Debug)]
 struct SpatialInertia {
     mass_kg: f64,
-    /// Σ m d, kg·m, with d from the point.
+    /// First moment Σ m d about the point, kg·m.
     moment: Vector3<f64>,
     /// Inertia about the point, kg·m².
     inertia: Matrix3<f64>,
 }
 
-/// Rotation of a rigid body about an axis, per unit speed, seen at the base origin.
+/// Motion of a rigid body per unit speed of rotation about an axis, expressed at the base origin.
 struct Screw {
     angular: Vector3<f64>,
-    /// Velocity of the point of the body that is at the base origin.
+    /// Velocity of the body's point at the base origin.
     linear: Vector3<f64>,
 }
 
@@ -37,7 +37,7 @@ struct Momentum {
 }
 
 impl CompositeInertia {
-    /// Composite inertias at a configuration.
+    /// Composite inertias for a configuration.
     pub fn new(tree: &Tree, frames: &Frames) -> Self {
         let zero =
             SpatialInertia { mass_kg: 0.0, moment: Vector3::zeros(), inertia: Matrix3::zeros() };
@@ -46,7 +46,7 @@ impl CompositeInertia {
         composite
     }
 
-    /// Moves to another configuration; allocates nothing.
+    /// Updates the inertias for another configuration, without allocation.
     pub fn update(&mut self, tree: &Tree, frames: &Frames) {
         for (l, link) in tree.robot().links.iter().enumerate() {
             let arm = frames.link_com(tree, l) - frames.link_origins[0];
@@ -66,17 +66,17 @@ impl CompositeInertia {
         }
     }
 
-    /// Inertia about a joint's axis of all that it carries, kg·m²; armature if the tree has it.
+    /// Inertia about a joint's axis of all links that the joint carries, kg·m². Includes armature if the tree has it.
     pub fn joint_inertia(&self, tree: &Tree, frames: &Frames, joint: usize) -> f64 {
         let screw = screw(tree, frames, joint);
         let momentum = self.links[tree.robot().joints[joint].child].momentum(&screw);
         screw.power(&momentum) + tree.joint_armature_kg_m2(joint)
     }
 
-    /// Mass matrix M(q), [`Tree::dofs`] square: kinetic energy ½ νᵀ M ν, momenta M ν.
+    /// Mass matrix M(q), [`Tree::dofs`] square: the kinetic energy is ½ νᵀ M ν, the momenta are M ν.
     ///
     /// # Panics
-    /// `out` is smaller.
+    /// If `out` is smaller.
     pub fn mass_matrix(&self, tree: &Tree, frames: &Frames, out: &mut DMatrix<f64>) {
         out.fill(0.0);
         let base = &self.links[0];
@@ -123,8 +123,8 @@ fn screw(tree: &Tree, frames: &Frames, joint: usize) -> Screw {
     Screw { angular, linear: angular.cross(&(frames.link_origins[0] - origin)) }
 }
 
-/// Writes a column of the mass matrix and its mirror image: `momentum` per unit speed of `dof`, which
-/// moves `link` and what it carries, seen by the base and by the joints that lead to the link.
+/// Writes column and row `dof` of the mass matrix. `momentum` is the momentum of `link` and the links that it carries, per unit
+/// speed of `dof`. The entries belong to the base and to the joints between the base and `link`.
 fn set_column(
     tree: &Tree,
     frames: &Frames,

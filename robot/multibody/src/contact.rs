@@ -1,65 +1,64 @@
 //! Contact points of wheels, blades and feet with a plane: position, velocities, Jacobians.
 //!
-//! With the axis a, the plane's normal n and the radius r, the lowest point of the rim is ρ from the centre
-//! (Eq. 2.2 of the thesis for any axis; a foot, a sphere, is the case a = 0):
+//! With the axis a, the plane's normal n and the radius r, the vector from the centre to the lowest point of the rim is ρ. The
+//! formula is Eq. 2.2 of the thesis for any axis; for a foot, which is a sphere, a = 0:
 //!
 //! ```text
 //! g = n − (a·n) a        ρ = −r g / |g|
 //! ```
 //!
-//! Two points pass through c + ρ. The **material** point belongs to the tyre: its velocity
-//! v_c + (Ω + a s) × ρ, with the spin s, is zero in rolling without slip. The **geometric** point stays the
-//! lowest one: it moves over the tyre with v_c + ρ̇, and along the ground. Along the normal they agree.
+//! Two points pass through c + ρ. The **material** point belongs to the tyre. Its velocity v_c + (Ω + a s) × ρ, with the spin
+//! s, is zero in rolling without slip. The **geometric** point remains the lowest point. It moves over the tyre and along the
+//! ground with v_c + ρ̇. The normal components of both velocities are equal.
 
 use crate::ground::ElevationMap;
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, Tree};
 use nalgebra::{Matrix3xX, Vector3};
 
-/// Smallest |g|, the sine of the angle between axis and normal, at which the lowest point is defined.
+/// Smallest |g| for which the lowest point is defined: the sine of the angle between axis and normal.
 const SMALLEST_SINE: f64 = 1e-6;
 
-/// Rounds in which the contact point is found on ground that is not level.
+/// Number of fixed-point iterations for the contact point on uneven ground.
 const ROUNDS: usize = 8;
 
-/// The point of an end effector that is nearest to a plane below it, or deepest in it.
+/// Contact point of an end effector: the point that is nearest to a plane below it, or deepest in it.
 ///
-/// The blade of a skate counts as a rim with its radius of curvature, without ends
-/// (`EndEffector::blade` has its reach).
+/// The blade of a skate counts as a rim with its radius of curvature and without ends. `EndEffector::blade` gives its reach.
 #[derive(Clone, Copy, Debug)]
 pub struct RimContact {
     /// Index of the end effector.
     pub end_effector: usize,
-    /// Index of the link that carries it.
+    /// Index of the link that carries the end effector.
     pub link: usize,
-    /// Wheel centre or centre of the sphere in world, m.
+    /// Centre of the wheel or sphere in world axes, m.
     pub center: Vector3<f64>,
-    /// Unit axis a in world; zero for a foot.
+    /// Unit axis a in world axes; zero for a foot.
     pub axis: Vector3<f64>,
-    /// Vector from the centre to the contact point, ρ in world, m.
+    /// Vector ρ from the centre to the contact point, in world axes, m.
     pub lever: Vector3<f64>,
-    /// Index in ν of the spin; `None` for what does not spin.
+    /// Index of the spin in ν; `None` for end effectors that do not spin.
     pub wheel_dof: Option<usize>,
     normal: Vector3<f64>,
     sine: f64,
 }
 
-/// Motion of the two points at a contact, in world.
+/// Motion of the material and the geometric point at a contact, in world axes.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactMotion {
-    /// Velocity of the material point, m/s: zero without slip.
+    /// Velocity of the material point, m/s; zero without slip.
     pub material_velocity: Vector3<f64>,
     /// Velocity of the geometric contact point, m/s.
     pub geometric_velocity: Vector3<f64>,
-    /// Acceleration of the material point, m/s²: of a rolling wheel, s² r towards the centre.
+    /// Acceleration of the material point, m/s². For a rolling wheel, s² r towards the centre.
     pub material_acceleration: Vector3<f64>,
-    /// Rate of change of the material velocity **at the geometric point**, m/s²: zero in steady rolling. The
-    /// constraint of rolling is this one, J ν̇ + J̇ ν = 0; it is J̇ ν while ν̇ = 0.
+    /// Rate of change of the material velocity **at the geometric point**, m/s². It is zero in steady rolling. The rolling
+    /// constraint is J ν̇ + J̇ ν = 0; with ν̇ = 0 the value is J̇ ν.
     pub rolling_acceleration: Vector3<f64>,
 }
 
 impl RimContact {
-    /// Contact of an end effector with a plane of unit normal `normal` (world, away from the ground).
-    /// `None` if the wheel lies flat on the plane, where no point is lowest.
+    /// Contact of an end effector with a plane. `normal` is the unit normal in world axes, away from the ground. `None` if the
+    /// wheel lies flat on the plane, so that it has no unique lowest point.
     pub fn new(
         tree: &Tree,
         frames: &Frames,
@@ -83,8 +82,8 @@ impl RimContact {
         })
     }
 
-    /// Contact of an end effector with ground, along the normal that the ground has at the contact point: a fixed point, as
-    /// long as the ground bends less than the rim. `None` as in [`new`](Self::new).
+    /// Contact of an end effector with uneven ground, along the ground normal at the contact point. The fixed-point iteration
+    /// converges if the ground bends less than the rim. `None` if the wheel lies flat, as in [`new`](Self::new).
     pub fn on(
         tree: &Tree,
         frames: &Frames,
@@ -105,7 +104,7 @@ impl RimContact {
         &self.normal
     }
 
-    /// The contact point in world, m.
+    /// Contact point in world axes, m.
     pub fn position(&self) -> Vector3<f64> {
         self.center + self.lever
     }
@@ -118,7 +117,7 @@ impl RimContact {
         }
     }
 
-    /// Jacobian of the geometric contact point's velocity, 3 × [`Tree::dofs`]; spin does not move it.
+    /// Jacobian of the geometric contact point's velocity, 3 × [`Tree::dofs`]. The spin does not contribute.
     pub fn geometric_jacobian(&self, tree: &Tree, frames: &Frames, out: &mut Matrix3xX<f64>) {
         frames.point_jacobian(tree, self.link, &self.center, out);
         let mut add = |dof: usize, turn: &Vector3<f64>| {
@@ -133,9 +132,8 @@ impl RimContact {
         }
     }
 
-    /// Time derivative of [`Self::material_jacobian`] taken at a point that moves with `point_velocity`:
-    /// the material velocity gives that of a point fixed to the tyre, the geometric velocity that of the
-    /// rolling constraint.
+    /// Time derivative of [`Self::material_jacobian`] at a point that moves with `point_velocity`. The material velocity gives
+    /// the derivative for a point fixed to the tyre; the geometric velocity gives the one for the rolling constraint.
     pub fn material_jacobian_derivative(
         &self,
         tree: &Tree,
@@ -177,7 +175,7 @@ impl RimContact {
         }
     }
 
-    /// Change of ρ for a change of the axis: with u = −ρ/r, dρ = −r/|g| (1 − u uᵀ) dg.
+    /// Change of ρ for a change of the axis: dρ = −r/|g| (1 − u uᵀ) dg with u = −ρ/r.
     fn d_lever(&self, d_axis: &Vector3<f64>) -> Vector3<f64> {
         let radius = self.lever.norm();
         let upward = -self.lever / radius;

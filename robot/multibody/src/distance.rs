@@ -1,48 +1,47 @@
-//! Distances between shapes of links, with their gradients: capsule to capsule, capsule to box, and both to the
-//! ground. For clearance between limbs, to the body and to the ground.
+//! Distances between shapes of links, with gradients: capsule to capsule, capsule to box, and both to the ground. Used for
+//! clearance between limbs, to the body and to the ground.
 //!
-//! A distance is that of the surfaces, negative by the depth where shapes overlap. Every gradient follows from one
-//! fact (Danskin): the distance of the nearest points p and q changes with n · (dp − dq), n = (p − q) / |p − q|,
-//! while their places on the two shapes stay. It is exact wherever the nearest points are unique, and one of the
-//! two one-sided gradients elsewhere, as between parallel capsules.
+//! A distance is between surfaces; where shapes overlap it is minus the depth. Gradients follow from Danskin's theorem: with
+//! the nearest points p and q fixed on their shapes, the distance changes by n · (dp − dq), n = (p − q) / |p − q|. This is
+//! exact if the nearest points are unique. Otherwise, as between parallel capsules, it is one of the two one-sided gradients.
 //!
-//! Not `parry3d`: it has no gradients, and its iterations for capsules and boxes (GJK, EPA) end at a tolerance, so that
-//! a distance is neither smooth nor monotonous below it. Its vectors are of another library than ours.
+//! `parry3d` is unsuitable because it has no gradients. Its iterations for capsules and boxes (GJK, EPA) end at a tolerance,
+//! below which a distance is neither smooth nor monotonic. It also uses the vectors of another library.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_robot::shape::Shape;
 
-/// Axes that are nearer than this have no direction between them, m.
+/// Distance between axes below which their direction is undefined, m.
 const TOUCHING_M: f64 = 1e-12;
-/// Rounding of a distance, m: what a nearer point could still gain is less.
+/// Rounding of a distance, m. The search ends if further improvement is below this value.
 const ROUNDING_M: f64 = 1e-16;
-/// Limit of steps along a capsule's axis. Outside of a box it takes about five, inside up to fifty.
+/// Maximum number of steps along a capsule's axis. About five suffice outside a box, up to fifty inside.
 const STEPS: usize = 100;
 
-/// Points within a radius of a line segment, in world.
+/// Capsule in world axes: all points within a radius of a line segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
-    /// First and other end of the segment, m.
+    /// Start and end of the segment, m.
     pub ends: [Vector3<f64>; 2],
     /// Radius, m.
     pub radius_m: f64,
 }
 
-/// A box, in world.
+/// Box in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
     /// Centre, m.
     pub center: Vector3<f64>,
     /// World-from-box rotation.
     pub world_from_box: Matrix3<f64>,
-    /// Half the lengths of its sides, along its own axes, m.
+    /// Half side lengths along the axes of the box, m.
     pub half_size_m: Vector3<f64>,
 }
 
-/// Distance of two capsules.
+/// Distance between two capsules.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapsuleDistance {
-    /// Distance of the surfaces, m; negative where they overlap.
+    /// Distance between the surfaces, m; negative if they overlap.
     pub distance_m: f64,
     /// Gradient with respect to the ends of the first capsule.
     pub by_first: [Vector3<f64>; 2],
@@ -50,10 +49,10 @@ pub struct CapsuleDistance {
     pub by_second: [Vector3<f64>; 2],
 }
 
-/// Distance of a capsule and a box.
+/// Distance between a capsule and a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoxDistance {
-    /// Distance of the surfaces, m; negative where they overlap.
+    /// Distance between the surfaces, m; negative if they overlap.
     pub distance_m: f64,
     /// Gradient with respect to the ends of the capsule.
     pub by_ends: [Vector3<f64>; 2],
@@ -64,7 +63,7 @@ pub struct BoxDistance {
 }
 
 impl Capsule {
-    /// A capsule of a link that is placed by `origin` and `world_from_link`; `None` for a box.
+    /// Capsule of a link with the pose `origin` and `world_from_link`; `None` for a box.
     pub fn of(
         shape: &Shape,
         origin: &Vector3<f64>,
@@ -75,8 +74,8 @@ impl Capsule {
         Some(Self { ends, radius_m: *radius_m })
     }
 
-    /// Distance to another capsule. Depth ends at the sum of the radii: where the axes cross, the way out is along
-    /// their common normal.
+    /// Distance to another capsule. The depth is at most the sum of the radii: where the axes cross, the shortest way out is
+    /// along their common normal.
     pub fn distance(&self, other: &Self) -> CapsuleDistance {
         let [s, t] = nearest(&self.ends, &other.ends);
         let between = point(&self.ends, s) - point(&other.ends, t);
@@ -93,7 +92,7 @@ impl Capsule {
         }
     }
 
-    /// Distance to a box. Also inside, where it is the way out through the nearest face.
+    /// Distance to a box. Inside the box, the depth is measured to the nearest face.
     pub fn distance_to_box(&self, other: &OrientedBox) -> BoxDistance {
         let box_from_world = other.world_from_box.transpose();
         let ends = self.ends.map(|end| box_from_world * (end - other.center));
@@ -108,7 +107,7 @@ impl Capsule {
         }
     }
 
-    /// Height above the ground, the plane z = 0, m, and its gradient with respect to the ends: that of the lower end.
+    /// Height of the lowest point above the plane z = 0, m, and its gradient with respect to the ends.
     pub fn height(&self) -> (f64, [Vector3<f64>; 2]) {
         let [from, to] = self.ends.map(|end| end.z);
         let (lowest, share) = if from <= to { (from, 0.0) } else { (to, 1.0) };
@@ -117,7 +116,7 @@ impl Capsule {
 }
 
 impl OrientedBox {
-    /// A box of a link that is placed by `origin` and `world_from_link`; `None` for a capsule.
+    /// Box of a link with the pose `origin` and `world_from_link`; `None` for a capsule.
     pub fn of(
         shape: &Shape,
         origin: &Vector3<f64>,
@@ -128,15 +127,16 @@ impl OrientedBox {
         Some(Self { center, world_from_box: *world_from_link, half_size_m: size_m * 0.5 })
     }
 
-    /// A distance that a capsule has at least, m: that of the planes of a face, where both ends are beyond it.
+    /// Lower bound of the distance to a capsule, m: the largest distance from the plane of a face to the nearer end of the
+    /// capsule's segment, minus the radius.
     pub fn least_distance(&self, capsule: &Capsule) -> f64 {
         let [from, to] = capsule.ends.map(|end| self.world_from_box.tr_mul(&(end - self.center)));
         let beyond = |k: usize| from[k].min(to[k]).max(-from[k].max(to[k])) - self.half_size_m[k];
         (0..3).map(beyond).fold(f64::NEG_INFINITY, f64::max) - capsule.radius_m
     }
 
-    /// Height of the lowest corner above the ground, m, and its gradients with respect to the centre and to a
-    /// rotation about the centre, in world axes.
+    /// Height of the lowest corner above the plane z = 0, m, and its gradients with respect to the centre and to a rotation
+    /// about the centre, in world axes.
     pub fn height(&self) -> (f64, [Vector3<f64>; 2]) {
         let toward = self.world_from_box.row(2).map(|z| if z > 0.0 { -1.0 } else { 1.0 });
         let corner = self.half_size_m.component_mul(&toward.transpose());
@@ -153,7 +153,7 @@ fn point(ends: &[Vector3<f64>; 2], s: f64) -> Vector3<f64> {
     ends[0] + axis(ends) * s
 }
 
-/// A unit vector across two axes; across the first, if they are parallel.
+/// Unit vector perpendicular to two axes; perpendicular to the first axis if they are parallel.
 fn across(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector3<f64> {
     let thinnest = Vector3::ith(first.iamin(), 1.0);
     let candidates = [first.cross(second), first.cross(&thinnest), thinnest];
@@ -161,7 +161,7 @@ fn across(first: &Vector3<f64>, second: &Vector3<f64>) -> Vector3<f64> {
     candidates.iter().find_map(unit).unwrap_or_else(Vector3::z)
 }
 
-/// Parameters, 0 to 1, of the nearest points of two line segments (Ericson, Real-Time Collision Detection, sec. 5.1.9).
+/// Parameters of the nearest points of two line segments, 0 to 1 (Ericson, Real-Time Collision Detection, sec. 5.1.9).
 fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [f64; 2] {
     let (u, v) = (axis(first), axis(second));
     let between = first[0] - second[0];
@@ -182,8 +182,8 @@ fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [f64; 2] {
     [on_first(t), t]
 }
 
-/// Distance of a point, in the frame of a box, from its surface, negative inside, and the gradient. The distance to a
-/// convex body is convex.
+/// Distance of a point from the surface of a box, and its gradient; negative inside. `point` is in the frame of the box. The
+/// distance is a convex function of the point.
 fn signed_distance(point: &Vector3<f64>, half_size_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
     let beyond = point.abs() - half_size_m;
     let outside = beyond.map(|d| d.max(0.0));
@@ -195,12 +195,12 @@ fn signed_distance(point: &Vector3<f64>, half_size_m: &Vector3<f64>) -> (f64, Ve
     (beyond[face], Vector3::ith(face, 1.0f64.copysign(point[face])))
 }
 
-/// Parameter of the point of a line segment that is nearest to a box or deepest in it, its distance, and the gradient
-/// with respect to that point.
+/// Point of a line segment that is nearest to a box or deepest in it: its parameter, its distance, and the gradient with
+/// respect to this point.
 ///
-/// Along the segment the distance is convex: secants of its slope, with the rule of Illinois, find where it ceases to
-/// fall. Inside the box that may be between two faces, one of which comes nearer as the other one recedes: the gradient
-/// is then the mean of both normals along which the distance keeps still.
+/// Along the segment, the distance is convex. The Illinois method finds the zero of its slope. Inside the box, the zero may lie
+/// between two faces, one approaching and one receding. The gradient is then the average of both normals for which the slope is
+/// 0.
 fn lowest(ends: &[Vector3<f64>; 2], half_size_m: &Vector3<f64>) -> (f64, f64, Vector3<f64>) {
     let along = axis(ends);
     let at = |s: f64| {

@@ -1,7 +1,7 @@
-//! Doubts about a robot that breaks no rule: numbers that no robot of its size has, most of them slips of a unit or of a sign.
+//! Warnings about a valid robot with implausible values, most of them errors of a unit or a sign.
 //!
-//! Bounds lie far outside of what built robots have: each is a multiple of the extremes over the robots that ship and the
-//! quadrupeds of big makers. A doubt names what is doubtful, the value, and the slip that would explain it.
+//! Limits are far outside the range of real robots: multiples of the extremes over the shipped robots and commercial
+//! quadrupeds. A warning contains the item, its value, and the probable error.
 
 mod limbs;
 mod masses;
@@ -13,7 +13,7 @@ mod wheels;
 use crate::{Standing, Tree};
 use seen::{Doubt, Seen};
 
-/// Doubts about a robot in its nominal pose, a sentence each, what spoils most numbers first.
+/// Warnings about a robot in its nominal pose, one sentence each. The order is masses, motors, limbs, wheels, names.
 pub fn doubts(tree: &Tree, standing: &Standing) -> Vec<String> {
     let seen = Seen::new(tree, standing);
     let all = [masses::doubts, motors::doubts, limbs::doubts, wheels::doubts, names::doubts];

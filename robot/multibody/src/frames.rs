@@ -4,10 +4,10 @@ use crate::Tree;
 use crate::rotation::skew;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
-/// Pose of the base and joint angles. Wheel angles are left out: wheels are symmetric about their axes.
+/// Pose of the base, and joint angles. Wheel angles are absent, because wheels are symmetric about their axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Configuration<'a> {
-    /// Origin of the root link in world, m.
+    /// Origin of the root link in world axes, m.
     pub base_position_m: Vector3<f64>,
     /// World-from-body rotation.
     pub world_from_body: Matrix3<f64>,
@@ -15,24 +15,24 @@ pub struct Configuration<'a> {
     pub joint_rad: &'a [f64],
 }
 
-/// Frames of all links at one configuration, in world.
+/// Frames of all links at one configuration, in world axes.
 #[derive(Clone, Debug)]
 pub struct Frames {
     /// World-from-link rotation of every link.
     pub world_from_link: Vec<Matrix3<f64>>,
-    /// Origin of every link frame, m. The origin of a joint is that of its child.
+    /// Origin of each link frame, m. The origin of a joint is the origin of its child.
     pub link_origins: Vec<Vector3<f64>>,
-    /// Axis of every joint, in joint order.
+    /// Axis of each joint, in joint order.
     pub joint_axes: Vec<Vector3<f64>>,
-    /// First moment Σ m x of every link with all that it carries, kg·m.
+    /// First moment Σ m x of each link with all links that it carries, kg·m.
     pub carried_moments: Vec<Vector3<f64>>,
 }
 
 impl Frames {
-    /// Frames of a robot at a configuration.
+    /// Computes the frames of a robot at a configuration.
     ///
     /// # Panics
-    /// The configuration has fewer angles than the robot has joints.
+    /// If the configuration has fewer angles than the robot has joints.
     pub fn new(tree: &Tree, at: &Configuration) -> Self {
         let links = tree.robot().links.len();
         let mut frames = Self {
@@ -45,10 +45,10 @@ impl Frames {
         frames
     }
 
-    /// Moves to another configuration; allocates nothing (RBDA sec. 4.1.3, Eq. 2.14 of the thesis).
+    /// Updates the frames for another configuration, without allocation (RBDA sec. 4.1.3, Eq. 2.14 of the thesis).
     ///
     /// # Panics
-    /// As [`Self::new`].
+    /// If the configuration has fewer angles than the robot has joints.
     pub fn update(&mut self, tree: &Tree, at: &Configuration) {
         let robot = tree.robot();
         let (rotations, origins) = (&mut self.world_from_link, &mut self.link_origins);
@@ -73,12 +73,12 @@ impl Frames {
         }
     }
 
-    /// A point of a link, given in its frame, in world, m.
+    /// Transforms a point from the frame of a link to world axes, m.
     pub fn point(&self, link: usize, point_in_link_m: &Vector3<f64>) -> Vector3<f64> {
         self.link_origins[link] + self.world_from_link[link] * point_in_link_m
     }
 
-    /// Centre of mass of a link in world, m.
+    /// Centre of mass of a link in world axes, m.
     pub fn link_com(&self, tree: &Tree, link: usize) -> Vector3<f64> {
         self.point(link, &tree.robot().links[link].com_in_link_m)
     }
@@ -89,13 +89,13 @@ impl Frames {
         rotation * tree.robot().links[link].inertia_in_link_kg_m2 * rotation.transpose()
     }
 
-    /// Centre of mass of the robot in world, m.
+    /// Centre of mass of the robot in world axes, m.
     pub fn com(&self, tree: &Tree) -> Vector3<f64> {
         self.carried_moments[0] / tree.total_mass_kg()
     }
 
-    /// Inertia of the whole robot about its centre of mass, in world axes, kg·m²: what angular momentum
-    /// would be per angular velocity if all joints were locked.
+    /// Inertia of the whole robot about its centre of mass, in world axes, kg·m²: angular momentum per angular velocity with
+    /// locked joints.
     pub fn centroidal_inertia(&self, tree: &Tree) -> Matrix3<f64> {
         let com = self.com(tree);
         let mut inertia = Matrix3::zeros();

@@ -21,27 +21,27 @@ pub use spline::FieldError;
 pub use terrain::{HeightField, Profile, ProfileError};
 pub use turned::Turned;
 
-/// The ground as seen from a point.
+/// Gap, normal and curvature of the ground at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Distance from the ground, m; negative inside.
+    /// Distance from the ground, m; negative below the surface.
     pub gap_m: f64,
-    /// Gradient of the gap. Of a true distance it is the normal.
+    /// Gradient of the gap. For a true distance it equals the normal.
     pub gradient: Vector3<f64>,
-    /// Unit vector out of the ground.
+    /// Unit normal, out of the ground.
     pub normal: Vector3<f64>,
-    /// Derivative of the normal by the point, 1/m.
+    /// Derivative of the normal with respect to the point, 1/m.
     pub curvature: Matrix3<f64>,
 }
 
 impl Surface {
-    /// Surface of a true distance: its gradient is a unit vector.
+    /// Surface for a true distance, whose gradient is a unit vector.
     fn exact(gap_m: f64, normal: Vector3<f64>, curvature: Matrix3<f64>) -> Self {
         Self { gap_m, gradient: normal, normal, curvature }
     }
 
-    /// Surface of a function that is 0 on the surface and grows outwards, with gradient and Hessian. The gap is the distance to
-    /// first order, f/|∇f|.
+    /// Surface of a level set. The function is 0 on the surface and grows outwards; its value, gradient and Hessian are given.
+    /// The gap is the first-order distance f/|∇f|.
     fn of_level(value: f64, gradient: &Vector3<f64>, hessian: &Matrix3<f64>) -> Self {
         let slope = gradient.norm().max(f64::MIN_POSITIVE);
         let normal = gradient / slope;
@@ -54,30 +54,31 @@ impl Surface {
     }
 }
 
-/// Something solid that does not move.
+/// Immovable solid.
 pub trait Ground: std::fmt::Debug + Send + Sync {
-    /// The ground as seen from a point in world axes, m.
+    /// Evaluates the ground at a point in world axes, m.
     fn at(&self, point: &Vector3<f64>) -> Surface;
 
-    /// True if the gap is the distance at all points outside. Spheres and wheels then touch where their centres are nearest,
-    /// edges included; otherwise they touch where their own surface is deepest.
+    /// Returns true if the gap is the exact distance at all points outside. Spheres and wheels then touch at the point nearest
+    /// to their centre, edges included. Otherwise they touch at the deepest point of their own surface.
     fn is_distance(&self) -> bool {
         false
     }
 
-    /// Parts that something can touch at the same time; none where all of it is one. The nearest of them is the ground.
+    /// Parts that an object can touch simultaneously; empty if the ground is a single part. The nearest part determines the
+    /// gap.
     fn parts(&self) -> Vec<Arc<dyn Ground>> {
         Vec::new()
     }
 }
 
-/// Parts of a ground; the ground itself if it has no parts.
+/// Parts of a ground, or the ground itself if it is a single part.
 pub fn parts_of(ground: &Arc<dyn Ground>) -> Vec<Arc<dyn Ground>> {
     let parts = ground.parts();
     if parts.is_empty() { vec![Arc::clone(ground)] } else { parts }
 }
 
-/// Panics where gradient or curvature differ from central differences at a point.
+/// Panics if gradient or curvature differ from central differences at a point.
 #[cfg(test)]
 fn agrees_with_finite_differences(ground: &dyn Ground, point: &Vector3<f64>) {
     let step = 1e-6;

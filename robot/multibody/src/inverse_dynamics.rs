@@ -1,16 +1,17 @@
-//! Generalised forces by Newton-Euler (RBDA sec. 5.3): force and moment of each link, projected on the
-//! base and on every joint between base and link.
+//! Generalised forces by the Newton–Euler method (RBDA sec. 5.3): force and moment of each link, projected onto the base and
+//! onto the joints between base and link.
 
 use crate::{ANGULAR, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::Vector3;
 
 impl Kinematics {
-    /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world, m/s²).
-    /// After [`Kinematics::update`], with ν̇ = 0, these are the bias forces h: Coriolis, centrifugal and
-    /// gyroscopic forces and weight. `out` has [`Tree::dofs`] entries, N and N·m.
+    /// Generalised forces τ = M ν̇ + h that produce the present acceleration ν̇ under gravity (world axes, m/s²).
+    ///
+    /// After [`Kinematics::update`], with ν̇ = 0, the result is the bias force h: Coriolis, centrifugal and gyroscopic forces,
+    /// and weight. `out` has [`Tree::dofs`] entries, N and N·m.
     ///
     /// # Panics
-    /// `out` is shorter.
+    /// If `out` is shorter.
     pub fn inverse_dynamics(&self, tree: &Tree, gravity_m_s2: &Vector3<f64>, out: &mut [f64]) {
         out.fill(0.0);
         for (l, link) in tree.robot().links.iter().enumerate() {
@@ -40,7 +41,7 @@ impl Kinematics {
         }
     }
 
-    /// Adds a force at a point and a moment on a link, all in world, to the generalised forces.
+    /// Adds the generalised forces of a force at a point and a moment on a link, all in world axes.
     fn project(
         &self,
         tree: &Tree,

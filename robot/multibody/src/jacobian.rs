@@ -1,14 +1,13 @@
-//! Jacobians of points, of links' rotation and of the centre of mass, and their time derivatives.
+//! Jacobians of points, of link rotations and of the centre of mass, and their time derivatives.
 //!
-//! A degree of freedom with axis w through o moves a point x by w × (x − o) and turns by w (RBDA sec. 4.1.3).
-//! All matrices are 3 × [`Tree::dofs`]: world vectors, one column for each entry of ν. An output with fewer columns
-//! is a panic.
+//! A degree of freedom with axis w through o moves a point x by w × (x − o), and rotates by w (RBDA sec. 4.1.3). Matrices are 3
+//! × [`Tree::dofs`], in world axes, with one column for each entry of ν. An output with fewer columns causes a panic.
 
 use crate::{ANGULAR, Frames, JOINTS, Kinematics, LINEAR, Tree};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 impl Frames {
-    /// Jacobian of a point of a link, given in world: ẋ = J ν, m/s.
+    /// Jacobian of a point of a link, ẋ = J ν, m/s. The point is in world axes.
     pub fn point_jacobian(
         &self,
         tree: &Tree,
@@ -35,7 +34,7 @@ impl Frames {
         }
     }
 
-    /// Jacobian of the robot's centre of mass, m/s.
+    /// Jacobian of the robot's centre of mass, ċ = J ν, m/s.
     pub fn com_jacobian(&self, tree: &Tree, out: &mut Matrix3xX<f64>) {
         out.fill(0.0);
         out.fixed_columns_mut::<3>(LINEAR).copy_from(&Matrix3::identity());
@@ -54,8 +53,8 @@ impl Frames {
 }
 
 impl Kinematics {
-    /// Time derivative J̇ of [`Frames::point_jacobian`] at a point that itself moves with
-    /// `point_velocity`: of a point fixed to the link, give [`Kinematics::point_velocity`].
+    /// Time derivative J̇ of [`Frames::point_jacobian`] at a point that moves with `point_velocity`. For a point fixed to the
+    /// link, pass [`Kinematics::point_velocity`].
     pub fn point_jacobian_derivative(
         &self,
         tree: &Tree,
@@ -102,13 +101,13 @@ impl Kinematics {
         }
     }
 
-    /// Time derivative of a joint's axis, which is fixed to its child as well as to its parent.
+    /// Time derivative of a joint's axis. The axis is fixed to both parent and child.
     fn d_axis(&self, joint: usize, child: usize) -> Vector3<f64> {
         self.angular_velocity[child].cross(&self.frames.joint_axes[joint])
     }
 }
 
-/// Writes the columns of the base's rotation: ω × arm.
+/// Writes the columns of the base's rotation, ω × arm.
 fn set_base_rotation(out: &mut Matrix3xX<f64>, arm: &Vector3<f64>) {
     out.fixed_columns_mut::<3>(ANGULAR).copy_from(&-crate::rotation::skew(arm));
 }

@@ -1,22 +1,22 @@
 //! Velocities and accelerations of all links, from the base outwards.
 //!
-//! For joint j with axis a, between parent p and child c whose origin is d away from the parent's:
+//! For a joint with axis a between parent p and child c, where d is the vector from the parent's origin to the child's:
 //!
 //! ```text
 //! ω_c = ω_p + a q̇              v_c = v_p + ω_p × d
 //! α_c = α_p + a q̈ + ω_p × a q̇   a_c = a_p + α_p × d + ω_p × (ω_p × d)
 //! ```
 //!
-//! (RBDA Eqs. 5.7, 5.8, with the acceleration of the link's origin as a point in place of spatial
-//! acceleration.) With ν̇ = 0 every acceleration is a bias acceleration J̇ν, since a = J ν̇ + J̇ ν.
+//! These are RBDA Eqs. 5.7 and 5.8, with the acceleration of the link's origin instead of spatial acceleration. With ν̇ = 0,
+//! each acceleration is a bias acceleration J̇ν, since a = J ν̇ + J̇ ν.
 
 use crate::{ANGULAR, Configuration, Frames, JOINTS, LINEAR, Tree};
 use nalgebra::Vector3;
 
-/// Motion of all links in world at one configuration, velocity and acceleration.
+/// Velocities and accelerations of all links at one configuration, in world axes.
 #[derive(Clone, Debug)]
 pub struct Kinematics {
-    /// Poses.
+    /// Poses of the links.
     pub frames: Frames,
     /// Angular velocity of every link, rad/s.
     pub angular_velocity: Vec<Vector3<f64>>,
@@ -31,10 +31,10 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// The robot at rest at a configuration.
+    /// State at rest in a configuration.
     ///
     /// # Panics
-    /// As [`Frames::new`].
+    /// If the configuration has fewer angles than the robot has joints.
     pub fn new(tree: &Tree, at: &Configuration) -> Self {
         let zeros = vec![Vector3::zeros(); tree.robot().links.len()];
         Self {
@@ -48,11 +48,10 @@ impl Kinematics {
         }
     }
 
-    /// Moves to a configuration with velocity ν and without acceleration: accelerations are then bias
-    /// accelerations J̇ν.
+    /// Updates configuration and velocity ν, with zero acceleration ν̇. The accelerations are then bias accelerations J̇ν.
     ///
     /// # Panics
-    /// As [`Frames::new`], or `velocity` is not [`Tree::dofs`] long.
+    /// If the configuration has fewer angles than the robot has joints, or the length of `velocity` is not [`Tree::dofs`].
     pub fn update(&mut self, tree: &Tree, at: &Configuration, velocity: &[f64]) {
         self.frames.update(tree, at);
         self.velocity.copy_from_slice(velocity);
@@ -72,7 +71,7 @@ impl Kinematics {
     /// Sets the acceleration ν̇ at the present configuration and velocity.
     ///
     /// # Panics
-    /// `acceleration` is not [`Tree::dofs`] long.
+    /// If the length of `acceleration` is not [`Tree::dofs`].
     pub fn accelerate(&mut self, tree: &Tree, acceleration: &[f64]) {
         self.acceleration.copy_from_slice(acceleration);
         self.propagate_accelerations(tree);
@@ -94,13 +93,13 @@ impl Kinematics {
         }
     }
 
-    /// Velocity of a point of a link, given in world, m/s.
+    /// Velocity of a point of a link, m/s. The point is in world axes.
     pub fn point_velocity(&self, link: usize, point: &Vector3<f64>) -> Vector3<f64> {
         let arm = point - self.frames.link_origins[link];
         self.linear_velocity[link] + self.angular_velocity[link].cross(&arm)
     }
 
-    /// Acceleration of a point of a link, given in world, m/s²; J̇ν of the point while ν̇ = 0.
+    /// Acceleration of a point of a link, m/s²; J̇ν of the point while ν̇ = 0. The point is in world axes.
     pub fn point_acceleration(&self, link: usize, point: &Vector3<f64>) -> Vector3<f64> {
         let arm = point - self.frames.link_origins[link];
         let w = self.angular_velocity[link];
@@ -114,7 +113,7 @@ impl Kinematics {
         self.mass_mean(tree, |link, com| self.point_velocity(link, com))
     }
 
-    /// Acceleration of the robot's centre of mass, m/s²; J̇ν of the centre while ν̇ = 0.
+    /// Acceleration of the robot's centre of mass, m/s²; J̇ν of the centre of mass while ν̇ = 0.
     pub fn com_acceleration(&self, tree: &Tree) -> Vector3<f64> {
         self.mass_mean(tree, |link, com| self.point_acceleration(link, com))
     }

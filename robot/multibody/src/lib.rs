@@ -1,21 +1,19 @@
 //! Kinematics and dynamics of any robot file, shared by planner, simulators and controllers.
 //!
-//! A [`Tree`] is a robot prepared once. From a configuration come the poses of its links ([`Frames`]),
-//! from velocities their motion ([`Kinematics`]), from both the mass matrix ([`CompositeInertia`]), bias
-//! forces ([`Kinematics::inverse_dynamics`]) and the kinematics of contact points ([`RimContact`]).
+//! A [`Tree`] is a robot prepared once. A configuration gives the poses of its links ([`Frames`]); velocities give their motion
+//! ([`Kinematics`]). Both give the mass matrix ([`CompositeInertia`]), the bias forces ([`Kinematics::inverse_dynamics`]) and
+//! the kinematics of contact points ([`RimContact`]).
 //!
-//! Generalised velocities ν, in this order: linear velocity of the base origin (m/s), angular velocity of
-//! the base (rad/s), both in world axes; joint speeds in joint order (rad/s); speeds of the spinning wheels
-//! relative to their links, about the axis of the robot file, in end-effector order (rad/s). Generalised
-//! forces are dual to them. [`euler`] has the coordinates of the planner: base position,
-//! yaw–pitch–roll, joint angles. [`ground`] is what robots stand on: solids for a simulator, heights for a planner.
+//! Generalised velocities ν have this order: linear velocity of the base origin (m/s) and angular velocity of the base (rad/s),
+//! both in world axes; joint speeds in joint order (rad/s); speeds of the spinning wheels relative to their links, about the
+//! axis of the robot file, in end-effector order (rad/s). Generalised forces are dual to them. [`euler`] has the coordinates of
+//! the planner: base position, yaw–pitch–roll, joint angles. [`ground`] has solids for a simulator and heights for a planner.
 //!
-//! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), written with
-//! ordinary 3-vectors in world axes: no transform between link frames, and every intermediate is a
-//! velocity, force or moment that can be looked at.
+//! Accelerations and forces follow Featherstone, *Rigid Body Dynamics Algorithms* (RBDA), with ordinary 3-vectors in world
+//! axes. There are no transforms between link frames, and each intermediate result is a velocity, force or moment.
 //!
-//! The caller's vectors and matrices have the tree's size: [`Tree::dofs`], one angle for each joint. Loops of
-//! controllers reuse them, so nothing here returns an error for a wrong size; it panics.
+//! Vectors and matrices of the caller must have the size of the tree: [`Tree::dofs`], and one angle for each joint. Control
+//! loops reuse them, so functions panic on a wrong size instead of returning an error.
 //!
 //! ```
 //! use nalgebra::Vector3;
@@ -71,5 +69,5 @@ pub use wheel_body::{RigidPart, WHEEL_MASS_SHARE, rest_of_link, spinning_wheels}
 pub const LINEAR: usize = 0;
 /// Index in ν of the first component of the base's angular velocity.
 pub const ANGULAR: usize = 3;
-/// Index in ν of the first joint speed; in the planner's `q`, of the first joint angle.
+/// Index of the first joint speed in ν, and of the first joint angle in the planner's `q`.
 pub const JOINTS: usize = 6;

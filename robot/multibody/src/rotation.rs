@@ -22,23 +22,22 @@ pub fn from_yaw_pitch_roll(ypr_rad: &Vector3<f64>) -> Matrix3<f64> {
     yaw_rotation(ypr_rad.x) * pitch * roll
 }
 
-/// Quaternion of a rotation, `[w, x, y, z]`, with the sign that is nearer to another quaternion: signs are continuous along a
-/// motion.
+/// Quaternion `[w, x, y, z]` with the sign for which it is nearer to `other`. Quaternions along a motion then have no jumps.
 pub fn nearer_quaternion(wxyz: [f64; 4], other: &[f64; 4]) -> [f64; 4] {
     let dot: f64 = wxyz.iter().zip(other).map(|(a, b)| a * b).sum();
     if dot < 0.0 { wxyz.map(|component| -component) } else { wxyz }
 }
 
-/// Axes, in world, about which yaw, pitch and roll turn the body; the columns map their rates to the
-/// angular velocity in world.
+/// World axes about which yaw, pitch and roll turn the body. As columns of a matrix, they map the rates of these angles to the
+/// angular velocity in world axes.
 pub fn yaw_pitch_roll_axes(ypr_rad: &Vector3<f64>) -> [Vector3<f64>; 3] {
     let yaw = yaw_rotation(ypr_rad.x);
     let (sp, cp) = ypr_rad.y.sin_cos();
     [Vector3::z(), yaw * Vector3::y(), yaw * Vector3::new(cp, 0.0, -sp)]
 }
 
-/// Rotation vector of a rotation matrix, rad. Meant for the small turns between samples: its axis is
-/// ill-conditioned near a half turn.
+/// Rotation vector of a rotation matrix, rad. Suitable for small rotations between samples: the axis is ill-conditioned near a
+/// half turn.
 pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     let twice_sine =
         Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);

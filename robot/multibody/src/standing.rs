@@ -1,44 +1,45 @@
-//! A robot that stands still in its nominal pose on level ground: heights, ground forces, torques of joints and how
-//! far they yield. Quasi-static and without feed-forward torque.
+//! Robot at rest in its nominal pose on level ground: heights, ground forces, joint torques and joint deflections.
+//! Quasi-static, without feed-forward torque.
 
 use crate::{Configuration, Frames, RimContact, Tree};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Contacts that are higher than this share of the height of the centre of mass do not stand.
+/// Height above which a contact does not stand, as a fraction of the height of the centre of mass.
 const HANGING: f64 = 0.05;
-/// Spread of contacts that stand in line, m: across the line they balance nothing, and the centre of mass may be off the
-/// line by as much.
+/// Spread below which contacts stand in line, m. Such contacts cannot balance moments across the line. The centre of mass may
+/// be off the line by the same distance.
 const IN_LINE_M: f64 = 0.005;
 
-/// A robot in its nominal pose; the ground is the plane z = 0.
+/// Robot in its nominal pose on the ground plane z = 0.
 #[derive(Clone, Debug)]
 pub struct Standing {
-    /// Frames of all links. The body's axes are those of the world; its height is that of its origin.
+    /// Frames of all links. The body axes are parallel to the world axes. The height of the body is the z coordinate of its
+    /// origin.
     pub frames: Frames,
     /// Centre of mass, m.
     pub com: Vector3<f64>,
-    /// Contacts by end effector.
+    /// Contacts, by end effector.
     pub contacts: Vec<StandingContact>,
-    /// True if contacts that push balance the weight. If false, forces are even and the robot tips.
+    /// True if pushing contacts balance the weight. If false, the forces are equal, and the robot tips over.
     pub balanced: bool,
-    /// Torque that each joint holds, N·m.
+    /// Static torque of each joint, N·m.
     pub torque_nm: Vec<f64>,
 }
 
 /// Contact of an end effector of a [`Standing`] robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandingContact {
-    /// Lowest point, m; its z is the height above the ground.
+    /// Lowest point, m. Its z is the height above the ground.
     pub position: Vector3<f64>,
-    /// Force of the ground, upward, N; 0 if it hangs above the ground.
+    /// Upward force of the ground, N; 0 if the contact is above the ground.
     pub force_n: f64,
     /// Distance by which the body sinks towards the contact as joints deflect by torque / stiffness, m.
     pub sag_m: f64,
 }
 
 impl Standing {
-    /// Puts the robot on the ground; `None` if a wheel lies flat, so that it has no lowest point.
+    /// Places the robot on the ground. `None` if a wheel lies flat, so that it has no lowest point.
     pub fn new(tree: &Tree) -> Option<Self> {
         let robot = tree.robot();
         let nominal: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
@@ -80,7 +81,7 @@ impl Standing {
         Some(standing)
     }
 
-    /// Torque that balances ground forces and weight beyond a joint: τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g].
+    /// Torque of a joint that balances ground forces and weight beyond it: τ = −w · [Σ (e − o) × f + (x_c − o) × m_c g].
     fn torque(&self, tree: &Tree, joint: usize) -> f64 {
         let child = tree.robot().joints[joint].child;
         let origin = self.frames.link_origins[child];
@@ -94,7 +95,8 @@ impl Standing {
         -self.frames.joint_axes[joint].dot(&moment)
     }
 
-    /// A joint is off its setpoint by −τ / kp, which lifts the contact towards the body.
+    /// Sag of the body towards a contact, m. Each joint deviates from its set-point by −τ / kp, which lifts the contact towards
+    /// the body.
     fn sag(&self, tree: &Tree, end_effector: usize) -> f64 {
         let robot = tree.robot();
         let joints = tree.joints_to_link(robot.end_effectors[end_effector].link).iter();
@@ -108,8 +110,8 @@ impl Standing {
     }
 }
 
-/// Upward forces that balance the weight and its moments, as even as that allows: each is the share of all plus a part
-/// that is linear in its place. Without balance, as when the centre of mass is beyond the contacts, even ones.
+/// Upward forces of the contacts, and true if they balance weight and moments. Balancing forces are as equal as possible: the
+/// mean plus a term linear in position. Without balance, as with the centre of mass outside the contacts, all forces are equal.
 fn forces(
     points: &[Vector3<f64>],
     stands: &[bool],

@@ -1,4 +1,4 @@
-//! Pose and generalised velocity of a robot, as planner, simulators and controllers hand it to one another.
+//! Pose and generalised velocity of a robot, for exchange between planner, simulators and controllers.
 
 use crate::{Configuration, Tree};
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -6,13 +6,13 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 /// Pose and generalised velocity of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Origin of the root link in world, m.
+    /// Origin of the root link in world axes, m.
     pub base_position_m: Vector3<f64>,
     /// World-from-body rotation.
     pub world_from_body: Matrix3<f64>,
     /// Joint angles in joint order, rad.
     pub joint_rad: Vec<f64>,
-    /// ν, [`Tree::dofs`] long.
+    /// Generalised velocity ν, with [`Tree::dofs`] entries.
     pub velocity: Vec<f64>,
 }
 
@@ -27,7 +27,7 @@ impl State {
         }
     }
 
-    /// The pose.
+    /// Configuration of this state.
     pub fn configuration(&self) -> Configuration<'_> {
         Configuration {
             base_position_m: self.base_position_m,
@@ -36,7 +36,7 @@ impl State {
         }
     }
 
-    /// Moves the robot to other axes: what was seen from the world is seen from the world turned and shifted by `there`.
+    /// Transforms the state to other world axes: rotates and shifts the robot by `there`.
     pub fn moved(mut self, there: &Isometry3<f64>) -> Self {
         let turn = there.rotation.to_rotation_matrix();
         self.base_position_m = turn * self.base_position_m + there.translation.vector;
@@ -46,7 +46,7 @@ impl State {
     }
 }
 
-/// Turns the six entries of the base of a generalised velocity or acceleration to other axes.
+/// Rotates the six base entries of a generalised velocity or acceleration.
 pub fn turn_base(generalised: &mut [f64], turn: &Matrix3<f64>) {
     for part in generalised[..crate::JOINTS].chunks_exact_mut(3) {
         let turned = turn * Vector3::from_column_slice(part);

@@ -1,4 +1,4 @@
-//! A robot prepared for kinematics and dynamics: structure, masses, degrees of freedom.
+//! Robot prepared for kinematics and dynamics: structure, masses, degrees of freedom.
 
 use crate::JOINTS;
 use nalgebra::{Matrix3, Vector3};
@@ -6,7 +6,7 @@ use rollwalk_robot::{EndEffector, Robot};
 
 /// Structure, masses and degrees of freedom of a robot, computed once.
 ///
-/// By default wheels turn with their links and joints carry no armature; [`Self::with_spinning_wheels`] and
+/// By default, wheels turn with their links and joints have no armature. [`Self::with_spinning_wheels`] and
 /// [`Self::with_armature`] add both.
 #[derive(Clone, Debug)]
 pub struct Tree {
@@ -22,15 +22,15 @@ pub struct Tree {
     armature: bool,
 }
 
-/// A wheel whose spin is a degree of freedom.
+/// Wheel whose spin is a degree of freedom.
 ///
-/// The wheel's mass is part of its link, in the robot file and here. A wheel is symmetric about its axis,
-/// so its angle changes no inertia, and the one number that spinning adds is the inertia about the axis.
+/// The mass of the wheel is part of its link, in the robot file and here. A wheel is symmetric about its axis, so that its
+/// angle changes no inertia. Its spin adds only the inertia about the axis.
 #[derive(Clone, Debug)]
 pub struct Wheel {
-    /// Index of its end effector.
+    /// Index of the end effector.
     pub end_effector: usize,
-    /// Index of the link that carries it.
+    /// Index of the link that carries the wheel.
     pub link: usize,
     /// Unit axis in the link frame.
     pub axis_in_link: Vector3<f64>,
@@ -41,7 +41,7 @@ pub struct Wheel {
 }
 
 impl Tree {
-    /// Prepares a robot: wheels turn with their links, no armature.
+    /// Prepares a robot. Wheels turn with their links, and joints have no armature.
     pub fn new(robot: &Robot) -> Self {
         let mut joints_to_link = vec![Vec::new(); robot.links.len()];
         for (index, joint) in robot.joints.iter().enumerate() {
@@ -69,12 +69,12 @@ impl Tree {
         }
     }
 
-    /// Makes the spin of every actuated and passive wheel a degree of freedom. `spin_inertia_kg_m2` is the
-    /// inertia about its axis of what turns with the wheel.
+    /// Makes the spin of each actuated or passive wheel a degree of freedom. `spin_inertia_kg_m2` returns the inertia of the
+    /// turning parts about the axis.
     ///
     /// # Panics
-    /// That inertia is not positive, or exceeds the inertia of the link, which it is part of: no such wheel exists, and
-    /// mass matrices with it are not positive definite. Parallel wheels of one link are not added up.
+    /// If this inertia is not positive, or exceeds the inertia of its link. Such a wheel cannot exist, and its mass matrix
+    /// would not be positive definite. The check considers each wheel alone, also if a link has several parallel wheels.
     pub fn with_spinning_wheels(
         mut self,
         spin_inertia_kg_m2: impl Fn(&EndEffector) -> f64,
@@ -90,8 +90,8 @@ impl Tree {
                 let most = axis.dot(&(link.inertia_in_link_kg_m2 * axis)) * (1.0 + 1e-9);
                 assert!(
                     spin_inertia_kg_m2 > 0.0 && spin_inertia_kg_m2 <= most,
-                    "the wheel of `{}` has {spin_inertia_kg_m2} kg·m² about its axis; expected more than 0 and at \
-                     most {most}, what its link has",
+                    "the wheel of `{}` has {spin_inertia_kg_m2} kg·m² about its axis; expected \
+                     more than 0 and at most {most} kg·m², the inertia of its link",
                     end_effector.name
                 );
                 Some(Wheel {
@@ -106,8 +106,8 @@ impl Tree {
         self
     }
 
-    /// Adds rotor and gearbox of joints and spinning wheels, seen at the output, to the inertia of their
-    /// degree of freedom (RBDA sec. 9.6 without the rotor's gyroscopic terms).
+    /// Adds the inertia of rotor and gearbox, seen at the output, to joints and spinning wheels (RBDA sec. 9.6, without
+    /// gyroscopic terms of the rotor).
     pub fn with_armature(mut self) -> Self {
         self.armature = true;
         self
@@ -128,18 +128,18 @@ impl Tree {
         self.first_wheel_dof() + self.wheels.len()
     }
 
-    /// Spinning wheels in end-effector order; empty unless [`Self::with_spinning_wheels`].
+    /// Spinning wheels in end-effector order; empty without [`Self::with_spinning_wheels`].
     pub fn wheels(&self) -> &[Wheel] {
         &self.wheels
     }
 
-    /// Index in ν of a wheel's speed; `None` for what does not spin.
+    /// Index of a wheel's speed in ν; `None` for end effectors that do not spin.
     pub fn wheel_dof(&self, end_effector: usize) -> Option<usize> {
         let wheel = self.wheels.iter().position(|wheel| wheel.end_effector == end_effector)?;
         Some(self.first_wheel_dof() + wheel)
     }
 
-    /// Index in ν of the first wheel speed.
+    /// Index of the first wheel speed in ν.
     pub fn first_wheel_dof(&self) -> usize {
         JOINTS + self.robot.joints.len()
     }
@@ -159,12 +159,12 @@ impl Tree {
         &self.parent_from_joint[joint]
     }
 
-    /// Armature of a joint, kg·m²; 0 unless [`Self::with_armature`].
+    /// Armature of a joint, kg·m²; 0 without [`Self::with_armature`].
     pub(crate) fn joint_armature_kg_m2(&self, joint: usize) -> f64 {
         if self.armature { self.robot.joints[joint].actuator.armature_kg_m2 } else { 0.0 }
     }
 
-    /// Armature of a wheel, kg·m²; 0 unless [`Self::with_armature`].
+    /// Armature of a wheel, kg·m²; 0 without [`Self::with_armature`].
     pub(crate) fn wheel_armature_kg_m2(&self, wheel: &Wheel) -> f64 {
         if self.armature { wheel.armature_kg_m2 } else { 0.0 }
     }

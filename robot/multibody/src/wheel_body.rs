@@ -1,26 +1,27 @@
-//! Splits links into wheels that spin and the rest: robot files count a wheel to its link, simulators need two bodies.
+//! Division of links into spinning wheels and the rest. Robot files include a wheel in its link, whereas simulators need two
+//! bodies.
 //!
-//! Robot files do not give the share of a link that turns with its wheel, so that it is assumed here.
+//! Robot files do not contain the mass of the wheel, so that its fraction of the link is assumed here.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_robot::Robot;
 
-/// Share of its link's mass that turns with a wheel, where all wheels of the link share it.
+/// Fraction of a link's mass that turns with its wheels. The wheels of a link share this fraction equally.
 pub const WHEEL_MASS_SHARE: f64 = 0.1;
 
-/// A rigid part of a link.
+/// Rigid part of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidPart {
     /// Mass, kg.
     pub mass_kg: f64,
-    /// Centre of mass in the link frame, m.
+    /// Centre of mass in the frame of the link, m.
     pub com_in_link_m: Vector3<f64>,
-    /// Inertia about the part's centre of mass, in link axes, kg·m².
+    /// Inertia about the centre of mass of the part, in link axes, kg·m².
     pub about_com_kg_m2: Matrix3<f64>,
 }
 
-/// The wheels of a link that spin, with the index of their end effector: thin discs with [`WHEEL_MASS_SHARE`] of the link's mass,
-/// less where the rest of the link would be no body.
+/// Spinning wheels of a link, each with the index of its end effector. The wheels are thin discs with [`WHEEL_MASS_SHARE`] of
+/// the link's mass. The fraction is reduced if the rest of the link would have an impossible inertia.
 pub fn spinning_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
     let on_link = || robot.end_effectors.iter().enumerate().filter(|(_, e)| e.link == link);
     let sharing = on_link().count() as f64;
@@ -47,7 +48,7 @@ pub fn spinning_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
     }
 }
 
-/// Rigid rest of a link without some of its parts.
+/// Rest of a link without some of its parts.
 pub fn rest_of_link<'p>(
     robot: &Robot,
     link: usize,

@@ -1,16 +1,16 @@
-//! Excerpts of a text for reports: the lines of faults, safe for terminals, with long lines cut.
+//! Excerpts of a text for reports: lines with faults, safe for terminals, with long lines shortened.
 
 use super::{Fault, Span};
 use rollwalk_protocol::text::is_hidden;
 
-/// Most bytes of a line in a report.
+/// Maximum length of a line in a report, bytes.
 const LINE_MAX: usize = 200;
-/// Bytes for which room is made at once.
+/// Maximum initial capacity of an excerpt, bytes.
 const SHORT_MAX: usize = 1 << 16;
-/// Bytes of a long line that are shown before a fault.
+/// Length of the text before a fault in a shortened line, bytes.
 const BEFORE: usize = 60;
 
-/// The text as reports show it; notes where in it the faults are, which stand in the order of the text.
+/// Converts the text for a report, and stores the position of each fault in it. Faults must be in the order of the text.
 pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
     let mut shown = String::with_capacity(text.len().min(SHORT_MAX));
     let (mut at, mut done) = (0, 0);
@@ -50,7 +50,7 @@ pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
     shown
 }
 
-/// Adds a text as it is safe to print.
+/// Appends a text with unsafe characters replaced.
 fn show(text: &str, shown: &mut String) {
     if text.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\n' | b'\t' | b'\r')) {
         shown.push_str(text);
@@ -59,13 +59,13 @@ fn show(text: &str, shown: &mut String) {
     }
 }
 
-/// A span that moves from one place to another.
+/// Shifts a span from one start to another.
 fn moved(span: &Span, from: usize, to: usize) -> Span {
     let at = |byte: usize| (byte + to).saturating_sub(from);
     at(span.start)..at(span.end)
 }
 
-/// A character, or as many bytes in place of one that is not safe to print: spans stay where they are.
+/// Returns the character, or one question mark for each byte of a character that is unsafe to print, so that spans stay valid.
 fn visible(c: char) -> impl Iterator<Item = char> {
     let (shown, times) = match c.len_utf8() {
         _ if !is_hidden(c) || matches!(c, '\n' | '\t' | '\r') => (c, 1),

@@ -1,12 +1,11 @@
-//! TOML text with spans, and faults that point into it.
+//! TOML text with spans, and faults that refer to these spans.
 //!
-//! Readers of robot, motion and library files share this module, so that each of their faults shows
-//! file, line and field and what would be right. Nothing here touches the file system: the
-//! caller brings name and text.
+//! Readers of robot, motion and library files share this module. Each of their faults has file, line, field and a remedy. The
+//! module does not access the file system: the caller supplies name and text.
 //!
-//! Reading collects faults rather than stopping at the first: a [`Table`] getter that finds a wrong
-//! value notes a [`Fault`] and returns `None`; [`Document::finish`] then yields the value or all
-//! faults in file order. [`Table::done`] rejects keys that no getter asked for.
+//! Readers collect faults instead of stopping at the first one. A getter of [`Table`] that finds a wrong value records a
+//! [`Fault`] and returns `None`. [`Document::finish`] then returns the value, or all faults in file order. [`Table::done`]
+//! rejects unread keys.
 
 mod excerpt;
 mod suggest;
@@ -26,32 +25,32 @@ use toml::de::DeTable;
 /// Byte range in the text of a document.
 pub type Span = Range<usize>;
 
-/// Most syntax faults in a report: a text that is not TOML at all has one on every line.
+/// Maximum number of syntax faults in a report. A text in another format has one on every line.
 const SYNTAX_FAULTS_MAX: usize = 3;
-/// Most faults in a report: a file that is wrong throughout has thousands.
+/// Maximum number of faults in a report.
 pub(crate) const FAULTS_MAX: usize = 20;
-/// Most characters of a message, a label or a help line: they quote what the file says.
+/// Maximum length of a message, a label or a help line, characters. They quote parts of the file.
 const WORDS_MAX: usize = 1000;
 
-/// A mistake in a document.
+/// Fault in a document.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Fault, with the names of item and field.
+    /// Message with the names of item and field.
     pub message: String,
-    /// Short note at the offending text.
+    /// Short note at the faulty text.
     pub label: String,
-    /// Span of the offending text.
+    /// Span of the faulty text.
     pub span: Span,
-    /// Line of the span's start, counted from 1.
+    /// Line number of the span's start, from 1.
     pub line: usize,
     /// Correct value, or a remedy.
     pub help: String,
-    /// Span in the excerpt that reports show.
+    /// Span in the excerpt of a report.
     shown: Span,
 }
 
 impl Fault {
-    /// A fault at `span` of `text`.
+    /// Creates a fault at `span` of `text`.
     pub(crate) fn new(
         text: &str,
         span: Span,
@@ -66,7 +65,7 @@ impl Fault {
     }
 }
 
-/// A text of no more characters than reports show.
+/// Shortens a text to the maximum length in reports.
 fn cut(mut text: String) -> String {
     if let Some((at, _)) = text.char_indices().nth(WORDS_MAX) {
         text.truncate(at);
@@ -75,7 +74,7 @@ fn cut(mut text: String) -> String {
     text
 }
 
-/// Line of a byte of a text, counted from 1.
+/// Line number of a byte position in a text, from 1.
 pub(crate) fn line_at(text: &str, byte: usize) -> usize {
     1 + text.as_bytes().iter().take(byte).filter(|&&b| b == b'\n').count()
 }
@@ -99,7 +98,7 @@ impl Diagnostic for Fault {
     }
 }
 
-/// A rejected document: its text and all faults in it.
+/// Error of a rejected document: its text and all faults in it.
 #[derive(Clone, Debug)]
 pub struct DocumentError {
     source: NamedSource<String>,
@@ -109,7 +108,7 @@ pub struct DocumentError {
 }
 
 impl DocumentError {
-    /// The error of these faults in file order; none without faults.
+    /// Creates an error with the faults in file order; `None` if there are no faults.
     pub(crate) fn of(file_name: &str, text: &str, mut faults: Vec<Fault>) -> Option<Self> {
         faults.sort_by_key(|fault| fault.span.start);
         let text = excerpt::excerpt(text, &mut faults);
@@ -119,7 +118,7 @@ impl DocumentError {
         Some(Self { source, first, rest: faults.collect() })
     }
 
-    /// Name of the file, as the caller gave it.
+    /// Name of the file, as supplied by the caller.
     pub fn file_name(&self) -> &str {
         self.source.name()
     }
@@ -165,7 +164,7 @@ impl Diagnostic for DocumentError {
     }
 }
 
-/// A parsed TOML text together with the faults found in it so far.
+/// Parsed TOML text with the faults found so far.
 #[derive(Debug)]
 pub struct Document<'t> {
     file_name: String,
@@ -174,7 +173,8 @@ pub struct Document<'t> {
     faults: RefCell<Vec<Fault>>,
 }
 
-/// True if the line of a text at a place has a number with a decimal comma right before that place, or at it: `= 0,6`.
+/// Returns true if the line of a byte position contains a number with a decimal comma right before or at this position, such as
+/// `= 0,6`.
 fn has_decimal_comma(text: &str, at: usize) -> bool {
     let start = text[..at.min(text.len())].rfind('\n').map_or(0, |end| end + 1);
     let line = text[start..].lines().next().unwrap_or_default();
@@ -186,10 +186,10 @@ fn has_decimal_comma(text: &str, at: usize) -> bool {
 }
 
 impl<'t> Document<'t> {
-    /// Parses the text.
+    /// Parses a TOML text.
     ///
     /// # Errors
-    /// The first syntax faults, if there are any.
+    /// Returns the first syntax faults.
     pub fn parse(file_name: &str, text: &'t str) -> Result<Self, DocumentError> {
         let (root, errors) = DeTable::parse_recoverable(text);
         let faults = RefCell::new(Vec::new());
@@ -198,9 +198,10 @@ impl<'t> Document<'t> {
             let span = error.span().unwrap_or(0..0);
             let message = format!("this is not TOML: {}", error.message());
             let help = match has_decimal_comma(text, span.start) {
-                true => "numbers have a point: 0.6 for 0,6",
+                true => "write numbers with a decimal point: 0.6 instead of 0,6",
                 false => {
-                    "see https://toml.io for the syntax; strings need quotes, each key may be given once"
+                    "put strings in quotes, and give each key once; https://toml.io describes the \
+                     syntax"
                 }
             };
             document.fault(span, message, "here", help);
@@ -208,12 +209,12 @@ impl<'t> Document<'t> {
         if errors.is_empty() { Ok(document) } else { document.finish(None::<Self>) }
     }
 
-    /// The top-level table.
+    /// Top-level table.
     pub fn root(&self) -> Table<'_> {
         Table::new(self, self.root.get_ref(), 0..0, String::new())
     }
 
-    /// Notes a fault. The same advice at the same place is noted once: one line of a template may be
+    /// Records a fault. A repeated fault with equal span, label and help is dropped, because one line of a template can be
     /// wrong for four limbs.
     pub fn fault(
         &self,
@@ -235,15 +236,15 @@ impl<'t> Document<'t> {
         }
     }
 
-    /// True if no fault has been noted yet.
+    /// Returns true if no fault has been recorded.
     pub fn is_clean(&self) -> bool {
         self.faults.borrow().is_empty()
     }
 
-    /// The value, if there is one and nothing was wrong.
+    /// Returns the value if there are no faults.
     ///
     /// # Errors
-    /// All noted faults in file order.
+    /// Returns all recorded faults in file order.
     pub fn finish<T>(self, value: Option<T>) -> Result<T, DocumentError> {
         let faults = self.faults.into_inner();
         if let (true, Some(value)) = (faults.is_empty(), value) {

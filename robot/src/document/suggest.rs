@@ -1,9 +1,9 @@
-//! Words for "did you mean": the nearest of some known names, and their list; numbers in another unit.
+//! Suggestions in messages: the known name nearest to a given one, lists of known names, and values in another unit.
 
 use rollwalk_protocol::text::Number;
 use std::ops::RangeInclusive;
 
-/// Words that people use for a word of robot, motion and library files.
+/// Common synonyms of words in robot, motion and library files.
 const MEANINGS: [(&str, &str); 17] = [
     ("driven", "actuated"),
     ("drive", "actuated"),
@@ -24,15 +24,15 @@ const MEANINGS: [(&str, &str); 17] = [
     ("feet", "foot"),
 ];
 
-/// Least likeness of words of which one is a slip in typing the other: one slip in three letters still is.
+/// Smallest similarity of a misspelled word to the correct one. One wrong letter in three is still accepted.
 const SLIP: f64 = 0.6;
-/// Ends of the names of variants of a servo, which its protocol has under one name.
+/// Suffixes of servo variants that share one name in the protocol.
 const VARIANTS: [&str; 2] = ["-T", "-R"];
-/// Letters of the shortest word that says what a name is about: shorter ones are units.
+/// Minimum length of a significant word in a name, letters. Shorter words are units.
 const WORD_MIN: usize = 3;
 
-/// Hint that reads a number beyond its range in another common unit; empty if it is out of range in that unit, too. `unit` begins
-/// with the unit of the range, or with words about a share.
+/// Hint that a value out of range would be in range in another common unit; empty if it would not. `unit` starts with the unit
+/// of the range. For a fraction, `unit` is empty or starts with `(fraction`.
 pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> String {
     let is_share = *range.start() >= 0.0 && *range.end() <= 1.0;
     let (other, right, times) = match unit.split(' ').next().unwrap_or_default() {
@@ -40,7 +40,7 @@ pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> Str
         "kg" => ("g", " kg", 1e-3),
         "s" => ("ms", " s", 1e-3),
         "rad" => ("degrees", " rad", 1f64.to_radians()),
-        "" | "(share" if is_share => ("%", "", 1e-2),
+        "" | "(fraction" if is_share => ("%", "", 1e-2),
         _ => return String::new(),
     };
     let meant = value * times;
@@ -51,8 +51,8 @@ pub fn in_other_unit(value: f64, range: &RangeInclusive<f64>, unit: &str) -> Str
     format!("; {value} {other} would be {}{right}", Number(meant))
 }
 
-/// The known name most like `given`, if one is near enough to be meant: in its meaning, in its letters, or as the only
-/// one that has most of its words.
+/// Known name that a given name probably means: by synonyms, by spelling, or as the only name that shares the largest number of
+/// words. `None` if no name is similar enough.
 fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> Option<&'a str> {
     let words = words_of(given);
     let means =
@@ -74,8 +74,8 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
     }
 }
 
-/// Similarity of two names, up to 1; `None` if one is no slip in typing the other. Common words do not excuse a different rest:
-/// `driving_wheel` and `passive_wheel` are mostly `_wheel`.
+/// Similarity of two names, up to 1; `None` if one is not a misspelling of the other. Common words do not compensate for a
+/// different rest: `driving_wheel` and `passive_wheel` share only `_wheel`.
 fn likeness(given: &str, name: &str) -> Option<f64> {
     let similarity = strsim::normalized_damerau_levenshtein;
     let letters = |name: &str| {
@@ -104,13 +104,13 @@ fn likeness(given: &str, name: &str) -> Option<f64> {
     (least >= SLIP).then_some(whole)
 }
 
-/// True if a name is that of a product. Neighbours in a product series are other things, however similar their names.
+/// Returns true for a product name. Similar product names denote different products.
 fn is_model(name: &str) -> bool {
     let has = |kind: fn(&char) -> bool| name.chars().any(|c| kind(&c));
     has(char::is_ascii_digit) && has(char::is_ascii_uppercase)
 }
 
-/// The known name that has more of some words than any other.
+/// Known name that shares more of the given words than any other name.
 fn sharing<'a>(words: &[&str], known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let shared = |name: &str| {
         let same = |word: &&str| word.len() >= WORD_MIN && words.contains(word);
@@ -138,13 +138,13 @@ fn sorted(mut words: Vec<&str>) -> Vec<&str> {
     words
 }
 
-/// "did you mean `x`? known are: `x`, `y`" for a help line.
+/// Help text "did you mean `x`? valid names: `x`, `y`".
 pub fn alternatives<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
     let listed: Vec<_> = known.clone().into_iter().map(|name| format!("`{name}`")).collect();
     let list = if listed.is_empty() { "none".to_owned() } else { listed.join(", ") };
     match closest(given, known) {
-        Some(name) => format!("did you mean `{name}`? known are: {list}"),
-        None => format!("known are: {list}"),
+        Some(name) => format!("did you mean `{name}`? valid names: {list}"),
+        None => format!("valid names: {list}"),
     }
 }
 
@@ -158,7 +158,7 @@ mod tests {
             (
                 80.0,
                 0.3..=0.95,
-                "(share of the cycle that a foot is in stance)",
+                "(fraction of the cycle in which a foot is in stance)",
                 "; 80 % would be 0.8",
             ),
             (30.0, 0.0..=1.0, "m", "; 30 mm would be 0.03 m"),
@@ -248,6 +248,6 @@ mod tests {
             assert_eq!(closest(given, kinds), None, "{given}");
         }
         assert_eq!(closest("wheel_driven", kinds), Some("actuated_wheel"));
-        assert_eq!(alternatives("x", []), "known are: none");
+        assert_eq!(alternatives("x", []), "valid names: none");
     }
 }

@@ -1,4 +1,4 @@
-//! Reading one TOML table: typed getters that note a fault where the text is wrong.
+//! Typed getters for one TOML table. They record a fault if the text is wrong.
 
 use super::{Document, Span, alternatives, in_other_unit};
 use rollwalk_protocol::names;
@@ -9,15 +9,15 @@ use std::ops::RangeInclusive;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
-/// Most bytes of a string: more than the longest path of an operating system.
+/// Maximum length of a string, bytes. It exceeds the longest path of an operating system.
 const STRING_MAX: usize = 4096;
-/// Most bytes of a name of something: more than the longest model of a motor.
+/// Maximum length of a name, bytes. It exceeds the longest model name of a motor.
 pub const NAME_MAX: usize = 64;
 
-/// A table of a [`Document`], with its name in faults.
+/// Table of a [`Document`], with its name for faults.
 ///
-/// Getters note a fault and return `None` when the value is missing or wrong. Ask for every key
-/// that the table may have, then call [`Table::done`], which rejects the others.
+/// Getters record a fault and return `None` if the value is missing or wrong. Read all keys that the table may have, then call
+/// [`Table::done`], which rejects other keys.
 #[derive(Clone, Debug)]
 pub struct Table<'d> {
     document: &'d Document<'d>,
@@ -27,23 +27,23 @@ pub struct Table<'d> {
     asked: RefCell<Vec<&'static str>>,
 }
 
-/// An entry of a table whose keys are names and whose values are numbers.
+/// Entry of [`Table::named_numbers`].
 #[derive(Clone, Debug)]
 pub struct NamedNumber<'d> {
-    /// The key.
+    /// Key of the entry.
     pub name: &'d str,
     /// Span of the key.
     pub name_span: Span,
-    /// The value, finite.
+    /// Value, which is finite.
     pub number: f64,
     /// Span of the value.
     pub number_span: Span,
 }
 
-/// An entry of [`Table::named_strings`].
+/// Entry of [`Table::named_strings`].
 #[derive(Clone, Debug)]
 pub struct NamedString<'d> {
-    /// The key.
+    /// Key of the entry.
     pub name: &'d str,
     /// Span of the key.
     pub name_span: Span,
@@ -63,7 +63,7 @@ impl<'d> Table<'d> {
         Self { document, table, span, what, asked: RefCell::new(Vec::new()) }
     }
 
-    /// Renames the table in faults, once its own name has been read.
+    /// Renames the table in faults, for example after its own name has been read.
     pub fn call(&mut self, what: impl Into<String>) {
         self.what = what.into();
     }
@@ -73,27 +73,27 @@ impl<'d> Table<'d> {
         &self.what
     }
 
-    /// Span of the table's header, or of its braces.
+    /// Span of the table's header, or of the table itself if it is inline.
     pub fn span(&self) -> Span {
         self.span.clone()
     }
 
-    /// True if the key is present. Counts as asking for it.
+    /// Returns true if the key is present. The key then counts as read.
     pub fn has(&self, key: &'static str) -> bool {
         self.raw(key).is_some()
     }
 
-    /// Span of the value of a key; of the table's header if it is absent.
+    /// Span of a key's value, or of the table's header if the key is absent.
     pub fn span_of(&self, key: &str) -> Span {
         self.find(key).unwrap_or_else(|| self.span())
     }
 
-    /// Span of the value of a key, if it is present.
+    /// Span of a key's value; `None` if the key is absent.
     pub fn find(&self, key: &str) -> Option<Span> {
         self.table.get(key).map(Spanned::span)
     }
 
-    /// Value of an optional key as `read` reads it; `None` if it is absent or faulty.
+    /// Reads an optional key with `read`. `None` if the key is absent or faulty.
     pub fn given<T>(
         &self,
         key: &'static str,
@@ -102,8 +102,7 @@ impl<'d> Table<'d> {
         if self.has(key) { read(self, key) } else { None }
     }
 
-    /// Entries of a table whose keys are names and whose values are strings.
-    /// Read such a table with this alone, without [`Table::done`].
+    /// Entries of a table with names as keys and strings as values. Do not call [`Table::done`] on such a table.
     pub fn named_strings(&self) -> Vec<NamedString<'d>> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
             let name = key.get_ref().as_ref();
@@ -113,8 +112,7 @@ impl<'d> Table<'d> {
         self.table.iter().filter_map(read).collect()
     }
 
-    /// Entries of a table whose keys are names and whose values are numbers.
-    /// Read such a table with this alone, without [`Table::done`].
+    /// Entries of a table with names as keys and numbers as values. Do not call [`Table::done`] on such a table.
     pub fn named_numbers(&self) -> Vec<NamedNumber<'d>> {
         let read = |(key, value): (&'d Spanned<DeString<'d>>, &'d Spanned<DeValue<'d>>)| {
             let name = key.get_ref().as_ref();
@@ -129,18 +127,18 @@ impl<'d> Table<'d> {
         self.table.iter().filter_map(read).collect()
     }
 
-    /// Start of messages about this table; empty for the whole file.
+    /// Prefix of messages about this table; empty for the whole file.
     fn start(&self) -> String {
         if self.what.is_empty() { String::new() } else { format!("{}: ", self.what) }
     }
 
-    /// Notes a fault at the value of `key`.
+    /// Records a fault at the value of `key`.
     pub fn fault(&self, key: &str, problem: impl Display, label: impl Display, help: impl Display) {
         let message = format!("{}`{key}` {problem}", self.start());
         self.document.fault(self.span_of(key), message, label.to_string(), help.to_string());
     }
 
-    /// Rejects keys that no getter asked for.
+    /// Rejects unread keys.
     pub fn done(&self) {
         let asked = self.asked.borrow();
         for key in self.table.keys() {
@@ -156,33 +154,42 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// A required string.
+    /// Reads a required string.
     pub fn string(&self, key: &'static str) -> Option<String> {
         let value = self.required(key, "a string in quotes")?;
         self.text(key, value).map(str::to_owned)
     }
 
-    /// A required string that names something: short, and of characters that can be seen.
+    /// Reads a required name: a short string of visible characters.
     pub fn name(&self, key: &'static str) -> Option<String> {
         let name = self.string(key)?;
         self.is_name(key, &name, self.span_of(key)).then_some(name)
     }
 
-    /// True if tables and messages can show the name that `key` has or is; otherwise notes a fault.
+    /// Returns true if the name at `key` is short and visible. Otherwise records a fault.
     fn is_name(&self, key: &str, name: &str, span: Span) -> bool {
         let (problem, label) = if name.is_empty() {
             ("is empty".to_owned(), "no name")
         } else if name.len() > NAME_MAX {
             (format!("has {} bytes: \"{}\"", name.len(), Excerpt::start_of(name)), "too long")
         } else if !is_plain_name(name) {
-            (format!("is \"{}\"", Excerpt::start_of(name)), "has what cannot be seen")
+            (
+                format!("is \"{}\"", Excerpt::start_of(name)),
+                "invisible character, or space at an \
+                end",
+            )
         } else if let Some(problem) = names::problem(name) {
-            (format!("`{}` {problem}", Excerpt::start_of(name)), "can pass for another")
+            (
+                format!("is `{}`, which {problem}", Excerpt::start_of(name)),
+                "can be mistaken for \
+                another name",
+            )
         } else {
             return true;
         };
         let help = format!(
-            "names have 1 to {NAME_MAX} bytes of characters that can be seen, without a space at the ends; {}",
+            "give a name of 1 to {NAME_MAX} bytes of visible characters, without a space at the \
+             start or end; {}",
             names::HELP
         );
         let message = format!("{}`{key}` {problem}", self.start());
@@ -190,7 +197,7 @@ impl<'d> Table<'d> {
         false
     }
 
-    /// A string of a bounded length.
+    /// Reads a string of bounded length.
     fn text(&self, key: &str, value: &'d Spanned<DeValue<'d>>) -> Option<&'d str> {
         let text = self.typed(key, value, "a string in quotes", DeValue::as_str)?;
         if text.len() <= STRING_MAX {
@@ -198,12 +205,12 @@ impl<'d> Table<'d> {
         }
         let problem = format!("has {} bytes: \"{}\"", text.len(), Excerpt::start_of(text));
         let message = format!("{}`{key}` {problem}", self.start());
-        let help = format!("strings have at most {STRING_MAX} bytes");
+        let help = format!("shorten the string to at most {STRING_MAX} bytes");
         self.document.fault(value.span(), message, "too long", help);
         None
     }
 
-    /// A required string that must be one of `choices`; returns its index.
+    /// Reads a required string that must be one of `choices`, and returns its index.
     pub fn choice(&self, key: &'static str, choices: &[&'static str]) -> Option<usize> {
         let given = self.string(key)?;
         let found = choices.iter().position(|choice| *choice == given);
@@ -214,19 +221,19 @@ impl<'d> Table<'d> {
         found
     }
 
-    /// A required `true` or `false`.
+    /// Reads a required `true` or `false`.
     pub fn boolean(&self, key: &'static str) -> Option<bool> {
         let value = self.required(key, "true or false")?;
         self.typed(key, value, "true or false", DeValue::as_bool)
     }
 
-    /// A required number; integers are numbers.
+    /// Reads a required number, which may be an integer.
     pub fn number(&self, key: &'static str) -> Option<f64> {
         let value = self.required(key, "a number")?;
         self.typed(key, value, "a finite number", number)
     }
 
-    /// A required number within a range; `unit` words the help.
+    /// Reads a required number within a range. `unit` appears in the help text.
     pub fn number_in(
         &self,
         key: &'static str,
@@ -239,12 +246,13 @@ impl<'d> Table<'d> {
         }
         let (least, most) = (Limit::AtLeast(*range.start()), Limit::AtMost(*range.end()));
         let slip = in_other_unit(value, &range, unit);
-        let help = format!("{}{slip}", format!("allowed is {least} to {most} {unit}").trim_end());
+        let help =
+            format!("{}{slip}", format!("give a value from {least} to {most} {unit}").trim_end());
         self.fault(key, format_args!("is {value}"), "out of range", help);
         None
     }
 
-    /// A required whole number within a range.
+    /// Reads a required integer within a range.
     pub fn integer(&self, key: &'static str, range: RangeInclusive<u32>) -> Option<u32> {
         let expected = format!("a whole number from {} to {}", range.start(), range.end());
         let value = self.required(key, &expected)?;
@@ -254,7 +262,7 @@ impl<'d> Table<'d> {
         })
     }
 
-    /// A required array of exactly `N` numbers.
+    /// Reads a required array of exactly `N` numbers.
     pub fn numbers<const N: usize>(&self, key: &'static str) -> Option<[f64; N]> {
         let expected = format!("an array of {N} finite numbers");
         let value = self.required(key, &expected)?;
@@ -265,7 +273,7 @@ impl<'d> Table<'d> {
         })
     }
 
-    /// A required array of numbers, as many as `count` allows.
+    /// Reads a required array of numbers, with a length within `count`.
     pub fn list(&self, key: &'static str, count: RangeInclusive<usize>) -> Option<Vec<f64>> {
         let expected = format!("an array of {} to {} finite numbers", count.start(), count.end());
         let value = self.required(key, &expected)?;
@@ -276,12 +284,12 @@ impl<'d> Table<'d> {
         })
     }
 
-    /// True if the value of a key is an array.
+    /// Returns true if the value of a key is an array.
     pub fn is_array(&self, key: &'static str) -> bool {
         self.raw(key).is_some_and(|value| value.get_ref().is_array())
     }
 
-    /// A required array of strings, each with its place.
+    /// Reads a required array of strings, each with its span.
     pub fn strings(&self, key: &'static str) -> Option<Vec<(&'d str, Span)>> {
         let expected = "an array of strings in quotes";
         let value = self.required(key, expected)?;
@@ -292,7 +300,7 @@ impl<'d> Table<'d> {
         items.iter().map(|item| Some((self.text(key, item)?, item.span()))).collect()
     }
 
-    /// A required table.
+    /// Reads a required table.
     pub fn table(&self, key: &'static str) -> Option<Table<'d>> {
         let value = self.required(key, "a table")?;
         let what = format!("[{key}]");
@@ -300,8 +308,7 @@ impl<'d> Table<'d> {
         Some(Table::new(self.document, table, value.span(), what))
     }
 
-    /// The tables of an array of tables; none if the key is absent. Each is called
-    /// "`key` number n" until its own name is known.
+    /// Reads an array of tables; empty if the key is absent. Faults call each table "`key` number n" until its name is known.
     pub fn tables(&self, key: &'static str) -> Vec<Table<'d>> {
         let Some(value) = self.raw(key) else { return Vec::new() };
         let expected = "an array of tables, written [[like this]]";
@@ -318,22 +325,22 @@ impl<'d> Table<'d> {
         tables
     }
 
-    /// Reads tables like [`tables`](Self::tables), with a bound on their number: beyond it, notes a fault and returns none.
+    /// Reads an array of at most `most` tables. A longer array records a fault and gives an empty list.
     pub fn tables_up_to(&self, key: &'static str, most: usize) -> Vec<Table<'d>> {
         let tables = self.tables(key);
         if self.count(key, tables.len(), most) { tables } else { Vec::new() }
     }
 
-    /// True if `count` is at most `most`; otherwise notes a fault.
+    /// Returns true if `count` is at most `most`. Otherwise records a fault.
     pub fn count(&self, key: &str, count: usize, most: usize) -> bool {
         if count > most {
-            let help = format_args!("allowed are at most {most}");
+            let help = format_args!("keep at most {most} entries");
             self.fault(key, format_args!("has {count} entries"), "too many", help);
         }
         count <= most
     }
 
-    /// The tables of a table whose keys are names, such as `[actuator.NAME]`; none if absent.
+    /// Reads the tables of a table with names as keys, such as `[actuator.NAME]`; empty if the key is absent.
     pub fn named_tables(&self, key: &'static str) -> Vec<(&'d str, Table<'d>)> {
         let Some(value) = self.raw(key) else { return Vec::new() };
         let expected = format!("tables, written [{key}.NAME]");
@@ -382,8 +389,8 @@ impl<'d> Table<'d> {
         let converted = convert(value.get_ref());
         if converted.is_none() {
             let message = format!("{}`{key}` must be {expected}", self.start());
-            let label = format!("this {} is not", value.get_ref().type_str());
-            self.document.fault(value.span(), message, label, format!("expected is {expected}"));
+            let label = format!("this value has type {}", value.get_ref().type_str());
+            self.document.fault(value.span(), message, label, format!("give {expected}"));
         }
         converted
     }

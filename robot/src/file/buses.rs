@@ -1,12 +1,12 @@
-//! `[[bus]]` tables of a robot file: protocol and settings of each actuator bus. [`crate::rules`] checks
-//! whether they suit the robot.
+//! `[[bus]]` tables of a robot file: protocol and settings of each actuator bus. [`crate::rules`] checks them against the
+//! robot.
 
 use crate::document::Table;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
 use rollwalk_protocol::actuators::settings::Keys;
 use std::ops::RangeInclusive;
 
-/// Number and settings of a bus, with its table; `None` without a number or a protocol.
+/// Reads number and settings of a bus, and returns them with the table. `None` if number or protocol is missing.
 pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
     let number = table.integer("number", 0..=255);
     if let Some(number) = number {
@@ -33,12 +33,12 @@ pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
     Some((u8::try_from(number?).ok()?, bus, table))
 }
 
-/// True if an optional key has the second of two values; the first is the default.
+/// Returns true if an optional key has the second of two values. The first is the default.
 fn second(table: &Table<'_>, key: &'static str, values: [&'static str; 2]) -> bool {
     table.given(key, |table, key| table.choice(key, &values)) == Some(1)
 }
 
-/// Source of the settings of codecs.
+/// Source of the settings for protocol codecs.
 impl Keys for Table<'_> {
     fn has(&self, key: &'static str) -> bool {
         self.has(key)

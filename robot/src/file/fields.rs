@@ -1,4 +1,4 @@
-//! Fields of a robot file's tables. A faulty value is noted and read as 0 or as empty.
+//! Fields of the tables in a robot file. A faulty value is recorded and replaced by 0 or an empty value.
 
 use super::parts::{self, MassProperties};
 use crate::actuator::{Actuator, TorqueSpeedLine};
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 
 const INERTIA: &str = "inertia_in_link_kg_m2";
 
-/// Reads the item's name and lets faults use it.
+/// Reads the name of an item, and uses it in further faults.
 pub(super) fn named(table: &mut Table<'_>, kind: &str) -> String {
     let name = table.name("name");
     if let Some(name) = &name {
@@ -31,12 +31,12 @@ pub(super) fn vector(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
     table.numbers::<3>(key).unwrap_or_default().into()
 }
 
-/// Address of a motor, or of the first one of a limb.
+/// Reads the address of a motor, or of the first motor of a limb.
 pub(super) fn address(table: &Table<'_>, key: &'static str) -> u8 {
     byte(table, key, MAX_ID)
 }
 
-/// Number of an actuator bus.
+/// Reads the number of an actuator bus.
 pub(super) fn bus(table: &Table<'_>) -> u8 {
     byte(table, "bus", MAX_BUSES as u8 - 1)
 }
@@ -46,7 +46,7 @@ fn byte(table: &Table<'_>, key: &'static str, most: u8) -> u8 {
     byte.and_then(Result::ok).unwrap_or_default()
 }
 
-/// Mass properties of a link: those of its parts, which come, too, or as they are written.
+/// Reads the mass properties of a link, either from its parts or as written. Also returns the parts.
 pub(super) fn mass(table: &Table<'_>) -> (MassProperties, Vec<Solid>) {
     if table.has("parts") {
         let tables = table.tables("parts");
@@ -72,22 +72,22 @@ pub(super) fn mass(table: &Table<'_>) -> (MassProperties, Vec<Solid>) {
     (MassProperties { mass_kg, com_m, inertia_kg_m2 }, Vec::new())
 }
 
-/// Roll, pitch and yaw of a joint frame; 0 where the key is absent.
+/// Reads roll, pitch and yaw of a joint frame; 0 if the key is absent.
 pub(super) fn rpy(table: &Table<'_>) -> [f64; 3] {
     let angles = table.given("origin_rpy_rad", Table::numbers::<3>).unwrap_or_default();
     if angles.iter().any(|angle| angle.abs() > TAU) {
-        let help = "roll, pitch and yaw are in radians: 90 degrees are 1.5708";
-        table.fault("origin_rpy_rad", "has an angle above 2π", "radians?", help);
+        let help = "give roll, pitch and yaw in radians: 90 degrees are 1.5708 rad";
+        table.fault("origin_rpy_rad", "has an angle beyond ±2π rad", "probably degrees", help);
     }
     angles
 }
 
-/// Reads a direction of any length and makes it a unit vector.
+/// Reads a direction of any length and normalises it.
 pub(super) fn axis(table: &Table<'_>, key: &'static str) -> Vector3<f64> {
     let Some(axis) = table.numbers::<3>(key) else { return Vector3::zeros() };
     let unit = Vector3::from(axis).try_normalize(1e-6);
     if unit.is_none() {
-        let help = "an axis is a direction such as [0, 1, 0]; its length does not matter";
+        let help = "give a direction such as [0, 1, 0], of any length above 0";
         table.fault(key, "is zero", "has no direction", help);
     }
     unit.unwrap_or_default()
@@ -100,7 +100,7 @@ pub(super) fn drag(table: &Table<'_>) -> RollingDrag {
     }
 }
 
-/// Reads what a soft foot is made of.
+/// Reads the material of a soft foot.
 pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
     SoftMaterial {
         young_pa: number(table, "young_pa"),
@@ -110,7 +110,7 @@ pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
     }
 }
 
-/// Reads a data sheet: the fields of a motor that do not depend on where it is mounted.
+/// Reads a data sheet: the fields of a motor that are independent of its location.
 pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
     let actuator = Actuator {
         model: table.string("model").unwrap_or_default(),
@@ -127,7 +127,7 @@ pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
     actuator
 }
 
-/// Reads the torque-speed line of a data sheet: both of its ends or neither.
+/// Reads the torque-speed line of a data sheet. Both of its values or neither must be present.
 fn torque_speed(table: &Table<'_>) -> Option<TorqueSpeedLine> {
     let keys = ["stall_torque_nm", "no_load_speed_rad_s"];
     match keys.map(|key| table.has(key)) {
@@ -138,8 +138,9 @@ fn torque_speed(table: &Table<'_>) -> Option<TorqueSpeedLine> {
         }
         [stall, _] => {
             let (given, missing) = if stall { (keys[0], keys[1]) } else { (keys[1], keys[0]) };
-            let help =
-                format!("a torque-speed line has two ends: give `{missing}` too, or neither");
+            let help = format!(
+                "give `{missing}` too, or leave out both: a torque-speed line has two ends"
+            );
             table.fault(given, format_args!("is given without `{missing}`"), "half a line", help);
             // A value that is no number is a fault of its own.
             number(table, given);

@@ -1,8 +1,8 @@
-//! Limbs: templates placed on a link of the robot, mirrored on its right side.
+//! Limbs: templates that are placed on a link of the robot, and mirrored on its right side.
 //!
-//! A template describes a left limb. A right limb is its mirror image in the plane y = 0: positions
-//! and frames are reflected, and axes turn into −M·axis (M = diag(1, −1, 1)), so that equal joint
-//! angles give mirrored poses and limits stay as they are. A lateral wheel axis stays +y.
+//! A template describes a left limb. A right limb is its mirror image in the plane y = 0. Positions and frames are reflected,
+//! and axes become −M·axis with M = diag(1, −1, 1). Equal joint angles therefore give mirrored poses, and limits stay
+//! unchanged. A lateral wheel axis remains +y.
 
 use super::fields::{address, bus, named, vector};
 use crate::document::Table;
@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 /// Key for the position of a limb or a joint.
 pub(super) const ORIGIN: &str = "origin_in_parent_m";
 
-/// A limb: a template placed on a link.
+/// Limb: a template placed on a link.
 #[derive(Debug)]
 pub(super) struct Limb<'d> {
     pub name: String,
@@ -51,12 +51,12 @@ impl<'d> Limb<'d> {
     }
 }
 
-/// Tables of links, joints and end effectors: the robot's own, or those of a template.
+/// Tables of links, joints and end effectors, either of the robot or of a template.
 #[derive(Debug)]
 pub(super) struct Group<'g, 'd> {
     pub table: &'g Table<'d>,
     pub is_template: bool,
-    /// Limb that places the template; `None` for the robot's own tables.
+    /// Limb that places the template; `None` for tables outside templates.
     pub limb: Option<&'g Limb<'d>>,
 }
 

@@ -1,8 +1,8 @@
-//! Robot files: TOML text to a validated [`Robot`]. The format is described in
-//! `docs/robot-files.md`; `robots/agilebot.toml` is the worked example.
+//! Reader of robot files, from TOML text to a validated [`Robot`]. `docs/robot-files.md` describes the format, and
+//! `robots/agilebot.toml` is the worked example.
 //!
-//! [`read`] builds the robot from the tables, limbs from templates ([`group`]), and
-//! [`crate::rules`] judges the result. Faults of both point into the text ([`places`]).
+//! [`read`] builds the robot from the tables, with limbs from templates ([`group`]). [`crate::rules`] checks the result. Faults
+//! of both have spans in the text ([`places`]).
 
 mod buses;
 mod fields;
@@ -19,20 +19,20 @@ use crate::rules;
 use crate::solid::Solid;
 
 impl Robot {
-    /// Reads and validates a robot file. `file_name` is for messages only.
+    /// Parses and validates a robot file. `file_name` appears in messages only.
     ///
     /// # Errors
-    /// All faults of the file, each with its place and a help line. Rules of the robot are checked once
-    /// the file has no other faults.
+    /// Returns all faults of the file, each with its location and a help text. Rules of the robot are checked only if the file
+    /// has no other faults.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         Ok(Self::with_parts_from_toml(file_name, text)?.0)
     }
 
-    /// Reads a robot file like [`from_toml`](Self::from_toml), and returns the parts of every link as well, in the robot's order.
-    /// Parts describe the look of the robot; nothing computes with them.
+    /// Parses a robot file like [`from_toml`](Self::from_toml), and also returns the parts of each link, in the robot's order.
+    /// Parts serve for display only.
     ///
     /// # Errors
-    /// As [`from_toml`](Self::from_toml).
+    /// Returns the errors of [`from_toml`](Self::from_toml).
     pub fn with_parts_from_toml(
         file_name: &str,
         text: &str,

@@ -1,11 +1,11 @@
-//! Mass properties of a link from the solids it is made of.
+//! Mass properties of a link from its solids.
 
 use crate::document::Table;
 use crate::rules::LENGTH_MAX_M;
 use crate::solid::{Form, Solid};
 use nalgebra::{Matrix3, Vector3};
 
-/// Mass, centre of mass and inertia about it.
+/// Mass, centre of mass, and inertia about the centre of mass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MassProperties {
     pub mass_kg: f64,
@@ -13,11 +13,11 @@ pub(crate) struct MassProperties {
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
-/// Names the motor that a part is, so that its mass is that of another one when a design takes another one.
+/// Key for the actuator that a part represents. A design that changes this actuator also changes the mass of the part.
 pub(super) const ACTUATOR: &str = "actuator";
 
-/// Sums parts: masses add, the centre of mass is their mean, inertias add after moving to it
-/// (parallel axes: I + m (|d|² 1 − d dᵀ)).
+/// Sums the mass properties of parts. The centre of mass is the weighted mean; inertias are moved to it by the parallel-axis
+/// theorem I + m (|d|² 1 − d dᵀ).
 pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
     let mass_kg: f64 = parts.iter().map(|part| part.mass_kg).sum();
     let moment: Vector3<f64> = parts.iter().map(|part| part.com_m * part.mass_kg).sum();
@@ -33,8 +33,8 @@ pub(crate) fn sum(parts: &[MassProperties]) -> MassProperties {
     MassProperties { mass_kg, com_m, inertia_kg_m2 }
 }
 
-/// Reads one entry of `parts`: a mass, a place and a homogeneous box or cylinder along a link axis. There is no solid if its
-/// size is at fault.
+/// Reads one entry of `parts`: a mass, a position, and a homogeneous box or cylinder along a link axis. The solid is `None` if
+/// its size is faulty.
 pub(super) fn read(part: Table<'_>) -> (MassProperties, Option<Solid>) {
     let mass_kg = part.number_in("mass_kg", 1e-6..=1000.0, "kg").unwrap_or_default();
     let com_m: Vector3<f64> = part.numbers::<3>("at_m").unwrap_or_default().into();
@@ -75,16 +75,16 @@ pub(super) fn read(part: Table<'_>) -> (MassProperties, Option<Solid>) {
     (MassProperties { mass_kg, com_m, inertia_kg_m2 }, solid)
 }
 
-/// Reads lengths of a solid; notes each that no solid has.
+/// Reads lengths of a solid, and records a fault for each length out of range.
 pub(super) fn sizes<const N: usize>(table: &Table<'_>, key: &'static str) -> Option<[f64; N]> {
     let sizes = table.numbers::<N>(key)?;
     let mut sound = true;
     for (index, size) in sizes.iter().enumerate() {
         if !(*size > 0.0 && *size <= LENGTH_MAX_M) {
             let problem = format!("[{index}] is {size} m");
-            let mm = if *size > LENGTH_MAX_M { "; millimetres need dividing by 1000" } else { "" };
-            let help = format!("allowed is above 0 to {LENGTH_MAX_M} m{mm}");
-            table.fault(key, problem, "no size of a solid", help);
+            let mm = if *size > LENGTH_MAX_M { "; divide millimetres by 1000" } else { "" };
+            let help = format!("give a length above 0 and up to {LENGTH_MAX_M} m{mm}");
+            table.fault(key, problem, "not a valid length", help);
             sound = false;
         }
     }
@@ -95,7 +95,7 @@ pub(super) fn sizes<const N: usize>(table: &Table<'_>, key: &'static str) -> Opt
 mod tests {
     use super::*;
 
-    /// A box cut in two halves has the mass properties of the whole: closed form against sum.
+    /// Tests that a box divided into two halves has the mass properties of the whole box.
     #[test]
     fn two_half_boxes_are_one_box() {
         let cuboid = |mass_kg: f64, size: [f64; 3], at: [f64; 3]| {

@@ -1,17 +1,17 @@
-//! Spans of a robot's items and fields in its file, for the rules, which know neither.
+//! Spans of items and fields in a robot file. The rules themselves have no access to spans.
 
 use crate::document::{Span, Table};
 use crate::rules::Place;
 use std::collections::BTreeMap;
 
-/// Tables that an item was read from.
+/// Tables from which an item was read.
 #[derive(Debug)]
 pub(super) struct Source<'d> {
-    /// The item's own table.
+    /// Table of the item.
     pub item: Table<'d>,
-    /// Data sheet of its motor.
+    /// Data sheet of the item's motor.
     pub sheet: Option<Table<'d>>,
-    /// Limb that gives its motor an address.
+    /// Limb that supplies the address of the item's motor.
     pub limb: Option<Table<'d>>,
 }
 
@@ -20,7 +20,7 @@ impl<'d> Source<'d> {
         Self { item, sheet: None, limb: None }
     }
 
-    /// Span of a field's value, or of the item if the field is not written.
+    /// Span of a field's value, or of the item if the field is absent.
     fn span(&self, field: &str) -> Span {
         // Faults about addresses belong where the limb states them.
         match (&self.limb, field) {
@@ -33,7 +33,7 @@ impl<'d> Source<'d> {
     }
 }
 
-/// Tables of all items of a robot, in the robot's order.
+/// Tables of all items of a robot, in the order of the robot.
 #[derive(Debug)]
 pub(super) struct Places<'d> {
     pub root: Table<'d>,
@@ -49,7 +49,7 @@ impl<'d> Places<'d> {
         Self { root, links: vec![], joints: vec![], end_effectors: vec![], buses }
     }
 
-    /// Span of a field, or of its item if the field is not written.
+    /// Span of a field's value, or of the item if the field is absent.
     pub fn span(&self, place: Place, field: &str) -> Span {
         let source = match place {
             Place::Robot if matches!(field, "name" | "clearance_margin_m") => None,

@@ -1,7 +1,7 @@
-//! Tables of a robot file to a robot: places limbs and turns names into indices.
+//! Builder of a robot from the tables of its file: places limbs and resolves names to indices.
 //!
-//! A faulty value leaves a placeholder in the robot and a fault in the document, whose reading then ends without a
-//! robot. Unknown names are reported only if nothing else is wrong, because one fault would cause many.
+//! A faulty value leaves a placeholder in the robot and a fault in the document, so that no robot is returned. Unknown names
+//! are reported only if there is no other fault, because one fault could cause many of them.
 
 use super::buses;
 use super::fields::{
@@ -23,7 +23,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, HashSet};
 use std::ops::RangeInclusive;
 
-/// Name in templates of the link that the limb is placed on.
+/// Name, in templates, of the link that carries the limb.
 const MOUNT: &str = "mount";
 
 /// Data sheets by name, with their tables.
@@ -32,7 +32,7 @@ type Sheets<'d> = BTreeMap<&'d str, (Actuator, Table<'d>)>;
 /// Addresses of a limb's motors, in order.
 type Ids = RangeInclusive<u8>;
 
-/// Reads all tables, the parts of every link apart; `None` if any of them has a fault.
+/// Builds a robot from all tables, with the parts of each link. `None` if there is a fault.
 pub(super) fn robot<'d>(
     document: &'d Document<'_>,
 ) -> Option<(Robot, Vec<Vec<Solid>>, Places<'d>)> {
@@ -45,9 +45,8 @@ pub(super) fn robot<'d>(
     for (index, limb) in limbs.iter().enumerate() {
         if limbs[..index].iter().any(|other| other.name == limb.name) {
             // What it is made of would be named twice, too.
-            let help =
-                "give each limb its own name: it takes the place of `*` in those of its links";
-            let problem = format_args!("is \"{}\" a second time", limb.name);
+            let help = "give each limb its own name, which replaces `*` in the names of its links";
+            let problem = format_args!("is \"{}\", the name of an earlier limb", limb.name);
             limb.table.fault("name", problem, "again", help);
             return None;
         }
@@ -101,7 +100,8 @@ pub(super) fn robot<'d>(
     document.is_clean().then_some((reader.robot, reader.parts, reader.places))
 }
 
-/// True if a robot has no more items than the rules allow, limbs counted. The rules take time with the square of their number.
+/// Returns true if the robot, including its limbs, has no more items than the rules allow. The time for checking the rules is
+/// quadratic in this number.
 fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
     let few = ["link", "joint", "end_effector"].map(|key| {
         let count = groups.iter().map(|group| group.table.tables(key).len()).sum();
@@ -113,12 +113,12 @@ fn few_enough(root: &Table<'_>, groups: &[Group<'_, '_>]) -> bool {
 struct Reader<'r, 'd> {
     sheets: &'r Sheets<'d>,
     robot: Robot,
-    /// Parts of every link.
+    /// Parts of each link.
     parts: Vec<Vec<Solid>>,
     places: Places<'d>,
-    /// Limbs with a joint on the link that they are placed on.
+    /// Limbs with a joint on the link that carries them.
     placed: HashSet<String>,
-    /// Faults of names that nothing carries: place, message, label and help.
+    /// Faults of unresolved names: span, message, label and help.
     unresolved: RefCell<Vec<(Span, String, String, String)>>,
 }
 
@@ -142,14 +142,15 @@ impl<'r, 'd> Reader<'r, 'd> {
         }
     }
 
-    /// A fault where the place of a limb has no effect.
+    /// Records a fault if the position of a limb has no effect.
     fn check_place(&self, limb: &Limb<'d>) {
         if !self.placed.contains(&limb.name) && limb.origin_m != Vector3::zeros() {
             let help = format!(
-                "give the first joint of the template `{}` the parent \"{MOUNT}\": that is where the limb is placed",
+                "give the first joint of the template `{}` the parent \"{MOUNT}\", which is the \
+                 mounting position of the limb",
                 limb.template
             );
-            limb.table.fault(ORIGIN, "is used by no joint", "not used", help);
+            limb.table.fault(ORIGIN, "is not used by any joint", "not used", help);
         }
     }
 
@@ -268,7 +269,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         self.places.end_effectors.push(Source { item: table, sheet, limb });
     }
 
-    /// Reads the keys that belong to a kind of contact; also the data sheet of its motor.
+    /// Reads the keys that depend on the kind of contact. Also returns the data sheet of its motor.
     fn contact(
         &self,
         kind: &str,
@@ -295,8 +296,8 @@ impl<'r, 'd> Reader<'r, 'd> {
         Some((contact, None))
     }
 
-    /// Reads the motor of an item, with its data sheet. Motors of a template get their addresses from
-    /// the limb; others name them.
+    /// Reads the motor of an item, and returns it with its data sheet. Motors in templates get their addresses from the limb;
+    /// other motors have their own.
     fn motor(
         &self,
         group: &Group<'_, 'd>,
@@ -320,20 +321,21 @@ impl<'r, 'd> Reader<'r, 'd> {
     fn bus(&mut self, table: Table<'d>) {
         let Some((number, bus, table)) = buses::read(table) else { return };
         if self.robot.buses.insert(number, bus).is_some() {
-            let message = format!("{}: `number` is {number} a second time", table.what());
-            let help = "give every bus one table".to_owned();
+            let message =
+                format!("{}: `number` is {number}, as in an earlier [[bus]] table", table.what());
+            let help = "keep one [[bus]] table for each bus".to_owned();
             let fault = (table.span_of("number"), message, "again".to_owned(), help);
             self.unresolved.borrow_mut().push(fault);
         }
         self.places.buses.insert(number, Source::of(table));
     }
 
-    /// Index of the link that a key of a table names.
+    /// Index of the link whose name is the value of `key`.
     fn link_index(&self, table: &Table<'_>, key: &str, name: &str) -> usize {
         self.link_index_or(None, table, key, name)
     }
 
-    /// The same where `other` could stand there, too.
+    /// Index of the link whose name is the value of `key`. `other` is a further name for suggestions.
     fn link_index_or(
         &self,
         other: Option<&str>,
@@ -348,7 +350,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         })
     }
 
-    /// Notes that the value of a key names nothing of its `kind`.
+    /// Records that the value of `key` is not the name of a known `kind`.
     fn unknown<'k>(
         &self,
         kind: &str,

@@ -1,4 +1,4 @@
-//! `shapes` of a link: one entry for each capsule or box.
+//! Reader for the `shapes` of a link, with one entry for each capsule or box.
 
 use super::fields::{number, vector};
 use super::group::Group;
@@ -6,7 +6,7 @@ use super::parts::sizes;
 use crate::document::Table;
 use crate::shape::Shape;
 
-/// Reads one entry of `shapes` and places it as the limb is placed: mirrored on the right side.
+/// Reads one entry of `shapes`. On a mirrored limb, the shape is mirrored too.
 pub(super) fn shape(group: &Group<'_, '_>, table: &Table<'_>) -> Option<Shape> {
     let capsule = ["from_m", "to_m", "radius_m"].map(|key| table.has(key)).contains(&true);
     let shape = match (capsule, table.has("box_m")) {
@@ -20,8 +20,8 @@ pub(super) fn shape(group: &Group<'_, '_>, table: &Table<'_>) -> Option<Shape> {
             size_m: sizes::<3>(table, "box_m").unwrap_or_default().into(),
         }),
         _ => {
-            let help = "give a capsule, `from_m`, `to_m` and `radius_m`, or a box, `at_m` and \
-                        `box_m = [x, y, z]`";
+            let help = "give a capsule with `from_m`, `to_m` and `radius_m`, or a box with `at_m` \
+                        and `box_m = [x, y, z]`";
             table.fault("shape", "must be given once", "needs one shape", help);
             None
         }

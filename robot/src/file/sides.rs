@@ -1,17 +1,17 @@
-//! Sides of limbs against where they are mounted.
+//! Check of the limbs' sides against their mounting positions.
 
 use super::group::ORIGIN;
 use crate::document::{Document, Table};
 use crate::model::Robot;
 
-/// Distance from the middle of the body up to which a limb is on neither side, m.
+/// Distance from the middle of the body below which a limb has no side, m.
 const MIDDLE_M: f64 = 1e-3;
-/// Distance up to which limbs are mounted at the mirror images of each other's places, m.
+/// Tolerance for two limbs at mirrored positions, m.
 const COUNTERPART_M: f64 = 5e-3;
 
 impl Robot {
-    /// Doubts about limbs of a valid robot file whose `side` is not the one on which they are mounted: their template is not
-    /// mirrored, or mirrored where it should not be. A [`Robot`] does not say so any more.
+    /// Warnings about limbs of a valid robot file whose `side` contradicts their mounting position. Their template is then
+    /// mirrored wrongly. A [`Robot`] no longer contains the sides.
     pub fn side_doubts(file_name: &str, text: &str) -> Vec<String> {
         let Ok(document) = Document::parse(file_name, text) else { return Vec::new() };
         let root = document.root();
@@ -23,7 +23,7 @@ impl Robot {
     }
 }
 
-/// A limb on the body.
+/// Limb on the body.
 struct Placed {
     name: String,
     side: String,
@@ -36,7 +36,8 @@ impl Placed {
         Some(Self { name, side, origin_m: limb.numbers::<3>(ORIGIN)? })
     }
 
-    /// A limb without a counterpart on the other side may be as it is: it has a place and not a side.
+    /// Warning if the limb is on the wrong side and has a counterpart at the mirrored position. A single limb may intentionally
+    /// be on either side.
     fn doubt(&self, all: &[Self]) -> Option<String> {
         let Self { name, side, origin_m: [x, y, z] } = self;
         let other = match side.as_str() {
@@ -50,7 +51,8 @@ impl Placed {
         };
         all.iter().any(mirrors).then(|| {
             format!(
-                "limb `{name}` has `side = \"{side}\"` and is mounted on the other side, at y = {y} m: give side = \"{other}\", or change the sign of y"
+                "limb `{name}` has `side = \"{side}\"` but is mounted on the other side, at y = \
+                 {y} m: give side = \"{other}\", or change the sign of y"
             )
         })
     }
@@ -67,6 +69,6 @@ mod tests {
         let wrong = text.replacen("side = \"right\"", "side = \"left\"", 1);
         let doubts = Robot::side_doubts("pup.toml", &wrong);
         assert_eq!(doubts.len(), 1);
-        assert!(doubts[0].contains("`side = \"left\"` and is mounted on the other"), "{doubts:?}");
+        assert!(doubts[0].contains("`side = \"left\"` but is mounted on the other"), "{doubts:?}");
     }
 }

@@ -1,9 +1,9 @@
-//! Kinds of contact as they are read from robot files.
+//! Tests of the kinds of contact in robot files.
 
 use super::*;
 use rollwalk_robot::{Contact, RollingDrag, SoftMaterial};
 
-/// The tiny robot with another kind of contact in place of its foot.
+/// Tiny robot with another contact instead of its foot.
 fn with_contact(lines: &str) -> Robot {
     let text = ROBOT.replacen("contact = \"point_foot\"", lines, 1);
     Robot::from_toml("tiny.toml", &text).unwrap()

@@ -1,4 +1,4 @@
-//! Faults of a robot file as a document: syntax, keys, types, numbers that are none.
+//! Tests of faults in a robot file as a document: syntax, keys, types, invalid numbers.
 
 use super::*;
 
@@ -32,14 +32,14 @@ fn unknown_keys_and_tables() {
         "kp_nm_rad = 50.0\nki = 1",
         "ki",
         "actuator `servo`: unknown key `ki`",
-        "known are: `model`",
+        "valid names: `model`",
     );
     assert_fault(
         "box_m = [0.02, 0.02, 0.2] },\n",
         "box_m = [0.02, 0.02, 0.2], colour = 1 },\n",
         "  { mass_kg = 0.1",
         "unknown key `colour`",
-        "known are: `mass_kg`",
+        "valid names: `mass_kg`",
     );
     // Limbs give the addresses of their motors, the template must not.
     assert_fault(
@@ -148,14 +148,14 @@ fn wrong_types() {
         "side = \"front\"",
         "side",
         "`side` cannot be \"front\"",
-        "known are: `left`, `right`",
+        "valid names: `left`, `right`",
     );
     assert_fault(
         "[actuator.servo]",
         "[actuator]\nspare = 3\n[actuator.servo]",
         "spare",
         "`actuator` must be tables, written [actuator.NAME]",
-        "expected is",
+        "give tables, written [actuator.NAME]",
     );
 }
 

@@ -1,4 +1,4 @@
-//! Error messages of robot files: each class of mistake shows line, field, value and the correct value.
+//! Tests of error messages for robot files: each class of fault has line, field, value and the correct value.
 
 mod contacts;
 mod document;
@@ -8,7 +8,7 @@ mod upright;
 
 use rollwalk_robot::Robot;
 
-/// A small robot to break: a body, one arm with an actuated wheel, one limb with a foot.
+/// Small robot for the faults: a body, an arm with an actuated wheel, and a limb with a foot.
 const ROBOT: &str = r#"name = "tiny"
 
 [actuator.servo]
@@ -104,7 +104,7 @@ fn tiny() -> Robot {
     Robot::from_toml("tiny.toml", ROBOT).unwrap()
 }
 
-/// Line, message and help of every fault after replacing `from`.
+/// Line, message and help of each fault after `from` is replaced by `to`.
 fn faults(from: &str, to: &str) -> Vec<(usize, String, String)> {
     assert!(ROBOT.contains(from), "the robot to break has changed: {from}");
     let text = ROBOT.replacen(from, to, 1);
@@ -112,7 +112,8 @@ fn faults(from: &str, to: &str) -> Vec<(usize, String, String)> {
     error.faults().map(|fault| (fault.line, fault.message.clone(), fault.help.clone())).collect()
 }
 
-/// Breaking the robot gives exactly one fault, at the line where `at` starts, with these words.
+/// Asserts exactly one fault after `from` is replaced by `to`, at the line that starts with `at`, with the given message and
+/// help.
 #[track_caller]
 fn assert_fault(from: &str, to: &str, at: &str, message: &str, help: &str) {
     let text = ROBOT.replacen(from, to, 1);

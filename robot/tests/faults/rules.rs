@@ -1,4 +1,4 @@
-//! Robots that cannot be: bodies, joints, trees, names, addresses, motors and wheels.
+//! Tests of impossible robots: bodies, joints, trees, names, addresses, motors and wheels.
 
 use super::*;
 use proptest::prelude::*;
@@ -49,14 +49,14 @@ fn masses_and_inertias_that_no_body_has() {
         "cylinder_y_m = [30, 20]",
         "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.2]",
         "`cylinder_y_m` [0] is 30 m",
-        "above 0 to 10 m; millimetres",
+        "above 0 and up to 10 m; divide millimetres",
     );
     assert_fault(
         "box_m = [0.02, 0.02, 0.2]",
         "box_m = [0.02, -0.3, 0.2]",
         "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.1]",
         "`box_m` [1] is -0.3 m",
-        "above 0 to 10 m",
+        "above 0 and up to 10 m",
     );
 }
 
@@ -87,7 +87,7 @@ fn joints_that_cannot_be() {
         "origin_rpy_rad = [0.0, 0.1, 0.0]",
         "origin_rpy_rad = [0, 90, 0]",
         "origin_rpy_rad",
-        "an angle above 2π",
+        "an angle beyond ±2π rad",
         "90 degrees are 1.5708",
     );
     assert_fault(
@@ -152,28 +152,28 @@ fn names_that_are_unknown_or_taken() {
         "child = \"amr\"",
         "child",
         "joint `shoulder`: there is no link `amr`",
-        "did you mean `arm`? known are: `body`, `arm`, `left_shank`, `right_shank`",
+        "did you mean `arm`? valid names: `body`, `arm`, `left_shank`, `right_shank`",
     );
     assert_fault(
         "parent = \"mount\"",
         "parent = \"mounts\"",
         "parent = \"mounts\"",
         "joint `*_hip`: there is no link `mounts`",
-        "did you mean `mount`? known are: `mount`, `body`",
+        "did you mean `mount`? valid names: `mount`, `body`",
     );
     assert_fault(
         "actuator = \"servo\"\nbus = 0\nid = 1",
         "actuator = \"motor\"\nbus = 0\nid = 1",
         "actuator = \"motor\"",
         "there is no actuator `motor`",
-        "known are: `servo`",
+        "valid names: `servo`",
     );
     assert_fault(
         "box_m = [0.02, 0.02, 0.2] },\n",
         "box_m = [0.02, 0.02, 0.2], actuator = \"motor\" },\n",
         "  { mass_kg = 0.1, at_m = [0.0, 0.0, -0.1], box_m",
         "there is no actuator `motor`",
-        "known are: `servo`",
+        "valid names: `servo`",
     );
     assert_fault(
         "template = \"leg\"",
@@ -198,7 +198,11 @@ fn names_that_are_unknown_or_taken() {
     );
     // Where it is wrong, and not at all the parts that it names.
     for (from, to, words) in [
-        ("name = \"right\"", "name = \"left\"", "limb `left`: `name` is \"left\" a second time"),
+        (
+            "name = \"right\"",
+            "name = \"left\"",
+            "limb `left`: `name` is \"left\", the name of an earlier limb",
+        ),
         (
             "[[template.leg.joint]]",
             "[[template.leg.link]]\nname = \"*_shank\"\n\
@@ -211,7 +215,7 @@ fn names_that_are_unknown_or_taken() {
     }
 }
 
-/// Tables, messages and libraries show them.
+/// Tests limits on names and models, which tables, messages and libraries display.
 #[test]
 fn names_and_models_are_short_and_can_be_seen() {
     let fields = [
@@ -258,7 +262,7 @@ fn a_limb_is_placed_where_its_origin_says() {
     let line = text[..text.find(far).unwrap()].lines().count() + 1;
     assert_eq!(found[0].0, line, "{found:#?}");
     let unused = faults("parent = \"mount\"", "parent = \"body\"");
-    assert!(unused.iter().all(|fault| fault.1.contains("is used by no joint")), "{unused:#?}");
+    assert!(unused.iter().all(|fault| fault.1.contains("is not used by any joint")), "{unused:#?}");
     assert!(!unused.is_empty() && unused[0].2.contains("`leg`"), "{unused:#?}");
 }
 
@@ -293,7 +297,7 @@ fn more_motors_than_a_controller_has() {
     assert!(found[0].2.contains("at most 24"), "{found:#?}");
 }
 
-/// The same rules hold for a robot that did not come from a file, with places instead of spans.
+/// Tests the rules on robots without a file, whose faults have places instead of spans.
 #[test]
 fn robots_without_a_file_are_judged_by_the_same_rules() {
     let robot = tiny();
@@ -340,7 +344,7 @@ fn robots_without_a_file_are_judged_by_the_same_rules() {
 }
 
 proptest! {
-    /// Whatever bytes a file has, reading it ends with a robot or with faults inside the text.
+    /// Tests that any damaged file gives a robot, or faults inside the text.
     #[test]
     fn damaged_files_never_panic(at in 0..ROBOT.len(), cut in 0..40usize, put in ".{0,12}") {
         let end = (at + cut).min(ROBOT.len());
@@ -394,7 +398,7 @@ fn motors_and_wheels_out_of_range() {
 }
 
 proptest! {
-    /// Robots in plan files are hostile input too: any numbers and indices are judged, not tripped over.
+    /// Tests robots with arbitrary numbers and indices. Plan files are untrusted input, and the rules must not panic on them.
     #[test]
     fn robots_with_any_numbers_are_judged_without_panic(
         number in prop::num::f64::ANY,

@@ -1,4 +1,4 @@
-//! Shapes of links as they are read from robot files.
+//! Tests of link shapes in robot files.
 
 use super::*;
 use nalgebra::Vector3;

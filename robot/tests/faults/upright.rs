@@ -1,4 +1,4 @@
-//! Robots that would stand on the ceiling are refused.
+//! Tests that robots with legs above their body are refused.
 
 use super::*;
 

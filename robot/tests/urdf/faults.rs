@@ -1,4 +1,4 @@
-//! Error messages of imports: each class of mistake shows file, place, value and a remedy.
+//! Tests of error messages of imports: each class of fault has file, location, value and a remedy.
 
 use super::{SIDE, URDF, edited, imported};
 

@@ -1,4 +1,4 @@
-//! Input made to hurt: it is refused or read, in bounded time, never with a panic.
+//! Tests of malicious input, which must be refused or read in bounded time, without a panic.
 
 use super::{SIDE, URDF, imported};
 use proptest::prelude::*;
@@ -47,7 +47,7 @@ fn deep_and_long_files_end() {
     assert!(imported(&huge, SIDE).unwrap_err().to_string().contains("bytes"));
 }
 
-/// Inputs that took quadratic time or worse, each in a file of some megabytes at most.
+/// Tests inputs that make quadratic-time algorithms slow, each in a file of a few megabytes.
 #[test]
 fn many_of_anything_end_soon() {
     let list =
@@ -132,7 +132,7 @@ fn every_beginning_of_a_file_is_refused_or_read() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..Default::default() })]
 
-    /// Values, words and tags of the file exchanged at random.
+    /// Tests files with values, words and tags exchanged at random.
     #[test]
     fn shuffled_files_never_panic(swaps in prop::collection::vec((0_usize..2000, 0_usize..2000), 1..6)) {
         let mut words: Vec<&str> = URDF.split('"').collect();

@@ -1,10 +1,10 @@
-//! A robot of 40 channels with two arms: more than a controller has.
+//! Tests of a robot of 40 channels with two arms, which exceeds the channels of a controller.
 
 use super::{good, imported};
 use rollwalk_robot::urdf::{Text, survey};
 use std::fmt::Write;
 
-/// A URDF and the number of its links: masses are those of solid spheres.
+/// Builder of a URDF. Links have the inertia of solid spheres.
 struct Builder {
     text: String,
 }
@@ -19,7 +19,7 @@ impl Builder {
         );
     }
 
-    /// A joint with its link, named alike.
+    /// Adds a joint and its link, with related names.
     fn joint(&mut self, name: &str, parent: &str, at: [f64; 3], axis: &str, limits: &str) {
         self.link(name, 0.3);
         let kind = if limits.is_empty() { "continuous" } else { "revolute" };
@@ -33,7 +33,7 @@ impl Builder {
     }
 }
 
-/// Four legs of three joints and a wheel, two arms of seven joints with hands of five fingers: 16 + 14 + 10.
+/// URDF of four legs with three joints and a wheel, and two arms with seven joints and five fingers: 16 + 14 + 10 channels.
 fn centaur() -> String {
     let mut urdf = Builder { text: "<robot name=\"centaur\">\n".to_owned() };
     urdf.link("trunk", 20.0);

@@ -1,5 +1,5 @@
-//! URDF import, from outside: what a robot weighs and where its parts are, against a computation of its
-//! own; every trap of URDF; hostile input.
+//! Integration tests of the URDF import: masses and geometry against an independent computation, pitfalls of URDF, malicious
+//! input.
 
 mod faults;
 mod hostile;
@@ -14,7 +14,7 @@ mod surveys;
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::urdf::{Imported, Text, import};
 
-/// The robot that the tests take apart.
+/// URDF of the robot for the tests.
 const URDF: &str = include_str!("rover.urdf");
 const SIDE: &str = include_str!("rover.side.toml");
 
@@ -29,7 +29,7 @@ fn good(urdf: &str, side: &str) -> Imported {
     })
 }
 
-/// `text` with its only `from` replaced.
+/// Replaces the only occurrence of `from` in `text`.
 #[track_caller]
 fn edited(text: &str, from: &str, to: &str) -> String {
     assert_eq!(text.matches(from).count(), 1, "{from:?} is to be there once");

@@ -1,5 +1,5 @@
-//! Import of MJCF: what it has and URDF has not. Poses and masses are compared with MuJoCo's in
-//! `planner/interchange/tests/consumers.rs`.
+//! Tests of the MJCF import, for features that URDF lacks. `planner/interchange/tests/consumers.rs` compares poses and masses
+//! with MuJoCo.
 
 use rollwalk_robot::urdf::{Survey, Text, survey};
 
@@ -11,12 +11,12 @@ fn surveyed(text: &str) -> Result<Survey, String> {
     })
 }
 
-/// A model with this in its root.
+/// MJCF model with the given content of its root.
 fn model(inside: &str) -> String {
     format!("<mujoco model=\"m\">{inside}</mujoco>")
 }
 
-/// A trunk of 2 kg with this in it.
+/// MJCF model of a trunk of 2 kg with the given content.
 fn trunk(inside: &str) -> String {
     let ball = "<geom size=\"0.1\" mass=\"2\"/>";
     model(&format!("<worldbody><body name=\"trunk\"><freejoint/>{ball}{inside}</body></worldbody>"))

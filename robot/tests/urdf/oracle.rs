@@ -1,11 +1,11 @@
-//! A second way from a URDF to masses and places: straight from the XML, recursively, with 4×4 matrices,
-//! without merging anything.
+//! Independent computation of masses and positions from a URDF: recursively from the XML, with 4×4 matrices, without merging
+//! links.
 
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use roxmltree::{Document, Node};
 use std::collections::HashMap;
 
-/// Mass, COM and inertia about the origin of the root, and the poses of all links in the root.
+/// Mass, first moment and inertia about the root's origin, and poses of all links in the root frame.
 pub struct Truth {
     pub mass_kg: f64,
     pub moment_kg_m: Vector3<f64>,
@@ -23,7 +23,7 @@ fn child<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.has_tag_name(tag))
 }
 
-/// Rodrigues' formula, written out.
+/// Rotation matrix by Rodrigues' formula.
 fn turn(axis: Vector3<f64>, angle: f64) -> Matrix4<f64> {
     let a = axis / axis.norm();
     let cross = Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0);
@@ -41,7 +41,7 @@ fn origin(node: Node<'_, '_>) -> Matrix4<f64> {
         * turn(Vector3::x(), roll)
 }
 
-/// Sums up what hangs on `root` with joints at `positions`; joints without one are at 0.
+/// Computes the subtree of `root` with joints at `positions`. Joints without an entry are at 0.
 pub fn truth(text: &str, root: &str, positions: &HashMap<String, f64>) -> Truth {
     let document = Document::parse(text).unwrap();
     let mut truth = Truth {
@@ -97,7 +97,7 @@ fn add(
 }
 
 impl Truth {
-    /// A point of a link in the frame of the root.
+    /// Transforms a point from a link to the root frame.
     pub fn point(&self, link: &str, in_link: [f64; 3]) -> Vector3<f64> {
         let [x, y, z] = in_link;
         (self.links[link] * Vector4::new(x, y, z, 1.0)).xyz()

@@ -1,4 +1,4 @@
-//! Imported robots have the masses of the URDF and its geometry at any joint angles.
+//! Tests that imported robots have the masses of the URDF, and its geometry at any joint angles.
 
 use super::oracle::{Truth, truth};
 use super::{SIDE, URDF, edited, good, imported};
@@ -8,7 +8,7 @@ use rollwalk_robot::urdf::{Text, import, survey};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Links of a robot in the frame of its root.
+/// Poses of a robot's links in the root frame.
 fn links(robot: &Robot, angles: &[f64]) -> Vec<Isometry3<f64>> {
     let mut links = vec![Isometry3::identity(); robot.links.len()];
     for (joint, angle) in robot.joints.iter().zip(angles) {
@@ -20,7 +20,7 @@ fn links(robot: &Robot, angles: &[f64]) -> Vec<Isometry3<f64>> {
     links
 }
 
-/// Angles within limits from a linear congruential generator.
+/// Random angles within the limits, from a linear congruential generator.
 fn random_angles(robot: &Robot, seed: u64) -> Vec<f64> {
     let mut state = seed;
     let mut next = || {
@@ -32,8 +32,8 @@ fn random_angles(robot: &Robot, seed: u64) -> Vec<f64> {
     robot.joints.iter().map(range).map(|(min, max)| min + (max - min) * next()).collect()
 }
 
-/// Mass, moment and inertia about the root's origin, of the robot against the URDF. The URDF's numbers
-/// have few digits and the robot file twelve: 1e-9 of the largest is far above rounding.
+/// Compares mass, first moment and inertia about the root's origin between robot and URDF. Robot files have twelve digits, so
+/// that the tolerance of 1e-9 of the largest value is far above rounding.
 fn assert_same_masses(
     robot: &Robot,
     poses: &[Isometry3<f64>],
@@ -150,8 +150,8 @@ fn forward_and_up_turn_the_body() {
     );
 }
 
-/// Robots from elsewhere: every URDF in the folder that `ROLLWALK_URDF_DIR` names is imported with the
-/// side file that the survey proposes, and compared.
+/// Tests every URDF in the folder `ROLLWALK_URDF_DIR`: imports it with the side file that the survey proposes, and compares the
+/// result.
 #[test]
 fn urdfs_of_a_folder_are_what_they_say() {
     let Some(folder) = std::env::var_os("ROLLWALK_URDF_DIR").map(PathBuf::from) else { return };

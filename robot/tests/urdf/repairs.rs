@@ -1,4 +1,4 @@
-//! Repairs: the import settles gaps and slight errors of a URDF in the documented way, and warns.
+//! Tests of repairs: the import corrects gaps and small errors of a URDF as documented, and warns.
 
 use super::{SIDE, URDF, edited, good};
 use rollwalk_robot::{Joint, Robot};
@@ -246,7 +246,7 @@ fn undeclared_prefixes_do_not_hurt() {
     assert_eq!(good(&urdf, SIDE).robot, good(URDF, SIDE).robot);
 }
 
-/// The worked example of the documentation imports, with the values in it.
+/// Tests that the worked example of the documentation imports, with its values.
 #[test]
 fn the_documented_side_file_imports() {
     let page = include_str!("../../../docs/urdf-import.md");
@@ -256,7 +256,7 @@ fn the_documented_side_file_imports() {
     assert_eq!(robot.end_effectors.len(), 3);
 }
 
-/// A controller has four buses, and the limbs of a centipede are no reason not to import it.
+/// Tests that limbs beyond the four buses of a controller share the final bus.
 #[test]
 fn limbs_beyond_the_last_bus_share_it() {
     let link = |name: &str, mass: f64| {

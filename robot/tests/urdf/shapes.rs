@@ -1,4 +1,4 @@
-//! Collision geometry of a URDF becomes shapes for clearance.
+//! Tests that collision geometry of a URDF becomes shapes for clearance.
 
 use super::{SIDE, URDF, edited, good};
 use nalgebra::Vector3;

@@ -1,4 +1,4 @@
-//! The survey finds feet and wheels, and its side file imports as it is.
+//! Tests that the survey finds feet and wheels, and that its side file imports unchanged.
 
 use super::{URDF, edited};
 use rollwalk_robot::urdf::{Survey, Text, import, survey};
@@ -73,7 +73,7 @@ fn wheels_are_known_by_name_shape_or_balance() {
     );
 }
 
-/// Exporters write axles as revolute joints, without limits or with some beyond a turn.
+/// Tests axles as revolute joints, which some exporters write without limits or with limits beyond a turn.
 #[test]
 fn wheels_on_revolute_and_fixed_joints_are_known() {
     let axle = |kind: &str, limits: &str| {

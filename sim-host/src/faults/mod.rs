@@ -1,11 +1,11 @@
-//! Faults of buses, actuators and adapters, each with a beginning and an end in virtual time.
+//! Faults of buses, actuators and adapters, each with a start and an end in virtual time.
 //!
-//! A schedule of faults is a value: with its seed it reproduces a run to the bit. Each fault counts its effects,
-//! because a fault without any effect tests nothing.
+//! A schedule of faults is a value: together with its seed it reproduces a run bit by bit. Each fault counts its effects,
+//! because a fault without effects tests nothing.
 //!
-//! | module | is |
+//! | module | faults |
 //! |---|---|
-//! | [`stream`] | frames that are lost, repeated, late, in another order, damaged |
+//! | [`stream`] | frames that are lost, repeated, late, reordered or damaged |
 //!
 //! [`crate::rig`] applies them.
 
@@ -18,7 +18,7 @@ use rollwalk_protocol::can::Frame;
 use std::collections::BTreeMap;
 use stream::{Stream, StreamFault};
 
-/// Frames that have crossed a bus on their way to a receiver.
+/// Path of frames from a bus to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FramePath {
     /// Frames from the host.
@@ -34,22 +34,22 @@ pub enum FramePath {
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
-    /// Frames get lost, late or damaged behind the bus.
+    /// Frames are lost, delayed or damaged after the bus.
     Stream(FramePath, StreamFault),
     /// A foreign node sends this frame at this interval.
     Babble(Interface, Frame, SimTime),
-    /// Missing acknowledgement on this bus: the sender keeps repeating its frame. A serial line is cut: bytes sent on it are
-    /// lost.
+    /// Missing acknowledgement on this bus, so that the sender repeats its frame. A serial line is cut instead: bytes sent on
+    /// it are lost.
     NoAck(Interface),
-    /// The controller's end of an actuator bus goes off, as after a short; without effect on a serial line.
+    /// Bus-off of the controller at an actuator bus, as after a short circuit. Has no effect on a serial line.
     BusOff(u8),
-    /// An actuator neither receives nor answers. It holds its last setpoint until its own watchdog expires.
+    /// An actuator neither receives nor answers. It keeps its set-point until its own watchdog expires.
     Deaf(usize),
-    /// An actuator has no power: no torque, no answers, and its state is lost.
+    /// An actuator has no power, and therefore no torque, no answers and no stored state.
     Unpowered(usize),
 }
 
-/// A fault for a span of time.
+/// Fault with its interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Kind.
@@ -73,7 +73,7 @@ impl Fault {
     }
 }
 
-/// A schedule of faults with their effects.
+/// Schedule of faults with their effects.
 #[derive(Clone, Debug)]
 pub struct Faults {
     schedule: Vec<(Fault, u64)>,
@@ -88,7 +88,7 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// Creates an empty schedule, with the seed of all random numbers.
+    /// Creates an empty schedule with the seed of all random numbers.
     pub fn new(seed: u64) -> Self {
         Self { schedule: Vec::new(), streams: BTreeMap::new(), random: Rng::with_seed(seed) }
     }
@@ -98,7 +98,7 @@ impl Faults {
         self.schedule.push((fault, 0));
     }
 
-    /// Iterates over all faults, with the number of times that each fired.
+    /// Iterates over all faults, with the number of effects of each.
     pub fn all(&self) -> impl Iterator<Item = (&Fault, u64)> {
         self.schedule.iter().map(|(fault, fired)| (fault, *fired))
     }
@@ -108,7 +108,7 @@ impl Faults {
         self.schedule.iter().map(|(fault, _)| fault).filter(move |f| f.is_on(now)).map(|f| &f.kind)
     }
 
-    /// Counts an effect of every active fault for which `which` holds.
+    /// Counts one effect for every active fault for which `which` returns true.
     pub fn fire(&mut self, now: SimTime, which: impl Fn(&FaultKind) -> bool) {
         for (fault, fired) in &mut self.schedule {
             if fault.is_on(now) && which(&fault.kind) {
@@ -117,7 +117,7 @@ impl Faults {
         }
     }
 
-    /// Next instant after `now` at which a fault begins or ends.
+    /// Next time after `now` at which a fault starts or ends; `None` if there is none.
     pub fn next_edge(&self, now: SimTime) -> Option<SimTime> {
         let edges = self.schedule.iter().flat_map(|(fault, _)| [fault.from, fault.until]);
         edges.filter(|&at| at > now).min()
@@ -129,8 +129,8 @@ impl Faults {
         waits || self.on(now).any(|kind| matches!(kind, FaultKind::Stream(on, _) if *on == path))
     }
 
-    /// Accepts a frame that has crossed the bus. Returns it if no fault affects its path; otherwise [`Self::pop`]
-    /// returns it, possibly changed, or it is lost.
+    /// Accepts a frame that has crossed the bus. Returns it if no fault affects its path. Otherwise it is lost, or
+    /// [`Self::pop`] returns it later, possibly changed.
     pub fn push(&mut self, now: SimTime, path: FramePath, frame: Frame) -> Option<Frame> {
         if !self.is_disturbed(now, path) {
             return Some(frame);
@@ -149,14 +149,14 @@ impl Faults {
         None
     }
 
-    /// Instant and path of the next delayed frame.
+    /// Time and path of the next delayed frame.
     pub fn next_due(&self) -> Option<(SimTime, FramePath)> {
         let due =
             self.streams.iter().filter_map(|(&path, stream)| Some((stream.next_due()?, path)));
         due.min()
     }
 
-    /// The next frame due at `now`.
+    /// Returns the next delayed frame of a path that is due at `now`.
     pub fn pop(&mut self, now: SimTime, path: FramePath) -> Option<Frame> {
         self.streams.get_mut(&path)?.pop(now)
     }

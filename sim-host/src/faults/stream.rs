@@ -1,44 +1,44 @@
-//! Effects of a bad adapter or bridge on a stream of frames behind the bus.
+//! Effects of a bad adapter or bridge on a stream of frames after the bus.
 //!
-//! The bus itself loses and damages no frame, because CAN repeats unreceived frames and has a CRC. The
-//! devices behind it (USB adapters, serial bridges, radio) do both.
+//! The bus itself neither loses nor damages frames, because CAN repeats unreceived frames and has a CRC. The devices after it
+//! (USB adapters, serial bridges, radio) do both.
 
 use crate::clock::SimTime;
 use fastrand::Rng;
 use rollwalk_protocol::can::Frame;
 
-/// Longest time that a frame waits to be overtaken.
+/// Maximum time that a frame waits to be overtaken.
 const OVERTAKEN_WITHIN: SimTime = SimTime::from_ms(100);
 
 /// Effect on frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamFault {
-    /// Loses this many of a thousand frames.
+    /// Loses this fraction of the frames, ‰.
     Lose(u16),
-    /// Repeats this many of a thousand frames once, within a time.
+    /// Repeats this fraction of the frames, ‰, once within a time.
     Repeat(u16, SimTime),
-    /// Lets up to this many others overtake half of the frames.
+    /// Delays half of the frames until up to this number of later frames have overtaken them.
     Reorder(u32),
-    /// Delays each frame by a time between these; unless they are equal, frames overtake each other.
+    /// Delays each frame by a random time between these two. Unless they are equal, frames overtake each other.
     Delay(SimTime, SimTime),
-    /// Flips one to four bits of the payload, in this many of a thousand frames.
+    /// Flips one to four bits of the payload in this fraction of the frames, ‰.
     Damage(u16),
-    /// Truncates this many of a thousand frames.
+    /// Truncates this fraction of the frames, ‰.
     Cut(u16),
-    /// Holds all frames until the fault ends, and then releases them at once.
+    /// Delays all frames until the fault ends, and then releases them together.
     Hold,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Late {
     due: SimTime,
-    /// Number of frames that have to overtake it first.
+    /// Number of frames that have to overtake this one first.
     behind: u32,
     order: u64,
     frame: Frame,
 }
 
-/// Frames between two places, in one direction.
+/// Delayed frames of a path.
 #[derive(Clone, Debug, Default)]
 pub struct Stream {
     late: Vec<Late>,
@@ -51,13 +51,13 @@ impl Stream {
         self.late.is_empty()
     }
 
-    /// Instant of the next frame.
+    /// Time at which the next frame is due.
     pub fn next_due(&self) -> Option<SimTime> {
         self.late.iter().map(|late| late.due).min()
     }
 
-    /// Takes a frame. `faults` are those in force, each with its end; `fired` is called with the index
-    /// of each that affected the frame.
+    /// Accepts a frame. `faults` are the active faults, each with its end. `fired` is called with the index of each fault that
+    /// affected the frame.
     pub fn push(
         &mut self,
         now: SimTime,
@@ -119,7 +119,7 @@ impl Stream {
         self.late.push(Late { order: self.order, ..late });
     }
 
-    /// The next frame that is due; call again until `None`.
+    /// Returns the next frame that is due; call it until it returns `None`.
     pub fn pop(&mut self, now: SimTime) -> Option<Frame> {
         let due = self.late.iter().enumerate().filter(|(_, late)| late.due <= now);
         let (index, _) = due.min_by_key(|(_, late)| (late.due, late.order))?;
@@ -138,7 +138,7 @@ fn hits(random: &mut Rng, per_mille: u16) -> bool {
     random.u16(0..1000) < per_mille
 }
 
-/// Changes the payload; returns whether there was any.
+/// Changes the payload. Returns false if it is empty.
 fn change(frame: &mut Frame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
     let mut data = frame.data().to_vec();
     if data.is_empty() {
@@ -149,7 +149,7 @@ fn change(frame: &mut Frame, with: impl FnOnce(&mut Vec<u8>)) -> bool {
     true
 }
 
-/// Changes one to four bits, at least one of which stays changed.
+/// Flips one to four random bits until the data has changed.
 fn damage(data: &mut [u8], random: &mut Rng) {
     let before = data.to_vec();
     while data == before {
@@ -170,8 +170,8 @@ mod tests {
         SimTime::from_ms(ms)
     }
 
-    /// Sends a hundred numbered frames, a millisecond apart, and returns numbers and times as they come
-    /// out, and how often the fault fired.
+    /// Sends a hundred numbered frames, one per millisecond. Returns numbers and times of the received frames, and the number
+    /// of effects of the fault.
     fn through(fault: StreamFault, until: SimTime) -> (Vec<(u8, SimTime)>, u32) {
         let mut stream = Stream::default();
         let mut random = Rng::with_seed(7);

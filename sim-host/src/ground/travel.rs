@@ -6,20 +6,20 @@ use rollwalk_physics::World;
 use rollwalk_physics::world::{Odometer, Totals, Way};
 use rollwalk_protocol::library::ClipId;
 
-/// Way of the robot while a clip was played, along the ground.
+/// Travel of the robot along the ground during a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Travel {
-    /// The clip.
+    /// Clip that was played.
     pub clip: ClipId,
-    /// First instant.
+    /// Start time.
     pub from: SimTime,
-    /// Last instant.
+    /// End time.
     pub to: SimTime,
     odometer: Odometer,
 }
 
 impl Travel {
-    /// Begins where the world is.
+    /// Begins a travel at the present position of the robot.
     pub(super) fn begin(
         clip: ClipId,
         now: SimTime,
@@ -30,13 +30,13 @@ impl Travel {
         Self { clip, from: now, to: now, odometer }
     }
 
-    /// Takes in a step of the world that ended now.
+    /// Adds a step of the world that ended at `now`.
     pub(super) fn add(&mut self, now: SimTime, step_s: f64, world: &World) {
         self.to = now;
         self.odometer.add(world, step_s);
     }
 
-    /// The way.
+    /// Path along the ground.
     pub fn way(&self) -> Way {
         self.odometer.way()
     }

@@ -1,4 +1,4 @@
-//! The firmware as a process on real buses: link and actuator buses with adapters, as on a board.
+//! Firmware as a process on real buses: its link and actuator buses have adapters, as on a board.
 
 use super::{Kept, Reopen};
 use crate::core::{Core, Local};
@@ -12,14 +12,14 @@ use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped}
 use std::iter;
 use std::time::{Duration, Instant};
 
-/// Runs the controller until `goes_on` returns `false`; it is called once in every control period of `period`.
-/// `actuators` are the actuator buses by number.
+/// Runs the controller until `goes_on` returns `false`. `goes_on` is called once in every control period, which lasts `period`.
+/// `actuators` contains the actuator buses by number.
 ///
-/// The loss of a bus does not end the run. Without the link the controller returns the robot to SAFE; a lost actuator
-/// bus counts as bus-off, and is opened again when an operator has cleared that fault.
+/// The loss of a bus does not end the run. Without the link the controller returns the robot to SAFE. A lost actuator bus
+/// counts as bus-off, and is reopened after an operator has cleared that fault.
 ///
 /// # Errors
-/// None: the controller is in this process.
+/// Returns no error, since the controller runs in this process.
 pub fn run(
     core: &mut Local,
     period: Duration,
@@ -56,10 +56,10 @@ pub fn run(
     }
 }
 
-/// Most events that are heard between the instant of a tick and the tick.
+/// Maximum number of events that are processed between the due time of a tick and the tick.
 const CATCH_UP: usize = 64;
 
-/// The controller with its buses.
+/// Controller with its buses.
 struct Board<'a> {
     core: &'a mut Local,
     keeper: &'a mut dyn Reopen,
@@ -70,7 +70,7 @@ struct Board<'a> {
 
 struct Bus {
     kept: Kept,
-    /// Last reported status.
+    /// Previous reported state.
     state: BusState,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Board<'a> {
         Self { core, keeper, hub, buses }
     }
 
-    /// Receives a frame of a bus; returns the controller's input.
+    /// Processes an event of a bus. Returns the controller's input, if any.
     fn hear(
         &mut self,
         now_us: u64,
@@ -127,7 +127,7 @@ impl<'a> Board<'a> {
         None
     }
 
-    /// Receives what has come in while this computer was busy with something else.
+    /// Processes events that arrived while this computer was busy.
     fn catch_up(&mut self, start: Instant) -> Result<(), LinkError> {
         for _ in 0..CATCH_UP {
             let Some((index, heard)) = self.hub.next_event(Instant::now()) else { return Ok(()) };
@@ -138,8 +138,8 @@ impl<'a> Board<'a> {
         Ok(())
     }
 
-    /// Reports the state of the actuator buses in every control period: when an operator clears a bus-off, the
-    /// controller assumes a healthy bus until the bus reports its state. Opens a lost bus again at that moment.
+    /// Reports the state of the actuator buses to the controller; called in every control period. When an operator clears a
+    /// bus-off, the controller assumes a healthy bus until the next report. A lost bus is then reopened.
     fn watch_actuator_buses(&mut self, now_us: u64) {
         let buses = self.buses.iter_mut().enumerate();
         for (number, bus) in buses.filter_map(|(index, bus)| Some((number(index)?, bus))) {
@@ -166,7 +166,7 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// Buses that would take a frame, without lost ones.
+    /// Buses that can accept a frame, without lost ones.
     fn free(&self) -> Buses {
         let outlets = self.hub.outlets.iter().enumerate();
         let outlets = outlets.filter(|(_, outlet)| outlet.is_free() && !outlet.carries_bytes());
@@ -176,7 +176,7 @@ impl<'a> Board<'a> {
         })
     }
 
-    /// Sends the controller's frame for each bus; returns whether there was any.
+    /// Sends the controller's frame for each bus. Returns true if there was any.
     fn send(&mut self, now_us: u64, stepped: &Stepped) -> bool {
         let mut any = false;
         for (index, frame) in iter::once(&stepped.link).chain(&stepped.actuators).enumerate() {
@@ -196,7 +196,7 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// Sends the controller's next packet on each serial line; returns whether there was any.
+    /// Sends the controller's next packet on each serial line. Returns true if there was any.
     fn send_packets(&mut self, now_us: u64) -> bool {
         let mut any = false;
         for index in 0..self.hub.outlets.len() {
@@ -263,13 +263,13 @@ mod tests {
         }
     }
 
-    /// A bus and the receiver of its frames; it takes no frame once the receiver is dropped.
+    /// Bus with the receiver of its frames. Once the receiver is dropped, the bus accepts no frame.
     fn bus() -> (Port, Receiver<Frame>) {
         let (to, sent) = channel();
         (Port { outlet: Box::new(To(to)), inlet: Box::new(Silence) }, sent)
     }
 
-    /// Records lost buses, and opens none again.
+    /// Records lost buses, and reopens none of them.
     #[derive(Default)]
     struct Lost(Vec<Interface>);
 
@@ -287,7 +287,7 @@ mod tests {
         Local::new(one_leg::config(), one_leg::robot().controller_buses(), Settings::default())
     }
 
-    /// Runs control periods from `now_us` on; returns the instant of their end.
+    /// Runs control periods from `now_us` on, and returns the time at which they end.
     fn periods(board: &mut Board<'_>, now_us: u64, count: u64) -> u64 {
         for k in 0..count {
             board.watch_actuator_buses(now_us + 10_000 * k);

@@ -20,7 +20,7 @@ use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Interval between attempts to reopen a lost bus, whose adapter may be plugged in again while the robot runs.
+/// Interval between attempts to reopen a lost bus. Its adapter may be plugged in again while the robot runs.
 const REOPEN_PERIOD: Duration = Duration::from_millis(500);
 
 /// Policy for a lost bus.
@@ -28,21 +28,21 @@ pub trait Reopen {
     /// Handles the loss of a bus.
     fn lost(&mut self, bus: Interface, why: &LinkError);
 
-    /// Opens the bus again; `None` as long as that fails.
+    /// Reopens the bus; `None` if this failed.
     fn reopen(&mut self, bus: Interface) -> Option<Port>;
 }
 
-/// A bus of a robot: a port of a hub, opened again after a loss.
+/// Bus of a robot: a port of a hub that is reopened after a loss.
 struct Kept {
     bus: Interface,
-    /// Index of its port.
+    /// Index of the port in the hub.
     index: usize,
-    /// Instant of the loss or of the last attempt to open it; `None` while it is open.
+    /// Time of the loss or of the previous attempt to reopen it; `None` while it is open.
     gone: Option<Instant>,
 }
 
 impl Kept {
-    /// An open bus.
+    /// Creates an open bus.
     fn new(bus: Interface, index: usize) -> Self {
         Self { bus, index, gone: None }
     }
@@ -60,7 +60,7 @@ impl Kept {
         }
     }
 
-    /// Tries to open the bus again; returns whether it can be used.
+    /// Tries to reopen the bus. Returns true if it can be used.
     fn reopen(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
         self.gone = Some(Instant::now());
         if let Some(port) = keeper.reopen(self.bus) {
@@ -70,7 +70,7 @@ impl Kept {
         self.gone.is_none()
     }
 
-    /// Returns whether the bus can be used; tries to open a lost one every [`REOPEN_PERIOD`].
+    /// Returns true if the bus can be used. Tries to reopen a lost one every [`REOPEN_PERIOD`].
     fn is_there(&mut self, hub: &mut Hub, keeper: &mut dyn Reopen) -> bool {
         match self.gone {
             None => true,
@@ -91,7 +91,7 @@ impl Waiting {
         self.push_within(frame, WAITING);
     }
 
-    /// Adds a frame, and drops the oldest where more than `most` would wait.
+    /// Adds a frame. If more than `most` would wait, drops the oldest one.
     fn push_within(&mut self, frame: Frame, most: usize) {
         if self.0.len() == most {
             self.0.pop_front();
@@ -99,7 +99,7 @@ impl Waiting {
         self.0.push_back(frame);
     }
 
-    /// Sends as many frames as the bus takes.
+    /// Sends frames until the bus accepts no more.
     fn send(&mut self, outlet: &mut dyn Outlet) -> Result<(), LinkError> {
         while let Some(frame) = self.0.front() {
             match outlet.send(frame) {

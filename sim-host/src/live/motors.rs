@@ -1,4 +1,4 @@
-//! A robot's motors as a process on real buses.
+//! Motors of a robot as a process on real buses.
 
 use super::{Kept, Reopen, Waiting};
 use crate::body::Body;
@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 /// Interval between updates of weight and inertia on the joints.
 const LOAD_PERIOD: Duration = Duration::from_millis(10);
 
-/// Runs the motors on `buses`, by number, until `goes_on` returns `false`; it is called every few milliseconds. The
-/// motors of a lost bus are silent until it is back. An observer sees every step of the motors.
+/// Runs the motors on `buses`, which are ordered by number, until `goes_on` returns `false`. `goes_on` is called every few
+/// milliseconds. The motors of a lost bus are silent until it is reopened. The observer receives every step of the motors.
 ///
 /// # Errors
-/// A step of a robot's world has no solution.
+/// Returns an error if a step of the robot's world has no solution.
 pub fn run(
     body: &mut Body,
     buses: Vec<Port>,
@@ -94,8 +94,8 @@ pub fn run(
     }
 }
 
-/// Answers of the servos of a serial line to each packet in the received bytes. The servos answer in turn, without their return
-/// delays, which are shorter than the delay of this computer.
+/// Answers of the servos of a serial line to each packet in the received bytes. The servos answer in turn, but without their
+/// return delays, which are shorter than the latency of this computer.
 fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec<Vec<u8>> {
     let channels = body.addresses().iter().enumerate();
     let channels = channels.filter(|(_, address)| usize::from(address.0) == bus);

@@ -1,4 +1,4 @@
-//! A whole simulated robot in real time: only its link leaves the process.
+//! Whole simulated robot in real time, of which only the link leaves the process.
 
 use super::{Kept, Reopen, Waiting};
 use crate::clock::SimTime;
@@ -8,25 +8,25 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::{Event, Hub, Port};
 use std::time::{Duration, Instant};
 
-/// Longest lag of the simulation behind real time while no frame arrives.
+/// Maximum lag of the simulation behind real time while no frame arrives.
 const STEP: Duration = Duration::from_millis(1);
-/// Longest lag that it makes up for, µs. A computer that is busy for longer halts the robot's time, too: frames sent
-/// meanwhile wait to be read, and a robot whose time had gone on would have lost its host before it heard them.
+/// Maximum lag that the simulation catches up with, µs. If the computer is busy for longer, the robot's time stops as well.
+/// Otherwise the robot would time out its host before it reads the frames that the host sent meanwhile.
 const MOST_LAG_US: u64 = 20_000;
 
-/// Maximum number of frames of the host that wait for the link. A bus that is full makes a host wait, and none of its frames is
-/// lost: the setpoints that one sends at once are ten for each channel, of 24.
+/// Maximum number of the host's frames that wait for the link. On a busy bus a host has to wait, but loses no frame. A host
+/// sends up to ten set-points for each of 24 channels at once.
 const MOST_INWARD: usize = 512;
 
-/// The robot's time, which follows the computer's.
+/// Time of the robot, which follows the computer's.
 struct Clock {
     now_us: u64,
-    /// Computer's time since the start.
+    /// Time of the computer since the start, µs.
     elapsed_us: u64,
 }
 
 impl Clock {
-    /// The robot's time, `elapsed_us` after the start by the computer's clock.
+    /// Time of the robot when the computer's clock shows `elapsed_us` since the start.
     fn now_us(&mut self, elapsed_us: u64) -> u64 {
         let since_us = elapsed_us.saturating_sub(self.elapsed_us);
         self.elapsed_us = elapsed_us;
@@ -35,11 +35,11 @@ impl Clock {
     }
 }
 
-/// Runs the robot until `goes_on` returns `false`. `goes_on` is called at least once a millisecond,
-/// with the frames of all buses since its last call.
+/// Runs the robot until `goes_on` returns `false`. `goes_on` is called at least once a millisecond, with the frames of all
+/// buses since the previous call.
 ///
 /// # Errors
-/// The controller is out of reach; one in this process never is.
+/// Returns an error if the controller is out of reach, which cannot happen to a controller in this process.
 pub fn run(
     rig: &mut Rig,
     port: Port,

@@ -1,5 +1,5 @@
-//! Fault injection on the bench: starts and ends faults, lets foreign nodes send, and reports the state of the
-//! actuator buses to the controller as an adapter would. The faults themselves are in [`crate::faults`].
+//! Fault injection on the bench. It starts and ends faults, lets foreign nodes send, and reports the state of the actuator
+//! buses to the controller as an adapter would. [`crate::faults`] defines the faults.
 
 use super::{Core, Interface, LinkError, Rig, SimTime};
 use crate::bus::{NodeId, TxPolicy};
@@ -8,32 +8,32 @@ use crate::wire::{ActuatorBus, ActuatorLine};
 use rollwalk_firmware::BusState;
 use rollwalk_protocol::can::Frame;
 
-/// Transmit queue depth of a foreign node: one frame in flight and the next, so that it leaves no gap.
+/// Transmit queue depth of a foreign node, frames: one in transmission and the next one, so that there is no gap.
 const BABBLE_DEPTH: usize = 2;
 
-/// Time until a sender without acknowledgement is error-passive: it sends the frame 16 times, each up to 135 bits and
-/// an error frame of up to 31, at 1 Mbit/s.
+/// Time until a sender without acknowledgement is error-passive. It sends the frame 16 times, each up to 135 bits and an error
+/// frame of up to 31 bits, at 1 Mbit/s.
 const PASSIVE_AFTER: SimTime = SimTime::from_us(16 * (135 + 31));
 
 /// Adapter between the controller and its actuator buses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adapter {
-    /// Depth of its transmit buffer, frames.
+    /// Depth of the transmit buffer, frames.
     pub depth: usize,
-    /// True if frames that are unacknowledged at the next control period are aborted, as on our boards.
+    /// True if frames that are unacknowledged at the next control period are aborted, as on the boards of this project.
     pub calls_back: bool,
-    /// Bus state that it reports while no node acknowledges; some adapters do not distinguish that from other errors.
+    /// Bus state that is reported while no node acknowledges. Some adapters do not distinguish this from other errors.
     pub alone: BusState,
 }
 
 impl Default for Adapter {
-    /// The adapter of our boards, except that it keeps an unacknowledged frame.
+    /// Adapter of this project's boards, except that it keeps an unacknowledged frame.
     fn default() -> Self {
         Self { depth: 1, calls_back: false, alone: BusState::NotAcknowledged }
     }
 }
 
-/// A foreign node that sends without pause.
+/// Foreign node that sends at a fixed interval.
 pub struct Babbler {
     node: NodeId,
     bus: Interface,
@@ -44,7 +44,7 @@ pub struct Babbler {
 }
 
 impl<C: Core> Rig<C> {
-    /// Adds a fault; it begins after the present instant at the earliest.
+    /// Adds a fault, which starts after the present time at the earliest.
     pub fn add_fault(&mut self, fault: Fault) {
         let from = fault.from.max(self.now + SimTime::from_ns(1));
         let fault = Fault { from, ..fault };
@@ -56,7 +56,7 @@ impl<C: Core> Rig<C> {
         self.faults.add(fault);
     }
 
-    /// Reports the state of the actuator buses to the controller, and restarts those whose restart it requests.
+    /// Reports the state of the actuator buses to the controller, and restarts those for which it requests a restart.
     pub(super) fn report_bus_states(&mut self) -> Result<(), LinkError> {
         if self.faults.all().next().is_none() {
             return Ok(());

@@ -24,7 +24,7 @@ impl<C: Core> Rig<C> {
         }
     }
 
-    /// Completes a frame on the link; returns the controller's input, if any.
+    /// Completes a frame on the link. Returns the controller's input, if any.
     pub(super) fn end_link_frame(&mut self) -> Option<Input> {
         let delivery = self.link.bus.next_delivery(self.now)?;
         self.log.push(LogEntry {
@@ -41,7 +41,7 @@ impl<C: Core> Rig<C> {
         foreign.then(|| self.pass_on(FramePath::LinkToController, delivery.frame))?
     }
 
-    /// Completes a frame on an actuator bus; returns the controller's input, if any.
+    /// Completes a frame on an actuator bus. Returns the controller's input, if any.
     pub(super) fn end_actuator_frame(&mut self, number: u8) -> Option<Input> {
         let ActuatorBus { wire, servos, .. } = self.actuator_buses.get_mut(&number)?;
         let delivery = wire.bus.next_delivery(self.now)?;
@@ -58,13 +58,13 @@ impl<C: Core> Rig<C> {
         receives.then(|| self.pass_on(FramePath::FromActuators(number), frame))?
     }
 
-    /// Applies stream faults to a frame that has crossed its bus; returns the controller's input, if any.
+    /// Applies stream faults to a frame that has crossed its bus. Returns the controller's input, if any.
     fn pass_on(&mut self, path: FramePath, frame: Frame) -> Option<Input> {
         let frame = self.faults.push(self.now, path, frame)?;
         self.arrive(path, &frame)
     }
 
-    /// Delivers a frame; returns the controller's input, if any.
+    /// Delivers a frame. Returns the controller's input, if any.
     pub(super) fn arrive(&mut self, path: FramePath, frame: &Frame) -> Option<Input> {
         match path {
             // No node on the link accepts 29-bit identifiers.

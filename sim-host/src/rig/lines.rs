@@ -1,4 +1,4 @@
-//! Packets at the ends of serial lines: receivers, and answers of the servos.
+//! Delivery of packets at the ends of serial lines, and answers of the servos.
 
 use super::{Core, LinkError, Rig};
 use crate::interface::{Interface, PacketEntry};
@@ -6,7 +6,7 @@ use crate::line::{Heard, Speaker};
 use crate::wire::ActuatorLine;
 
 impl<C: Core> Rig<C> {
-    /// Handles the next event of a serial line: bytes reach the controller, or the servos, which begin to answer.
+    /// Handles the next event of a serial line. Bytes are passed to the controller, or to the servos, which begin to answer.
     pub(super) fn hear_line(&mut self, number: u8) -> Result<(), LinkError> {
         let Some(ActuatorLine { line, is_cut, .. }) = self.lines.get_mut(&number) else {
             return Ok(());

@@ -1,26 +1,24 @@
-//! The whole robot on the bench: firmware core, buses, servos and the host's interface, stepped in
-//! virtual time in one fixed order.
+//! Whole robot on the bench: firmware core, buses, servos and the host's interface, stepped in virtual time in one fixed order.
 //!
 //! ```text
 //!   host ── link0 ── controller ─┬─ act0 ── servos ...
 //!                                └─ act1 ── servos ...
 //! ```
 //!
-//! Time jumps from event to event. Events at the same instant happen in this order:
+//! Time advances from event to event. Events at the same time are handled in this order:
 //!
-//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame meant for it; then packets of
-//!    serial lines that end, and servos whose turn to speak it is
-//! 2. delayed frames, faults that start or end, babbling nodes: [`crate::faults`]
-//! 3. unsolicited frames of drives, as of ODrives
+//! 1. frames that end: link0, act0, act1, ...; a servo answers at the end of a frame for it; then packets of serial lines that
+//!    end, and servos whose turn to send begins
+//! 2. delayed frames, faults that start or end, foreign nodes that send: [`crate::faults`]
+//! 3. unsolicited frames of drives such as ODrives
 //! 4. motors: a step of 1/[`MOTOR_RATE_HZ`]
-//! 5. control period: the record of the past one is closed, the controller's `tick` runs
+//! 5. control period: the record of the previous one is closed, the controller's `tick` runs
 //!
-//! After every event that the controller notices, its transmit buffers are filled: one frame for each
-//! bus, taken from the controller when the previous one is transmitted, so that no stale frame waits in
-//! hardware. An [`Adapter`] may have a deeper buffer.
+//! After every event of the controller, its transmit buffers are filled. Each bus has a buffer of one frame, which is taken
+//! from the controller when the previous frame has been transmitted, so that no stale frame waits in hardware. An [`Adapter`]
+//! may have a deeper buffer.
 //!
-//! The controller itself is a [`Core`]: the firmware within this process, or a board elsewhere to which time and
-//! frames are carried.
+//! The controller is a [`Core`]: the firmware within this process, or a board elsewhere that receives time and frames.
 
 mod fault_injection;
 mod frames;
@@ -57,26 +55,26 @@ pub use fault_injection::Adapter;
 use fault_injection::Babbler;
 pub use observer::Observer;
 
-/// Steps of the motors per second.
+/// Rate of the steps of the motors, Hz.
 pub const MOTOR_RATE_HZ: u32 = 4000;
 
 /// Queue length of the host's CAN interface, frames; the default of Linux (`txqueuelen`).
 const HOST_QUEUE: usize = 10;
 
-/// A robot, its controller and its buses.
+/// Robot with its controller and its buses.
 pub struct Rig<C = Local> {
     now: SimTime,
     controller: C,
-    /// Error that put the controller out of reach, if any.
+    /// Error after which the controller is out of reach; `None` if it can be reached.
     lost: Option<LinkError>,
     config: RobotConfig,
     node: Node,
     link: Wire,
     host: NodeId,
     host_inbox: VecDeque<Frame>,
-    /// The CAN buses of actuators by number.
+    /// CAN buses of actuators, by number.
     actuator_buses: BTreeMap<u8, ActuatorBus>,
-    /// The serial lines of actuators by number.
+    /// Serial lines of actuators, by number.
     lines: BTreeMap<u8, ActuatorLine>,
     body: Body,
     motor_step: Periodic,
@@ -92,7 +90,7 @@ pub struct Rig<C = Local> {
     observer: Option<Box<dyn Observer>>,
 }
 
-/// The kinds of events.
+/// Kinds of events.
 enum Next {
     Link,
     Actuator(u8),
@@ -106,26 +104,26 @@ enum Next {
 }
 
 impl Rig {
-    /// Creates a robot just after power-on, in its nominal pose, without a library.
+    /// Creates a robot in its state after power-on, in its nominal pose, without a library.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files.
+    /// Returns an error if the robot violates a rule of robot files.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
         Self::with_core(robot, Local::new(config, buses, Settings::default()))
     }
 
-    /// Restarts the controller of the robot with a power cycle.
+    /// Restarts the controller of the robot, as after a power cycle.
     pub fn power_cycled(self) -> Self {
         Self { controller: self.controller.power_cycled(), ..self }
     }
 }
 
 impl<C: Core> Rig<C> {
-    /// Creates a robot like [`Rig::new`], with a given controller just after power-on and the default settings.
+    /// Creates a robot like [`Rig::new`], with a given controller in its state after power-on and the default settings.
     ///
     /// # Errors
-    /// The robot breaks a rule of robot files.
+    /// Returns an error if the robot violates a rule of robot files.
     pub fn with_core(robot: &Robot, controller: C) -> Result<Self, InvalidRobot> {
         let config = robot.controller_config()?;
         let settings = Settings::default();
@@ -178,8 +176,8 @@ impl<C: Core> Rig<C> {
         })
     }
 
-    /// The same robot just after power-on on the ground instead of a stand, in a hoist and with an IMU. Times of pushes are
-    /// those of the simulation.
+    /// Moves a robot in its state after power-on from the stand to the ground, in a hoist and with an IMU. Times of pushes
+    /// count from the start of the simulation.
     pub fn onto_ground(self, robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
         Self { body: Body::on_ground(robot, ground, shoves), ..self }
     }
@@ -195,23 +193,25 @@ impl<C: Core> Rig<C> {
         self.host = self.link.bus.add_node(TxPolicy::Queue { depth: HOST_QUEUE });
     }
 
-    /// Seeds the random numbers of all faults. Call it before adding the first.
+    /// Seeds the random numbers of all faults. Call it before adding the first fault.
     pub fn set_fault_seed(&mut self, seed: u64) {
         self.faults = Faults::new(seed);
     }
 
-    /// The faults and their effects.
+    /// Faults and their effects.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
 
-    /// Shows every frame and every step of the motors to an observer from now on.
+    /// Passes every frame and every step of the motors to an observer from now on.
     pub fn set_observer(&mut self, observer: impl Observer + 'static) {
         self.observer = Some(Box::new(observer));
     }
 
+    /// Wire of a CAN bus.
+    ///
     /// # Panics
-    /// The robot has no such CAN bus.
+    /// Panics if the robot has no such bus.
     fn wire(&mut self, bus: Interface) -> &mut Wire {
         match bus {
             Interface::Link => &mut self.link,
@@ -222,7 +222,7 @@ impl<C: Core> Rig<C> {
         }
     }
 
-    /// The present instant.
+    /// Present time.
     pub fn now(&self) -> SimTime {
         self.now
     }
@@ -232,22 +232,22 @@ impl<C: Core> Rig<C> {
         &self.config
     }
 
-    /// The controller's address on the link.
+    /// Address of the controller on the link.
     pub fn node(&self) -> Node {
         self.node
     }
 
-    /// The motors.
+    /// Motors of the robot.
     pub fn body(&self) -> &Body {
         &self.body
     }
 
-    /// Takes what became in the world of all clips that have ended, of a robot on the ground.
+    /// Removes and returns the travels of all clips that have ended; empty for a robot on a stand.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         self.body.ground_mut().map(Grounded::take_travels).unwrap_or_default()
     }
 
-    /// Log of the frames of all buses so far, in the order of completion.
+    /// Frames of all buses so far, in the order of completion.
     pub fn log(&self) -> &[LogEntry] {
         &self.log
     }
@@ -257,7 +257,7 @@ impl<C: Core> Rig<C> {
         &self.packets
     }
 
-    /// Takes the log of frames so far and drops packets and records, for a robot that runs for days.
+    /// Removes and returns the frames so far, and drops packets and records. Call it regularly for a robot that runs for days.
     pub fn take_log(&mut self) -> Vec<LogEntry> {
         self.recorder.forget();
         self.packets.clear();
@@ -269,7 +269,7 @@ impl<C: Core> Rig<C> {
         self.recorder.records()
     }
 
-    /// Load and latencies of every CAN bus since the start, link first.
+    /// Load and latencies of every CAN bus since the start, beginning with the link.
     pub fn bus_statistics(&self) -> Vec<(Interface, BusStatistics)> {
         let link = (Interface::Link, self.link.bus.statistics().clone());
         let actuators = self
@@ -279,29 +279,29 @@ impl<C: Core> Rig<C> {
         std::iter::once(link).chain(actuators).collect()
     }
 
-    /// Use of every serial line since the start.
+    /// Statistics of every serial line since the start.
     pub fn line_statistics(&self) -> Vec<(Interface, LineStatistics)> {
         let lines = self.lines.iter();
         lines.map(|(&bus, line)| (Interface::Actuator(bus), line.line.statistics())).collect()
     }
 
-    /// The controller.
+    /// Controller of the robot.
     pub fn core(&self) -> &C {
         &self.controller
     }
 
-    /// The controller, to be changed.
+    /// Mutable controller of the robot.
     pub fn core_mut(&mut self) -> &mut C {
         &mut self.controller
     }
 
-    /// Advances time to `until`, including the events at that instant.
+    /// Advances time to `until`, including the events at that time.
     pub fn run_until(&mut self, until: SimTime) {
         while self.step(until) {}
         self.now = self.now.max(until);
     }
 
-    /// Handles the next event if it is due by `until`, unless the controller is out of reach.
+    /// Handles the next event. Returns false if it is not due by `until`, or if the controller is out of reach.
     fn step(&mut self, until: SimTime) -> bool {
         let (at, next) = self.next_event();
         if at > until || self.lost.is_some() {
@@ -338,7 +338,7 @@ impl<C: Core> Rig<C> {
                 self.motor_step.advance();
                 if let Err(error) = self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ)) {
                     self.lost = Some(LinkError::Down(format!(
-                        "the simulated world has no next state: {error}"
+                        "the simulated world cannot be advanced: {error}"
                     )));
                     return false;
                 }
@@ -373,7 +373,7 @@ impl<C: Core> Rig<C> {
         true
     }
 
-    /// Passes an input to the controller and puts its frames on the buses.
+    /// Passes an input to the controller and posts its frames on the buses.
     fn step_controller(&mut self, at: SimTime, mut input: Option<Input>) -> Result<(), LinkError> {
         if let (Some(observer), Some(input)) = (&mut self.observer, input) {
             observer.on_controller_input(at, &input);
@@ -427,7 +427,7 @@ impl<C: Core> Rig<C> {
         }
     }
 
-    /// The earliest event; of those at the same instant the first in the documented order.
+    /// Earliest event. Events at the same time are in the documented order.
     fn next_event(&self) -> (SimTime, Next) {
         let link = self.link.bus.next_completion().map(|at| (at, Next::Link));
         let actuators = self.actuator_buses.iter().filter_map(|(&number, bus)| {

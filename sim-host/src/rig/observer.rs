@@ -1,4 +1,4 @@
-//! Hooks of a [`super::Rig`] for a monitor: every frame at the controller's border, and every step of the motors.
+//! Hooks of a [`super::Rig`] for a monitor: every frame of the controller, and every step of the motors.
 
 use crate::body::Body;
 use crate::clock::SimTime;
@@ -8,30 +8,29 @@ use rollwalk_protocol::tunnel::Input;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Receives the events of a [`super::Rig`] in their order, without influence on them; those that it does not look at
-/// pass by.
+/// Receives the events of a [`super::Rig`] in their order, without influence on them. The default methods ignore them.
 pub trait Observer {
-    /// The host has put a frame into its interface.
+    /// Called when the host has put a frame into its interface.
     fn on_host_frame(&mut self, _at: SimTime, _frame: &Frame) {}
 
-    /// The controller receives a frame or a tick.
+    /// Called when the controller receives a frame or a tick.
     fn on_controller_input(&mut self, _at: SimTime, _input: &Input) {}
 
-    /// A frame leaves the controller for a bus; what waits in the bus's interface has left it before.
+    /// Called when a frame leaves the controller for a bus. Frames that wait in the bus's interface have left earlier.
     fn on_controller_frame(&mut self, _at: SimTime, _bus: Interface, _frame: &Frame, _body: &Body) {
     }
 
-    /// An actuator bus of the controller goes bus-off.
+    /// Called when the controller goes bus-off at an actuator bus.
     fn on_bus_off(&mut self, _at: SimTime) {}
 
-    /// The motors have made a step.
+    /// Called when the motors have made a step.
     fn on_motor_step(&mut self, _at: SimTime, _body: &Body) {}
 }
 
-/// An observer that ignores all events.
+/// Observer that ignores all events.
 impl Observer for () {}
 
-/// Two observers, the first one first.
+/// Pair of observers; the first one receives each event first.
 impl<A: Observer, B: Observer> Observer for (A, B) {
     fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {
         self.0.on_host_frame(at, frame);
@@ -59,7 +58,7 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
     }
 }
 
-/// An observer that its owner reads while the rig runs.
+/// Observer that its owner can read while the rig runs.
 impl<O: Observer> Observer for Rc<RefCell<O>> {
     fn on_host_frame(&mut self, at: SimTime, frame: &Frame) {
         self.borrow_mut().on_host_frame(at, frame);

@@ -1,4 +1,4 @@
-//! The robot of the demo on the bench: twenty motors on two buses.
+//! Demo robot on the bench: twenty motors on two buses.
 
 use crate::{S, connect};
 use rollwalk_protocol::library::{LibrarySpec, MotionSpec, TransitionSpec, encode};
@@ -17,8 +17,8 @@ pub fn agilebot() -> Robot {
     Robot::from_toml("agilebot.toml", text).unwrap()
 }
 
-/// Standing, and a loop of two seconds in which every joint swings by 0.15 rad about its nominal
-/// angle and every wheel by 2 rad/s.
+/// Library with a standing pose and a loop of two seconds. In the loop every joint swings by 0.15 rad about its nominal angle,
+/// and every wheel by 2 rad/s.
 pub fn library(robot: &Robot) -> Vec<u8> {
     let config = robot.controller_config().unwrap();
     let frame = |wave: f32| -> Vec<f32> {

@@ -1,4 +1,4 @@
-//! A robot that insists on a link key, and its hosts.
+//! Robot that requires a link key, and its hosts.
 
 use crate::robot::{self, BOW, SWING};
 use crate::{S, rig};
@@ -54,7 +54,7 @@ const OWNER: [u8; 32] = [
     0x0e, 0xe1, 0x72, 0xf3, 0xda, 0xa6, 0x23, 0x25, 0xaf, 0x02, 0x1a, 0x68, 0xf7, 0x07, 0x51, 0x1a,
 ];
 
-/// Setpoints carry no signature: a robot that plays only its owner's libraries follows none.
+/// Set-points are not signed. A robot that plays only its owner's libraries therefore refuses streams of set-points.
 #[test]
 fn a_robot_with_a_library_key_follows_no_stream() {
     let buses = robot::robot().controller_buses();
@@ -91,8 +91,8 @@ fn on_a_bad_link_as_well() {
 #[test]
 fn without_the_key_the_error_says_what_to_do() {
     let mut session = Session::connect(insisting(), node()).unwrap();
-    let text = "authentication required; give the robot's link key, --link-key FILE or ROLLWALK_LINK_KEY \
-                (emergency stops need none)";
+    let text = "authentication required; give the robot's link key with --link-key FILE or ROLLWALK_LINK_KEY \
+                (emergency stops require none)";
     let error = session.arm().unwrap_err();
     let result = CommandResult::AuthenticationRequired;
     assert!(matches!(error, SessionError::Refused { result: found, .. } if found == result));
@@ -120,7 +120,7 @@ fn a_wrong_key_and_a_needless_one_are_told_from_a_silent_robot() {
     assert!(matches!(error, SessionError::Silent { what: "session", .. }), "{error}");
 }
 
-/// A robot whose controller can be restarted under its host's hands.
+/// Robot whose controller can be restarted while its host is connected.
 struct Restarted(Option<Rig>);
 
 impl Restarted {
@@ -180,7 +180,7 @@ fn a_visitor_with_the_key_commands_beside_the_host() {
     assert_eq!(visitor.parameter(Parameter::Kp, 0).unwrap(), 50.0);
 }
 
-/// Runs an operator's console.
+/// Runs an operator on the simulated link for `us` microseconds.
 fn run(operator: &mut Operator, rig: &mut Rig, us: u64) {
     let until_us = rig.now_us() + us;
     while rig.now_us() < until_us {

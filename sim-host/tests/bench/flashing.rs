@@ -1,4 +1,4 @@
-//! The way of a library over links that are slow to take frames, or break.
+//! Transfer of a library over links that accept frames slowly, or break.
 
 use crate::{connect, rig, robot, transport_frames};
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -8,7 +8,7 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_sim_host::rig::Rig;
 use std::sync::{Arc, Mutex};
 
-/// A link whose transmit queue is full at every other try.
+/// Link whose transmit queue is full at every other attempt to send.
 struct Busy {
     rig: Rig,
     tries: u32,
@@ -29,7 +29,7 @@ impl LinkBus for Busy {
     }
 }
 
-/// A link that carries so many more frames of the host and then none either way.
+/// Link that carries `left` more frames of the host, and afterwards none in either direction.
 struct Breaking {
     rig: Rig,
     left: u32,
@@ -62,7 +62,7 @@ fn a_frame_that_finds_the_queue_full_is_kept() {
     assert_eq!(frames(&busy.rig), frames(&plain), "none was sent again");
 }
 
-/// A host that has the answer may switch the robot off.
+/// A host with the answer may switch the robot off, so the library must be saved before the answer.
 #[test]
 fn a_library_is_kept_before_its_host_is_told() {
     let library = robot::library();
@@ -102,10 +102,10 @@ fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
     session.arm().unwrap();
 }
 
-/// A link that changes frames.
+/// Link that changes frames.
 struct Lying<F> {
     rig: Rig,
-    /// Returns the answers to a frame of the host; none passes the frame on to the robot.
+    /// Function that returns the answers to a frame of the host. If there are none, the frame is passed on to the robot.
     sends: F,
     answers: Vec<Frame>,
     /// Replaces `next`, the number of bytes received, in the first answer to a transfer request.

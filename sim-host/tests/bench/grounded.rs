@@ -1,4 +1,4 @@
-//! The robot of the demo on the ground: the hoist, standing, falling, the IMU.
+//! Demo robot on the ground: hoist, standing, falls, IMU.
 
 use crate::agilebot::{SQUAT, agilebot, library};
 use crate::{S, connect};
@@ -12,12 +12,12 @@ use rollwalk_sim_host::ground::Grounded;
 use rollwalk_sim_host::rig::Rig;
 use std::sync::Arc;
 
-/// Robot with its library on board, in the hoist above a plane that rises by an angle, rad.
+/// Robot in the hoist above a plane with the slope `slope_rad`. Its library is flashed.
 fn in_hoist(slope_rad: f64) -> Session<Rig> {
     pushed(slope_rad, Vec::new())
 }
 
-/// The same, pushed at some times.
+/// Robot in the hoist above a plane with the slope `slope_rad`, with pushes. Its library is flashed.
 fn pushed(slope_rad: f64, shoves: Vec<Shove>) -> Session<Rig> {
     let robot = agilebot();
     let ground: Arc<dyn Ground> = Arc::new(Plane::rising(slope_rad));
@@ -130,7 +130,7 @@ fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
     assert!((borne(&session) - 1.0).abs() < 0.02, "{}", borne(&session));
 }
 
-/// Sinking onto the links without torque is not a fall.
+/// A robot that sinks onto its links without torque has not fallen.
 #[test]
 fn a_robot_without_torque_sinks_down_and_is_picked_up() {
     let mut session = in_hoist(0.0);

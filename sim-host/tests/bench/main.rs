@@ -1,4 +1,4 @@
-//! The simulated robot end to end: a library flashed over the bus and played by code.
+//! End-to-end tests of the simulated robot: a library is flashed over the bus and played by code.
 
 mod agilebot;
 mod authenticated;
@@ -23,7 +23,7 @@ use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::one_leg as robot;
 use rollwalk_sim_host::rig::Rig;
 
-/// A second in microseconds.
+/// Duration of a second, µs.
 const S: u64 = 1_000_000;
 
 fn rig() -> Rig {
@@ -34,14 +34,14 @@ fn connect<B: LinkBus>(bus: B) -> Session<B> {
     Session::connect(bus, Node::new(1).unwrap()).unwrap()
 }
 
-/// Frames of the host's transport on the link.
+/// Transport frames of the host on the link.
 fn transport_frames(rig: &Rig) -> impl Iterator<Item = &Frame> {
     let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
     let frames = on_link.map(|entry| &entry.frame);
     frames.filter(|frame| matches!(ToController::decode(frame), Ok((_, ToController::Transport))))
 }
 
-/// Robot with its library on board, torque on, standing in SAFE.
+/// Robot with its library, standing in SAFE with torque on.
 fn armed() -> Session<Rig> {
     let mut session = connect(rig());
     session.flash(&robot::library(), |_| {}).unwrap();

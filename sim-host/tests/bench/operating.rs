@@ -1,4 +1,4 @@
-//! The operator's host around the simulated robot: what a console does, without a console.
+//! Operator of the host with the simulated robot, as in a console but without one.
 
 use crate::robot::{self, BOW, ROLL, STAND, SWING};
 use crate::{S, connect, rig};
@@ -14,7 +14,7 @@ use rollwalk_sim_host::faults::stream::StreamFault;
 use rollwalk_sim_host::faults::{Fault, FaultKind, FramePath};
 use rollwalk_sim_host::rig::Rig;
 
-/// A robot with its library on board, and an operator who has its names.
+/// Robot with its library, and an operator with the names of the library.
 struct Console<B> {
     bus: B,
     operator: Operator,
@@ -35,7 +35,7 @@ impl<B: LinkBus> Console<B> {
         self.operator.flash(self.bus.now_us(), library);
     }
 
-    /// Runs until the operator has read a message.
+    /// Runs until the view contains a message with `text`.
     fn wait_to_read(&mut self, text: &str) {
         let has_it = |view: &View| view.messages.iter().any(|message| message.text.contains(text));
         self.wait(text, has_it);
@@ -50,7 +50,7 @@ impl<B: LinkBus> Console<B> {
         self.run_until(until_us, |_| false);
     }
 
-    /// Runs until the view is as wished; panics when it takes too long.
+    /// Runs until `wished` returns true for the view. Panics if this takes too long.
     fn wait(&mut self, what: &str, wished: impl FnMut(&View) -> bool) {
         let until_us = self.bus.now_us() + 20 * S;
         let found = self.run_until(until_us, wished);
@@ -104,7 +104,7 @@ fn catalog() -> Catalog {
     Catalog::of(&Library::open(&bytes, &index).unwrap(), "one_leg", channels).unwrap()
 }
 
-/// Number of the clip of a motion: the library's order is that of the codes.
+/// Number of the clip of a motion. The library contains the motions in the order of their codes.
 fn clip(code: u8) -> Option<u8> {
     Some(code - 1)
 }
@@ -205,8 +205,7 @@ fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
     }
 }
 
-/// The host's receiver is dead: what it sends arrives, and nothing comes back. Its heartbeats must not keep a loop going
-/// that it cannot be sure to have halted.
+/// The host can send but no longer receive. Its heartbeats must not keep a loop playing that the host may be unable to halt.
 #[test]
 fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its_operator_leaves() {
     for intent in [Intent::Deadman(Deadman::Released(LetGo::Pause)), Intent::Quit] {
@@ -237,7 +236,7 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
     }
 }
 
-/// The motion is acknowledged, but has not begun: there is nothing to pause yet.
+/// The motion is acknowledged but has not begun, so there is nothing to pause yet.
 #[test]
 fn a_deadman_let_go_at_any_instant_halts_the_robot() {
     for delay_us in (0..60_000).step_by(3_000) {
@@ -330,7 +329,7 @@ fn a_library_is_transferred_beside_all_else_over_a_bad_link() {
         let mut console = Console::new(Lossy::new(rig(), 30, seed));
         console.flash(robot::library());
         console.wait("a transfer", |view| view.transfer.is_some_and(|transfer| transfer.done > 0));
-        console.wait_to_read("the controller has it in use");
+        console.wait_to_read("the controller uses the transferred library");
         assert_eq!(console.view().transfer, None);
         console.want(Intent::Arm);
         console.wait_for(State::Ready);

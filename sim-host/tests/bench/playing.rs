@@ -1,4 +1,4 @@
-//! Flash, arm, play by code, back to SAFE.
+//! Tests of flashing, arming, playing by code, and returning to SAFE.
 
 use crate::robot::{self, BOW, ROLL, ROLL_RAD_S, STAND, SWING};
 use crate::{S, armed, connect, rig};
@@ -13,7 +13,7 @@ use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
 
-/// Everything once: each motion by its code, back to SAFE, torque off.
+/// Plays each motion once by its code, returns to SAFE and switches torque off.
 fn everything() -> Rig {
     let mut session = armed();
     for code in [SWING, ROLL, BOW] {

@@ -1,5 +1,5 @@
-//! Robots whose drives speak their makers' protocols, over CAN, in virtual time: they are armed, follow, stop, are
-//! cleared and follow again, and come to no harm when a drive falls silent.
+//! Robots whose drives use their makers' protocols over CAN, in virtual time. They are armed, follow, stop, are cleared and
+//! follow again. No harm results when a drive falls silent.
 
 use crate::robot::{self, ROLL_RAD_S};
 use crate::{S, connect};
@@ -36,7 +36,7 @@ fn cybergear() -> Bus {
     on(Protocol::CyberGear(CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD }))
 }
 
-/// Kinds of drives on CAN. Six mini cheetah drives answer from one identifier.
+/// Kinds of drives on CAN. All mini cheetah drives answer with one identifier.
 fn kinds() -> Vec<(&'static str, Bus)> {
     vec![
         ("mini cheetah", mit(6, AnswerId::Master(0))),
@@ -47,7 +47,7 @@ fn kinds() -> Vec<(&'static str, Bus)> {
     ]
 }
 
-/// The leg with hip and wheel on bus 0 and the knee on bus 1.
+/// Leg with hip and wheel on bus 0 and the knee on bus 1.
 pub fn leg(buses: [Bus; 2]) -> Robot {
     Robot { buses: [(0, buses[0]), (1, buses[1])].into(), ..robot::robot() }
 }
@@ -56,7 +56,7 @@ fn rig(robot: &Robot) -> Rig {
     Rig::new(robot).unwrap()
 }
 
-/// Robot with its library on board, in SAFE.
+/// Robot with its library, in SAFE.
 pub fn armed(robot: &Robot) -> Session<Rig> {
     let mut session = connect(rig(robot));
     // Who has just been switched on knows no poses yet.
@@ -67,7 +67,7 @@ pub fn armed(robot: &Robot) -> Session<Rig> {
     session
 }
 
-/// Swings, rolls and comes back.
+/// Plays the swing and the roll, and returns to SAFE.
 pub fn play(session: &mut Session<Rig>) {
     for code in [robot::SWING, robot::ROLL] {
         session.select(code).unwrap();
@@ -76,7 +76,7 @@ pub fn play(session: &mut Session<Rig>) {
     session.return_to_safe().unwrap();
 }
 
-/// The robot went where it was sent.
+/// Checks that the robot followed its set-points.
 #[track_caller]
 fn assert_followed(rig: &Rig, name: &str) {
     let errors = tracking_errors(rig.config(), rig.records());
@@ -94,7 +94,7 @@ fn assert_followed(rig: &Rig, name: &str) {
     assert_on_time(rig, name);
 }
 
-/// Setpoints crossed their bus within the control period that they are for.
+/// Checks that set-points crossed their bus within their control period.
 #[track_caller]
 fn assert_on_time(rig: &Rig, name: &str) {
     // An ODrive's setpoints are one frame of each period like the others'. Time is virtual and the buses have room.
@@ -102,7 +102,7 @@ fn assert_on_time(rig: &Rig, name: &str) {
     assert_eq!(missed, 0, "{name}: {missed} of {}", rig.records().len());
 }
 
-/// A leg on these buses that is played, stopped by an emergency stop, cleared and played again; how that went.
+/// Plays a leg on these buses, stops it by an emergency stop, clears it and plays it again. Returns the rig.
 #[track_caller]
 pub fn stopped_and_played_again(buses: [Bus; 2], name: &str) -> Rig {
     let mut session = armed(&leg(buses));
@@ -130,7 +130,7 @@ fn every_protocol_follows_is_stopped_and_follows_again() {
     }
 }
 
-/// Feedback of one drive is lost while the robot plays: the robot lies down and reports the fault.
+/// The robot lies down and reports a fault if the feedback of one drive is lost during playback.
 #[test]
 fn without_feedback_of_one_drive_the_robot_is_let_down() {
     for (name, bus) in kinds() {
@@ -154,7 +154,7 @@ fn without_feedback_of_one_drive_the_robot_is_let_down() {
     }
 }
 
-/// A bus that goes off takes all its drives with it; when it is back, the robot can be cleared and armed.
+/// The drives of a bus that is off are all lost. When the bus is restored, the robot can be cleared and armed.
 #[test]
 fn a_bus_that_was_off_can_be_used_again() {
     let faults = [
@@ -193,7 +193,7 @@ fn a_bus_that_was_off_can_be_used_again() {
     }
 }
 
-/// Three makers on one robot, one of them with a loop that the controller closes.
+/// Combines two makers on one robot, with a loop that the controller closes for one of them.
 #[test]
 fn makers_and_loops_can_be_mixed() {
     let by_torque = Bus { control: ControlLoop::OnController, ..cybergear() };
@@ -256,7 +256,7 @@ fn a_slower_bus_is_as_slow_as_its_file_says() {
     assert!((slow / fast - 4.0).abs() < 0.02, "{fast} {slow}");
 }
 
-/// The example of the documentation.
+/// Tests the example of the documentation.
 #[test]
 fn the_shipped_leg_follows() {
     let text = include_str!("../../../shipped/robots/test_leg.toml");

@@ -1,4 +1,4 @@
-//! Inputs that the controller must refuse, and the messages that its operator then reads.
+//! Inputs that the controller must refuse, and the resulting messages to its operator.
 
 use crate::robot::{self, SWING};
 use crate::{armed, connect, rig};
@@ -9,7 +9,7 @@ use rollwalk_protocol::crc::crc32c;
 use rollwalk_protocol::wire::{Action, CommandResult, Node, PROTOCOL_MINOR, State};
 use rollwalk_sim_host::rig::Rig;
 
-/// The sentence that flashing these bytes ends with; afterwards there must be nothing to play.
+/// Flashes `bytes`, which must fail and leave no library to play. Returns the error message.
 fn refusal(bytes: &[u8]) -> String {
     let mut session = connect(rig());
     let error = session.flash(bytes, |_| {}).unwrap_err();
@@ -68,7 +68,7 @@ fn something_that_is_no_library() {
     assert!(refusal(&[]).contains("refused the library"));
 }
 
-/// A link to a controller whose HELLO says that it speaks the next major version of the protocol.
+/// Link to a controller whose HELLO contains the next major version of the protocol.
 struct Newer(Rig);
 
 impl LinkBus for Newer {
@@ -110,16 +110,15 @@ fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
     }
 }
 
-/// Messages name the state: "not possible in its present state" does not help an operator who does not see the state.
+/// A refusal to arm names the state of the controller, because the operator may not see the state elsewhere.
 #[test]
 fn what_keeps_a_robot_from_being_armed_is_said() {
     let mut session = armed();
     let why = session.arm().unwrap_err().to_string();
-    assert_eq!(why, "the controller refused to arm: this is not possible while it is ready");
+    assert_eq!(why, "the controller refused to arm: this is not allowed while the robot is ready");
     session.estop().unwrap();
     let why = session.arm().unwrap_err().to_string();
-    let expected =
-        "the controller refused to arm: it is stopped by an emergency stop; clear it first";
+    let expected = "the controller refused to arm: the robot is stopped by an emergency stop; clear the stop first";
     assert_eq!(why, expected);
 }
 
@@ -149,14 +148,17 @@ fn a_motion_before_arming() {
 fn arming_without_a_library() {
     let error = connect(rig()).arm().unwrap_err();
     let sentence = error.to_string();
-    assert!(sentence.ends_with("it has no valid library; flash one first"), "{sentence}");
+    assert!(
+        sentence.ends_with("the controller has no valid library; flash a library first"),
+        "{sentence}"
+    );
 }
 
 #[test]
 fn a_library_while_torque_is_on() {
     let mut session = armed();
     let error = session.flash(&robot::library(), |_| {}).unwrap_err();
-    assert!(error.to_string().contains("it is not disarmed: disarm it first"), "{error}");
+    assert!(error.to_string().contains("the robot is not disarmed: disarm it first"), "{error}");
 }
 
 #[test]
@@ -167,7 +169,7 @@ fn a_controller_of_another_robot_is_not_armed() {
     session.expect_robot(hash ^ 1);
     let error = session.arm().unwrap_err();
     assert_eq!(error, SessionError::OtherRobot { node: 1, found: hash, expected: hash ^ 1 });
-    assert!(error.to_string().contains("configured for another robot"), "{error}");
+    assert!(error.to_string().contains("is for another robot"), "{error}");
     assert!(matches!(
         session.command("arm", Action::ArmRequest).unwrap_err(),
         SessionError::OtherRobot { .. }

@@ -1,4 +1,4 @@
-//! A robot at a serial line of 1 Mbaud, in virtual time: every byte takes its ten bits, each direction on its own.
+//! Robot at a serial line of 1 Mbaud, in virtual time. Every byte takes ten bits; both directions are independent.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -6,16 +6,17 @@ use rollwalk_protocol::serial::{Deframer, Gateway, Line, Packet};
 use rollwalk_sim_host::rig::Rig;
 use std::collections::VecDeque;
 
-/// Start, eight bits, stop.
+/// Duration of a byte with start bit, eight data bits and stop bit, µs.
 pub const BYTE_US: u64 = 10;
 
-/// A frame crosses the bus between line and controller in no time: there is none on a board.
+/// Bitrate of the simulated bus between line and controller, bit/s. A board has no such bus, so frames must cross it in almost
+/// no time.
 const NO_BUS: u32 = 1_000_000_000;
 
-/// The host's end of the line.
+/// Host's end of the line.
 pub struct SerialLine {
     pub rig: Rig,
-    /// Bytes that went either way.
+    /// Number of bytes sent in both directions.
     pub bytes: u64,
     host: Gateway,
     controller: Gateway,
@@ -27,7 +28,7 @@ pub struct SerialLine {
 #[derive(Default)]
 struct Direction {
     deframer: Deframer,
-    /// Packets with the instants at which their last bytes arrive.
+    /// Packets with the times at which their last bytes arrive, µs.
     on_the_way: VecDeque<(u64, Line)>,
     free_us: u64,
 }
@@ -45,7 +46,7 @@ impl Direction {
         self.on_the_way.front().map(|(at_us, _)| *at_us)
     }
 
-    /// Takes the next packet that has arrived; messages go to `gateway`.
+    /// Takes the next packet that has arrived. Returns its frame, or passes its message to `gateway`.
     fn take(&mut self, now_us: u64, gateway: &mut Gateway) -> Option<Frame> {
         let (_, line) = self.on_the_way.pop_front_if(|(at_us, _)| *at_us <= now_us)?;
         let packet = line.iter().fold(None, |found, &byte| {
@@ -77,7 +78,7 @@ impl SerialLine {
         }
     }
 
-    /// Lets the controller have what is for it; `false` while it has no room for all.
+    /// Passes arrived frames and messages to the controller. Returns false if it has no room for all of them.
     fn reach_controller(&mut self, now_us: u64) -> bool {
         self.frames.extend(self.to_controller.take(now_us, &mut self.controller));
         loop {

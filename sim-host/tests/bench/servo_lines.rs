@@ -1,5 +1,5 @@
-//! Servos on half-duplex serial lines in virtual time: they are armed, follow, stop and are cleared; every packet takes
-//! its time, and a servo or a line that falls silent does no harm.
+//! Servos on half-duplex serial lines in virtual time. They are armed, follow, stop and are cleared. Every packet takes time on
+//! the line. A servo or line that falls silent does no harm.
 
 use crate::S;
 use crate::protocols::{armed, leg, play, stopped_and_played_again};
@@ -29,7 +29,7 @@ fn feetech(return_delay_us: u32) -> Bus {
     Bus { protocol: Protocol::Feetech(servos), ..Bus::default() }
 }
 
-/// Servos with the factory's return delay.
+/// Servos with the return delay as delivered.
 fn usual() -> Bus {
     dynamixel(1_000_000, 500, 5)
 }
@@ -40,8 +40,8 @@ fn fault(session: &mut Session<Rig>, kind: FaultKind, ms: u64) {
     rig.add_fault(InjectedFault { kind, from, until: from + SimTime::from_ms(ms) });
 }
 
-/// Largest lag of a joint, rad: 27 mrad as on CAN; 60 mrad from 2.4 rad/s by kd over kp, 25 ms, because setpoints have no field
-/// for the speed; 4 mrad from 1.5 ms of packets; 1 mrad from half a step of 1.5 mrad.
+/// Largest lag of a joint, rad. It is the sum of 27 mrad as on CAN; 60 mrad from 2.4 rad/s times kd / kp = 25 ms, since
+/// set-points have no speed field; 4 mrad from 1.5 ms of packets; and 1 mrad from half a step of 1.5 mrad.
 const LAG_RAD: f64 = 0.092;
 
 #[track_caller]
@@ -111,7 +111,7 @@ fn the_same_run_puts_the_same_packets_on_the_line() {
     assert!(first.is_sorted_by_key(|packet| packet.at_us));
 }
 
-/// Hip and wheel on bus 0: a question of 16 bytes, and two answers of 21 after 500 µs each, at 10 µs a byte.
+/// Hip and wheel are on bus 0. A query has 16 bytes, and the two answers have 21 bytes, each after 500 µs. A byte takes 10 µs.
 #[test]
 fn every_byte_takes_its_ten_bits_and_every_answer_its_delay() {
     let mut session = armed(&leg([usual(); 2]));
@@ -138,8 +138,8 @@ fn every_byte_takes_its_ten_bits_and_every_answer_its_delay() {
     assert!(seen >= 11, "{seen} questions in 100 ms");
 }
 
-/// Feetech servos have no watchdog. All that hear the controller let go; one that does not, holds on to what it was sent
-/// last.
+/// Feetech servos have no watchdog. Servos that receive the controller's commands switch torque off. A deaf servo keeps
+/// following its previous command.
 #[test]
 fn feetech_servos_that_hear_the_controller_are_let_down() {
     for (kind, still_driving) in [(FaultKind::Unpowered(1), vec![]), (FaultKind::Deaf(1), vec![1])]
@@ -161,7 +161,7 @@ fn feetech_servos_that_hear_the_controller_are_let_down() {
     }
 }
 
-/// Silence of one servo or of its line while the robot plays: the robot lies down, and its status has the fault.
+/// The robot lies down if one servo or its line is silent during playback, and its status contains the fault.
 #[test]
 fn without_answers_the_robot_is_let_down() {
     let faults =
@@ -189,7 +189,7 @@ fn without_answers_the_robot_is_let_down() {
     }
 }
 
-/// A gap shorter than the controller's patience is a gap in the answers, and nothing else.
+/// A gap that is shorter than the controller's timeout causes no fault.
 #[test]
 fn a_short_gap_is_ridden_through() {
     let mut session = armed(&leg([usual(); 2]));
@@ -201,7 +201,7 @@ fn a_short_gap_is_ridden_through() {
     assert_eq!((status.state, status.faults.is_empty()), (State::Playing, true), "{status:?}");
 }
 
-/// The controller makes the torque from a pose that is a period old.
+/// The controller computes the torque from a pose that is one period old.
 #[test]
 fn a_loop_can_be_closed_over_the_line() {
     let by_torque = Bus { control: ControlLoop::OnController, ..dynamixel(3_000_000, 0, 5) };
@@ -217,7 +217,7 @@ fn a_loop_can_be_closed_over_the_line() {
     assert!(error.abs() < 0.006, "{error}");
 }
 
-/// Hobby servos do not say where they are; their board answers for them.
+/// Hobby servos do not report their positions; their board answers for them.
 #[test]
 fn hobby_servos_behind_a_board_follow() {
     let board = Maestro::EXAMPLES[1];

@@ -1,4 +1,4 @@
-//! A robot that was switched on and left alone.
+//! Robot that is switched on without a host.
 
 use crate::robot;
 use rollwalk_protocol::actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};

@@ -1,4 +1,4 @@
-//! Emergency stop, a host that falls silent, a controller that is not there.
+//! Tests of emergency stops, silent hosts and absent controllers.
 
 use crate::robot::SWING;
 use crate::{S, armed, connect, rig};
@@ -55,7 +55,7 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
     assert!(rig.now() - posted < SimTime::from_us(4 * 135), "{:?}", rig.now() - posted);
 }
 
-/// A link that takes nothing for a while, and remembers what it took.
+/// Link that accepts no frame while `full`, and records the frames that it accepted.
 struct Full {
     rig: Rig,
     full: bool,
@@ -138,7 +138,7 @@ fn a_controller_that_is_not_there_is_named() {
     assert!(matches!(error, SessionError::Silent { node: 7, what: "heartbeat", .. }));
     assert_eq!(
         error.to_string(),
-        "controller 7 does not answer (heartbeat): controller 1 is on this bus; name it with --node 1"
+        "controller 7 does not answer (heartbeat): controller 1 is on this bus; to reach that one, give --node 1"
     );
 }
 

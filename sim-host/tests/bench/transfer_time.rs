@@ -1,4 +1,4 @@
-//! Transfer time of a library of 64 KiB, in virtual time, against the time that the bus needs for its frames alone.
+//! Transfer time of a library of 64 KiB in virtual time, compared with the time that its frames alone take on the bus.
 
 use crate::robot::{self, STAND};
 use crate::serial_line::{BYTE_US, SerialLine};
@@ -15,7 +15,7 @@ use rollwalk_sim_host::rig::Rig;
 
 const SIZE: usize = 64 << 10;
 
-/// Noise around the standing pose, as hard to pack as anything that servos could follow.
+/// Noise around the standing pose, as hard to compress as any motion that servos could follow.
 fn noise(frames: usize, seed: u64) -> Vec<f32> {
     let mut random = fastrand::Rng::with_seed(seed);
     let stand = robot::motion(STAND);
@@ -31,7 +31,7 @@ fn noise(frames: usize, seed: u64) -> Vec<f32> {
     values
 }
 
-/// A library of a little more than 64 KiB.
+/// Library of slightly more than 64 KiB.
 fn large_library() -> Vec<u8> {
     let config = robot::config();
     let stand = robot::motion(STAND);
@@ -105,7 +105,7 @@ fn on_a_serial_line_at_1_mbaud_a_transfer_takes_at_most_half_again_of_the_line_s
     assert!(took < 1.5 * theory, "{took} s, {theory} s of bytes");
 }
 
-/// A link that breaks for good when the controller has so many bytes.
+/// Link that breaks permanently when the controller has received `at` bytes.
 struct Cut<B> {
     bus: B,
     has: std::rc::Rc<std::cell::Cell<usize>>,
@@ -129,8 +129,8 @@ impl<B: LinkBus> LinkBus for Cut<B> {
     }
 }
 
-/// Cuts one transfer at every block: each session gets one block further than the one before. `wait` lets 1.5 s pass, after which
-/// a controller has given up the half message.
+/// Cuts a transfer at every block: each session transfers one block more than the previous one. `wait` advances the time by 1.5
+/// s, after which a controller has dropped the incomplete message.
 fn cut_at_every_block<B: LinkBus>(mut bus: B, wait: impl Fn(&mut B)) {
     let library = large_library();
     let node = Node::new(1).unwrap();

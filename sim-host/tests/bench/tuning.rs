@@ -1,4 +1,4 @@
-//! Gains and torque limits set at run time: servos feel them, and they survive a power cycle.
+//! Gains and torque limits that are set at run time: they affect the servos, and survive a power cycle.
 
 use crate::robot::{self, SWING};
 use crate::{S, armed, connect, rig};
@@ -10,12 +10,12 @@ use rollwalk_sim_host::rig::Rig;
 
 const HIP: u8 = 0;
 const KNEE: u8 = 1;
-/// A proportional gain a twelfth of the configuration's, N·m/rad.
-/// The softest while torque is on: half of the configuration's. And softer, while it is off.
+/// Proportional gain of half the configuration's, the softest while torque is on, N·m/rad.
 const SOFT: f32 = 30.0;
+/// Proportional gain of a twelfth of the configuration's, allowed only while torque is off, N·m/rad.
 const LIMP: f32 = 5.0;
 
-/// The worst error of a joint in the swing that is played, rad.
+/// Largest error of a joint while the swing is played, rad.
 fn swing_error(session: &mut Session<Rig>) -> f64 {
     let from = session.bus().records().len();
     session.select(SWING).unwrap();

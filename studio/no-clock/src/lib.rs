@@ -1,10 +1,11 @@
-//! A clock that stands still, in place of `web-time`, which would bring a browser's clock and wasm-bindgen's imports with it.
+//! Clock that stands still. It replaces `web-time`, which would require a browser's clock and imports of wasm-bindgen.
 //!
-//! clarabel times its solves by it, on WebAssembly only. Its answers do not depend on that, as no solve of ours has a time limit.
+//! clarabel times its solves by this clock, on WebAssembly only. Its results do not depend on time, because no solve here has a
+//! time limit.
 
 pub use std::time::Duration;
 
-/// A moment; all are the same.
+/// Instant; all instants are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instant;
 
@@ -13,7 +14,7 @@ impl Instant {
         Self
     }
 
-    /// Time since then: none.
+    /// Returns zero.
     pub fn elapsed(&self) -> Duration {
         Duration::ZERO
     }

@@ -6,10 +6,11 @@ use serde::Serialize;
 use serde_json::Value as Json;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
-/// Replaces the entry at an index, appends one without an index, removes one without a value. Comments of an entry stay.
+/// Replaces the entry at an index. Without an index appends the entry; without an entry removes the one at the index. Comments
+/// of an entry are kept.
 ///
 /// # Errors
-/// There is no entry at that index.
+/// Returns an error if no entry has that index.
 pub fn replace<T: Serialize>(
     document: &mut DocumentMut,
     key: &str,
@@ -20,16 +21,16 @@ pub fn replace<T: Serialize>(
     let count = root.get(key).and_then(Item::as_array_of_tables).map_or(0, ArrayOfTables::len);
     if index.is_some_and(|index| index >= count) || index.is_none() && entry.is_none() {
         return Err(refused(
-            format!("there is no such {key}"),
-            format!("the motion has {count} of them, written as [[{key}]], counted from 0"),
+            format!("there is no {key} with this index"),
+            format!("give an index from 0 and below {count}, the number of [[{key}]] tables"),
         ));
     }
     if !root.contains_key(key) {
         root.insert(key, Item::ArrayOfTables(ArrayOfTables::new()));
     }
     let Some(tables) = root.get_mut(key).and_then(Item::as_array_of_tables_mut) else {
-        let help = format!("write it as [[{key}]] tables");
-        return Err(refused(format!("`{key}` is no array of tables"), help));
+        let help = format!("write `{key}` as [[{key}]] tables");
+        return Err(refused(format!("`{key}` is not an array of tables"), help));
     };
     match (index, entry) {
         (Some(index), None) => drop(tables.remove(index)),
@@ -51,7 +52,7 @@ pub fn replace<T: Serialize>(
     Ok(())
 }
 
-/// Makes a table say what an entry says: its keys are those of motion files.
+/// Writes an entry to a table, with the keys of motion files; other keys are removed.
 fn write<T: Serialize>(table: &mut Table, entry: &T) -> Result<(), Answer> {
     let Ok(Json::Object(fields)) = serde_json::to_value(entry) else { return Ok(()) };
     let stale: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();

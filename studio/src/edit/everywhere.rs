@@ -1,21 +1,25 @@
-//! A number in every place where a document has it: the limit of all motors of a kind, in as many data sheets.
+//! Replacement of a value wherever a document contains it, such as the limit of all motors of a kind, in several data sheets.
 
 use super::{number, refused};
 use crate::messages::Answer;
 use toml_edit::{Item, TableLike, Value};
 
-/// Gives a key another number wherever it has the given one.
+/// Replaces the value `from` of a key by `to` in all tables.
 ///
 /// # Errors
-/// It has that number nowhere.
+/// Returns an error if the key has that value nowhere.
 pub fn replace(table: &mut dyn TableLike, key: &str, from: f64, to: f64) -> Result<(), Answer> {
     match within(table, key, from, to) {
-        0 => Err(refused(format!("`{key}` is nowhere {from}"), "set the number itself")),
+        0 => Err(refused(
+            format!("no `{key}` has the value {from}"),
+            "set the number in its own \
+            table",
+        )),
         _ => Ok(()),
     }
 }
 
-/// Replaces in a table and those inside it; returns how often.
+/// Replaces the value in a table and in the tables inside it; returns the number of replacements.
 fn within(table: &mut dyn TableLike, key: &str, from: f64, to: f64) -> usize {
     let found = table.get(key).and_then(number_of);
     let mut count = 0;

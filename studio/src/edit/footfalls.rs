@@ -6,12 +6,12 @@ use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_robot::Robot;
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
-/// Height of swings of a motion that had none, m.
+/// Swing height for a motion that had no swings, m.
 const SWING_HEIGHT_M: f64 = 0.03;
-/// Share of the cycle that a foot of a named gait stands, if the motion has said none.
+/// Duty factor of a named gait if the motion does not set one.
 const DUTY: f64 = 0.75;
 
-/// Writes a named gait, or `stance`: all feet stay on the ground. Without a duty, that of the former gait stays.
+/// Writes a named gait, or `stance` for all feet on the ground. If `duty` is `None`, the previous duty factor stays.
 pub fn gait(document: &mut DocumentMut, gait: &str, duty: Option<f64>) {
     let table = footfalls(document);
     let former = table.get("duty").and_then(Item::as_float);
@@ -28,16 +28,19 @@ pub fn gait(document: &mut DocumentMut, gait: &str, duty: Option<f64>) {
     lift(document);
 }
 
-/// Writes a row for every end effector, `[end effector][sample]`, and as many samples.
+/// Writes a row for every end effector, `[end effector][sample]`, and sets the number of samples to the row length.
 ///
 /// # Errors
-/// Rows of different lengths, or more or fewer than the robot has end effectors.
+/// Returns an error if the rows have different lengths, or if their number differs from that of the end effectors.
 pub fn rows(document: &mut DocumentMut, robot: &Robot, stance: &[Vec<bool>]) -> Result<(), Answer> {
     let (feet, samples) = (&robot.end_effectors, stance.first().map_or(0, Vec::len));
     if stance.len() != feet.len() || samples == 0 || stance.iter().any(|row| row.len() != samples) {
         return Err(refused(
-            format!("{} rows of footfalls", stance.len()),
-            format!("give one row for each of {} end effectors, all equally long", feet.len()),
+            format!("{} rows of footfalls do not fit", stance.len()),
+            format!(
+                "give one row for each of the {} end effectors, all of the same length",
+                feet.len()
+            ),
         ));
     }
     let names: Vec<&str> = feet.iter().map(|foot| foot.name.as_str()).collect();
@@ -55,10 +58,11 @@ pub fn rows(document: &mut DocumentMut, robot: &Robot, stance: &[Vec<bool>]) -> 
     Ok(())
 }
 
-/// The footfalls of a motion with samples `from` to `to` of an end effector set. In periodic motions they may go on past the end.
+/// Returns the footfalls of a motion after setting samples `from` to `to` of an end effector. In periodic motions the span may
+/// wrap around the end.
 ///
 /// # Errors
-/// There is no such end effector, or no such sample.
+/// Returns an error if the end effector or a sample does not exist.
 pub fn painted(
     motion: &Motion,
     end_effector: usize,
@@ -70,9 +74,9 @@ pub fn painted(
     let wraps = motion.ends == Ends::Periodic;
     if end_effector >= feet || from >= samples || to >= samples || (to < from && !wraps) {
         return Err(refused(
-            format!("samples {from} to {to} of end effector {end_effector}"),
+            format!("samples {from} to {to} of end effector {end_effector} are out of range"),
             format!(
-                "there are end effectors 0 to {} and samples 0 to {}",
+                "give end effectors from 0 to {} and samples from 0 to {}",
                 feet.saturating_sub(1),
                 samples - 1
             ),
@@ -87,7 +91,7 @@ pub fn painted(
     Ok(rows)
 }
 
-/// The table `[footfalls]`, made where there is none.
+/// Returns the table `[footfalls]`, and creates it if it is missing.
 fn footfalls(document: &mut DocumentMut) -> &mut dyn TableLike {
     let root = document.as_table_mut();
     if !root.get("footfalls").is_some_and(Item::is_table_like) {
@@ -96,7 +100,7 @@ fn footfalls(document: &mut DocumentMut) -> &mut dyn TableLike {
     root["footfalls"].as_table_like_mut().expect("it is a table now")
 }
 
-/// Removes all keys but these.
+/// Removes all keys except `but`.
 fn clear(table: &mut dyn TableLike, but: &[&str]) {
     let keys: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
     for key in keys.iter().filter(|key| !but.contains(&key.as_str())) {
@@ -104,7 +108,7 @@ fn clear(table: &mut dyn TableLike, but: &[&str]) {
     }
 }
 
-/// Gives swings a height, where the motion had none.
+/// Sets a swing height if the motion has none.
 fn lift(document: &mut DocumentMut) {
     let root = document.as_table_mut();
     let has_one = root.get("swing_height_m").and_then(Item::as_float).is_some_and(|m| m > 0.0);

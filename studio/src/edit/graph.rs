@@ -4,20 +4,20 @@ use super::{number, refused};
 use crate::messages::Answer;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
-/// Lists a motion file with the lowest code that selects no motion yet.
+/// Adds a motion file to the library with the lowest free command code.
 ///
 /// # Errors
-/// The name is taken, or all codes are.
+/// Returns an error if the name or all codes are in use.
 pub fn add(document: &mut DocumentMut, name: &str, file: &str) -> Result<(), Answer> {
     let motions = tables(document, "motion")?;
     if motions.iter().any(|table| text(table, "name") == name) {
         let help = "rename one of the two motions";
-        return Err(refused(format!("the library has a motion `{name}` already"), help));
+        return Err(refused(format!("the library already has a motion `{name}`"), help));
     }
     let codes: Vec<i64> =
         motions.iter().filter_map(|table| table.get("code")?.as_integer()).collect();
     let Some(code) = (1..=i64::from(u8::MAX)).find(|code| !codes.contains(code)) else {
-        return Err(refused("all codes of the library are taken", "remove a motion first"));
+        return Err(refused("all codes of the library are in use", "remove a motion first"));
     };
     let mut table = Table::new();
     table["name"] = value(name);
@@ -27,26 +27,26 @@ pub fn add(document: &mut DocumentMut, name: &str, file: &str) -> Result<(), Ans
     Ok(())
 }
 
-/// Takes a motion out of the library, and its transitions.
+/// Removes a motion and its transitions from the library.
 ///
 /// # Errors
-/// There is no such motion.
+/// Returns an error if the motion does not exist.
 pub fn remove(document: &mut DocumentMut, name: &str) -> Result<(), Answer> {
     let motions = tables(document, "motion")?;
     let count = motions.len();
     motions.retain(|table| text(table, "name") != name);
     if motions.len() == count {
-        let help = "the library's [[motion]] tables have the names";
+        let help = "give a name from the [[motion]] tables of the library";
         return Err(refused(format!("the library has no motion `{name}`"), help));
     }
     let leads = |table: &Table| text(table, "from") == name || text(table, "to") == name;
     retain_transitions(document, |table| !leads(table))
 }
 
-/// Joins two motions, or changes how long that takes, or no longer joins them.
+/// Adds a transition between two motions, changes its duration, or removes it if `duration_s` is `None`.
 ///
 /// # Errors
-/// The number is none that a document can have.
+/// Returns an error if the duration is not a finite number.
 pub fn transition(
     document: &mut DocumentMut,
     ends: [&str; 2],
@@ -86,7 +86,13 @@ fn retain_transitions(
 fn tables<'d>(document: &'d mut DocumentMut, key: &str) -> Result<&'d mut ArrayOfTables, Answer> {
     let item = document.entry(key).or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()));
     item.as_array_of_tables_mut().ok_or_else(|| {
-        refused(format!("`{key}` is no array of tables"), format!("write it as [[{key}]] tables"))
+        refused(
+            format!("`{key}` is not an array of tables"),
+            format!(
+                "write `{key}` as [[{key}]] \
+            tables"
+            ),
+        )
     })
 }
 

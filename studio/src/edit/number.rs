@@ -1,27 +1,27 @@
-//! Numbers in documents: twelve digits, so that 0.07 is not 0.06999999999999999, and whole numbers as they were written.
+//! Numeric values in documents: twelve digits, so that 0.07 does not become 0.06999999999999999, and integers stay integers.
 
 use super::{put, refused};
 use crate::messages::Answer;
 use toml_edit::{Item, TableLike, Value};
 
-/// Gives a key a number, or removes it.
+/// Sets a key to a value, or removes it if `number` is `None`.
 ///
 /// # Errors
-/// A number that TOML has not.
+/// Returns an error if the number is not finite.
 pub fn set(table: &mut dyn TableLike, key: &str, number: Option<f64>) -> Result<(), Answer> {
     let Some(number) = number else {
         table.remove(key);
         return Ok(());
     };
     if !number.is_finite() {
-        return Err(refused(format!("`{key}` = {number}"), "give a finite number"));
+        return Err(refused(format!("`{key}` cannot be {number}"), "give a finite number"));
     }
     let value = value(table.get(key), key, number);
     put(table, key, value);
     Ok(())
 }
 
-/// A number as a value of a key. Counts are whole; what has a unit is not, even if its value happens to be.
+/// Formats a value of a key. Counts stay integers; values with a unit stay floats, even if they are whole.
 pub fn value(former: Option<&Item>, key: &str, number: f64) -> Value {
     let number: f64 = format!("{number:.11e}").parse().unwrap_or(number);
     let counts = former.map_or_else(|| !key.contains('_'), Item::is_integer);

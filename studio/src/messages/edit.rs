@@ -1,66 +1,66 @@
-//! Changes of documents, one thing each.
+//! Edits of documents, each of one item.
 
 use super::{Height, Target};
 use serde::{Deserialize, Serialize};
 
-/// A change of one thing in a document.
+/// Edit of one item in a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "edit", rename_all = "snake_case")]
 pub enum Edit {
-    /// A number of a table, or none.
+    /// Sets or removes a numeric value of a table.
     Number {
-        /// Keys of the table, in arrays of tables indices; empty for the top of the document.
+        /// Keys of the table, with indices for arrays of tables; empty for the top of the document.
         table: Vec<String>,
-        /// Key of the number.
+        /// Key of the value.
         key: String,
-        /// The number; none removes the key.
+        /// Numeric value; `None` removes the key.
         value: Option<f64>,
     },
-    /// A text of a table, or none.
+    /// Sets or removes a text of a table.
     Text {
         table: Vec<String>,
         /// Key of the text.
         key: String,
-        /// The text; none removes the key.
+        /// Text; `None` removes the key.
         value: Option<String>,
     },
-    /// A number wherever the document has it.
+    /// Replaces a numeric value wherever the document contains it.
     Everywhere { key: String, from: f64, value: f64 },
     Gait {
         /// Name of the gait, or `stance`.
         gait: String,
-        /// Share of the cycle that a foot stands; without, the former one stays.
+        /// Duty factor; if `None`, the previous one stays.
         duty: Option<f64>,
     },
     Footfalls {
         /// True where an end effector is on the ground, `[end effector][sample]`.
         stance: Vec<Vec<bool>>,
     },
-    /// Footfalls of one end effector over a span of samples.
+    /// Sets the footfalls of one end effector over a span of samples.
     Swing {
         /// Index of the end effector.
         end_effector: usize,
         from: usize,
-        /// Last sample; in periodic motions it may be before the first.
+        /// Final sample of the span; in periodic motions it may be before `from`.
         to: usize,
         /// True for stance, false for swing.
         stance: bool,
     },
-    /// A target of the motion.
+    /// Adds, replaces or removes a target of the motion.
     Target {
-        /// Index of the target; none adds one.
+        /// Index of the target; `None` adds one.
         index: Option<usize>,
-        /// The target; none removes it.
+        /// New target; `None` removes it.
         target: Option<Target>,
     },
-    /// A height limit of the motion.
+    /// Adds, replaces or removes a height limit of the motion.
     Height {
-        /// Index of the limit; none adds one.
+        /// Index of the limit; `None` adds one.
         index: Option<usize>,
-        /// The limit; none removes it.
+        /// New limit; `None` removes it.
         height: Option<Height>,
     },
-    /// A parameter of the robot.
+    /// Sets a parameter of the robot.
     Parameter {
         /// Name, as in [`Parameter::name`](super::Parameter::name).
         name: String,
@@ -71,7 +71,7 @@ pub enum Edit {
     AddMotion {
         /// Name in the library.
         name: String,
-        /// Path of the file, as the library file names it.
+        /// Path of the file, relative to the library file.
         file: String,
     },
     /// Removes a motion and its transitions from the library.
@@ -79,13 +79,13 @@ pub enum Edit {
         /// Name in the library.
         name: String,
     },
-    /// A transition of the library.
+    /// Adds, changes or removes a transition of the library.
     Transition {
-        /// Name of the motion that it leaves.
+        /// Name of the motion before the transition.
         from: String,
-        /// Name of the motion that it enters.
+        /// Name of the motion after the transition.
         to: String,
-        /// Duration, s; none removes the transition.
+        /// Duration, s; `None` removes the transition.
         duration_s: Option<f64>,
     },
 }

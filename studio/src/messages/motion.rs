@@ -1,8 +1,8 @@
-//! A motion to be edited, in the words of motion files.
+//! Motion for editing, with the terms of motion files.
 
 use serde::{Deserialize, Serialize};
 
-/// A motion to be edited.
+/// Motion for editing.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionView {
     pub name: String,
@@ -22,11 +22,11 @@ pub struct MotionView {
     pub heights: Vec<Height>,
     /// Named gaits that fit the robot.
     pub gaits: Vec<&'static str>,
-    /// Reason for which the motion needs feedback, from its file.
+    /// Reason in the motion file why the motion needs feedback.
     pub needs_feedback: Option<String>,
 }
 
-/// Displacement and turn over a motion; what is not given is free.
+/// Displacement and turn over a motion; absent components are free.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Goal {
     /// Forward, m.
@@ -37,7 +37,7 @@ pub struct Goal {
     pub turn_rad: Option<f64>,
 }
 
-/// A target, as motion files have it.
+/// Target, as in motion files.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Target {
@@ -48,7 +48,7 @@ pub struct Target {
     /// Position forward of the start, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub forward_m: Option<f64>,
-    /// Position to its left, m.
+    /// Position to the left of the start, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_m: Option<f64>,
     /// Height above the ground, m.
@@ -68,22 +68,22 @@ pub struct Target {
     pub heading_rad: Option<f64>,
 }
 
-/// A height limit, as motion files have it.
+/// Height limit, as in motion files.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Height {
     /// `com` or `body`.
     pub of: String,
-    /// Start of its span, s.
+    /// Start of the time span, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from_s: Option<f64>,
-    /// End of its span, s.
+    /// End of the time span, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
-    /// Lowest height, m.
+    /// Minimum height, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub above_m: Option<f64>,
-    /// Greatest height, m.
+    /// Maximum height, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub below_m: Option<f64>,
 }

@@ -1,15 +1,15 @@
-//! A plan: outcome of its solve, who is to blame, and what its frames are.
+//! Plans: result of the solve, diagnosis, and layout of the frames.
 
 use super::Edit;
 use rollwalk_planner::plan::Status;
 use serde::Serialize;
 
-/// Outcome of a solve.
+/// Result of a solve.
 #[derive(Clone, Debug, Serialize)]
 pub struct Solve {
-    /// Status, as plans spell it.
+    /// Status, spelled as in plans.
     pub status: Status,
-    /// The same in a sentence or two.
+    /// Status in a sentence or two.
     pub words: String,
     pub iterations: usize,
     pub energy: f64,
@@ -20,26 +20,26 @@ pub struct Solve {
     pub culprits: Vec<Culprit>,
 }
 
-/// A constraint that takes part in a contradiction.
+/// Constraint that takes part in a contradiction.
 #[derive(Clone, Debug, Serialize)]
 pub struct Culprit {
     pub constraint: &'static str,
-    /// Name, subject, time and amount, in words.
+    /// Sentence with name, subject, time and amount of the violation.
     pub what: String,
     /// First time at which the constraint contributes to the violation, s.
     pub from_s: f64,
     /// Last time at which the constraint contributes to the violation, s.
     pub to_s: f64,
-    /// End effector that it is about.
+    /// Index of the end effector of the constraint.
     pub end_effector: Option<usize>,
-    /// Joint that it is about.
+    /// Index of the joint of the constraint.
     pub joint: Option<usize>,
     pub advice: String,
-    /// A change after which there is a plan.
+    /// Edit after which the motion can be planned.
     pub fix: Option<Fix>,
 }
 
-/// A change that helps.
+/// Edit that makes the motion feasible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fix {
     pub label: String,
@@ -48,8 +48,8 @@ pub struct Fix {
     pub edit: Edit,
 }
 
-/// Layout of the bytes of `plan`: `count` rows of `width` numbers, float32, little-endian. Row i is at i / `rate_hz`. The last
-/// row is at or before `duration_s`, for periodic motions before it.
+/// Layout of the bytes of `plan`: `count` rows of `width` values, float32, little-endian. The time of row i is i / `rate_hz`.
+/// The last row is at or before `duration_s`; for periodic motions strictly before it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FramesHeader {
     pub count: usize,
@@ -59,13 +59,13 @@ pub struct FramesHeader {
     pub duration_s: f64,
     /// Displacement over a period of a periodic motion.
     pub period: Option<Period>,
-    /// Numbers in a row.
+    /// Number of values in a row.
     pub width: usize,
-    /// Positions of the quantities in a row.
+    /// Indices of the quantities within a row.
     pub columns: Columns,
 }
 
-/// Displacement of a period: turn, then move.
+/// Displacement over one period: turn first, then move.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Period {
     /// Offset in x and y, m.
@@ -74,17 +74,17 @@ pub struct Period {
     pub yaw_rad: f64,
 }
 
-/// First column of each group.
+/// Index of the first column of each group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Columns {
-    /// 7 for each body: position, m, and orientation `qw qx qy qz`, world_from_body.
+    /// Poses, 7 values for each body: position, m, and orientation `qw qx qy qz`, world_from_body.
     pub bodies: usize,
     /// Centre of mass, m.
     pub com: usize,
-    /// 7 for each end effector: contact 0 or 1, contact point, m, ground force, N.
+    /// Contacts, 7 values for each end effector: contact 0 or 1, contact point, m, ground force, N.
     pub end_effectors: usize,
-    /// 3 for each joint: angle, rad, speed, rad/s, torque, N·m.
+    /// Joint states, 3 values for each joint: angle, rad, speed, rad/s, torque, N·m.
     pub joints: usize,
-    /// 2 for each driven wheel in order: motor speed, rad/s, motor torque, N·m.
+    /// Wheel states, 2 values for each driven wheel in order: motor speed, rad/s, motor torque, N·m.
     pub wheels: usize,
 }

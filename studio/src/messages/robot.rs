@@ -1,18 +1,18 @@
-//! A robot at the other end of a link: orders to it, and the view of it.
+//! Robot at the other end of a link: requests to it, and the view of its state.
 
 use super::File;
 use rollwalk_gamepads::standard::Snapshot;
 use serde::{Deserialize, Serialize};
 
-/// Connection to the robot.
+/// Kind of connection to the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Place {
     /// Simulated robot in the page, on level ground.
     Simulated,
-    /// Serial port that carries the link.
+    /// Serial port with packets of the link.
     Serial,
-    /// CAN adapter at a serial port that speaks SLCAN, at 1 Mbit/s.
+    /// CAN adapter with the SLCAN protocol at a serial port, 1 Mbit/s.
     Slcan,
     /// Bus of this computer, relayed by a server.
     Relay,
@@ -22,45 +22,45 @@ pub enum Place {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "robot", rename_all = "snake_case")]
 pub enum Wanted {
-    /// Connects to the robot, in place of an earlier connection.
+    /// Connects to the robot, and ends an earlier connection.
     Connect {
         place: Place,
         files: Vec<File>,
-        /// Path of the robot file among them.
+        /// Path of the robot file in `files`.
         file: String,
-        /// Number of the controller.
+        /// Address of the controller.
         node: u8,
-        /// True if a gamepad's deadman must be held while the robot moves.
+        /// True if a gamepad's deadman switch must be held while the robot moves.
         #[serde(default)]
         gamepad: bool,
-        /// The robot's link key, for a controller that insists on one.
+        /// Link key of the robot, for a controller that requires one.
         #[serde(default)]
         key: Option<Key>,
     },
-    /// Continues; the request carries the bytes that have arrived.
+    /// Continues the connection; the request contains the bytes received from the robot.
     Tick {
-        /// True if the page itself, not only its link, has answered lately.
+        /// True if the user interface of the page is responsive, not only its link.
         attended: bool,
-        /// Gamepad states since the last tick, in order.
+        /// Gamepad states since the previous tick, in order.
         #[serde(default)]
         gamepad: Vec<Seen>,
     },
-    /// Passes an order on.
+    /// Passes an operator command to the robot.
     Wish(Wish),
     /// Transfers the library in the request's bytes.
     Flash,
-    /// Names motions like the library in the request's bytes.
+    /// Takes the names of motions from the library in the bytes of the request.
     Name,
     /// Ends the connection at once.
     Leave,
 }
 
-/// A link key, and random numbers for its use.
+/// Link key, and random numbers for its use.
 #[derive(Clone, Deserialize)]
 pub struct Key {
-    /// The text of the key file.
+    /// Text of the key file.
     pub(crate) text: String,
-    /// Random, of 32 bits each: JavaScript has no integers of 64.
+    /// Two random values of 32 bits, because JavaScript has no 64-bit integers.
     pub(crate) nonce: [u32; 2],
 }
 
@@ -70,7 +70,7 @@ impl std::fmt::Debug for Key {
     }
 }
 
-/// Order of the operator.
+/// Operator command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case")]
 pub enum Wish {
@@ -79,26 +79,26 @@ pub enum Wish {
     Play {
         code: u8,
     },
-    /// Halt the motion where it is, or go on.
+    /// Hold the motion at its current pose, or resume it.
     PauseOrResume,
     Return,
     /// Return to SAFE, then turn torque off.
     Disarm,
     /// Turn torque off at once.
     Estop,
-    /// Leave an emergency stop or a latched fault.
+    /// Clear an emergency stop or a latched fault.
     Clear,
     /// Set the speed of playback.
     Speed {
-        /// 64ths of the planned speed, 1 to 64.
+        /// Speed, in 64ths of the planned speed, 1 to 64.
         sixty_fourths: i8,
     },
-    /// The deadman is held, or was released: the robot halts.
+    /// Report the deadman switch; its release halts the robot.
     Deadman {
-        /// True while the deadman is held.
+        /// True while the deadman switch is held.
         held: bool,
     },
-    /// Return to SAFE, turn torque off and leave; the second time, leave at once.
+    /// Return to SAFE, turn torque off and leave; a second request leaves at once.
     Quit,
 }
 
@@ -108,67 +108,67 @@ pub enum Wish {
 pub enum Seen {
     /// Buttons and axes.
     There(Snapshot),
-    /// The gamepad is not visible to the page.
+    /// Gamepad that is not visible to the page, with the reason.
     Gone { gone: String },
 }
 
-/// A snapshot for the page.
+/// Snapshot of the robot for the page.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotView {
-    /// Time by the robot's clock, or the page's for a real one, s.
+    /// Time, s: of the robot's clock if simulated, else of the page's clock.
     pub time_s: f64,
-    /// True if a frame of the controller has arrived lately.
+    /// True if a frame of the controller was received recently.
     pub contact: bool,
     /// Time from a heartbeat to its answer, ms.
     pub round_trip_ms: Option<f64>,
-    /// Status messages lost, of all.
+    /// Number of lost status messages, and number of all status messages.
     pub lost: [u64; 2],
-    /// State in words, to follow "the robot is"; none before the first status.
+    /// State as a phrase that follows "the robot is"; `None` before the first status.
     pub state: Option<String>,
-    /// True if the motors have torque, or may get it without another order.
+    /// True if the motors have torque, or may get it without another command.
     pub torque: bool,
-    /// True if the controller accepts an order to arm in this state.
+    /// True if the controller accepts a command to arm in this state.
     pub can_arm: bool,
-    /// True if the controller accepts orders to play in this state.
+    /// True if the controller accepts commands to play in this state.
     pub can_play: bool,
-    /// True while the robot is halted within a motion; an order resumes it.
+    /// True while a motion is paused and can be resumed.
     pub paused: bool,
     /// Advice on the next step.
     pub advice: &'static str,
-    /// Reason for which this page must not arm the controller.
+    /// Reason why this page must not arm the controller.
     pub mismatch: Option<String>,
     /// Fault of the bus.
     pub complaint: Option<String>,
     pub faults: Vec<String>,
-    /// Motions of the library in use, if the page has that library.
+    /// Motions of the library in use, if the page knows that library.
     pub motions: Vec<MotionOf>,
-    /// The motion or transition that is being played: its name, and its frame.
+    /// Motion or transition that is playing.
     pub playing: Option<Playing>,
     /// Identity of the library in use, as eight hexadecimal digits.
     pub library: Option<String>,
-    /// Bytes of a library that is being transferred: those that have arrived, and all.
+    /// Progress of a library transfer, bytes: transferred and total.
     pub transfer: Option<[usize; 2]>,
-    /// The order in flight, in words.
+    /// Description of the command in flight.
     pub asking: Option<String>,
-    /// The gamepad in a few words, if one is used.
+    /// Short description of the gamepad; `None` if none is used.
     pub gamepad: Option<String>,
-    /// True while an emergency stop waits to be acknowledged.
+    /// True while an emergency stop is not yet acknowledged.
     pub stopping: bool,
     /// Stage of the operator's exit: `no`, `when_home` or `now`.
     pub leaving: &'static str,
-    /// Commanded speed, in 64ths of the planned one.
+    /// Commanded speed, in 64ths of the planned speed.
     pub speed_64ths: i8,
-    /// Joints and driven wheels that were heard, in channel order.
+    /// Joints and driven wheels that have reported, in channel order.
     pub channels: Vec<ChannelOf>,
     /// Poses of the scene's bodies, world_from_body, `x y z qw qx qy qz`.
     pub poses: Vec<[f64; 7]>,
-    /// State of the simulated robot: fallen, and held by the hoist.
+    /// State of the simulated robot; `None` for a real robot.
     pub simulated: Option<Simulation>,
     /// Messages to the operator, oldest first.
     pub messages: Vec<MessageOf>,
 }
 
-/// A motion that can be played.
+/// Motion that can be played.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct MotionOf {
     pub name: String,
@@ -176,16 +176,16 @@ pub struct MotionOf {
     pub looping: bool,
 }
 
-/// Motion or transition that is being played.
+/// Motion or transition that is playing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Playing {
-    /// The motion, or `from → to`.
+    /// Name of the motion, or `from → to` for a transition.
     pub name: String,
-    /// Clip in the library.
+    /// Index of the clip in the library.
     pub clip: u8,
-    /// Time within it now, s: that of the last reported frame, advanced since then.
+    /// Current time within the clip, s: that of the most recently reported frame, extrapolated to now.
     pub time_s: f64,
-    /// Playback rate: 1 at planned speed, 0 while halted.
+    /// Playback rate: 1 at planned speed, 0 while paused.
     pub rate: f64,
 }
 
@@ -199,7 +199,7 @@ pub struct ChannelOf {
     pub speed_rad_s: f32,
     /// Torque, N·m.
     pub torque_nm: f32,
-    /// Age, s.
+    /// Age of the telemetry, s.
     pub age_s: f64,
 }
 
@@ -212,7 +212,7 @@ pub struct Simulation {
     pub held: bool,
 }
 
-/// A message to the operator.
+/// Message to the operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MessageOf {
     /// Time, s.

@@ -1,40 +1,40 @@
-//! A robot to be drawn: bodies with shapes, limits, sliders.
+//! Drawing of a robot: bodies with shapes, limits, sliders.
 
 use serde::Serialize;
 
-/// A robot to be drawn.
+/// Robot for drawing.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scene {
     /// Name of the robot.
     pub name: String,
-    /// Bodies that move: the links, then every wheel that turns.
+    /// Moving bodies: the links, then every turning wheel.
     pub bodies: Vec<Body>,
-    /// Poses of the bodies as the robot stands, world_from_body, `x y z qw qx qy qz`.
+    /// Poses of the bodies in the standing pose, world_from_body, `x y z qw qx qy qz`.
     pub standing: Vec<[f64; 7]>,
-    /// Joints, in robot order.
+    /// Joints, in the order of the robot.
     pub joints: Vec<Joint>,
-    /// Feet, wheels and blades, in robot order.
+    /// Feet, wheels and blades, in the order of the robot.
     pub end_effectors: Vec<EndEffector>,
     /// Mass of the robot, kg.
     pub mass_kg: f64,
-    /// Numbers of the robot file that are worth a slider.
+    /// Parameters of the robot file that get a slider.
     pub parameters: Vec<Parameter>,
 }
 
-/// A number of a robot file.
+/// Parameter of a robot file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parameter {
     /// Name in edits.
     pub name: String,
-    /// Name for people.
+    /// Label for users.
     pub label: String,
     pub unit: &'static str,
     pub value: f64,
-    /// Least value of a slider.
+    /// Minimum value of the slider.
     pub min: f64,
-    /// Largest value of a slider.
+    /// Maximum value of the slider.
     pub max: f64,
-    /// Step of a slider.
+    /// Step of the slider.
     pub step: f64,
 }
 
@@ -46,14 +46,14 @@ pub struct Body {
     pub shapes: Vec<Shape>,
 }
 
-/// A shape of a body.
+/// Shape of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shape {
     #[serde(flatten)]
     pub form: Form,
-    /// body_from_shape.
+    /// Position of the shape, body_from_shape, m.
     pub position_m: [f64; 3],
-    /// body_from_shape.
+    /// Orientation of the shape, body_from_shape.
     pub orientation_wxyz: [f64; 4],
     /// Meaning of the shape.
     pub role: Role,
@@ -67,7 +67,7 @@ pub enum Form {
         /// Sides along x, y and z, m.
         size_m: [f64; 3],
     },
-    /// A cylinder along y.
+    /// Cylinder along y.
     Cylinder {
         /// Radius, m.
         radius_m: f64,
@@ -91,50 +91,50 @@ pub enum Form {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// A part of a link.
+    /// Part of a link.
     Part,
-    /// Room that others keep clear of.
+    /// Clearance shape that other links must not enter.
     Clearance,
     Wheel,
     Foot,
-    /// The blade of a skate.
+    /// Blade of a skate.
     Blade,
 }
 
-/// A joint with its limits.
+/// Joint with its limits.
 #[derive(Clone, Debug, Serialize)]
 pub struct Joint {
     pub name: String,
-    /// Index of the link that it moves among the bodies.
+    /// Index of the moved link among the bodies.
     pub body: usize,
-    /// Smallest angle, rad.
+    /// Minimum angle, rad.
     pub position_min_rad: f64,
-    /// Largest angle, rad.
+    /// Maximum angle, rad.
     pub position_max_rad: f64,
-    /// Largest speed, rad/s.
+    /// Maximum speed, rad/s.
     pub speed_max_rad_s: f64,
-    /// Largest torque, N·m.
+    /// Maximum torque, N·m.
     pub torque_max_nm: f64,
 }
 
-/// A foot, wheel or blade.
+/// Foot, wheel or blade.
 #[derive(Clone, Debug, Serialize)]
 pub struct EndEffector {
     pub name: String,
     /// Kind of contact, as robot files spell it.
     pub contact: &'static str,
-    /// Radius of foot, wheel or curvature, m.
+    /// Radius of the foot, of the wheel, or of the blade's curvature, m.
     pub radius_m: f64,
-    /// Index of its link among the bodies.
+    /// Index of the end effector's link among the bodies.
     pub body: usize,
-    /// Index of its wheel among the bodies, if it turns.
+    /// Index of the wheel among the bodies; `None` if it does not turn.
     pub wheel_body: Option<usize>,
     /// True if a motor drives the wheel.
     pub driven: bool,
     /// Friction coefficient against the ground.
     pub friction_coefficient: f64,
-    /// Largest speed of its motor, rad/s.
+    /// Maximum speed of the wheel's motor, rad/s.
     pub motor_speed_max_rad_s: Option<f64>,
-    /// Largest torque of its motor, N·m.
+    /// Maximum torque of the wheel's motor, N·m.
     pub motor_torque_max_nm: Option<f64>,
 }

@@ -1,8 +1,8 @@
-//! Slopes of a plan's quantities with respect to the robot's parameters.
+//! Derivatives of a plan's quantities with respect to the robot's parameters, as slopes per step of a parameter.
 
 use serde::Serialize;
 
-/// A quantity of a plan at its optimum, with its slopes.
+/// Quantity of a plan at its optimum, with its slopes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SlopesOf {
     /// Name, as in design files.
@@ -10,19 +10,19 @@ pub struct SlopesOf {
     /// Unit; empty for none.
     pub unit: &'static str,
     pub value: f64,
-    /// Value below which changes are not compared with it.
+    /// Value below which relative changes are not meaningful.
     pub little: f64,
     /// Slopes with respect to each differentiable parameter of the robot.
     pub slopes: Vec<Slope>,
 }
 
-/// First-order change of a quantity with a parameter.
+/// First-order change of a quantity per step of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Slope {
     /// Name of the parameter.
     pub name: String,
-    /// Small change of the parameter, in its unit: a centimetre, a tenth of a limit.
+    /// Small change of the parameter, in its unit: a centimetre, or a tenth of a limit.
     pub step: f64,
-    /// Change of the quantity for this step, after replanning the motion.
+    /// Change of the quantity for one step, after replanning the motion.
     pub by_step: f64,
 }

@@ -1,5 +1,6 @@
-//! A gamepad that the page sees. What its buttons do is that of the command line's console (`rollwalk_gamepads`), with two
-//! differences: arming takes a second, as with the page's own button, and a page that does not tell of the gamepad holds nothing.
+//! Gamepad that the page can see. Buttons have the functions of the command line's console (`rollwalk_gamepads`), with two
+//! differences. Arming takes a second, as with the page's own button. If the page stops reporting the gamepad, the deadman
+//! switch counts as released.
 
 use crate::messages::robot::Seen;
 use rollwalk_gamepads::file::{Mapping, North};
@@ -10,32 +11,32 @@ use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
 
 /// Time for which the arming button must be held, µs.
 const ARM_HOLD_US: u64 = 1_000_000;
-/// Age of the page's last report after which the deadman counts as released, µs: the heartbeat timeout of a robot.
+/// Age of the page's most recent report from which the deadman switch counts as released, µs: the heartbeat timeout of a robot.
 const UNSEEN_US: u64 = 250_000;
 
-/// The gamepad that the operator uses.
+/// Gamepad that the operator uses.
 #[derive(Debug)]
 pub struct Gamepad {
     standard: Standard,
-    /// The gamepad with its mapping, and its name; none before the first is seen.
+    /// Gamepad with its mapping, and its name; `None` before the first is seen.
     pad: Option<(Pad, String)>,
     seen_us: u64,
 }
 
 impl Gamepad {
-    /// A gamepad that was not seen yet, so that its deadman is not held.
+    /// Creates the state before a gamepad was seen; its deadman switch counts as released.
     pub fn new(now_us: u64, operator: &mut Operator) -> Self {
         operator.want(now_us, Intent::Deadman(Deadman::Released(LetGo::Pause)));
         Self { standard: Standard::default(), pad: None, seen_us: now_us }
     }
 
-    /// Requests that result from the states which the page has seen since the last call; possibly none.
+    /// Operator requests from the states that the page has reported since the previous call.
     pub fn wishes(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if !seen.is_empty() {
             self.seen_us = now_us;
         } else if now_us.saturating_sub(self.seen_us) >= UNSEEN_US {
-            wishes = self.gone(now_us, "the page has not looked at it for 0.25 s");
+            wishes = self.gone(now_us, "the page has not reported the gamepad for 0.25 s");
         }
         for seen in seen {
             wishes.extend(match seen {
@@ -52,7 +53,7 @@ impl Gamepad {
     fn there(&mut self, now_us: u64, snapshot: &Snapshot) -> Vec<Wish> {
         let another = self.pad.as_ref().is_none_or(|(_, id)| *id != snapshot.id);
         let mut wishes =
-            if another { self.gone(now_us, "another one is there") } else { Vec::new() };
+            if another { self.gone(now_us, "another gamepad is in use") } else { Vec::new() };
         if another {
             let pad =
                 mapping(&snapshot.id).map(|mapping| Pad::new(mapping).arming_after(ARM_HOLD_US));
@@ -74,17 +75,17 @@ impl Gamepad {
         }
     }
 
-    /// The gamepad in a few words.
+    /// Short description of the gamepad.
     pub fn words(&self) -> String {
         match &self.pad {
             Some((pad, _)) => pad.words(),
-            None => "no gamepad yet: press one of its buttons".to_owned(),
+            None => "no gamepad yet: press a button of the gamepad".to_owned(),
         }
     }
 }
 
-/// The mapping for a gamepad. To a browser all standard gamepads have the same buttons, so that one which no mapping is made for
-/// has those of the first.
+/// Mapping of a gamepad. Browsers give all standard gamepads the same buttons, so a gamepad without a shipped mapping gets the
+/// first one.
 fn mapping(id: &str) -> Option<Mapping> {
     shipped_for(id).or_else(|| {
         let (path, text) = shipped().next()?;

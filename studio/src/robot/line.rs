@@ -1,36 +1,36 @@
-//! A real robot's link as bytes: packets of a serial line, or SLCAN.
+//! Link of a real robot as a byte stream: packets of a serial line, or SLCAN.
 
 use rollwalk_host::operator::Operator;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Gateway, Packet};
 use rollwalk_protocol::slcan::{Message, Reader, bitrate_digit};
 
-/// Bit rate of a robot's link, bit/s.
+/// Bit rate of the link, bit/s.
 const BITRATE: u32 = 1_000_000;
 
 /// Encoding of frames as bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
-    /// Packets on a line to a controller, which carries whole messages.
+    /// Packets of whole messages, on a line to a controller.
     Gateway,
-    /// Packets of single frames, on a line that others share.
+    /// Packets of single frames, on a shared line.
     Frames,
-    /// Lines of text for an adapter.
+    /// Lines of text for an SLCAN adapter.
     Slcan,
 }
 
-/// A line with what has arrived of it.
+/// Line with its partially received data.
 pub struct Line {
     coding: Coding,
     gateway: Gateway,
     deframer: Deframer,
     text: Reader,
-    /// Bytes sent before all frames.
+    /// Bytes to send before the first frame.
     opening: Vec<u8>,
 }
 
 impl Line {
-    /// A line on which nothing was sent yet.
+    /// Creates a line on which nothing was sent yet.
     pub fn new(coding: Coding) -> Self {
         let opening = match coding {
             // The first terminator ends a partial line of an earlier program.
@@ -50,7 +50,7 @@ impl Line {
         Self { coding, gateway, deframer, text, opening }
     }
 
-    /// Gives the operator what has arrived, and returns what it sends.
+    /// Passes received bytes to the operator, and returns the bytes to send.
     pub fn exchange(&mut self, now_us: u64, received: &[u8], operator: &mut Operator) -> Vec<u8> {
         for &byte in received {
             if let Some(frame) = self.received(byte) {

@@ -1,15 +1,15 @@
-//! A robot at the other end of a link, played from the page: the operator's core of the command line's console, with bytes and
-//! times from the page.
+//! Robot at the other end of a link, operated from the page. The operator's core is that of the command line's console; bytes
+//! and times come from the page.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | `gamepad` | a gamepad that the page sees: requests of an operator |
-//! | `line` | a real robot: bytes of a serial port or of a relay, as frames and back |
-//! | `simulated` | a robot in the page: firmware, buses, servos and the ground |
-//! | `view` | what the page shows |
+//! | `gamepad` | gamepad that the page can see: operator requests |
+//! | `line` | real robot: conversion between frames and the bytes of a serial port or relay |
+//! | `simulated` | simulated robot in the page: firmware, buses, servos and the ground |
+//! | `view` | view of the robot for the page |
 //!
-//! Nothing is sent before the page asks for a connection, and no torque is turned on without an intent. When the page is gone, or
-//! no operator is there, heartbeats end, and the robot returns to SAFE by itself.
+//! Nothing is sent before the page requests a connection, and no torque is turned on without an intent. If the page closes, or
+//! no operator is present, heartbeats end, and the robot returns to SAFE by itself.
 
 mod gamepad;
 mod line;
@@ -36,7 +36,7 @@ impl Key {
     fn credentials(&self) -> Result<Credentials, Answer> {
         let key = key_file::parse(&self.text).ok_or_else(|| Answer::Error {
             message: format!("the file {}", key_file::refusal()),
-            help: "`rollwalk keys new FILE` makes one".to_owned(),
+            help: "make a link key with `rollwalk keys new FILE`".to_owned(),
         })?;
         let [high, low] = self.nonce.map(u64::from);
         Ok(Credentials { key: LinkKey::new(&key), nonce: high << 32 | low })
@@ -61,25 +61,25 @@ impl From<Wish> for Intent {
     }
 }
 
-/// Names of libraries that were built or flashed on this computer before: a robot that has one plays its motions by name.
+/// Store of the names of libraries that were built or flashed on this computer, by which the page names a robot's motions.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
-    /// Names of the library with an identity.
+    /// Returns the names of the library with this identity.
     pub find: fn(u32) -> Option<Catalog>,
     pub keep: fn(&Catalog),
 }
 
 impl Default for Names {
-    /// Store without names, for a page without a program behind it.
+    /// Returns an empty store, for a page without a program behind it.
     fn default() -> Self {
         Self { find: |_| None, keep: |_| {} }
     }
 }
 
-/// Processes a page's request to a robot; returns the view for the page, and the bytes to be sent.
+/// Processes a page's request to a robot. Returns the view for the page, and the bytes to send.
 ///
 /// # Errors
-/// There is no connection, or it cannot be made; documents with faults.
+/// Returns an error if there is no connection, if it cannot be established, or if documents have faults.
 pub fn request(
     connection: &mut Option<Connection>,
     names: Names,
@@ -104,8 +104,8 @@ pub fn request(
         _ => {}
     }
     let connection = connection.as_mut().ok_or_else(|| Answer::Error {
-        message: "there is no connection with a robot".to_owned(),
-        help: "connect first".to_owned(),
+        message: "no robot is connected".to_owned(),
+        help: "connect to a robot first".to_owned(),
     })?;
     let mut received: &[u8] = &[];
     match wanted {
@@ -122,24 +122,24 @@ pub fn request(
     Ok((Some(Box::new(connection.view(now_us))), sent))
 }
 
-/// The way to the robot.
+/// Path to the robot.
 enum Way {
     Simulated(Box<Simulated>),
     Line(Box<Line>),
 }
 
-/// A connection with a robot.
+/// Connection to a robot.
 pub struct Connection {
     operator: Operator,
     way: Way,
     robot: Robot,
     actuators: Actuators,
-    /// Names of libraries: of those that the page has sent, and of that which the robot had.
+    /// Names of the libraries that the page has sent, and of the robot's own library.
     catalogs: Vec<Catalog>,
     names: Names,
-    /// The library whose names were looked for.
+    /// Library whose names were looked up.
     looked_up: Option<u32>,
-    /// The gamepad that the operator uses.
+    /// Gamepad that the operator uses.
     gamepad: Option<Gamepad>,
 }
 
@@ -156,10 +156,10 @@ impl std::fmt::Debug for Connection {
 }
 
 impl Connection {
-    /// Begins to talk to the controller `node` of a robot. No other robot is armed.
+    /// Starts a connection to the controller `node` of a robot. A controller of another robot is not armed.
     ///
     /// # Errors
-    /// There is no such node, or the robot breaks a rule of controllers.
+    /// Returns an error if the address is invalid, or if the robot breaks a rule of controllers.
     pub fn new(
         place: Place,
         robot: Robot,
@@ -169,11 +169,11 @@ impl Connection {
     ) -> Result<Self, Answer> {
         let node = Node::new(node).ok_or_else(|| Answer::Error {
             message: format!("no controller has the number {node}"),
-            help: "controllers are numbered from 0 to 14; 1 unless configured otherwise".to_owned(),
+            help: "give a number from 0 to 14; the default of controllers is 1".to_owned(),
         })?;
         let invalid = |why: rollwalk_robot::InvalidRobot| Answer::Error {
-            message: format!("`{}` cannot be played by a controller: {why}", robot.name),
-            help: "`rollwalk robot check` has the details".to_owned(),
+            message: format!("`{}` cannot be driven by a controller: {why}", robot.name),
+            help: "check the robot file with `rollwalk robot check`".to_owned(),
         };
         let config = robot.controller_config().map_err(invalid)?;
         let models: Vec<_> =
@@ -192,19 +192,20 @@ impl Connection {
         Ok(Self { operator, way, robot, actuators, catalogs, names, looked_up, gamepad })
     }
 
-    /// Gives motions the names that they have in a library.
+    /// Takes the names of motions from a library.
     ///
     /// # Errors
-    /// The library is damaged, or of another robot.
+    /// Returns an error if the library is damaged or is for another robot.
     pub fn name(&mut self, library: &[u8]) -> Result<(), Answer> {
         let refused = |why: String| Answer::Error {
-            message: format!("the library is not one for `{}`: {why}", self.robot.name),
-            help: "build it again from the robot file that is open".to_owned(),
+            message: format!("the library does not fit `{}`: {why}", self.robot.name),
+            help: "build the library again from the open robot file".to_owned(),
         };
         let config = self.robot.controller_config().map_err(|why| refused(why.to_string()))?;
         let index = validate(library, &config).map_err(|why| refused(why.to_string()))?;
         let opened = Library::open(library, &index);
-        let opened = opened.ok_or_else(|| refused("it changed while it was read".to_owned()))?;
+        let opened =
+            opened.ok_or_else(|| refused("the library changed while it was read".to_owned()))?;
         let channels = self.robot.channels().map(|channel| channel.name().to_owned()).collect();
         let catalog = Catalog::of(&opened, &self.robot.name, channels);
         if let Some(catalog) = catalog {
@@ -216,10 +217,10 @@ impl Connection {
         Ok(())
     }
 
-    /// Transfers a library, and names motions as it does.
+    /// Transfers a library, and takes the names of motions from it.
     ///
     /// # Errors
-    /// The library is damaged, or of another robot.
+    /// Returns an error if the library is damaged or is for another robot.
     pub fn flash(&mut self, now_us: u64, library: &[u8]) -> Result<(), Answer> {
         self.name(library)?;
         let now_us = self.now_us(now_us);
@@ -227,13 +228,13 @@ impl Connection {
         Ok(())
     }
 
-    /// Does what the operator wants.
+    /// Executes an operator request.
     pub fn want(&mut self, now_us: u64, wish: Wish) {
         let now_us = self.now_us(now_us);
         self.operator.want(now_us, wish.into());
     }
 
-    /// Notes whether an operator is at the page, and does what the gamepad asks for.
+    /// Records whether an operator is at the page, and executes the requests of the gamepad.
     pub fn attend(&mut self, page_us: u64, attended: bool, gamepad: Vec<Seen>) {
         let now_us = self.now_us(page_us);
         self.operator.set_attended(now_us, attended);
@@ -244,7 +245,7 @@ impl Connection {
         }
     }
 
-    /// Goes on until `now_us` by the page's clock, with the bytes that have arrived; returns those to be sent.
+    /// Advances to `now_us` of the page's clock with the received bytes; returns the bytes to send.
     pub fn tick(&mut self, now_us: u64, received: &[u8]) -> Vec<u8> {
         let in_use = self.operator.hello().and_then(|hello| hello.library);
         if in_use.is_some() && in_use != self.looked_up {
@@ -266,7 +267,7 @@ impl Connection {
         }
     }
 
-    /// View for the page.
+    /// Snapshot for the page.
     pub fn view(&self, now_us: u64) -> RobotView {
         let view = self.operator.view(self.now_us(now_us));
         let simulated = match &self.way {
@@ -280,7 +281,7 @@ impl Connection {
         shown
     }
 
-    /// Time by the clock that the operator goes by, µs.
+    /// Time of the operator's clock, µs.
     fn now_us(&self, now_us: u64) -> u64 {
         match &self.way {
             Way::Simulated(robot) => robot.now_us(),

@@ -1,4 +1,4 @@
-//! A robot in the page: the firmware with its buses and servos, on level ground, in time with the page's clock.
+//! Simulated robot in the page: the firmware with its buses and servos, on level ground, synchronised with the page's clock.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::operator::Operator;
@@ -9,39 +9,40 @@ use rollwalk_sim_host::ground::Grounded;
 use rollwalk_sim_host::rig::Rig;
 use std::sync::Arc;
 
-/// Longest time that the robot makes up for at once, µs. A page in the background, or a slow computer, halts the robot's time.
+/// Maximum time simulated in one call, µs. The robot's time therefore halts if the page is in the background or the computer is
+/// slow.
 const MOST_LAG_US: u64 = 100_000;
-/// Interval at which frames change hands, µs.
+/// Interval between exchanges of frames, µs.
 const STEP_US: u64 = 1_000;
 
 pub struct Simulated {
     rig: Rig,
-    /// The page's clock at the last run, µs.
+    /// Page time of the previous call of [`run`](Self::run), µs.
     page_us: Option<u64>,
 }
 
 impl Simulated {
-    /// A robot just after power-on, in its hoist, without a library.
+    /// Creates a robot just after power-on, held by its hoist, without a library.
     ///
     /// # Errors
-    /// The robot breaks a rule of controllers.
+    /// Returns an error if the robot breaks a rule of controllers.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());
         let rig = Rig::new(robot)?.onto_ground(robot, &ground, Vec::new());
         Ok(Self { rig, page_us: None })
     }
 
-    /// The robot's time, µs.
+    /// Time of the robot, µs.
     pub fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
 
-    /// The robot in its world.
+    /// Robot in its simulated world.
     pub fn grounded(&self) -> Option<&Grounded> {
         self.rig.body().ground()
     }
 
-    /// Runs until the page's clock, with an operator at the link.
+    /// Runs the robot until the time of the page's clock, with an operator on the link.
     pub fn run(&mut self, page_us: u64, operator: &mut Operator) {
         let before_us = self.page_us.replace(page_us).unwrap_or(page_us);
         let end_us = self.now_us() + page_us.saturating_sub(before_us).min(MOST_LAG_US);

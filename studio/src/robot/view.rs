@@ -1,4 +1,4 @@
-//! View of a robot for the page: state and faults in words, motions, joints, and poses of its bodies.
+//! View of a robot for the page: described state and faults, motions, joints, and poses of its bodies.
 
 use super::simulated::Simulated;
 use crate::messages::robot::{ChannelOf, MessageOf, MotionOf, Playing, RobotView, Simulation};
@@ -14,12 +14,12 @@ use rollwalk_protocol::wire::{State, Torque};
 use rollwalk_robot::Robot;
 use std::collections::BTreeMap;
 
-/// Longest time for which a motion is thought to go on as the robot last reported, µs: three of its messages.
+/// Maximum time for which a motion is extrapolated from the robot's most recent report, µs: three report intervals.
 const MOST_SINCE_US: u64 = 150_000;
-/// The planned speed in 64ths.
+/// Planned speed, in 64ths.
 const FULL_SPEED: i8 = 64;
 
-/// The snapshot of an operator's view.
+/// Converts an operator's view to the snapshot for the page.
 pub fn robot_view(
     view: &View,
     robot: &Robot,
@@ -114,8 +114,8 @@ fn motions(catalog: &Catalog) -> Vec<MotionOf> {
     catalog.motions.iter().map(motion).collect()
 }
 
-/// Poses of all bodies: of a simulated robot as it is, of a real one with its joints as they were heard, its body as it stands
-/// in its nominal pose.
+/// Poses of all bodies. A simulated robot has its actual pose; a real one has its measured joint angles and the nominal
+/// standing pose of its body.
 fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64; 7]> {
     let tree = Tree::new(robot);
     let mut joint_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
@@ -141,7 +141,7 @@ fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64;
     drawn(robot, &Frames::new(&tree, &at), &wheel_rad).collect()
 }
 
-/// Puts the angles of channels, which are joints and then driven wheels, where the scene wants them.
+/// Sorts the angles of channels (joints, then driven wheels) into the arrays of the scene.
 fn place(
     robot: &Robot,
     joint_rad: &mut [f64],

@@ -1,4 +1,4 @@
-//! Edits, and plans that follow them.
+//! Tests of edits, and of plans that follow them.
 
 use crate::*;
 
@@ -45,7 +45,7 @@ fn what_is_in_the_way_is_said_long_before_numbers_that_work() {
     assert!(answer.json["solve"]["culprits"][0]["fix"].is_object());
 }
 
-/// The starts that the planner knows lead to 1 m a period, and not to 1.05 m.
+/// Requests 1.05 m per period. The planner's own starts reach only 1 m, so the plan for 1 m must be used as the start.
 #[test]
 #[ignore = "half a minute: cargo xtask nightly --only long"]
 fn what_only_the_plan_at_hand_leads_to_is_planned_from_it() {
@@ -136,11 +136,11 @@ fn painted_swings_are_rows_and_may_pass_the_end_of_a_period() {
     let refused = page.amend(&text, edit(11, 15, true));
     assert_eq!(refused["kind"], "faults");
     assert!(
-        refused["faults"][0]["help"].as_str().unwrap().contains("a swing needs 3 samples"),
+        refused["faults"][0]["help"].as_str().unwrap().contains("lengthen the swing to 3 samples"),
         "{refused}"
     );
     let beyond = page.amend(&text, edit(30, 32, true));
-    assert!(beyond["help"].as_str().unwrap().contains("samples 0 to 31"), "{beyond}");
+    assert!(beyond["help"].as_str().unwrap().contains("samples from 0 to 31"), "{beyond}");
 }
 
 #[test]
@@ -155,7 +155,8 @@ fn an_edit_leads_out_of_a_document_with_faults() {
     assert!(still["faults"][0]["message"].as_str().unwrap().contains("duration_s"), "{still}");
 }
 
-/// A slider of every robot that ships, moved up by a tenth: the file says so, the robot is valid, and comments stay.
+/// Moves each slider of every shipped robot up by a tenth. The file must contain the value, the robot must be valid, and
+/// comments must stay.
 #[test]
 fn every_slider_of_every_shipped_robot_moves() {
     let mut page = Page::default();

@@ -1,4 +1,4 @@
-//! Libraries: built, compared with a plan, and edited as a graph.
+//! Tests of libraries: building, comparison with a plan, and edits of the graph.
 
 use crate::*;
 
@@ -24,7 +24,7 @@ fn a_library_is_built_with_its_graph_and_can_be_stopped() {
     assert_eq!((&last["kind"], &last["message"]), (&json!("error"), &json!("stopped")));
 }
 
-/// The comparison of the shown plan of a test leg's motion with a library.
+/// Compares the shown plan of a test leg's motion with a library.
 fn compare(page: &mut Page, motion: &str, library: &[u8]) -> (Value, String) {
     let named = "motions/test_leg_library.toml";
     let request = json!({ "kind": "compare", "files": [], "motion": motion, "library": named });

@@ -1,4 +1,4 @@
-//! The engine as a page talks to it: requests as JSON, answers as JSON and bytes.
+//! Tests of the engine through requests as JSON, and answers as JSON and bytes.
 
 mod editing;
 mod files;
@@ -10,15 +10,15 @@ use rollwalk_studio::Session;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 
-/// A session whose answers are kept.
+/// Session with a request counter.
 #[derive(Default)]
 struct Page {
     session: Session,
     seq: u64,
 }
 
-/// The last answer to a request, its bytes, how many came before it, and what was said of a start that failed, with the number
-/// of answers before.
+/// Final answer to a request with its bytes, the number of progress answers before it, and the first report of a failed start
+/// with its index.
 struct Answer {
     json: Value,
     bytes: Vec<u8>,
@@ -73,7 +73,7 @@ impl Page {
         self.ask(json!({ "kind": "amend", "files": walk(text), "motion": WALK, "path": WALK, "edit": edit })).json
     }
 
-    /// The text after an edit that brings no faults.
+    /// Returns the text after an edit that causes no faults.
     fn amended(&mut self, text: &str, edit: Value) -> String {
         let answer = self.amend(text, edit);
         assert_eq!(answer["kind"], "done", "{answer}");
@@ -88,7 +88,7 @@ fn walk(text: &str) -> Value {
     json!([{ "path": WALK, "text": text }])
 }
 
-/// Lines of a text that are not in another one.
+/// Lines of a text that are not in another text.
 fn new_lines<'t>(text: &'t str, before: &str) -> Vec<&'t str> {
     text.lines().filter(|line| !before.lines().any(|other| other == *line)).collect()
 }

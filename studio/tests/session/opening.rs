@@ -1,4 +1,4 @@
-//! Documents in the page: scenes, frames, faults.
+//! Tests of opening documents in the page: scenes, frames, faults.
 
 use crate::*;
 
@@ -106,7 +106,7 @@ fn requests_that_cannot_be_served_say_why() {
     let plan = |hz: f64| json!({ "kind": "plan", "files": walk(&text), "motion": WALK, "from": "good", "iterations": null, "frames_hz": hz });
     for (request, message) in [
         (json!({ "kind": "fly" }), "unknown variant `fly`"),
-        (json!({ "kind": "example", "path": "../secret" }), "nothing called `../secret` ships"),
+        (json!({ "kind": "example", "path": "../secret" }), "no file `../secret` ships"),
         (json!({ "kind": "open", "files": [], "motion": "mine.toml" }), "`mine.toml` is not open"),
         (plan(0.0), "frames at 0 Hz"),
         (plan(1e9), "frames at 1000000000 Hz"),

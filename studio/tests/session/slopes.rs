@@ -1,10 +1,10 @@
-//! Effect of each slider on a plan.
+//! Tests of the effect of each slider on a plan.
 
 use crate::*;
 
 const ROBOT: &str = "robots/agilebot.toml";
 
-/// A page whose good plan is the walk of a robot with this text, and the documents.
+/// Returns a page whose good plan is the walk of a robot with this text, and the documents.
 fn planned(robot: &str) -> (Page, Value) {
     let mut page = Page::default();
     let text = page.walk();
@@ -16,7 +16,7 @@ fn planned(robot: &str) -> (Page, Value) {
     (page, files)
 }
 
-/// Quantities with their slopes by name of the parameter.
+/// Returns quantities with their slopes, by name of the parameter.
 fn slopes(page: &mut Page, files: &Value) -> Value {
     let kept = page.ask(json!({ "kind": "solution" })).bytes;
     let answer =

@@ -31,12 +31,12 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
       const link = await linkTo(studio.documents.now);
       await navigator.clipboard.writeText(link);
       const isPublic = location.protocol.startsWith("http") && !["127.0.0.1", "localhost"].includes(location.hostname);
-      const limit = isPublic ? "" : " The link opens only where this page has the same address. Send others the files or the animation.";
-      studio.say(`Copied a link of ${link.length} characters that holds the whole project. Nothing was sent.${limit}`);
+      const limit = isPublic ? "" : " The link works only on computers where this page has the same address. Send others the files or the animation instead.";
+      studio.say(`Copied a link of ${link.length} characters that contains the whole project. Nothing was sent.${limit}`);
     } catch {
       // No clipboard (not allowed, or an insecure page): the address bar is one as well.
       history.replaceState(null, "", await linkTo(studio.documents.now));
-      studio.say("The link is in the address bar; it holds the whole project. Nothing was sent.");
+      studio.say("The link is in the address bar and contains the whole project. Nothing was sent.");
     }
   };
   const planned = () => studio.shown === null;
@@ -60,11 +60,11 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
       { text: `${name()}.csv`, hint: "table, 60 Hz", disabled: planned(), act: () => void exported(`${name()}.csv`, { kind: "export", what: "csv", rate_hz: 60 }) },
     ],
     shareItems: (): Item[] => [
-      { text: "Copy link", hint: "the project is in the link itself; nothing is sent", act: () => void share() },
+      { text: "Copy link", hint: "the link itself contains the project; nothing is sent", act: () => void share() },
       "line",
       {
         text: "Animation",
-        hint: "SVG that plays in any browser and in READMEs",
+        hint: "SVG that moves in any browser and in READMEs",
         disabled: planned(),
         act: () => void exported(`${name()}.svg`, { kind: "animation" }),
       },

@@ -12,6 +12,6 @@ chooseEngine()
     console.error(error);
     const message = error instanceof Error ? error.message : String(error);
     root.replaceChildren(
-      h("div", { class: "stopped", role: "alert" }, h("h1", { text: "The studio did not start" }), h("p", { text: message }), h("p", { class: "muted", text: "A browser with WebAssembly and WebGL 2 is needed. Opened from disk, the page needs to be the single file." })),
+      h("div", { class: "stopped", role: "alert" }, h("h1", { text: "The studio did not start" }), h("p", { text: message }), h("p", { class: "muted", text: "Use a browser with WebAssembly and WebGL 2. From disk, open the single-file page." })),
     );
   });

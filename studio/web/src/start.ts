@@ -86,7 +86,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   run.hidden = !(await talksToRobots(engine));
   if (!run.hidden && RobotLink.takeLeft()) {
     shell.openTab("Run");
-    studio.say("The page was loaded anew while a robot was connected. A robot with torque returns to SAFE by itself, then turns torque off. Connect to see its state.");
+    studio.say("The page was reloaded while a robot was connected. A robot with torque on returns to SAFE automatically, then turns torque off. Connect to see the state of the robot.");
   }
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));
@@ -98,7 +98,7 @@ function buildView(host: HTMLElement, studio: Studio, playback: Playback, settin
   try {
     return new View(host, studio, playback, settings);
   } catch {
-    host.append(h("p", { class: "no-view", text: "This browser has no WebGL 2, so that the robot cannot be drawn. Planning and editing work." }));
+    host.append(h("p", { class: "no-view", text: "This browser has no WebGL 2, so the robot cannot be drawn. Planning and editing still work." }));
     studio.events.on("plan", () => playback.setFrames(studio.shown?.frames.header ?? null));
     return null;
   }

@@ -91,7 +91,7 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
     await other.click("#tab-run");
     await other.page.select("#place", "relay");
     await other.button("Connect");
-    await other.until(() => /another page has sim:.*robot.sock/.test(document.querySelector(".steps .note").textContent));
+    await other.until(() => /another page uses sim:.*robot.sock/.test(document.querySelector(".steps .note").textContent));
     assert.equal(await other.state("link.connected"), false);
     await other.page.close();
     assert.equal(await studio.state("link.connected"), true);

@@ -36,7 +36,7 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
       assert.equal(await studio.state("state.scene.name"), "pup");
       assert.equal(await studio.state("state.documents.robotPath"), "robots/pup.toml");
       assert.equal(await studio.converged(), true);
-      assert.match(await studio.words(), /No motion was named/);
+      assert.match(await studio.words(), /No motion was given/);
     }));
 
   test("a robot file that is named beside a motion is the robot that moves", async () => {
@@ -138,7 +138,7 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
     await writeFile(join(folder, "motions/walk.toml"), `${original}\n# by an editor\n`);
     await opened(["motions/walk.toml"], async (studio) => {
       assert.match(await studio.text(), /# by an editor/);
-      assert.match(await studio.words(), /Undo \(Ctrl\+Z\) brings your edits back/);
+      assert.match(await studio.words(), /Undo \(Ctrl\+Z\) restores your edits/);
       await studio.edit(() => studio.press("Control", "z"));
       assert.match(await studio.text(), /^forward_m = 0\.11$/m);
     });

@@ -237,7 +237,7 @@ describe("the page", () => {
     const text = await studio.text();
     await studio.page.evaluate(() => (navigator.clipboard.writeText = async (text) => void (globalThis.copied = text)));
     await studio.button("Share");
-    await studio.button("Copy linkthe project is in the link itself; nothing is sent");
+    await studio.button("Copy linkthe link itself contains the project; nothing is sent");
     await studio.until(() => /link/i.test(globalThis.studio.state.notice));
     const link = await studio.page.evaluate(() => globalThis.copied);
     const other = await browser.createBrowserContext();
@@ -279,7 +279,7 @@ describe("the page", () => {
       });
     }
     await studio.edit(() => studio.type("Left", "0.01"));
-    assert.match(await studio.words(), /started again/);
+    assert.match(await studio.words(), /was restarted/);
     assert.match(await studio.text(), /^left_m = 0\.01$/m);
     assert.equal(await studio.converged(), true);
     const traps = studio.errors.filter((error) => /panicked at/.test(error));

@@ -18,7 +18,7 @@ export async function flashRobot(studio, place = "simulated") {
   // A robot that had the library before has its motions at once, but cannot be armed during the transfer.
   await until(() => {
     const { library, messages, motions } = globalThis.studio.link.view;
-    return library && motions.length > 1 && messages.some((one) => /has it in use/.test(one.text));
+    return library && motions.length > 1 && messages.some((one) => /uses the transferred library/.test(one.text));
   });
 }
 

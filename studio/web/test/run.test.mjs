@@ -52,7 +52,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await says("The open plan is drive_1m of the robot's library");
     await play(studio);
     await until(() => globalThis.studio.beside.apart && globalThis.studio.link.view.playing?.time_s > 0.5);
-    await says("Beside its plan");
+    await says("Deviation from the plan");
     assert.ok(await studio.page.evaluate(() => globalThis.studio.beside.row() !== null));
     t.diagnostic(await words());
     if (process.env.STUDIO_PICTURES) await studio.page.screenshot({ path: `${process.env.STUDIO_PICTURES}/beside-${name}.png` });
@@ -63,8 +63,8 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await studio.click("#tab-motion");
     await studio.edit(() => studio.type("Forward", "0.9"));
     await studio.click("#tab-run");
-    await says("No plan is shown beside the robot");
-    assert.match(await words(), /drive_1m in the library are [\d.]+ rad(\/s)? from the plan/);
+    await says("The plan is not compared with the robot");
+    assert.match(await words(), /drive_1m in the library differs by [\d.]+ rad(\/s)? from the plan/);
     assert.equal(await studio.page.evaluate(() => globalThis.studio.beside.row()), null);
     await studio.edit(() => studio.press("Control", "z"));
     await until(() => globalThis.studio.beside.compared?.clip != null);
@@ -101,7 +101,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await until(() => globalThis.studio.link.view.state === "paused");
     await hold(DEADMAN);
     await studio.page.evaluate(() => (globalThis.fakePad.pad = null));
-    await said("the gamepad is gone: the browser has none");
+    await said("the gamepad is disconnected: the browser reports no gamepad");
     await hold(B);
     await said("EMERGENCY STOP");
     await until(() => !globalThis.studio.link.view.torque);

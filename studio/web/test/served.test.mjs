@@ -119,7 +119,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
       planned.scene.joints[0].speed_max_rad_s = limit / 100;
       state.events.emit("plan", "activity");
     });
-    assert.match(await studio.words(), /more than a motor has/);
+    assert.match(await studio.words(), /exceeds the limit of a motor/);
     assert.doesNotMatch(await studio.words(), /All constraints hold/);
     await studio.edit(() => studio.page.evaluate(() => globalThis.studio.state.planAgain()));
     assert.match(await studio.words(), /All constraints hold/);
@@ -151,7 +151,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     });
     await studio.settled();
     assert.equal(await friction(), was);
-    await studio.edit(() => studio.button("Make rover.toml again, with rover.side.toml as it is now"));
+    await studio.edit(() => studio.button("Import rover.toml again with the changed rover.side.toml"));
     assert.equal(await friction(), 0.55);
     assert.equal(await studio.text(), motion);
     await drop("bad.urdf", "<robot name='r'>\n<link/>\n</robot>");

@@ -1,5 +1,5 @@
-//! Fuzz target for every actuator protocol: any order becomes frames or a refusal, any frame becomes numbers or nothing, and
-//! values that are sent to be read back are read back.
+//! Fuzz target for every actuator protocol. Any order is encoded to frames or refused. Any frame is decoded to finite values or
+//! ignored. Values that are sent can be decoded again.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rollwalk_protocol::actuator;
@@ -20,7 +20,7 @@ use rollwalk_protocol::actuators::{
 };
 use rollwalk_protocol::can::Frame;
 
-/// The protocols, with settings that the input chooses.
+/// Protocols with settings from the input.
 struct All {
     mit: Mit,
     odrive: Odrive,
@@ -68,7 +68,7 @@ impl<'a> Arbitrary<'a> for All {
     }
 }
 
-/// A number as robots have them, or any 32 bits.
+/// Practical value, or any 32 bits.
 fn number(u: &mut Unstructured<'_>) -> Result<f32> {
     Ok(if u.arbitrary::<u8>()? & 3 > 0 {
         f32::from(u.arbitrary::<i16>()?) / 256.0
@@ -115,7 +115,7 @@ fn assert_finite(told: Option<(u8, Feedback)>) {
     }
 }
 
-/// Encodes one by one and all at once; `look` sees every frame.
+/// Encodes orders one by one and all together; `look` receives every frame.
 fn send<P: Codec>(
     protocol: &P,
     orders: &[ActuatorCommand],
@@ -159,7 +159,7 @@ fn send<P: Codec>(
     }
 }
 
-/// Encodes for example settings of some protocol: orders that `check` accepts are sent, refused ones are not.
+/// Encodes orders with example settings of a protocol. Orders that `check` accepts must be sent, refused ones must not.
 fn send_example(orders: &[ActuatorCommand]) {
     let count = Protocol::examples().count();
     let Some(protocol) = Protocol::examples().nth(orders.len() % count) else { return };
@@ -214,7 +214,7 @@ fn tell(all: &All, orders: &[ActuatorCommand]) {
     });
 }
 
-/// Checks that frames of the Rollwalk profile encode to the same bytes again.
+/// Checks that decoded frames of the Rollwalk profile encode to the same bytes again.
 fn check_profile(frame: &Frame) {
     use actuator::{Control, Feedback, JointSetpoint, WheelSetpoint};
     if let Some((id, told)) = Control::decode(frame) {
@@ -299,13 +299,13 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Orders, frames and bytes of a line, for and from all protocols at once.
+/// Runs orders, frames and bytes of a line from the input, with all protocols.
 pub fn run(data: &[u8]) {
     // An error means that nothing was left to choose from.
     let _ = play(&mut Unstructured::new(data));
 }
 
-/// Practical settings, and the actuators' answers in their documents' examples.
+/// Seeds with practical settings, and with the actuators' answers from their documents.
 pub fn seeds() -> Vec<Vec<u8>> {
     let frame =
         |id: u32, data: &[u8]| [&[2][..], &id.to_le_bytes(), &[data.len() as u8], data].concat();

@@ -1,5 +1,5 @@
-//! Packets on serial lines among noise: of Dynamixel servos, of the line to an emulated board, and of the link. Packets taken
-//! were on the line, and a sound packet is found after any noise.
+//! Fuzz target for packets among noise on serial lines: of Dynamixel servos, of the line to an emulated board, and of the link.
+//! Every extracted packet was on the line. A valid packet is found after any noise.
 
 use rollwalk_protocol::actuators::dynamixel::packet::{Message, packet, take};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
@@ -10,10 +10,10 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_host};
 
-/// Node of the messages: `0x510` to it, `0x511` from it.
+/// Node of the messages: `0x510` is sent to it, `0x511` by it.
 const NODE: Node = Node::new(1).unwrap();
 
-/// Most parameters of a packet: see `packet`.
+/// Maximum number of parameters of a packet; see `packet`.
 const MAX_PARAMETERS: usize = 180;
 
 fn take_all(buffer: &mut ReceiveBuffer, is_silent: bool, into: &mut Vec<Message>) {
@@ -52,7 +52,7 @@ fn dynamixel(line: &[u8], parameters: &[u8]) {
     assert_eq!(take(&mut buffer, false), None);
 }
 
-/// Checks that a decoded request or answer encodes to bytes that decode to the same.
+/// Checks that a decoded request or answer encodes to bytes that decode to an equal value.
 fn check_packet(packet: &[u8]) {
     let again = |line: Option<tunnel::Line>| {
         let line = line.expect("what was decoded fits");
@@ -94,7 +94,7 @@ fn board(line: &[u8], body: &[u8]) {
     assert_eq!(found, [Some((9, Request::Hello))], "after a zero, a packet is a packet");
 }
 
-/// Packets that are taken encode to the same bytes. Whatever the line ends with, the next message comes through.
+/// Checks that decoded packets encode to the same bytes. Whatever the line ends with, the next message must arrive.
 fn link(line: &[u8], message: &[u8]) {
     let mut deframer = serial::Deframer::default();
     let mut gateway = Gateway::default();
@@ -133,7 +133,7 @@ fn link(line: &[u8], message: &[u8]) {
     assert_eq!(controller.received(), message);
 }
 
-/// Runs the fuzzer's bytes. The first byte chooses the line, the next one the length of the sound packet in the rest.
+/// Runs the input. The first byte selects the line, the second the length of the valid packet in the rest.
 pub fn run(data: &[u8]) {
     let Some((&[whose, len], rest)) = data.split_first_chunk() else { return };
     let (packet, line) = rest.split_at(usize::from(len).min(rest.len()).min(MAX_PARAMETERS));
@@ -144,7 +144,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// Packets whole, stuffed, cut short, and one within another.
+/// Seeds with packets that are complete, stuffed, cut short, or nested.
 pub fn seeds() -> Vec<Vec<u8>> {
     let one = packet(1, 0x55, &[0, 1, 2, 3]).expect("short");
     let stuffed = packet(2, 0x83, &[0xFF, 0xFF, 0xFD, 0xFF, 0xFF, 0xFD, 0xFD]).expect("short");

@@ -1,6 +1,8 @@
-//! A controller on the bench of the firmware's own tests, and anything that can happen to it: commands,
-//! garbage, losses, lies, time. The bench looks at every frame: no setpoint without torque, none beyond the
-//! limits; an emergency stop stops at once, and from everywhere there is a way back.
+//! Fuzz target for a controller on the bench of the firmware's tests, with commands, garbage, losses, false data and time
+//! jumps.
+//!
+//! The bench checks every frame. No set-point is sent without torque or beyond the limits. An emergency stop takes effect at
+//! once, and the controller can recover from every state.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
@@ -13,10 +15,10 @@ use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
 
-/// Most deeds of an input: ten times that many simulated seconds at most.
+/// Maximum number of deeds of an input; each takes at most ten simulated seconds.
 const DEEDS: usize = 80;
 
-/// Identifiers that mean something to the controller.
+/// Identifiers that the controller evaluates.
 const KNOWN: [u16; 10] = [0x010, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0, 0x012];
 
 /// Tags of deeds, for seeds.
@@ -42,7 +44,7 @@ mod tag {
     pub const SETPOINTS: u8 = 18;
     pub const TRACK: u8 = 19;
     pub const ANSWERS: u8 = 20;
-    /// The rest is lies.
+    /// Smallest tag of a deed that sends false data.
     pub const FEEDBACK: u8 = 21;
     pub const FRAME: u8 = 22;
     pub const TIME: u8 = 23;
@@ -71,7 +73,7 @@ fn action(u: &mut Unstructured<'_>) -> Result<Action> {
     })
 }
 
-/// Requests with allowed values, forbidden values, and NaN.
+/// Parameter request with an allowed value, a forbidden value, or NaN.
 fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
     Ok(match u.arbitrary::<u8>()? % 8 {
         0 => ParameterAction::Reset,
@@ -92,7 +94,7 @@ fn parameter(u: &mut Unstructured<'_>) -> Result<ParameterAction> {
     })
 }
 
-/// Setpoint that decodes; in three of four cases it is near the SAFE pose.
+/// Set-point that decodes; in three of four cases it is near the SAFE pose.
 fn setpoint(u: &mut Unstructured<'_>) -> Result<Setpoint> {
     let (how, channel) = (u.arbitrary::<u8>()?, u.arbitrary::<u8>()? % 4);
     let safe = robot::STAND.get(usize::from(channel)).copied().unwrap_or(0.0);
@@ -105,7 +107,7 @@ fn setpoint(u: &mut Unstructured<'_>) -> Result<Setpoint> {
     Ok(Setpoint { frame, channel, stiff, value, torque_nm })
 }
 
-/// A lying actuator: any measurement, any status, in a frame that decodes.
+/// Feedback of an actuator with any measurement and any status, in a frame that decodes.
 fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
     let feedback = Feedback {
         position_rad: f32::from(u.arbitrary::<i8>()?) / 20.0,
@@ -161,8 +163,8 @@ fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
     })
 }
 
-/// Runs a sequence of deeds on a controller. With `insists` the controller needs a key and never obeys, because no deed has the
-/// key.
+/// Runs a sequence of deeds on a controller. With `insists` the controller requires a key. No deed has the key, so torque must
+/// stay off.
 fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
     let mut rig = Rig::new(Some(&robot::library()));
     rig.trust_pose = !lies;
@@ -198,13 +200,14 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Runs a sequence of deeds. The first byte chooses whether actuators and clock lie, and whether the controller insists on a key.
+/// Runs a sequence of deeds. The first byte selects whether actuators and clock send false data, and whether the controller
+/// requires a key.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 
-/// A day of a robot, and days that go wrong.
+/// Seeds with normal operation of a robot, and with operation in which something fails.
 pub fn seeds() -> Vec<Vec<u8>> {
     use tag::*;
     let armed = [RUN, 30, ARM, RUN, 250, RUN, 250];

@@ -1,22 +1,21 @@
-//! The flash of the bench: that of the store's own tests, with the words and units of an STM32G4, and
-//! nothing goes wrong in it.
+//! Flash of the bench. It is the one of the store's tests, with the words and units of an STM32G4, and without faults.
 
 extern crate std;
 
 use rollwalk_firmware::store::{FlashParameters, FlashStore, LibraryStore};
 use rollwalk_protocol::crc::file_digest;
 
-/// Flash that can fail in every way that flash fails.
+/// Simulated flash with all kinds of failures.
 #[path = "../../../firmware/src/store/tests/nor.rs"]
 #[allow(dead_code)]
 pub mod nor;
 
-/// Flash of the bench.
+/// Flash type of the bench.
 pub type Flash = nor::Nor<8, 2048>;
 
 const TRIAL_BOOTS: u8 = 3;
 
-/// Store that is blank, or that holds a confirmed library.
+/// Blank store, or a store with a confirmed library.
 pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     let mut store = FlashStore::mount(Flash::blank(18), TRIAL_BOOTS).expect("sound geometry");
     if let Some(bytes) = library {
@@ -29,12 +28,12 @@ pub fn store(library: Option<&[u8]>) -> FlashStore<Flash> {
     store
 }
 
-/// A blank memory for parameters.
+/// Blank memory for parameters.
 pub fn parameters() -> FlashParameters<Flash> {
     FlashParameters::mount(Flash::blank(3)).expect("sound geometry")
 }
 
-/// Contents of both stores' flash after a power cycle.
+/// Mounts both stores again after a power cycle.
 pub fn mounted_again(
     (library, parameters): (FlashStore<Flash>, FlashParameters<Flash>),
 ) -> (FlashStore<Flash>, FlashParameters<Flash>) {

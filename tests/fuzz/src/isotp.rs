@@ -1,7 +1,8 @@
-//! ISO-TP: one end that receives arbitrary frames, and two ends over a bus that loses, repeats and swaps frames.
+//! Fuzz target for ISO-TP: one end that receives arbitrary frames, and two ends over a bus that loses, repeats and swaps
+//! frames.
 //!
-//! The first must stay within its room and be of use again once the noise is over. The second must
-//! deliver what was sent or an error, never anything else.
+//! The single end must stay within its buffer, and work again once the noise is over. The two ends must deliver a message
+//! unchanged or report an error.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::wire::isotp::{Endpoint, Event, Output, Timing};
@@ -9,7 +10,7 @@ use rollwalk_protocol::wire::isotp::{Endpoint, Event, Output, Timing};
 const ROOM: usize = 100;
 type End = Endpoint<ROOM>;
 
-/// Long enough that everything times out.
+/// Time after which everything has timed out, µs.
 const AGES_US: u64 = 3_600_000_000;
 const TIMEOUT_US: u64 = 1_000_000;
 
@@ -19,7 +20,7 @@ enum Fate {
     Carried,
     Lost,
     Repeated,
-    /// Comes after the next one.
+    /// Delivered after the next frame.
     Held,
 }
 
@@ -39,12 +40,12 @@ fn end(u: &mut Unstructured<'_>) -> Result<End> {
     Ok(End::new(Timing { block_size, st_min, timeout_us: TIMEOUT_US }))
 }
 
-/// A message of `len` bytes, each at its place.
+/// Message of `len` bytes; byte `i` is `first + i`.
 fn message(len: usize, first: u8) -> Vec<u8> {
     (0..len).map(|i| first.wrapping_add(i as u8)).collect()
 }
 
-/// Sends `message` over a bus on which `fate` decides, until nothing moves any more. Whether it came.
+/// Sends `message` over a bus with the effects of `fate`, until no frame moves any more. Returns true if the message arrived.
 fn carry(
     from: &mut End,
     to: &mut End,
@@ -156,7 +157,7 @@ fn bad_bus(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// An end with forged frames, or two with a bad bus between them.
+/// Runs an end with forged frames, or two ends with a bad bus between them.
 pub fn run(data: &[u8]) {
     let Some((&how, rest)) = data.split_first() else { return };
     let mut u = Unstructured::new(rest);
@@ -165,7 +166,7 @@ pub fn run(data: &[u8]) {
     let _ = played;
 }
 
-/// A conversation of each sort.
+/// Seeds with a conversation of each sort.
 pub fn seeds() -> Vec<Vec<u8>> {
     let single = [0x40, 3, 1, 2, 3, 7];
     let first = [0x80, 0x10, 20, 1, 2, 3, 4, 5, 6, 7];

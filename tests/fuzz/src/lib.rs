@@ -1,19 +1,19 @@
-//! Fuzz targets, one module each. Each has `run`, which takes the fuzzer's bytes and panics when a property is violated, and
-//! `seeds`, the initial inputs.
+//! Fuzz targets, one per module. `run` of a target runs an input of the fuzzer, and panics if a property is violated. `seeds`
+//! returns the initial inputs.
 //!
-//! | module | fuzzes |
+//! | module | target |
 //! |---|---|
 //! | [`wire`] | frames and messages of the link: decoded ones encode to the same bytes |
-//! | [`dispatcher`] | a controller, and all that can happen to it |
-//! | [`isotp`] | the transport of long messages, on a bus that loses, repeats and forges |
+//! | [`dispatcher`] | a controller in all situations |
+//! | [`isotp`] | the transport of long messages, on a bus that loses, repeats and forges frames |
 //! | [`deframer`] | packets on serial lines, among noise |
-//! | [`actuators`] | every actuator protocol: orders, and what comes back |
-//! | [`library`] | validation of motion libraries, and what plays of them |
-//! | [`slots`] | the library store in flash, from any content, through power cuts |
-//! | [`parameters`] | the memory for gains and limits in flash, likewise |
-//! | [`planted`] | a bug that must be found, or the fuzzer is blind |
+//! | [`actuators`] | every actuator protocol: orders and answers |
+//! | [`library`] | validation and playback of motion libraries |
+//! | [`slots`] | the library store in flash, from any content, with power cuts |
+//! | [`parameters`] | the memory for gains and limits in flash, from any content, with power cuts |
+//! | [`planted`] | a deliberate bug, which a working fuzzer finds |
 //!
-//! `cargo xtask fuzz` builds and runs them; a program of `src/bin/` is libFuzzer around one module.
+//! `cargo xtask fuzz` builds and runs them. Each program in `src/bin/` is libFuzzer around one module.
 
 pub mod actuators;
 pub mod authentication;
@@ -50,7 +50,7 @@ use rollwalk_firmware::store;
 #[doc(hidden)]
 pub use libfuzzer_sys;
 
-/// The program of a target: libFuzzer's `main` around a module of this crate.
+/// Defines the program of a target: libFuzzer's `main` around a module of this crate.
 #[macro_export]
 macro_rules! program {
     ($target:ident) => {

@@ -1,5 +1,5 @@
-//! Motion libraries: arbitrary bytes, forged ones with sound checksums, and encoded ones. What validates is
-//! played for ten seconds with commands in between, and is within the robot's limits all the time.
+//! Fuzz target for motion libraries: arbitrary bytes, forged libraries with valid checksums, and encoded ones. Every valid
+//! library is played for ten seconds with commands in between. Playback must stay within the robot's limits.
 
 mod play;
 #[path = "../../../protocol/tests/protocol/reseal.rs"]
@@ -12,14 +12,15 @@ use rollwalk_protocol::library::{Library, validate};
 
 use crate::robot;
 
-/// The first byte: how the rest is taken.
+/// First byte of an input with the bytes of a library.
 const AS_IS: u8 = 0;
-/// Corrects lengths and checksums, so that the content behind them is reached.
+/// First byte of an input with the bytes of a library whose lengths and checksums are corrected, so that its content is
+/// reached.
 const RESEALED: u8 = 1;
-/// Takes the rest as a description of robot and motions to encode.
+/// First byte of an input with a description of a robot and of motions to encode.
 const DESCRIBED: u8 = 2;
 
-/// Bytes before the library: how, and the commands.
+/// Number of bytes before the library: the first byte and the commands.
 const HEAD: usize = 1 + play::COMMANDS;
 
 fn play_if_valid(bytes: &[u8], config: &RobotConfig, commands: &[u8]) {
@@ -40,7 +41,7 @@ fn described(commands: &[u8], description: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// A library, or a description of one, with commands before it.
+/// Runs a library, or a description of one, with the commands before it.
 pub fn run(data: &[u8]) {
     let Some((head, body)) = data.split_first_chunk::<HEAD>() else { return };
     let (how, commands) = (head[0] % 3, &head[1..]);
@@ -56,7 +57,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// The libraries of the firmware's tests, and descriptions.
+/// Seeds with the libraries of the firmware's tests, and with descriptions.
 pub fn seeds() -> Vec<Vec<u8>> {
     let commands: Vec<u8> = [[20, 1], [90, 2], [200, 0], [30, 2]].concat().repeat(2);
     let seed = |how: u8, body: &[u8]| [&[how], &commands[..play::COMMANDS], body].concat();

@@ -1,5 +1,5 @@
-//! The memory for gains and limits in flash: any content, power cuts, writes that fail. A loaded set is the one saved last, or
-//! the one being saved when the power failed.
+//! Fuzz target for the memory of gains and limits in flash, with any content, power cuts and failing writes. A loaded set must
+//! be the set saved most recently, or the set that was being saved when the power failed.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashParameters, ParameterSet, ParameterStore};
@@ -9,14 +9,14 @@ use crate::flash::nor::{ALL_TORN, Torn};
 use crate::watched::{Power, Watched};
 
 const UNIT: usize = 256;
-/// Units of the log, of two erase units each.
+/// Number of units of the log; each has two erase units.
 const LOG_UNITS: usize = 3;
 const FLASH_LEN: usize = LOG_UNITS * 2 * UNIT;
-/// Bytes of a set, as `docs/parameters.md` has it.
+/// Size of a set according to `docs/parameters.md`, bytes.
 const SET_LEN: usize = 320;
 const DEEDS: usize = 60;
 
-/// A set, different for each number, from no channel to all of them.
+/// Parameter set with a number. Sets differ from one another, and have from no channel to all channels.
 fn set(number: u8) -> ParameterSet {
     let value = |channel: u8, i: u8| f32::from(number ^ channel) + f32::from(i) / 4.0;
     let channels = number % 25;
@@ -26,7 +26,7 @@ fn set(number: u8) -> ParameterSet {
 }
 
 struct Bench {
-    /// Empty while it is being mounted.
+    /// Store; `None` only while it is being mounted.
     store: Option<FlashParameters<Watched>>,
     power: Power,
     /// Sets that may be loaded; `None` for foreign flash, whose content is unknown.
@@ -75,7 +75,7 @@ impl Bench {
     }
 }
 
-/// Runs of bytes at their places; checksums made good where sets may be, if so wished.
+/// Flash with runs of bytes at various offsets. If `repaired`, checksums are corrected where sets may be.
 fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
     let mut cells = vec![0xFF; FLASH_LEN];
     for _ in 0..u.arbitrary::<u8>()? % 8 {
@@ -139,13 +139,13 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Runs operations on a memory; the first byte chooses the flash.
+/// Runs operations on a memory; the first byte selects the flash.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 
-/// Sets that are saved, that are cut, and flash with a set in it.
+/// Seeds with saved sets, with interrupted saves, and with a set in foreign flash.
 pub fn seeds() -> Vec<Vec<u8>> {
     let saves = [0, 3, 0, 24, 2, 0, 9, 2];
     let mut seeds = vec![[&[0][..], &saves].concat()];

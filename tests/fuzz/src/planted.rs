@@ -1,7 +1,8 @@
-//! A bug that only a fuzzer with eyes finds: behind a word of four letters, which random bytes hit once
-//! in four billion inputs, and coverage letter by letter. If it is not found, the others find nothing either.
+//! Deliberate bug that only a fuzzer with coverage feedback finds. It is behind a keyword of four letters. Random bytes match
+//! the keyword once in four billion inputs, but coverage feedback finds it letter by letter. A fuzzer that does not find this
+//! bug would not find others.
 
-/// Reads a "header": keyword, and how many bytes follow. Believes the count.
+/// Reads a "header", a keyword and the number of bytes that follow. Does not check this number.
 fn payload(data: &[u8]) -> &[u8] {
     let mut rest = data;
     for letter in *b"roll" {
@@ -22,7 +23,7 @@ pub fn run(data: &[u8]) {
     std::hint::black_box(payload(data));
 }
 
-/// Seed bytes without any part of the keyword.
+/// Seed without any letter of the keyword.
 pub fn seeds() -> Vec<Vec<u8>> {
     vec![vec![0; 12]]
 }

@@ -1,11 +1,11 @@
-//! Initial inputs, which the targets generate: they are not kept as files.
+//! Initial inputs. The targets generate them, so they are not stored as files.
 
 use std::path::Path;
 
-/// The variable that asks for seeds: the folder to write them to.
+/// Environment variable with the folder to write seeds to.
 const FOLDER: &str = "ROLLWALK_FUZZ_SEEDS";
 
-/// Writes the seeds and ends the program, when it was started for that.
+/// Writes the seeds and exits, if the environment variable is set.
 pub fn write_if_asked(seeds: fn() -> Vec<Vec<u8>>) {
     let Some(folder) = std::env::var_os(FOLDER) else { return };
     for (number, seed) in seeds().iter().enumerate() {

@@ -1,6 +1,7 @@
-//! The library store in flash: any content, any order of calls, power cuts, words that cannot be read.
-//! What plays is always something that was stored and is intact; and once a library is confirmed in sound
-//! flash, something always plays.
+//! Fuzz target for the library store in flash, with any content, any order of calls, power cuts and unreadable words.
+//!
+//! The active library must always be one that was stored, and intact. Once a library is confirmed in flash without faults, some
+//! library must always be active.
 
 mod forge;
 
@@ -13,34 +14,34 @@ use crate::watched::{Power, Watched};
 use forge::FLASH_LEN;
 
 const TRIAL_BOOTS: u8 = 3;
-/// Calls of an input.
+/// Maximum number of calls of an input.
 const DEEDS: usize = 60;
 
 type Store = FlashStore<Watched>;
 
-/// Five "libraries": the store does not look into them.
+/// Contents of five "libraries". The store does not interpret them.
 fn library(number: u8) -> Vec<u8> {
     let lens = [300, 7, 256, 900, 513];
     let number = usize::from(number) % lens.len();
     (0..lens[number]).map(|i| (i * (2 * number + 3) + number) as u8).collect()
 }
 
-/// Expected state of a store.
+/// Store with its expected state.
 struct Bench {
-    /// Empty while it is being mounted.
+    /// Store; `None` only while it is being mounted.
     store: Option<Store>,
     power: Power,
     allowed: Vec<Vec<u8>>,
-    /// Checksums of libraries that foreign flash may have held from the beginning.
+    /// Words of foreign flash, which may be checksums of libraries in it.
     found: Vec<u32>,
-    /// True if the store may have no library that plays.
+    /// True if the store may be without an active library.
     may_be_empty: bool,
-    /// Candidate of the last begin.
+    /// Candidate of the latest transfer.
     candidate: Vec<u8>,
 }
 
 impl Bench {
-    /// A store that holds library 0.
+    /// Store with the confirmed library 0.
     fn sound() -> Self {
         let mut bench = Self::foreign(vec![0xFF; FLASH_LEN], &[]);
         bench.found.clear();
@@ -51,7 +52,7 @@ impl Bench {
         bench
     }
 
-    /// A store in flash that has `cells` in it, and words that cannot be read.
+    /// Store in flash that contains `cells`, with unreadable words.
     fn foreign(cells: Vec<u8>, unreadable: &[u16]) -> Self {
         let (words, _) = cells.as_chunks::<4>();
         let found = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
@@ -70,7 +71,7 @@ impl Bench {
         self.store.as_mut().expect("mounted")
     }
 
-    /// Reset, after the power was away or not.
+    /// Mounts the store again, as after a reset or a power cut.
     fn mount(&mut self) {
         let mut flash = self.store.take().expect("mounted").into_flash();
         if !self.power.get() {
@@ -226,13 +227,13 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Runs operations on a store; the first byte chooses the flash.
+/// Runs operations on a store; the first byte selects the flash.
 pub fn run(data: &[u8]) {
     // An error means that a deed was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 
-/// Transfers that work, that are cut, and flash with stores in it.
+/// Seeds with successful transfers, with interrupted ones, and with stores in foreign flash.
 pub fn seeds() -> Vec<Vec<u8>> {
     let cut = |torn: u8, fuel: u16| [&[9, torn][..], &fuel.to_le_bytes()].concat();
     let (send, confirm, mount) = ([11, 1], [5], [8]);

@@ -1,4 +1,4 @@
-//! The flash of the store's tests, with its switches outside of the store that owns it.
+//! Flash of the store's tests, with switches that remain accessible while a store owns the flash.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -8,10 +8,10 @@ use rollwalk_firmware::store::MappedFlash;
 
 use crate::flash::nor::{Nor, Torn};
 
-/// Words of 8 bytes, small units, so that an input reaches all of them.
+/// Flash with words of 8 bytes, and with units that are small enough for an input to reach all of them.
 pub type Cells = Nor<8, 256>;
 
-/// A switch that is set from outside and taken over with the next operation.
+/// Switches that take effect with the next operation.
 #[derive(Default)]
 struct Switches {
     has_power: Cell<bool>,
@@ -19,7 +19,7 @@ struct Switches {
     failing: Cell<Option<Option<u64>>>,
 }
 
-/// The power supply, and the health of the flash.
+/// Power supply of the flash, and control of its faults.
 #[derive(Clone)]
 pub struct Power(Rc<Switches>);
 
@@ -39,7 +39,7 @@ impl Power {
         self.0.cut.replace(Some(None));
     }
 
-    /// Lets one write in `rate` fail; none for `None`.
+    /// Makes one write in `rate` fail; `None` for no failures.
     pub fn fail_writes(&self, rate: Option<u64>) {
         self.0.failing.set(Some(rate));
     }
@@ -52,19 +52,19 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Flash with that content, and its power.
+    /// Creates flash with a content, and its power supply.
     pub fn new(cells: Vec<u8>) -> (Self, Power) {
         let power = Power(Rc::default());
         power.0.has_power.set(true);
         (Self { cells: Cells::with(cells), power: power.clone(), cycles: 0 }, power)
     }
 
-    /// Makes a word unreadable from now on.
+    /// Makes a word permanently unreadable.
     pub fn spoil(&mut self, at: usize) {
         self.cells.make_unreadable(at % self.cells.capacity());
     }
 
-    /// Power comes back. Words that were fading since the cut before are gone.
+    /// Restores the power. Words that were fading since the previous cut are lost.
     pub fn power_cycle(&mut self) {
         if self.cycles > 0 {
             self.cells.fade();

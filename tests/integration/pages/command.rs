@@ -1,24 +1,24 @@
-//! The commands of the documents against the command lines of their programs.
+//! Checks of the documents' commands against the command lines of their programs.
 
 use super::document::Document;
 
-/// A bus in commands of documents, in whose place a reader writes that of the robot.
+/// Placeholder of a bus in the documents, which a user replaces by the bus of the robot.
 const BUS_OF_THE_READER: &str = "BUS";
 
-/// Words of a command, without its comment and without what it is piped to.
+/// Splits a command into words, without its comment and without the programs that it is piped to.
 pub fn words(line: &str) -> Result<Vec<String>, String> {
     let line = line.split(" | ").next().unwrap_or(line);
     shlex::split(line).ok_or_else(|| "a quote that does not end".into())
 }
 
-/// Name and value of an `export`.
+/// Returns name and value of an `export`.
 pub fn exported(words: &[String]) -> Option<(String, String)> {
     let [export, setting] = words else { return None };
     let (name, value) = setting.split_once('=')?;
     (export == "export").then(|| (name.to_owned(), value.to_owned()))
 }
 
-/// The command line of a program of ours; what `rollwalk` passes on to `rollwalk-bench` is that program's.
+/// Returns the command line of one of our programs, including the subcommands that `rollwalk` passes to `rollwalk-bench`.
 fn command_line(program: Option<&str>) -> Option<clap::Command> {
     match program {
         Some("rollwalk") => {
@@ -34,8 +34,8 @@ fn command_line(program: Option<&str>) -> Option<clap::Command> {
     }
 }
 
-/// Checks a command against the command line of its program; `bus` is what the document has exported. Returns whether it is a
-/// command of ours.
+/// Checks a command against the command line of its program; `bus` is the bus that the document has exported. Returns true if
+/// the command is one of ours.
 fn understood(words: &[String], bus: Option<&str>) -> Result<bool, String> {
     let from_source = ["cargo", "run", "--release", "--"].map(String::from);
     let mut words = match words.strip_prefix(&from_source) {
@@ -60,7 +60,7 @@ fn understood(words: &[String], bus: Option<&str>) -> Result<bool, String> {
     }
 }
 
-/// Commands of documents that the programs do not understand, and how many they do.
+/// Returns the invalid commands of the documents, and the number of valid ones.
 pub fn misunderstood(documents: &[Document]) -> (Vec<String>, usize) {
     let (mut faults, mut checked) = (Vec::new(), 0);
     for document in documents {
@@ -91,7 +91,8 @@ pub fn misunderstood(documents: &[Document]) -> (Vec<String>, usize) {
     (faults, checked)
 }
 
-/// Command or option of a code span that its program lacks: `rollwalk plan --samples-fixed` names a command and an option.
+/// Returns the command or option in a code span that its program lacks. `rollwalk plan --samples-fixed`, for example, names a
+/// command and an option.
 pub fn unknown(span: &str) -> Option<String> {
     let words: Vec<&str> = span.split_whitespace().collect();
     let command = command_line(words.first().copied())?;

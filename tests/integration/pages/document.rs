@@ -1,15 +1,15 @@
-//! The documents of the checkout, as blocks of code and code spans.
+//! Documents of the checkout, as code blocks and code spans.
 
 use pulldown_cmark::{CodeBlockKind, Event, HeadingLevel, Options, Parser, Tag, TagEnd};
 use rollwalk_tests::checkout;
 use std::fs;
 use std::path::Path;
 
-/// A block of code of a document.
+/// Code block of a document.
 pub struct Block {
-    /// Line of the fence, counted from 1.
+    /// Line of the opening fence, counted from 1.
     pub line: usize,
-    /// Number of the section that it is in.
+    /// Number of the section with the block.
     pub section: usize,
     pub language: String,
     /// Text behind the language.
@@ -18,7 +18,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// Lines of shell commands, with their numbers; those that end in `\` are joined.
+    /// Returns the shell commands with their line numbers; a line ending in `\` is joined with the next.
     pub fn commands(&self) -> Vec<(usize, String)> {
         let mut commands: Vec<(usize, String)> = Vec::new();
         let mut goes_on = false;
@@ -47,7 +47,7 @@ impl Block {
 pub struct Document {
     /// Path from the checkout's root.
     pub path: String,
-    /// Blocks of code between fences, in order.
+    /// Code blocks between fences, in order.
     pub blocks: Vec<Block>,
     /// Code spans, with their lines.
     pub spans: Vec<(usize, String)>,
@@ -80,7 +80,7 @@ impl Document {
         Self { path: path.into(), blocks, spans }
     }
 
-    /// True if its commands need a robot that plays in real time.
+    /// True if a command needs a robot that plays in real time.
     pub fn has_robot(&self) -> bool {
         let mut commands =
             self.blocks.iter().filter(|block| block.is_run()).flat_map(Block::commands);

@@ -1,4 +1,4 @@
-//! A reader who types the commands of a document, in a folder of their own with the shipped files beside it.
+//! Simulated user who types the commands of a document, in a separate folder with the shipped files.
 
 use super::command::{exported, words};
 use super::document::Document;
@@ -8,18 +8,18 @@ use rollwalk_tests::program::{self, PLANNED, Program, within};
 use rollwalk_tests::{Desk, Outcome, checkout};
 use std::process::{Command, Stdio};
 
-/// Commands that go on until their user ends them: understood, not run.
+/// Commands that run until their user ends them; they are checked but not run.
 const ENDED_BY_THEIR_USER: [&str; 4] = ["console", "drive", "monitor", "studio"];
 
 pub struct Reader {
     desk: Desk,
     /// Environment variables that the section has exported.
     exported: Vec<(String, String)>,
-    /// Simulated robot in a terminal of its own.
+    /// Simulated robot in a separate terminal.
     robot: Option<Program>,
-    /// Files of documents that were written.
+    /// Number of files written from documents.
     pub files: usize,
-    /// Commands that were run.
+    /// Number of commands run.
     pub commands: usize,
 }
 
@@ -35,7 +35,7 @@ impl Reader {
     /// Runs all commands of a document and writes its files.
     ///
     /// # Panics
-    /// A command ends otherwise than the document says.
+    /// Panics if a command ends differently than the document states.
     pub fn follow(&mut self, document: &Document) {
         let mut section = 0;
         for block in &document.blocks {
@@ -88,7 +88,7 @@ impl Reader {
         }
     }
 
-    /// Runs a command that may stream setpoints in real time.
+    /// Runs a command that may stream set-points in real time.
     fn in_time(&self, args: &[String]) -> Outcome {
         let clear = ["clear", "--bus", "sim"].map(String::from);
         once_more_when_late(|| self.once(args), || self.once(&clear))
@@ -104,7 +104,7 @@ impl Reader {
         command
     }
 
-    /// Gives a command the environment of this reader's terminals.
+    /// Sets the environment of this reader's terminals.
     fn set(&self, command: &mut Command) {
         // `sim` is a socket there, and no other robot's.
         command.env("XDG_RUNTIME_DIR", self.desk.path(""));
@@ -112,7 +112,7 @@ impl Reader {
         command.envs(self.exported.iter().map(|(name, value)| (name, value)));
     }
 
-    /// Starts a simulated robot in place of the one before, and waits until it answers.
+    /// Replaces the simulated robot by a new one, and waits until it answers.
     fn start(&mut self, place: &str, args: &[String]) {
         self.stop();
         let mut command = Command::new(env!("CARGO_BIN_EXE_rollwalk-sim-under-test"));
@@ -130,7 +130,7 @@ impl Reader {
     }
 }
 
-/// Message of a command that is refused, from the comment of the line.
+/// Returns the expected message of a refused command, from the comment of the line.
 fn refusal(line: &str) -> Option<&str> {
     line.split_once(" # refused: ").map(|(_, words)| words.trim())
 }

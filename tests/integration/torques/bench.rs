@@ -1,5 +1,6 @@
-//! The controller with a simulated drive of any protocol for each channel, CAN or serial, and what every drive was sent.
-//! Motors are where their drives want them and go on at the speed that they want; buses take no time.
+//! Controller with a simulated drive of any protocol for each channel, on CAN or serial buses, and a record of all set-points.
+//!
+//! Motors follow their targets at once and move on at the target speed. Buses transmit without delay.
 
 use embedded_hal::pwm::{ErrorType, SetDutyCycle};
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -17,19 +18,19 @@ use std::collections::{BTreeMap, VecDeque};
 use std::convert::Infallible;
 use std::rc::Rc;
 
-/// Pulses of hobby servos, on a Maestro and at PWM outputs.
+/// Pulse widths of hobby servos, on a Maestro and on PWM outputs.
 pub const PULSE: Pulse = Pulse { centre_us: 1500.0, us_per_rad: 300.0, limits_us: (500.0, 2500.0) };
 const PWM_PERIOD_US: f32 = 20_000.0;
 
-/// A setpoint as a drive was sent it.
+/// Set-point as sent to a drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Told {
-    /// Motion of the controller in that control period.
+    /// Motion that the controller played in that control period.
     pub playing: Playing,
     pub channel: usize,
     /// Angle, rad, or speed of a wheel, rad/s.
     pub value: f32,
-    /// Torque on top, N·m.
+    /// Feed-forward torque, N·m.
     pub torque_nm: f32,
     /// Gains, N·m/rad and N·m·s/rad.
     pub gains: [f32; 2],
@@ -42,7 +43,7 @@ pub struct Bench {
     inbox: VecDeque<Frame>,
     now_us: u64,
     next_tick: u64,
-    /// Setpoints of all drives since the beginning.
+    /// Set-points of all drives since the start.
     pub told: Vec<Told>,
 }
 
@@ -57,7 +58,7 @@ enum Kind {
     Pwm(PwmServo<Output>, Rc<Cell<u16>>),
 }
 
-/// A PWM output whose duty cycle is looked at.
+/// PWM output with a readable duty cycle.
 struct Output(Rc<Cell<u16>>);
 
 impl ErrorType for Output {
@@ -76,7 +77,8 @@ impl SetDutyCycle for Output {
 }
 
 impl Bench {
-    /// A robot in its nominal pose with a library on board; the servos of bus `pwm` are hobby servos at PWM outputs.
+    /// Creates a robot in its nominal pose with a library in its flash. The servos of bus `pwm` are hobby servos on PWM
+    /// outputs.
     pub fn new(robot: &Robot, library: &[u8], pwm: Option<u8>) -> Self {
         let config = robot.controller_config().expect("a valid robot");
         let buses = robot.controller_buses();

@@ -1,4 +1,4 @@
-//! The `rollwalk-sim` binary under a name of its own, for the tests to run.
+//! Copy of the `rollwalk-sim` binary under a separate name, for the tests.
 
 use std::process::ExitCode;
 

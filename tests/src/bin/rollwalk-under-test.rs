@@ -1,4 +1,4 @@
-//! The `rollwalk` binary under a name of its own, for the tests to run.
+//! Copy of the `rollwalk` binary under a separate name, for the tests.
 
 use std::process::ExitCode;
 

@@ -1,5 +1,5 @@
-//! Drives that speak their makers' protocols, on interfaces of their own, and the firmware between them and the
-//! link: three programs, as on a bench with real drives.
+//! Tests of drives with their makers' protocols on separate interfaces. The firmware connects them to the link: three programs,
+//! as on a bench with real drives.
 
 use super::{ACTUATORS, LINK, on_link};
 use crate::bench::{Beside, desk, log, rollwalk};
@@ -10,11 +10,12 @@ use std::path::PathBuf;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// The bus of the wheel, as `robots/test_leg.toml` has it, and another.
+/// Bus of the wheel in `robots/test_leg.toml`.
 const ODRIVE: &str = "protocol = \"odrive\"\nfirmware = \"0.5\"\nreduction = -5.0";
+/// Alternative bus of the wheel.
 const CYBERGEAR: &str = "protocol = \"cybergear\"\nhost_id = 253\nmax_position_rad = 12.5\n";
 
-/// The test leg, or one with another wheel, and its library, built from plans.
+/// Returns the test leg, possibly with another wheel drive, and its library, built from plans.
 fn leg(name: &str, wheel: Option<&str>) -> (PathBuf, PathBuf) {
     let place = desk().join(name);
     for folder in ["robots", "motions"] {
@@ -41,13 +42,13 @@ fn leg(name: &str, wheel: Option<&str>) -> (PathBuf, PathBuf) {
     (file, library)
 }
 
-/// The payloads of frames with 11-bit identifiers of which `id` is true, in their order.
+/// Returns the payloads of frames whose 11-bit identifier satisfies `id`, in order.
 fn sent(frames: &[LogEntry], id: impl Fn(u16) -> bool) -> Vec<Vec<u8>> {
     let those = frames.iter().filter(|entry| entry.frame.standard_id().is_some_and(&id));
     those.map(|entry| entry.frame.data().to_vec()).collect()
 }
 
-/// A motor program, a controller program, and a host; returns what was on the wheel's bus.
+/// Runs a motor program, a controller program and a host; returns the traffic of the wheel's bus.
 fn armed_played_stopped_and_played_again(name: &str, wheel: Option<&str>) -> Vec<LogEntry> {
     let (robot, library) = leg(name, wheel);
     let [joints, wheels] = ["vcan1", "vcan2"].map(|bus| desk().join(format!("{name}_{bus}.log")));

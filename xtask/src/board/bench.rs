@@ -1,5 +1,5 @@
-//! The bench around a board (`apps/board-bench`), a program of the workspace: builds it, runs it, and hands it
-//! images and the demo's library.
+//! Test bench of a board (`apps/board-bench`), a program of the workspace: builds it, and runs it with images and the demo's
+//! library.
 
 use super::shown;
 use crate::workspace::{self, Program};
@@ -12,63 +12,64 @@ use std::{env, fs};
 const MOTIONS: &str = "shipped/motions/agilebot_library.toml";
 const QEMU: &str = "qemu-system-arm";
 
-/// Cost of the demo on the emulated board.
+/// Measured cost of the demo on the emulated board.
 pub struct Figures(Value);
 
 impl Figures {
-    /// A number of the bench's report.
+    /// Value of the bench's report.
     ///
     /// # Errors
-    /// The report lacks it.
+    /// Returns an error if the report lacks the value.
     pub fn number(&self, name: &str) -> Result<f64, String> {
-        self.0[name].as_f64().ok_or_else(|| format!("the bench reports no {name}"))
+        self.0[name].as_f64().ok_or_else(|| format!("the report of the bench lacks {name}"))
     }
 }
 
-/// The bench with what it needs.
+/// Test bench with its inputs.
 pub struct Bench {
     program: PathBuf,
-    /// The robot and its library: AgileBot and the demo's without, the short motion of another robot.
+    /// Robot file; `None` for AgileBot.
     robot: Option<PathBuf>,
+    /// Library of the demo; `None` plays a short motion instead.
     library: Option<PathBuf>,
     /// Output directory.
     out: PathBuf,
 }
 
-/// The robot's part of an image.
+/// Generated module of a robot for an image.
 pub struct Module {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Wiring between robot and board, in words.
+    /// Description of the wiring between robot and board.
     pub wiring: String,
 }
 
 /// Files with the keys of an image.
 #[derive(clap::Args, Default)]
 pub struct KeyFiles {
-    /// File with the robot's link key (`rollwalk keys new`). The robot then accepts only hosts that have it. The image contains
-    /// the key, so only you can read the image files.
+    /// File with the robot's link key (`rollwalk keys new`). The robot then accepts only hosts with this key. The image
+    /// contains the key, so only you can read the image files.
     #[arg(long, value_name = "FILE")]
     pub link_key: Option<PathBuf>,
-    /// File with the public key of a pair (`rollwalk keys new-pair`). The robot then plays only libraries signed with the private
-    /// key.
+    /// File with the public key of a pair (`rollwalk keys new-pair`). The robot then plays only libraries that were signed with
+    /// the private key.
     #[arg(long, value_name = "KEY.pub.pem")]
     pub library_key: Option<PathBuf>,
 }
 
 impl Bench {
-    /// Builds the bench alone.
+    /// Builds only the bench.
     ///
     /// # Errors
-    /// The compiler's verdict.
+    /// Returns an error if the build fails.
     pub fn program() -> Result<Self, String> {
         Self::of(workspace::program("apps/board-bench", "rollwalk-board-bench")?)
     }
 
-    /// The bench that a build of the workspace has left.
+    /// Returns the bench from a completed build of the workspace.
     ///
     /// # Errors
-    /// There is none.
+    /// Returns an error if the build does not contain the bench.
     pub fn among(programs: &[Program]) -> Result<Self, String> {
         let program = workspace::find(programs, "apps/board-bench", "rollwalk-board-bench", false);
         Self::of(program?.clone())
@@ -78,7 +79,7 @@ impl Bench {
         Ok(Self { program, robot: None, library: None, out: out()? })
     }
 
-    /// The same for a robot, whose motion is a short one made for it.
+    /// Replaces the robot, and plays a short motion made for it instead of the demo's library.
     pub fn of_robot(self, robot: &Path) -> Self {
         Self { robot: Some(robot.into()), library: None, ..self }
     }
@@ -86,7 +87,7 @@ impl Bench {
     /// Writes a robot's module for an image of a board.
     ///
     /// # Errors
-    /// What is wrong with the file, or which bus the board has no port for.
+    /// Returns an error if the robot file is wrong, or if the board has no port for one of its buses.
     pub fn module(&self, robot: &Path, board: &str) -> Result<Module, String> {
         let path = self.out.join(format!("{board}-robot.rs"));
         let mut image = self.command("image");
@@ -96,10 +97,10 @@ impl Bench {
         shell::said(&mut image).map(|wiring| Module { path, wiring })
     }
 
-    /// Writes the module of a robot that ships, for images that are for no other robot.
+    /// Writes the module of a shipped robot, for images that are not for a particular robot.
     ///
     /// # Errors
-    /// The file, or a failure of the bench.
+    /// Returns an error if the file cannot be written, or if the bench fails.
     pub fn shipped(&self, robot: &str) -> Result<PathBuf, String> {
         let program = self.program.to_string_lossy();
         let module = shell::output(&mut shell::command(&program, &["--robot", robot, "config"]))?;
@@ -113,10 +114,10 @@ impl Bench {
         Ok(path)
     }
 
-    /// The block with the keys of these files for the image of a robot, in hexadecimal digits, which are a secret.
+    /// Returns the block with the keys of these files for the image of a robot, in hexadecimal digits, which are secret.
     ///
     /// # Errors
-    /// Which file is no such key, and what it should be.
+    /// Returns an error if a file does not contain a key of the expected kind.
     pub fn key_block(&self, robot: &Path, keys: &KeyFiles) -> Result<String, String> {
         let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
         let mut block = self.command("key-block");
@@ -131,7 +132,7 @@ impl Bench {
     /// Builds the bench, and the demo's library with the command line.
     ///
     /// # Errors
-    /// The compiler's verdict, or a motion without a plan.
+    /// Returns an error if the build fails, or if a motion has no plan.
     pub fn build() -> Result<Self, String> {
         let programs = workspace::programs()?;
         let bench = Self::among(&programs)?;
@@ -146,7 +147,7 @@ impl Bench {
     /// Replays the demo from the memory of the emulated board.
     ///
     /// # Errors
-    /// The first difference from the simulation, or a failure of the bench.
+    /// Returns the first difference from the simulation, or an error if the bench fails.
     pub fn replay(&self, image: &Path) -> Result<Figures, String> {
         need_qemu()?;
         let mut replay = self.command("replay");
@@ -155,20 +156,20 @@ impl Bench {
         serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
     }
 
-    /// Measures what keys cost on the emulated board.
+    /// Measures the cost of keys on the emulated board.
     ///
     /// # Errors
-    /// The image that does it, or the bench, failed.
+    /// Returns an error if the image or the bench fails.
     pub fn keys(&self, image: &Path) -> Result<Figures, String> {
         need_qemu()?;
         let report = shell::output(self.command("keys").arg(image))?;
         serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
     }
 
-    /// Runs a short scenario on the emulated board over its UART, or the whole demo.
+    /// Runs the whole demo (`is_whole`) or a short scenario on the emulated board over its UART.
     ///
     /// # Errors
-    /// The first difference from the simulation, or a failure of the bench.
+    /// Returns the first difference from the simulation, or an error if the bench fails.
     pub fn uart(&self, image: &Path, is_whole: bool) -> Result<(), String> {
         need_qemu()?;
         let mut uart = self.command("uart");
@@ -179,10 +180,10 @@ impl Bench {
         shell::run(&mut uart)
     }
 
-    /// Runs the short scenario on an image with keys, from a host with these.
+    /// Runs the short scenario on an image with keys, with a host that has these keys.
     ///
     /// # Errors
-    /// The first difference from the simulation, what the board refused, or a failure of the bench.
+    /// Returns the first difference from the simulation, the refusal by the board, or an error if the bench fails.
     pub fn uart_with_keys(
         &self,
         image: &Path,
@@ -198,10 +199,10 @@ impl Bench {
         shell::said(&mut uart).map(|said| print!("{said}"))
     }
 
-    /// Prints the report of a NUCLEO-G474RE at a serial port and transfers the demo's library.
+    /// Prints the report of a NUCLEO-G474RE on a serial port and transfers the demo's library.
     ///
     /// # Errors
-    /// A report that is not acceptable, or a failure of the line.
+    /// Returns an error if the report is not acceptable, or if the line fails.
     pub fn visit(&self, port: &Path) -> Result<(), String> {
         shell::run(self.command("visit").arg(port).args(&self.library))
     }
@@ -219,7 +220,7 @@ impl Bench {
     }
 }
 
-/// The folder for what the bench writes.
+/// Returns the folder for the output of the bench.
 fn out() -> Result<PathBuf, String> {
     let out = shell::target_folder().join("board");
     fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", shown(&out)))?;

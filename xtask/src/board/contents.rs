@@ -1,4 +1,4 @@
-//! Contents of an image: bytes of each memory, and symbols that lead to a panic.
+//! Contents of an image: size in each memory, and symbols of panic paths.
 
 use super::limits::{Limits, MAX_STATIC_RAM};
 use super::shown;
@@ -7,16 +7,16 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Parts of the names of everything that begins a panic.
+/// Substrings in the names of all functions that begin a panic.
 const PANICKING: [&str; 4] = ["9panicking", "rust_begin_unwind", "unwrap_failed", "expect_failed"];
 
-/// Bytes of the image, as `size` counts them.
+/// Sizes of an image, bytes, as counted by `size`.
 pub struct Sections {
-    /// Code, constants, and the first values of `data`.
+    /// Code, constants, and the initial values of `data`.
     pub text: u64,
-    /// Variables with a first value.
+    /// Variables with an initial value.
     pub data: u64,
-    /// Variables that start as zero, and those that start as nothing.
+    /// Zero-initialised and uninitialised variables.
     pub bss: u64,
 }
 
@@ -24,16 +24,16 @@ pub struct Sections {
 pub struct Contents {
     pub path: PathBuf,
     pub sections: Sections,
-    /// Symbols that lead to a panic.
+    /// Symbols of panic paths.
     pub panics: Vec<String>,
 }
 
 impl Contents {
-    /// Reads an image; `ram` is where its own variables are. `panicking` is an image of the same workspace that can
-    /// panic, and proves that symbols show panic paths at all.
+    /// Reads an image; `ram` is the address range of its variables. `panicking` is an image of the same workspace that can
+    /// panic, which proves that symbols reveal panic paths at all.
     ///
     /// # Errors
-    /// The panics of `panicking` do not show, or a file that cannot be read.
+    /// Returns an error if the panics of `panicking` are not found, or if a file cannot be read.
     pub fn read(path: PathBuf, panicking: &[u8], ram: Range<u64>) -> Result<Self, String> {
         must_panic("the planted panic", panicking)?;
         let bytes = read(&path)?;
@@ -41,7 +41,8 @@ impl Contents {
         Ok(Self { path, sections, panics })
     }
 
-    /// Limits of every image: `max_text` bytes of code and constants, static RAM, and no panics.
+    /// Checks that apply to every image: at most `max_text` bytes of code and constants, the limit of static RAM, and no
+    /// panics.
     pub fn limits(&self, max_text: u64) -> Limits {
         let Sections { text, data, bss } = self.sections;
         let mut limits = Limits::default();
@@ -52,12 +53,12 @@ impl Contents {
     }
 }
 
-/// The bytes of an image.
+/// Reads the bytes of an image.
 pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("{}: {error}", shown(path)))
 }
 
-/// Measures an image; `ram` is where its own variables are.
+/// Measures an image; `ram` is the address range of its variables.
 pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let mut sizes = Sections { text: 0, data: 0, bss: 0 };
@@ -80,28 +81,31 @@ pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
     Ok(sizes)
 }
 
-/// Checks that an image that can panic shows it.
+/// Checks that panic paths are found in an image that can panic.
 ///
 /// # Errors
-/// It does not.
+/// Returns an error if none is found.
 pub fn must_panic(name: &str, image: &[u8]) -> Result<(), String> {
     if panic_paths(image)?.is_empty() {
-        return Err(format!("{name}: this image can panic, but has no symbol that shows it"));
+        return Err(format!(
+            "{name}: this image can panic, but has no symbol that shows a panic \
+            path"
+        ));
     }
     Ok(())
 }
 
-/// Symbols of the image that lead to a panic.
+/// Returns the symbols of panic paths in an image.
 ///
 /// # Errors
-/// The image is none whose panics show.
+/// Returns an error if the image lacks the symbols that would reveal panics.
 pub fn panic_paths(image: &[u8]) -> Result<Vec<String>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     if !names.iter().any(|name| name.contains("CONTROLLER")) {
         return Err(
-            "the image has no symbols, or no controller because it always halts before it makes \
-             one: whether it can panic cannot be seen"
+            "the image has no symbols, or has no controller because it halts before the controller \
+             is created; panic paths cannot be checked"
                 .into(),
         );
     }

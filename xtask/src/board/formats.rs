@@ -1,25 +1,25 @@
-//! An image as boot loaders take it: a flat binary, or UF2 for drag and drop.
+//! Conversion of an image for boot loaders: to a flat binary, or to UF2 for drag and drop.
 
 use object::elf;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use std::path::Path;
 
-/// Largest flat binary: no flash of a microcontroller is larger.
+/// Maximum size of a flat binary, bytes; microcontrollers have less flash.
 const MAX_FLAT: usize = 16 << 20;
 
 /// Format of a file for a boot loader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// The ELF file itself.
+    /// ELF file, unchanged.
     Elf,
-    /// The bytes of flash from the first on.
+    /// Flat binary: the content of flash from its first byte on.
     Bin,
-    /// Blocks with their addresses, for the family of chips with this number.
+    /// UF2 blocks with their addresses, for this chip family.
     Uf2(u32),
 }
 
 impl Format {
-    /// Ending of its files.
+    /// File extension of the format.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Elf => "elf",
@@ -28,15 +28,15 @@ impl Format {
         }
     }
 
-    /// True if the file's name has the extension of this format.
+    /// True if the path has the extension of this format.
     pub fn is_of(self, path: &Path) -> bool {
         path.extension().is_some_and(|extension| extension == self.extension())
     }
 
-    /// Converts an image into this format.
+    /// Converts an image to this format.
     ///
     /// # Errors
-    /// The image is no ELF file with contents for a flash.
+    /// Returns an error if the image is not an ELF file with contents for flash.
     pub fn of(self, image: &[u8]) -> Result<Vec<u8>, String> {
         match self {
             Self::Elf => Ok(image.to_vec()),
@@ -49,25 +49,28 @@ impl Format {
     }
 }
 
-/// Address and bytes of everything that an image has for flash; gaps as erased flash.
+/// Returns the address and bytes of an image's contents for flash; gaps are filled like erased flash.
 fn flat(image: &[u8]) -> Result<(u32, Vec<u8>), String> {
     let failed = |error: object::Error| format!("the image: {error}");
     let file = ElfFile32::<object::Endianness>::parse(image).map_err(failed)?;
     let endian = file.endian();
     let mut parts = Vec::new();
     for header in file.elf_program_headers() {
-        let bytes = header.data(endian, image).map_err(|()| "the image is cut")?;
+        let bytes = header.data(endian, image).map_err(|()| "the image is truncated")?;
         if header.p_type(endian) == elf::PT_LOAD && !bytes.is_empty() {
             parts.push((header.p_paddr(endian), bytes));
         }
     }
     parts.sort_by_key(|(address, _)| *address);
-    let start = parts.first().ok_or("the image has nothing for a flash")?.0;
+    let start = parts.first().ok_or("the image has no contents for flash")?.0;
     let mut flat = Vec::new();
     for (address, bytes) in parts {
         let from = (address - start) as usize;
         if from < flat.len() || from + bytes.len() > MAX_FLAT {
-            return Err(format!("the image has a part at {address:#x}, which is no flash"));
+            return Err(format!(
+                "the image has contents at {address:#x}, which is not a flash \
+                address"
+            ));
         }
         flat.resize(from, 0xFF);
         flat.extend(bytes);
@@ -75,7 +78,7 @@ fn flat(image: &[u8]) -> Result<(u32, Vec<u8>), String> {
     Ok((start, flat))
 }
 
-/// Blocks of 512 bytes with 256 of the image each (github.com/microsoft/uf2).
+/// Converts bytes to blocks of 512 bytes with 256 bytes of the image each (github.com/microsoft/uf2).
 fn uf2(start: u32, bytes: &[u8], family: u32) -> Vec<u8> {
     const PAYLOAD: u32 = 256;
     const FAMILY_PRESENT: u32 = 0x2000;
@@ -98,7 +101,7 @@ fn uf2(start: u32, bytes: &[u8], family: u32) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// A file with program headers for these parts: address in memory, address in flash, bytes.
+    /// Creates an ELF file with program headers for these parts: address in memory, address in flash, bytes.
     fn image(parts: &[(u32, u32, &[u8])]) -> Vec<u8> {
         let mut file = vec![0x7F, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         let halves = |file: &mut Vec<u8>, halves: &[u16]| {
@@ -120,7 +123,7 @@ mod tests {
         file
     }
 
-    /// Variables with first values follow the code in flash, wherever they are in memory.
+    /// Checks that initial values of variables follow the code in flash, wherever the variables are in memory.
     #[test]
     fn a_flat_binary_has_parts_at_their_places_in_flash() {
         let parts: [(u32, u32, &[u8]); 3] = [

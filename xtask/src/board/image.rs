@@ -7,63 +7,63 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Names the module of the robot that an image is for (`firmware/boards/robot_module.rs`).
+/// Environment variable with the path of the robot's module (`firmware/boards/robot_module.rs`).
 const ROBOT: &str = "ROLLWALK_ROBOT";
 
-/// The sha2 crate's loops instead of its unrolled rounds, which are 30 KiB of SHA-256 and SHA-512.
+/// Flag for compact loops in the sha2 crate. Its unrolled rounds of SHA-256 and SHA-512 take 30 KiB.
 const COMPACT_HASHES: &str = "--cfg sha2_backend_soft=\"compact\"";
 
 /// Robot of the boards with CAN.
 const AGILEBOT: &str = "shipped/robots/agilebot.toml";
 
-/// An image of a board: a program of the board's workspace.
+/// Image of a board, a program of the board's workspace.
 pub struct Image {
     folder: &'static str,
     target: &'static str,
-    /// Robot file of images that are for no other robot.
+    /// Robot file for images that are not for a particular robot.
     robot: &'static str,
     /// Name of the program.
     pub name: &'static str,
 }
 
-/// The emulated board's, its buses and its time over the UART.
+/// Image of the emulated board with its buses and its time over the UART.
 pub const MPS2_AN386: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
     robot: AGILEBOT,
     name: "rollwalk-mps2-an386",
 };
-/// The emulated board's with requests and expected answers in its memory.
+/// Image of the emulated board with requests and expected answers in its memory.
 pub const MPS2_AN386_REPLAY: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
     robot: AGILEBOT,
     name: "rollwalk-mps2-an386-replay",
 };
-/// The emulated board's with its link as an SLCAN adapter, in real time.
+/// Image of the emulated board with its link as an SLCAN adapter, in real time.
 pub const MPS2_AN386_SLCAN: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
     robot: AGILEBOT,
     name: "rollwalk-mps2-an386-slcan",
 };
-/// The emulated board's that measures what keys cost.
+/// Image of the emulated board that measures the cost of keys.
 pub const MPS2_AN386_KEYS: Image = Image {
     folder: "firmware/boards/mps2-an386",
     target: CORTEX_M4F,
     robot: AGILEBOT,
     name: "rollwalk-mps2-an386-keys",
 };
-/// RAM of the emulated board's images (`memory.x`); what lies above stands for external memory.
+/// RAM of the emulated board's images (`memory.x`); higher addresses represent external memory.
 pub const RAM: Range<u64> = 0x2000_0000..0x2001_0000;
-/// The NUCLEO-G474RE's.
+/// Image of the NUCLEO-G474RE.
 pub const NUCLEO_G474RE: Image = Image {
     folder: "firmware/boards/nucleo-g474re",
     target: CORTEX_M4F,
     robot: AGILEBOT,
     name: "rollwalk-nucleo-g474re",
 };
-/// The Pico 2's, which has no CAN.
+/// Image of the Pico 2, which has no CAN.
 pub const PICO2: Image = Image {
     folder: "firmware/boards/pico2",
     target: CORTEX_M33F,
@@ -72,19 +72,19 @@ pub const PICO2: Image = Image {
 };
 
 impl Image {
-    /// Builds the image and the others of its workspace, whose links then run at the same time.
+    /// Builds the image together with the others of its workspace, which are then linked in parallel.
     ///
     /// # Errors
-    /// The compiler's verdict, or the one command that gets a compiler.
+    /// Returns an error if the build fails. If a compiler is missing, the error contains the command that installs it.
     pub fn build(&self, bench: &Bench) -> Result<PathBuf, String> {
         self.run(&["--bins"], &bench.shipped(self.robot)?)
     }
 
-    /// Builds the image for the robot of a generated module, with cargo features of keys or without any; the next build
-    /// replaces the file.
+    /// Builds the image for the robot of a generated module, with these cargo features for keys, or none if empty. The next
+    /// build replaces the file.
     ///
     /// # Errors
-    /// As for [`Self::build`].
+    /// Returns the errors of [`Self::build`].
     pub fn build_for(&self, module: &Path, key_features: &str) -> Result<PathBuf, String> {
         let selection = ["--bin", self.name, "--features", key_features];
         let (mut cargo, path) = self.cargo(&selection, module)?;
@@ -95,18 +95,18 @@ impl Image {
         Ok(path)
     }
 
-    /// Builds the image with a cargo feature; the next build without replaces the file.
+    /// Builds the image with a cargo feature; the next build without it replaces the file.
     ///
     /// # Errors
-    /// As for [`Self::build`].
+    /// Returns the errors of [`Self::build`].
     pub fn build_with(&self, bench: &Bench, feature: &str) -> Result<PathBuf, String> {
         self.run(&["--bin", self.name, "--features", feature], &bench.shipped(self.robot)?)
     }
 
-    /// Builds the image with cargo features of keys; the next build without replaces the file.
+    /// Builds the image with cargo features for keys; the next build without them replaces the file.
     ///
     /// # Errors
-    /// As for [`Self::build`].
+    /// Returns the errors of [`Self::build`].
     pub fn build_with_keys(&self, bench: &Bench, features: &str) -> Result<PathBuf, String> {
         self.build_for(&bench.shipped(self.robot)?, features)
     }
@@ -117,7 +117,7 @@ impl Image {
         Ok(path)
     }
 
-    /// The command that builds, and the file that it makes.
+    /// Returns the build command and the path of the resulting file.
     fn cargo(&self, selection: &[&str], robot: &Path) -> Result<(Command, PathBuf), String> {
         let bare_metal::Build { mut cargo, artefacts } = bare_metal::build(self.target)?;
         cargo.current_dir(shell::workspace_root().join(self.folder)).arg("--quiet").args(selection);

@@ -1,4 +1,4 @@
-//! Key block of a program that was compiled without keys: `firmware/boards/image_keys.rs` reads it at the start.
+//! Key block of a program that was compiled without keys; `firmware/boards/image_keys.rs` reads it at startup.
 
 use object::{Object, ObjectSection, ObjectSymbol};
 use std::ops::Range;
@@ -8,24 +8,24 @@ const SYMBOL: &str = "ROLLWALK_KEYS";
 /// First bytes of the block, blank or filled.
 const MAGIC: &[u8] = b"RW-KEYS1";
 
-/// Replaces the blank block of a program by a block in hexadecimal digits.
+/// Replaces the blank key block of a program by a block in hexadecimal digits.
 ///
 /// # Errors
-/// The program has no blank block of this size.
+/// Returns an error if the program does not have a blank block of this size.
 pub fn fill(image: &mut [u8], digits: &str) -> Result<(), String> {
-    let block = bytes(digits).ok_or("the bench made no block of keys")?;
+    let block = bytes(digits).ok_or("the bench wrote no valid key block")?;
     let place = place(image)?;
     let blank = image.get_mut(place).filter(|place| place.len() == block.len());
-    let blank = blank.ok_or("the program has room for keys of another version")?;
+    let blank = blank.ok_or("the program has room for a key block of another version")?;
     let (magic, rest) = blank.split_at(MAGIC.len().min(blank.len()));
     if magic != MAGIC || rest.iter().any(|&byte| byte != 0) {
-        return Err("the program has keys already".into());
+        return Err("the program already has keys".into());
     }
     blank.copy_from_slice(&block);
     Ok(())
 }
 
-/// Position of the block in the file of a program.
+/// Returns the position of the block in the file of a program.
 fn place(image: &[u8]) -> Result<Range<usize>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let found = file.symbols().find(|symbol| symbol.name() == Ok(SYMBOL));
@@ -37,7 +37,7 @@ fn place(image: &[u8]) -> Result<Range<usize>, String> {
         let from = usize::try_from(start.checked_add(offset)?).ok()?;
         within.then_some(from..from.checked_add(usize::try_from(symbol.size()).ok()?)?)
     });
-    place.ok_or_else(|| format!("the program has no {SYMBOL}: it was built without keys"))
+    place.ok_or_else(|| format!("the program lacks {SYMBOL}, because it was built without keys"))
 }
 
 fn bytes(digits: &str) -> Option<Vec<u8>> {

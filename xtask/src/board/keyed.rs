@@ -1,5 +1,5 @@
-//! Images with keys filled in: that the emulated board obeys a host with its link key, and no other, and plays a library
-//! that its owner has signed, and no other; and the sizes of the real boards' images.
+//! Tests of images with keys. The emulated board must accept only a host with its link key, and only libraries with its owner's
+//! signature. Also reports the sizes of the real boards' images.
 
 use super::bench::{Bench, KeyFiles};
 use super::image::MPS2_AN386;
@@ -8,17 +8,16 @@ use crate::shell;
 use std::fs;
 use std::path::PathBuf;
 
-/// The robot of images that are for none.
+/// Robot of images that are not for a particular robot.
 const ROBOT: &str = "shipped/robots/agilebot.toml";
 
-/// Keys that are no secret: the private key's bytes are 1, as are those of the keys that OpenSSL made for the tests of the
-/// command line.
+/// Public test keys. The bytes of the private key are 1, as in the OpenSSL keys of the command line's tests.
 const LINK: &str = "5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a";
 const OTHER_LINK: &str = "a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5a5";
 const PRIVATE: &str = "MC4CAQAwBQYDK2VwBCIEIAEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEBAQEB";
 const PUBLIC: &str = "MCowBQYDK2VwAyEAiojj3XQJ8ZX9UtstPLpdcspnCb8dlBIb83SIAbQPb1w=";
 
-/// Files with keys, for as long as a test goes on.
+/// Temporary files with keys.
 struct Keys {
     folder: tempfile::TempDir,
 }
@@ -53,11 +52,13 @@ impl Keys {
     }
 }
 
-/// Fills both keys into the image of the emulated board, and compares it with the simulation; a host without a key, one with
-/// another key, and a library without signature must be refused. The same image without its keys must not start.
+/// Fills both keys into the image of the emulated board, and compares it with the simulation.
+///
+/// A host without a key, a host with another key, and a library without a signature must be refused. The same image with blank
+/// keys must not start.
 ///
 /// # Errors
-/// The first difference, or what was not refused.
+/// Returns the first difference, or an error if something was not refused.
 pub fn check(bench: &Bench) -> Result<(), String> {
     let keys = Keys::new()?;
     let path = keys.at("image.elf");
@@ -76,15 +77,21 @@ pub fn check(bench: &Bench) -> Result<(), String> {
         match bench.uart_with_keys(&path, link.map(PathBuf::as_path), signing.map(PathBuf::as_path))
         {
             Ok(()) => {
-                return Err(format!("the board obeys whom it must refuse: {link:?}, {signing:?}"));
+                return Err(format!(
+                    "the board accepts a host that it must refuse: link key \
+                    {link:?}, signing key {signing:?}"
+                ));
             }
-            Err(refusal) if refusal.contains(why) => eprintln!("refused as it must: {refusal}"),
+            Err(refusal) if refusal.contains(why) => eprintln!("refused as required: {refusal}"),
             Err(other) => return Err(other),
         }
     }
     match bench.uart_with_keys(&blank, Some(&link), Some(&signing)) {
         Err(silent) if silent.contains("the link is down") => Ok(()),
-        Err(other) => Err(format!("the image without its keys: {other}")),
-        Ok(()) => Err("the image without its keys starts".into()),
+        Err(other) => Err(format!(
+            "the image without keys failed with another error than silence: \
+            {other}"
+        )),
+        Ok(()) => Err("the image without keys starts, although it must not".into()),
     }
 }

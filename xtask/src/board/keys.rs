@@ -1,5 +1,5 @@
-//! Cost of keys on the emulated board: size of its images with keys, instructions for an authenticated command and for the
-//! signature of a library.
+//! Cost of keys on the emulated board: sizes of its images with keys, and instruction counts for an authenticated command and
+//! for the signature of a library.
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
@@ -7,22 +7,27 @@ use super::image::{MPS2_AN386, MPS2_AN386_KEYS, RAM};
 use super::limits::Limits;
 use serde_json::{Value, json};
 
-/// Cargo features of the board: a link key, and a library key besides.
+/// Cargo feature of the board for a link key.
 const LINK: &str = "authenticated";
+/// Cargo features of the board for a link key and a library key.
 const BOTH: &str = "authenticated,signed";
-/// Today's sizes and counts, and a tenth more.
+/// Limit of code and constants with a link key, bytes. This and the following limits are measured values plus 10 %.
 const MAX_TEXT_LINK: u64 = 88_600;
+/// Limit of code and constants with both keys, bytes.
 const MAX_TEXT_BOTH: u64 = 106_700;
+/// Limit of an authenticated command, instructions.
 const MAX_COMMAND: f64 = 11_800.0;
+/// Limit of a signature check, instructions.
 const MAX_SIGNATURE: f64 = 1_925_000.0;
+/// Limit of a signature check for each KiB of the library, instructions.
 const MAX_SIGNATURE_PER_KIB: f64 = 98_800.0;
-/// The stack of the real boards has 32 KiB.
+/// Limit of the stack of a signature check, bytes; the stack of the real boards has 32 KiB.
 const MAX_STACK: u64 = 24 << 10;
 
 pub struct Keys {
-    /// The image with a link key.
+    /// Image with a link key.
     link: Contents,
-    /// The image with both.
+    /// Sizes of the image with both keys.
     both: Sections,
     command_without_proof: f64,
     proven_command: f64,
@@ -36,7 +41,7 @@ impl Keys {
     /// Builds the images and measures.
     ///
     /// # Errors
-    /// A failure of compiler, emulator or bench.
+    /// Returns an error if the compiler, the emulator or the bench fails.
     pub fn measure(bench: &Bench) -> Result<Self, String> {
         let measuring = MPS2_AN386_KEYS.build_with_keys(bench, BOTH)?;
         let figures = bench.keys(&measuring)?;
@@ -67,7 +72,7 @@ impl Keys {
         })
     }
 
-    /// Prints it below the other sizes.
+    /// Prints the figures below the other sizes.
     pub fn print(&self) {
         println!(
             "with keys      {:>7} B of text with a link key, {} B with a library key, too",
@@ -85,8 +90,8 @@ impl Keys {
         );
     }
 
-    /// Records all values above their limits. The crate that checks signatures has index checks that the compiler cannot remove,
-    /// so only the image without that crate must be free of panics.
+    /// Records all values that exceed their limits. The crate that checks signatures has index checks that the compiler cannot
+    /// remove, so only the image without that crate must be free of panics.
     pub fn judge(&self, limits: &mut Limits) {
         limits.bytes("text with a link key", self.link.sections.text, MAX_TEXT_LINK);
         limits.no_panics(&self.link.panics);

@@ -1,5 +1,5 @@
-//! `cargo xtask board`, `cargo xtask image` and `cargo xtask sizes`: builds the board images and measures them, and has the
-//! bench (`apps/board-bench`) compare the emulated one with the simulation.
+//! `cargo xtask board`, `cargo xtask image` and `cargo xtask sizes`: build the board images and measure them. The bench
+//! (`apps/board-bench`) compares the emulated board with the simulation.
 //!
 //! ```text
 //! host session ── simulated buses and motors ── firmware on the host ──> script ──> memory of the emulated board
@@ -29,29 +29,31 @@ pub use own::{Options as ImageOptions, run as image};
 pub use sizes::report as sizes;
 pub use slcan::build as slcan_image;
 
-/// A board with an image.
+/// Board that an image can be built for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Board {
     /// Arm's Cortex-M4F in QEMU, compared with the simulation.
     #[value(name = "mps2-an386")]
     Mps2An386,
-    /// The same with its link as an SLCAN adapter, in real time: built and measured.
+    /// Emulated board with its link as an SLCAN adapter, in real time: built and measured.
     #[value(name = "mps2-an386-slcan")]
     Mps2An386Slcan,
     /// ST's NUCLEO-G474RE: built and measured, ready to be flashed.
     #[value(name = "nucleo-g474re")]
     NucleoG474re,
-    /// Raspberry Pi Pico 2, for serial servos: likewise.
+    /// Raspberry Pi Pico 2, for serial servos: built and measured, ready to be flashed.
     #[value(name = "pico2")]
     Pico2,
 }
 
-/// Builds the image. The emulated board replays the demo from its memory and plays a short motion over its UART, or the
-/// whole demo over its UART. The real one is measured or, at a serial port, asked for its report and given the demo's
-/// library. For another robot than AgileBot, the emulated board plays a short motion made for it.
+/// Builds the image of a board and tests it.
+///
+/// The emulated board replays the demo from its memory and plays a short motion, or the whole demo, over its UART. A real
+/// board's image is measured. With `port`, the board's report is printed and the demo's library is transferred to the board.
+/// With `robot`, the emulated board plays a short motion made for that robot.
 ///
 /// # Errors
-/// The first failure, or the first difference from the simulation.
+/// Returns the first failure, or the first difference from the simulation.
 pub fn run(
     board: Board,
     port: Option<&Path>,
@@ -61,13 +63,13 @@ pub fn run(
     if let Some(robot) = robot {
         return match board {
             Board::Mps2An386 => other_robot(robot),
-            _ => Err("an image for another robot: cargo xtask image".into()),
+            _ => Err("build an image for another robot with `cargo xtask image`".into()),
         };
     }
     if demo_over_uart {
         return match board {
             Board::Mps2An386 => self::demo_over_uart(),
-            _ => Err("the whole demo is for mps2-an386: leave out --demo-over-uart".into()),
+            _ => Err("the whole demo runs only on mps2-an386: leave out --demo-over-uart".into()),
         };
     }
     match (board, port) {
@@ -75,7 +77,7 @@ pub fn run(
         (Board::Pico2, None) => real::report(&Bench::program()?, &real::PICO),
         (Board::NucleoG474re, Some(port)) => Bench::build()?.visit(port),
         (Board::Pico2, Some(_)) => {
-            Err("the demo library is AgileBot's, and it has no serial servos: leave out --port"
+            Err("the demo library is for AgileBot, which has no serial servos: leave out --port"
                 .into())
         }
         (Board::Mps2An386Slcan, None) => slcan::report(&Bench::program()?),
@@ -93,11 +95,11 @@ pub fn run(
     }
 }
 
-/// The step of `cargo xtask test`: the image of the emulated board within its limits and without panics; it replays the demo and,
-/// unless brief, plays a short motion over its UART.
+/// Step of `cargo xtask test`. Checks that the image of the emulated board is within its limits and free of panics, and replays
+/// the demo. Unless brief, also plays a short motion over the UART.
 ///
 /// # Errors
-/// The first failure.
+/// Returns the first failure.
 pub fn check(extent: Extent) -> Result<(), String> {
     let bench = Bench::build()?;
     sizes::measure(&bench)?;
@@ -107,11 +109,11 @@ pub fn check(extent: Extent) -> Result<(), String> {
     }
 }
 
-/// Builds and measures the images that [`check`] leaves out: those of the real boards, those with keys among them; and has the
-/// emulated board obey its keys: for `cargo xtask nightly`.
+/// Builds and measures the images that [`check`] leaves out, those of the real boards with and without keys, and tests keys on
+/// the emulated board; for `cargo xtask nightly`.
 ///
 /// # Errors
-/// As for [`run`], or what was not refused.
+/// Returns the errors of [`run`], or an error if something was not refused.
 pub fn other_boards() -> Result<(), String> {
     let bench = Bench::program()?;
     slcan::report(&bench)?;
@@ -122,10 +124,10 @@ pub fn other_boards() -> Result<(), String> {
     keyed::check(&bench)
 }
 
-/// Checks that a panic planted in the emulated board's images of the controller shows: for `cargo xtask nightly`.
+/// Checks that a panic planted in the emulated board's images is detected; for `cargo xtask nightly`.
 ///
 /// # Errors
-/// One that does not.
+/// Returns an error if a planted panic is not detected.
 pub fn planted_panics() -> Result<(), String> {
     let bench = Bench::program()?;
     for image in [image::MPS2_AN386, image::MPS2_AN386_SLCAN] {
@@ -135,19 +137,19 @@ pub fn planted_panics() -> Result<(), String> {
     Ok(())
 }
 
-/// Plays the whole demo on the emulated board over its UART: minutes, for `cargo xtask nightly`.
+/// Plays the whole demo on the emulated board over its UART, which takes minutes; for `cargo xtask nightly`.
 ///
 /// # Errors
-/// The first difference from the simulation, or a failure of the bench.
+/// Returns the first difference from the simulation, or an error if the bench fails.
 pub fn demo_over_uart() -> Result<(), String> {
     let bench = Bench::build()?;
     bench.uart(&image::MPS2_AN386.build(&bench)?, true)
 }
 
-/// Makes images of the emulated board for another robot, replays a short motion from its memory and plays it over its UART.
+/// Builds images of the emulated board for another robot, replays a short motion from its memory and plays it over its UART.
 ///
 /// # Errors
-/// The first difference from the simulation, or a failure of the bench.
+/// Returns the first difference from the simulation, or an error if the bench fails.
 pub fn other_robot(robot: &Path) -> Result<(), String> {
     let bench = Bench::program()?;
     let bench::Module { path: module, wiring } = bench.module(robot, "mps2-an386")?;
@@ -160,7 +162,7 @@ pub fn other_robot(robot: &Path) -> Result<(), String> {
     bench.uart(&uart, false)
 }
 
-/// A path as the user would write it.
+/// Path relative to the workspace root if it is inside, for messages.
 fn shown(path: &Path) -> String {
     path.strip_prefix(shell::workspace_root()).unwrap_or(path).display().to_string()
 }

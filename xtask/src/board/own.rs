@@ -1,5 +1,5 @@
-//! `cargo xtask image`: the image of a board for a robot of one's own. The bench makes the robot's module and says how it is
-//! connected; the board's program is built with it, and written as the board's boot loader takes it.
+//! `cargo xtask image`: builds the image of a board for the user's own robot. The bench generates the robot's module and
+//! describes the wiring. The board's program is built with this module, and written in the formats of the board's boot loader.
 
 use super::bench::{Bench, KeyFiles, Module};
 use super::contents::{self, Sections};
@@ -13,13 +13,13 @@ use std::io::{self, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Command line.
+/// Options of the command.
 #[derive(clap::Args)]
 pub struct Options {
     /// Robot file (TOML).
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Board.
+    /// Board to build the image for.
     #[arg(long)]
     board: Board,
     /// Image file; the extension selects the format. By default, one file of each format of the board in the target folder.
@@ -32,18 +32,18 @@ pub struct Options {
 /// Files of a board's image.
 struct Product {
     image: Image,
-    /// RAM for the program's variables.
+    /// Address range of the program's variables.
     ram: Range<u64>,
-    /// Bytes of flash for the program.
+    /// Size of the flash for the program, bytes.
     flash: u64,
     formats: &'static [Format],
-    /// Flashing instructions for each of these files; `FILE` stands for its name.
+    /// Flashing instructions for each format; `FILE` stands for the path.
     flashing: &'static [(Format, &'static str)],
 }
 
 const NUCLEO_FLASHING: [(Format, &str); 3] = [
     (Format::Elf, "probe-rs run --chip STM32G474RETx FILE"),
-    (Format::Bin, "copy FILE onto the drive NOD_G474RE, which the board's debugger is"),
+    (Format::Bin, "copy FILE onto the drive NOD_G474RE of the board's debugger"),
     (Format::Bin, "STM32_Programmer_CLI -c port=SWD -w FILE 0x08000000 -rst"),
 ];
 /// Family of RP2350 programs for the Arm cores in secure mode (RP2350 datasheet, 5.5.3).
@@ -89,11 +89,11 @@ fn product(board: Board) -> Product {
     }
 }
 
-/// Builds the image and prints how the robot is connected, sizes, and how the board gets the image.
+/// Builds the image, and prints the wiring of the robot, the sizes, and the flashing instructions.
 ///
 /// # Errors
-/// What the board has not got for the robot, or a file that has no key in it, before anything is built; the compiler's
-/// verdict; an image that is larger than the board's flash or RAM; a file that cannot be written.
+/// Returns an error before the build if the board lacks a port for the robot, or if a key file contains no key. Returns an
+/// error if the build fails, if the image exceeds the flash or RAM of the board, or if a file cannot be written.
 pub fn run(options: &Options) -> Result<(), String> {
     let Product { image, ram, flash, formats, flashing } = product(options.board);
     let name = options.board.to_possible_value().map_or_else(String::new, |v| v.get_name().into());
@@ -104,8 +104,9 @@ pub fn run(options: &Options) -> Result<(), String> {
     let Options { keys, .. } = options;
     let has_keys = !features(keys).is_empty();
     let block = has_keys.then(|| bench.key_block(&options.robot, keys)).transpose()?;
-    let mut built = build(&image, &module, keys)
-        .map_err(|why| if has_keys { format!("with keys: {why}") } else { why })?;
+    let mut built = build(&image, &module, keys).map_err(|why| {
+        if has_keys { format!("the image with keys cannot be built: {why}") } else { why }
+    })?;
     let Sections { text, data, bss } = contents::sections(&built, ram.clone())?;
     fits(&name, "flash", text, flash)?;
     fits(&name, "RAM", data + bss, ram.end - ram.start)?;
@@ -120,7 +121,7 @@ pub fn run(options: &Options) -> Result<(), String> {
 
     println!("{} on {name}\n\n{wiring}", options.robot.display());
     for (key, what) in [
-        (&keys.link_key, "obeys only hosts with the link key of"),
+        (&keys.link_key, "accepts commands only from hosts with the link key of"),
         (&keys.library_key, "plays only libraries signed for"),
     ] {
         if let Some(path) = key {
@@ -136,8 +137,8 @@ pub fn run(options: &Options) -> Result<(), String> {
     }
     if is_secret {
         println!(
-            "\nThe link key is in these files: keep them as secret as the key, and lock the chip's debug port \
-             (docs/threat-model.md)"
+            "\nThese files contain the link key: keep the files as secret as the key, and lock the \
+             chip's debug port (docs/threat-model.md)"
         );
     }
     Ok(())
@@ -150,8 +151,8 @@ fn features(keys: &KeyFiles) -> String {
     wanted.collect::<Vec<_>>().join(",")
 }
 
-/// Builds the image, its keys blank, and checks that nothing of ours in it can panic. The crate that checks signatures has
-/// checks of indices that the compiler cannot prove (`docs/threat-model.md`, G5): all else is looked at without it.
+/// Builds the image with blank keys, and checks that our own code cannot panic. The crate that checks signatures has index
+/// checks that the compiler cannot remove (`docs/threat-model.md`, G5), so the check uses an image without it.
 fn build(image: &Image, module: &Path, keys: &KeyFiles) -> Result<Vec<u8>, String> {
     let ours = if keys.link_key.is_some() { "authenticated" } else { "" };
     let built = contents::read(&image.build_for(module, ours)?)?;
@@ -165,15 +166,15 @@ fn build(image: &Image, module: &Path, keys: &KeyFiles) -> Result<Vec<u8>, Strin
     }
 }
 
-/// Checks that an image fits a board's memory.
+/// Checks that an image fits into a memory of a board.
 fn fits(board: &str, memory: &str, taken: u64, room: u64) -> Result<(), String> {
     if taken <= room {
         return Ok(());
     }
-    Err(format!("the image takes {taken} B of {memory}, and {board} has {room} for it"))
+    Err(format!("the image takes {taken} B of {memory}, but {board} has only {room} B"))
 }
 
-/// The files to write: the one that the user names, or one of each format.
+/// Returns the files to write: the one that the user named, or one of each format.
 fn outputs(
     options: &Options,
     formats: &[Format],
@@ -192,12 +193,16 @@ fn outputs(
     let format = formats.iter().find(|format| format.is_of(path)).ok_or_else(|| {
         let endings: Vec<_> =
             formats.iter().map(|format| format!(".{}", format.extension())).collect();
-        format!("{}: images of {board} end with {}", path.display(), endings.join(" or "))
+        format!(
+            "{}: name a file for an image of {board} with the ending {}",
+            path.display(),
+            endings.join(" or ")
+        )
     })?;
     Ok(vec![(*format, path.clone())])
 }
 
-/// Writes a file in place, so that links and devices stay what they are; one with a secret for its user alone.
+/// Writes a file in place, so that links and devices are kept. Only the user can read a file with a secret.
 pub fn save(path: &Path, bytes: &[u8], is_secret: bool) -> io::Result<()> {
     if let Some(folder) = path.parent().filter(|folder| folder.starts_with(shell::target_folder()))
     {
@@ -237,7 +242,10 @@ mod tests {
         let of_file = outputs_of(Board::Pico2, Some("a/b.uf2"));
         assert_eq!(of_file, Ok(vec![(Format::Uf2(RP2350_ARM), "a/b.uf2".into())]));
         let why = outputs_of(Board::NucleoG474re, Some("b.uf2")).unwrap_err();
-        assert_eq!(why, "b.uf2: images of this board end with .elf or .bin");
+        assert_eq!(
+            why,
+            "b.uf2: name a file for an image of this board with the ending .elf or .bin"
+        );
         assert!(outputs_of(Board::Mps2An386, Some("image")).is_err());
 
         let both = outputs_of(Board::NucleoG474re, None).unwrap();
@@ -249,7 +257,7 @@ mod tests {
     fn an_image_that_does_not_fit_says_by_how_much() {
         assert_eq!(fits("this board", "flash", 512, 512), Ok(()));
         let why = fits("this board", "flash", 513, 512).unwrap_err();
-        assert_eq!(why, "the image takes 513 B of flash, and this board has 512 for it");
+        assert_eq!(why, "the image takes 513 B of flash, but this board has only 512 B");
     }
 
     #[cfg(unix)]

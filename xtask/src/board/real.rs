@@ -1,4 +1,4 @@
-//! The images of real boards, which no emulator runs: they build, fit and cannot panic.
+//! Images of real boards, for which there is no emulator: checks that they can be built, fit into memory and cannot panic.
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, panic_paths, read, sections};
@@ -7,25 +7,26 @@ use super::limits::{Limits, MAX_STATIC_RAM};
 use super::shown;
 use std::ops::Range;
 
-/// A board's memories.
+/// Memories of a board, with the limits of its image.
 pub struct Memory {
     name: &'static str,
     image: Image,
-    /// Variables and stack (`memory.x`).
+    /// Address range of variables and stack (`memory.x`).
     pub ram: Range<u64>,
-    /// Bytes of RAM reserved for the stack.
+    /// Size of the RAM reserved for the stack, bytes.
     stack_bytes: u64,
-    /// Bytes of flash for the program; the library has its own flash.
+    /// Size of the flash for the program, bytes; the library has its own flash.
     pub flash_bytes: u64,
-    /// Most bytes of code and constants.
+    /// Limit of code and constants, bytes.
     max_text: u64,
-    /// The same with a link key, and with a library key as well: today's sizes and a tenth more.
+    /// Limit of code and constants with a link key, bytes: the measured size plus 10 %.
     max_text_link: u64,
+    /// Limit of code and constants with both keys, bytes: the measured size plus 10 %.
     max_text_both: u64,
 }
 
-/// NUCLEO-G474RE. The text limit is that of the emulated board, which has only the core, and half as much for drivers, the store
-/// of parameters and clocks.
+/// NUCLEO-G474RE. The text limit is that of the emulated board, which has only the core, plus half of it for drivers, the
+/// parameter store and clocks.
 pub const NUCLEO: Memory = Memory {
     name: "nucleo-g474re",
     image: NUCLEO_G474RE,
@@ -51,7 +52,7 @@ pub const PICO: Memory = Memory {
 /// Builds the image of a board and prints its sizes.
 ///
 /// # Errors
-/// Sizes above their limits, or the compiler's verdict.
+/// Returns an error if a size exceeds its limit, or if the build fails.
 pub fn report(bench: &Bench, board: &Memory) -> Result<(), String> {
     let Memory { name, image, ram, stack_bytes, flash_bytes, max_text, .. } = board;
     let panicking = read(&image.build_with(bench, "planted-panic")?)?;
@@ -61,20 +62,20 @@ pub fn report(bench: &Bench, board: &Memory) -> Result<(), String> {
     println!("{name}, release: {}", shown(path));
     println!("text           {text:>7} B of {max_text}, in {flash_bytes} of flash");
     println!(
-        "data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss}), in {} of RAM, {stack_bytes} of \
-         them the stack's",
+        "data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss}), in {} B of RAM with \
+         {stack_bytes} B of stack",
         data + bss,
         ram.end - ram.start
     );
-    println!("panic paths    {:>7} (a planted one was found)", panics.len());
+    println!("panic paths    {:>7} (the check found a planted panic path)", panics.len());
 
     contents.limits(*max_text).verdict()
 }
 
-/// Builds the image of a board with keys, and prints their sizes.
+/// Builds the images of a board with keys, and prints their sizes.
 ///
 /// # Errors
-/// As for [`report`].
+/// Returns the errors of [`report`].
 pub fn report_with_keys(bench: &Bench, board: &Memory) -> Result<(), String> {
     let Memory { name, image, ram, flash_bytes, max_text_link, max_text_both, .. } = board;
     let mut limits = Limits::default();

@@ -1,7 +1,7 @@
-//! Sizes of the emulated board's image: flash, RAM, stack and instructions, each against its limit, and no panics.
+//! Sizes of the emulated board's image: flash, RAM, stack and instructions, each checked against its limit, and no panics.
 //!
-//! Flash and RAM are those of the image that answers over the UART; stack and instructions are counted in the replay
-//! image, where the same controller gets its requests from memory.
+//! Flash and RAM are those of the image that answers over the UART. Stack and instructions are counted in the replay image, in
+//! which the same controller reads its requests from memory.
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read, sections};
@@ -10,31 +10,33 @@ use super::keys::Keys;
 use super::limits::MAX_STATIC_RAM;
 use serde_json::json;
 
-/// Most bytes of code and constants: 64 KiB, as before torques were fed forward, 6 KiB for these, 4 KiB for streamed setpoints,
-/// and 4 KiB for a loop that a host closes over the link.
+/// Limit of code and constants, bytes: 64 KiB for the core, 6 KiB for torque feed-forward, 4 KiB for streamed set-points, and 4
+/// KiB for closed-loop control over the link.
 pub const MAX_TEXT: u64 = 78 << 10;
-/// The same with lines for every actuator protocol, which the board has not: today's size and a little more. Each
-/// protocol adds its codec here, and nothing to images without its line.
+/// Limit of code and constants with the lines of all actuator protocols, bytes: slightly above the measured size. The board
+/// itself lacks these lines. Each new protocol adds its codec here, but nothing to images without its line.
 const MAX_TEXT_WITH_EVERY_LINE: u64 = 89 << 10;
-/// Aim for the instructions of a control tick: 1 kHz on a 170 MHz part with room to spare.
+/// Target of the mean control tick, instructions: 1 kHz on a 170 MHz part with a margin.
 const AIM: f64 = 10_000.0;
-/// Today's counts, with a library that has torques, and a tenth more: above that is a step back. The worst tick goes to
-/// another clip and on to its next frame.
+/// Limit of the mean control tick, instructions. This and the following limits are measured values plus 10 %, for a library
+/// with torques.
 const MAX_MEAN_TICK: f64 = 13_600.0;
+/// Limit of the worst control tick, instructions. This tick enters another clip and its next frame.
 const MAX_TICK: f64 = 25_100.0;
+/// Limit of the worst control period, instructions.
 const MAX_PERIOD: f64 = 59_700.0;
 
 /// Builds the images, replays the demo and prints the figures, as a table or as JSON.
 ///
 /// # Errors
-/// Every figure above its limit; or a failure of compiler, emulator or bench.
+/// Returns all figures that exceed their limits, or an error if the compiler, the emulator or the bench fails.
 pub fn report(is_json: bool) -> Result<(), String> {
     let bench = Bench::build()?;
     let keys = Keys::measure(&bench)?;
     figures(&bench, is_json, Some(&keys))
 }
 
-/// The same with a bench, as a table and without what keys cost.
+/// Reports with an existing bench, as a table and without the cost of keys.
 pub fn measure(bench: &Bench) -> Result<(), String> {
     figures(bench, false, None)
 }
@@ -66,19 +68,19 @@ fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), Stri
         println!("mps2-an386, release, 20 actuators at 120 Hz");
         println!("text           {text:>7} B of {MAX_TEXT}");
         println!(
-            "               {every:>7} B with serial lines and 29-bit buses, all actuator protocols in: aim \
-             of {MAX_TEXT} {}",
+            "               {every:>7} B with serial lines, 29-bit buses and all actuator \
+             protocols: goal of {MAX_TEXT} {}",
             verdict(every <= MAX_TEXT)
         );
         println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
-        println!("deepest stack  {stack:>7} B, {start_stack} B while it started");
+        println!("deepest stack  {stack:>7} B, {start_stack} B during the start");
         println!(
-            "control tick   {mean_tick:>7.0} instructions on average over {}: aim of {AIM} {}",
+            "control tick   {mean_tick:>7.0} instructions on average over {}: goal of {AIM} {}",
             figures.number("periods")?,
             verdict(mean_tick <= AIM)
         );
         println!(
-            "               {worst_tick:>7.0} at worst, of at most {MAX_TICK}: aim {}",
+            "               {worst_tick:>7.0} in the worst case, limit {MAX_TICK}: goal {}",
             verdict(worst_tick <= AIM)
         );
         println!(
@@ -88,7 +90,7 @@ fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), Stri
         if let Some(keys) = keys {
             keys.print();
         }
-        println!("panic paths    {:>7} (those of the replay image were found)", panics.len());
+        println!("panic paths    {:>7} (the check found those of the replay image)", panics.len());
     }
 
     let mut limits = contents.limits(MAX_TEXT);

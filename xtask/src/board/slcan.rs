@@ -1,5 +1,5 @@
-//! The emulated board's image with its link as an SLCAN adapter: it builds, fits and cannot panic. `cargo xtask vcan`
-//! runs it, where there is SocketCAN.
+//! Image of the emulated board with its link as an SLCAN adapter: checks that it can be built, fits into memory and cannot
+//! panic. `cargo xtask vcan` runs it on a machine with SocketCAN.
 
 use super::bench::Bench;
 use super::contents::{Contents, Sections, read};
@@ -10,10 +10,10 @@ use super::sizes::MAX_TEXT;
 use crate::workspace::Program;
 use std::path::PathBuf;
 
-/// Builds the image, with the bench of a build of the workspace.
+/// Builds the image with the bench from a build of the workspace.
 ///
 /// # Errors
-/// The compiler's verdict.
+/// Returns an error if the build fails.
 pub fn build(programs: &[Program]) -> Result<PathBuf, String> {
     MPS2_AN386_SLCAN.build(&Bench::among(programs)?)
 }
@@ -21,7 +21,7 @@ pub fn build(programs: &[Program]) -> Result<PathBuf, String> {
 /// Builds the image and prints its sizes.
 ///
 /// # Errors
-/// Sizes above their limits, or the compiler's verdict.
+/// Returns an error if a size exceeds its limit, or if the build fails.
 pub fn report(bench: &Bench) -> Result<(), String> {
     let panicking = read(&MPS2_AN386_REPLAY.build(bench)?)?;
     let contents = Contents::read(MPS2_AN386_SLCAN.build(bench)?, &panicking, RAM)?;
@@ -29,7 +29,7 @@ pub fn report(bench: &Bench) -> Result<(), String> {
     println!("mps2-an386-slcan, release: {}", shown(path));
     println!("text           {text:>7} B of {MAX_TEXT}");
     println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
-    println!("panic paths    {:>7} (those of the replay image were found)", panics.len());
+    println!("panic paths    {:>7} (the check found those of the replay image)", panics.len());
 
     contents.limits(MAX_TEXT).verdict()
 }

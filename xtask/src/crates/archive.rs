@@ -1,26 +1,30 @@
-//! Contents of a package: its README, and the licences of the checkout.
+//! Check of a package's contents: its README, and the licences of the checkout.
 
 use super::Published;
 use crate::shell;
 use std::fs;
 use std::path::Path;
 
-/// Texts that every package has, byte by byte: those of the crate's folder, and of the checkout's.
+/// Files that every package must contain, identical to those in the crate's folder.
 const OF_CRATE: [&str; 1] = ["README.md"];
+/// Files that every package must contain, identical to those in the root of the checkout.
 const OF_CHECKOUT: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
-/// The registry refuses larger packages.
+/// Maximum size of a package in the registry, bytes.
 const BYTES_MAX: u64 = 10 * 1024 * 1024;
 
 /// Returns the defects of a package.
 ///
 /// # Errors
-/// It is not where cargo writes it, or no archive.
+/// Returns an error if the package does not exist where cargo writes it, or is not an archive.
 pub fn violations(one: &Published, archive: &Path) -> Result<Vec<String>, String> {
     let failed = |path: &Path, error| format!("{}: {error}", path.display());
     let bytes = fs::metadata(archive).map_err(|error| failed(archive, error))?.len();
     let mut found = Vec::new();
     if bytes > BYTES_MAX {
-        found.push(format!("{}: {bytes} bytes are more than {BYTES_MAX}", archive.display()));
+        found.push(format!(
+            "{}: the package has {bytes} bytes; at most {BYTES_MAX} are allowed",
+            archive.display()
+        ));
     }
     let root = shell::workspace_root();
     let texts = OF_CRATE.map(|name| (name, one.folder.join(name)));
@@ -31,8 +35,12 @@ pub fn violations(one: &Published, archive: &Path) -> Result<Vec<String>, String
         unpack.arg(archive).arg(format!("{}/{name}", one.stem()));
         match shell::bytes(&mut unpack) {
             Ok(packaged) if packaged == expected => {}
-            Ok(_) => found.push(format!("{}: {name} is not that of the checkout", one.name)),
-            Err(why) => found.push(format!("{}: no {name}: {why}", one.name)),
+            Ok(_) => found.push(format!(
+                "{}: {name} in the package differs from that of the \
+                checkout",
+                one.name
+            )),
+            Err(why) => found.push(format!("{}: the package lacks {name}: {why}", one.name)),
         }
     }
     Ok(found)
@@ -68,10 +76,13 @@ mod tests {
 
         // What git leaves of a symbolic link where there are none.
         fs::write(inside.join("LICENSE-MIT"), "../LICENSE-MIT").unwrap();
-        assert_eq!(found(), ["a: LICENSE-MIT is not that of the checkout"]);
+        assert_eq!(found(), ["a: LICENSE-MIT in the package differs from that of the checkout"]);
         fs::remove_file(inside.join("README.md")).unwrap();
         let found = found();
-        assert!(found.len() == 2 && found[0].starts_with("a: no README.md"), "{found:?}");
+        assert!(
+            found.len() == 2 && found[0].starts_with("a: the package lacks README.md"),
+            "{found:?}"
+        );
         assert!(violations(&one, &folder.path().join("gone.crate")).is_err());
     }
 }

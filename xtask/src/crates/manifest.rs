@@ -1,9 +1,9 @@
-//! Metadata of the workspace from cargo: the published crates, and the information that their users need.
+//! Metadata of the workspace from cargo: the published crates, and the metadata that their users need.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Categories of the registry that our crates are in. It refuses others, but only when a crate is published.
+/// Categories of the registry that our crates use. The registry refuses others, but only at publication.
 const CATEGORIES: [&str; 10] = [
     "config",
     "embedded",
@@ -16,30 +16,31 @@ const CATEGORIES: [&str; 10] = [
     "science::robotics",
     "simulation",
 ];
-/// Accepted number of keywords and of categories in the registry, and maximum length of a keyword, bytes.
+/// Accepted number of keywords and of categories in the registry.
 const WORDS: std::ops::RangeInclusive<usize> = 1..=5;
+/// Maximum length of a keyword in the registry, bytes.
 const KEYWORD_BYTES: usize = 20;
 
-/// A crate that is published.
+/// Published crate.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Published {
     pub name: String,
     pub version: String,
-    /// Folder of its manifest.
+    /// Folder of the manifest.
     pub folder: PathBuf,
 }
 
 impl Published {
-    /// Name of its package, and of the folder in it.
+    /// Name of the package file, and of the folder in it.
     pub fn stem(&self) -> String {
         format!("{}-{}", self.name, self.version)
     }
 }
 
-/// The published crates, in the output of `cargo metadata --no-deps`.
+/// Returns the published crates in the output of `cargo metadata --no-deps`.
 ///
 /// # Errors
-/// There is none, or `metadata` is not what cargo prints.
+/// Returns an error if there is no published crate, or if `metadata` is not cargo's output.
 pub fn published(metadata: &str) -> Result<Vec<Published>, String> {
     let of_package = |package: &Value| {
         let text = |key| package[key].as_str().map(str::to_owned);
@@ -55,7 +56,7 @@ pub fn published(metadata: &str) -> Result<Vec<Published>, String> {
 /// Returns missing and invalid metadata of the published crates.
 ///
 /// # Errors
-/// `metadata` is not what cargo prints.
+/// Returns an error if `metadata` is not cargo's output.
 pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
     let packages = packages(metadata)?;
     let mut found = Vec::new();
@@ -71,17 +72,19 @@ pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
         };
         for key in ["keywords", "categories"] {
             if !WORDS.contains(&words(key).len()) {
-                found.push(format!("{name}: {key} must be one to five"));
+                found.push(format!("{name}: give one to five {key}"));
             }
         }
         for keyword in words("keywords").iter().filter(|keyword| !is_keyword(keyword)) {
             found.push(format!(
-                "{name}: the keyword `{keyword}` must be at most {KEYWORD_BYTES} letters, digits, - or _, a letter first"
+                "{name}: the keyword `{keyword}` must begin with a letter and have at most \
+                 {KEYWORD_BYTES} letters, digits, - or _"
             ));
         }
         for category in words("categories").iter().filter(|one| !CATEGORIES.contains(one)) {
             found.push(format!(
-                "{name}: if the registry has the category `{category}`, add it to CATEGORIES of the check"
+                "{name}: add the category `{category}` to CATEGORIES of this check if the registry \
+                 has this category"
             ));
         }
         for dependency in package["dependencies"].as_array().into_iter().flatten() {
@@ -91,12 +94,12 @@ pub fn violations(metadata: &str) -> Result<Vec<String>, String> {
     Ok(found)
 }
 
-/// Returns the defect of a dependency on another crate of the workspace. In a package only the version of the dependency is left.
+/// Returns the defect of a dependency on another crate of the workspace. A package retains only the version of the dependency.
 fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<String> {
     dependency["path"].as_str()?;
     let to = dependency["name"].as_str()?;
     let Some(package) = packages.iter().find(|package| package["name"] == to) else {
-        return Some(format!("{name}: depends on {to}, which is no crate of the workspace"));
+        return Some(format!("{name}: depends on {to}, which is not a crate of the workspace"));
     };
     if !is_published(package) {
         return Some(format!("{name}: depends on {to}, which is not published"));
@@ -104,7 +107,10 @@ fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<S
     let (version, required) = (package["version"].as_str()?, dependency["req"].as_str()?);
     // An older version that fits may lack what this one uses.
     (required != format!("^{version}")).then(|| {
-        format!("{name}: takes {to} {required}, which is {version}; the root Cargo.toml has both")
+        format!(
+            "{name}: requires {to} {required}, but {to} has version {version}; correct the \
+            root Cargo.toml, which has both versions"
+        )
     })
 }
 
@@ -114,7 +120,7 @@ fn packages(metadata: &str) -> Result<Vec<Value>, String> {
     metadata["packages"].as_array().cloned().ok_or("cargo metadata: no packages".into())
 }
 
-/// Cargo lists the registries that a crate may go to; without a list to any.
+/// True if cargo may publish the package to any registry. Otherwise the metadata contain a list of registries.
 fn is_published(package: &Value) -> bool {
     package["publish"].is_null()
 }
@@ -130,7 +136,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// A workspace of a published crate `a`, which takes `b`, and one that is not published.
+    /// Creates the metadata of a workspace with a published crate `a` that depends on `b`, and with an unpublished crate.
     fn workspace(change: impl FnOnce(&mut Value)) -> String {
         let package = |name: &str, publish: Value, dependencies: Value| {
             json!({
@@ -164,9 +170,9 @@ mod tests {
         };
         assert_eq!(found("description", json!("")), ["a: description is missing"]);
         assert_eq!(found("readme", Value::Null), ["a: readme is missing"]);
-        assert_eq!(found("keywords", json!([])), ["a: keywords must be one to five"]);
+        assert_eq!(found("keywords", json!([])), ["a: give one to five keywords"]);
         let categories = json!(["config", "config", "config", "config", "config", "config"]);
-        assert_eq!(found("categories", categories), ["a: categories must be one to five"]);
+        assert_eq!(found("categories", categories), ["a: give one to five categories"]);
         for keyword in ["trajectory-optimization", "3d", "two words"] {
             let found = found("keywords", json!([keyword]));
             assert!(found.len() == 1 && found[0].contains(keyword), "{found:?}");
@@ -181,10 +187,10 @@ mod tests {
             violations(&workspace(of_first)).unwrap()
         };
         assert_eq!(found("name", json!("c")), ["a: depends on c, which is not published"]);
-        assert!(found("name", json!("d"))[0].contains("no crate of the workspace"));
+        assert!(found("name", json!("d"))[0].contains("not a crate of the workspace"));
         for old in ["^0.1.0", "*"] {
             let found = found("req", json!(old));
-            assert!(found.len() == 1 && found[0].starts_with("a: takes b"), "{found:?}");
+            assert!(found.len() == 1 && found[0].starts_with("a: requires b"), "{found:?}");
         }
     }
 

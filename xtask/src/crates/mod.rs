@@ -1,10 +1,10 @@
-//! Crates that are published for users of Rust (`docs/crates.md`): each can be packaged, and keeps its promises to them.
+//! Checks of the crates that are published for Rust users (`docs/crates.md`): each can be packaged, and keeps its promises.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | [`manifest`] | what cargo says of the workspace: which crates are published, and what their users must find |
-//! | [`archive`] | what a package has in it |
-//! | [`semver`] | public items compared with those of the last release |
+//! | [`manifest`] | metadata from cargo: the published crates, and the metadata that their users need |
+//! | [`archive`] | contents of a package |
+//! | [`semver`] | comparison of public items with the last release |
 
 mod archive;
 mod manifest;
@@ -17,12 +17,12 @@ use std::path::PathBuf;
 
 pub use semver::compare;
 
-/// Checks the manifests of the published crates and, unless brief, packages each. The full check also builds each from its
-/// package alone, and compares its public items with the last release.
+/// Checks the manifests of the published crates and, unless brief, packages each of them. The full check also builds each crate
+/// from its package alone, and compares its public items with the last release.
 ///
 /// # Errors
-/// Metadata that is missing, a crate that cannot be packaged, a package without its licences; then also one that does not
-/// build, and changes that the version does not allow.
+/// Returns an error if metadata are missing, if a crate cannot be packaged, or if a package lacks its licences. The full check
+/// also returns an error if a package cannot be built, or if the version does not allow the changes.
 pub fn check(extent: Extent) -> Result<(), String> {
     let metadata = metadata()?;
     let published = manifest::published(&metadata)?;
@@ -31,7 +31,10 @@ pub fn check(extent: Extent) -> Result<(), String> {
         return Err(violations.join("\n"));
     }
     if extent == Extent::Brief {
-        eprintln!("the manifests of {} crates have what the registry asks for", published.len());
+        eprintln!(
+            "the manifests of {} crates meet the requirements of the registry",
+            published.len()
+        );
         return Ok(());
     }
     package(&published, extent)?;
@@ -45,13 +48,12 @@ pub fn check(extent: Extent) -> Result<(), String> {
     if extent == Extent::Full { compare(None) } else { Ok(()) }
 }
 
-/// Metadata of the workspace, from cargo.
+/// Returns the metadata of the workspace from cargo.
 fn metadata() -> Result<String, String> {
     shell::output(&mut shell::cargo(&["metadata", "--no-deps", "--format-version", "1"]))
 }
 
-/// Writes the packages. Those that do not depend on each other alone are found in a registry that cargo makes for this, so that
-/// none needs to be published.
+/// Writes the packages. Cargo resolves dependencies between them in a temporary registry, so none needs to be published.
 fn package(published: &[Published], extent: Extent) -> Result<(), String> {
     // Of a change, too, before it is committed.
     let mut package = shell::cargo(&["package", "--locked", "--allow-dirty", "--target-dir"]);
@@ -67,7 +69,7 @@ fn package(published: &[Published], extent: Extent) -> Result<(), String> {
     shell::run(&mut package)
 }
 
-/// Cargo's target folder for packages: those of `cargo xtask package` are in the other one.
+/// Target folder of cargo for these packages, separate from that of `cargo xtask package`.
 fn folder() -> PathBuf {
     shell::target_folder().join("crates")
 }

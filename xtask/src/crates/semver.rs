@@ -1,5 +1,5 @@
-//! Public items of the published crates, compared with those of the last release by cargo-semver-checks: what breaks users
-//! needs a version that says so.
+//! Comparison of the published crates' public items with the last release by cargo-semver-checks. A breaking change needs a
+//! version number that announces it.
 
 use super::manifest::{self, Published};
 use super::metadata;
@@ -8,11 +8,11 @@ use crate::{shell, toolchain};
 const CARGO_SEMVER_CHECKS: (&str, &str) = ("cargo-semver-checks", "0.51.0");
 const TAGS: &str = "v[0-9]*";
 
-/// Compares with a revision, or else with the last release before this commit. Says so where there is none.
+/// Compares with a revision, or else with the last release before this commit. Prints a note if there is no release.
 ///
 /// # Errors
-/// The changes that the version does not allow, which are on the terminal; a revision that has none of the crates; the command
-/// that installs cargo-semver-checks.
+/// Returns an error if the version does not allow the changes, which are printed on the terminal, or if the revision has none
+/// of the crates. If cargo-semver-checks is missing, the error contains the command that installs it.
 pub fn compare(since: Option<&str>) -> Result<(), String> {
     let revision = match since {
         Some(revision) => Some(revision.to_owned()),
@@ -20,22 +20,22 @@ pub fn compare(since: Option<&str>) -> Result<(), String> {
     };
     let Some(revision) = revision else {
         eprintln!(
-            "public items are NOT compared: no tag `{TAGS}` is before this commit, so that there is no release to compare with; \
-             `cargo xtask semver --since REVISION` compares with any revision"
+            "public items are NOT compared, because no release tag `{TAGS}` precedes this commit; \
+             run `cargo xtask semver --since REVISION` to compare with another revision"
         );
         return Ok(());
     };
     let commit = format!("{revision}^{{commit}}");
     shell::output(&mut shell::command("git", &["rev-parse", "--verify", "--quiet", &commit]))
-        .map_err(|_| format!("`{revision}` is no revision of this checkout"))?;
+        .map_err(|_| format!("`{revision}` is not a revision of this checkout"))?;
     let published = manifest::published(&metadata()?)?;
     let (old, new): (Vec<_>, Vec<_>) =
         published.iter().partition(|one| is_in(&revision, one).unwrap_or(false));
     if old.is_empty() {
-        return Err(format!("`{revision}` has none of the published crates"));
+        return Err(format!("`{revision}` contains none of the published crates"));
     }
     for one in new {
-        eprintln!("{}: not in {revision}, so that it has nothing to keep", one.name);
+        eprintln!("{}: this crate is not in {revision}, so there is nothing to compare", one.name);
     }
     let checks = toolchain::subcommand(CARGO_SEMVER_CHECKS)?;
     let mut check = shell::command(&checks, &["semver-checks", "--baseline-rev", &revision]);

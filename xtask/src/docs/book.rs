@@ -1,44 +1,43 @@
-//! Books of the site, each ordered by a summary: their chapters are documents of the checkout, where they are, or sections of
-//! them.
+//! Books of the site, each ordered by a summary. The chapters are documents of the checkout, or sections of them.
 //!
-//! A document is written once and for a git host, too: its links lead to files of the checkout. A book moves its chapters next to
-//! each other, so that links are rewritten. A section that a summary lists has a page of its own in the book; its document keeps
-//! the heading and a link.
+//! A document must also work on a git host, where its links lead to files of the checkout. A book places all chapters in one
+//! folder, so links are rewritten. A section that a summary lists gets a separate page in the book; its document keeps the
+//! heading and a link.
 
 use crate::checkout::TextFile;
 use crate::markdown::{Page, target};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// Folders of the books in the site and in `docs/`: the book for users, and that for implementers of formats.
+/// Folders of the books in the site and in `docs/`: the book for users, and the book for implementers of formats.
 const FOLDERS: [&str; 2] = ["", "formats/"];
 
-/// Table of contents of a book.
+/// File name of a book's table of contents.
 const SUMMARY: &str = "SUMMARY.md";
 
-/// First page of a book, which mdBook calls `index`.
+/// File name of a book's first page, which mdBook calls `index`.
 const LANDING: &str = "README.md";
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Chapter {
-    /// Document that it comes from.
+    /// Path of the chapter's document.
     pub path: String,
-    /// Anchor of the section that it is; empty for the whole document.
+    /// Anchor of the chapter's section; empty for the whole document.
     pub section: String,
-    /// File in the book.
+    /// File name in the book.
     pub file: String,
     title: String,
 }
 
-/// A document of the checkout.
+/// Document of the checkout.
 struct Document<'a> {
     text: &'a str,
     page: Page,
 }
 
-/// A book: its chapters in the order of its summary.
+/// Book with its chapters, in the order of its summary.
 pub struct Book {
-    /// Folder in the site; "" or with a slash at its end.
+    /// Folder in the site: empty, or with a slash at its end.
     pub folder: &'static str,
     pub chapters: Vec<Chapter>,
 }
@@ -54,7 +53,7 @@ impl Book {
         self.chapters.iter().any(|chapter| chapter.file == file)
     }
 
-    /// True if the book has to list a document.
+    /// True if the book must list a document.
     fn owns(&self, path: &str) -> bool {
         let of =
             |folder: &str| path.strip_prefix("docs/").is_some_and(|path| path.starts_with(folder));
@@ -63,17 +62,17 @@ impl Book {
     }
 }
 
-/// Set of all books, and the documents of their chapters.
+/// Books of the site, with the documents of their chapters.
 pub struct Books<'a> {
     pub books: Vec<Book>,
     documents: BTreeMap<&'a str, Document<'a>>,
 }
 
-/// A chapter as the book has it.
+/// Chapter as written into the book.
 pub struct Written {
-    /// Markdown, with links as the book needs them.
+    /// Markdown with rewritten links.
     pub text: String,
-    /// Files of the checkout, no chapters, to which it links.
+    /// Files of the checkout that the chapter links to and that are not chapters.
     pub files: BTreeSet<String>,
 }
 
@@ -81,7 +80,8 @@ impl<'a> Books<'a> {
     /// Reads the summaries and their documents.
     ///
     /// # Errors
-    /// All faults of the summaries: entries that lead nowhere, chapters of the same name, pages of `docs/` that they leave out.
+    /// Returns all faults of the summaries: dead entries, chapters with the same file name, and pages of `docs/` that are not
+    /// listed.
     pub fn read(files: &'a [TextFile]) -> Result<Self, String> {
         let documents = files.iter().filter(|file| file.path.ends_with(".md"));
         let documents: BTreeMap<&str, Document> = documents
@@ -99,7 +99,7 @@ impl<'a> Books<'a> {
         }
     }
 
-    /// A book's summary, with the chapters' files in the book.
+    /// Returns the summary of a book, with the files of the chapters in the book.
     pub fn summary(&self, book: &Book) -> String {
         let summary = &self.documents[&*book.summary()];
         let places = summary.page.links.iter().filter_map(|link| link.place.clone());
@@ -107,10 +107,10 @@ impl<'a> Books<'a> {
         edited(summary.text, 0..summary.text.len(), places.zip(files).collect())
     }
 
-    /// A chapter as its book has it.
+    /// Returns a chapter as written into its book.
     ///
     /// # Errors
-    /// A link to a document that is in no book.
+    /// Returns an error if a link leads to a document that is not in a book.
     pub fn written(&self, book: &Book, chapter: &Chapter) -> Result<Written, String> {
         let Document { text, page } = &self.documents[&*chapter.path];
         let part = self.part(chapter);
@@ -149,7 +149,7 @@ impl<'a> Books<'a> {
                 Some(file) => file,
                 None if to.ends_with(".md") => {
                     return Err(format!(
-                        "{}:{}: {} leaves out `{to}`, to which this links",
+                        "{}:{}: {} omits `{to}`, to which this line links",
                         chapter.path,
                         link.line,
                         book.summary()
@@ -165,13 +165,13 @@ impl<'a> Books<'a> {
         Ok(Written { text: edited(text, self.part(chapter), edits), files })
     }
 
-    /// Bytes of a chapter in its document.
+    /// Byte range of a chapter in its document.
     fn part(&self, chapter: &Chapter) -> Range<usize> {
         let Document { text, page } = &self.documents[&*chapter.path];
         page.section(&chapter.section, text).map_or(0..text.len(), |(_, section)| section)
     }
 
-    /// File and anchor for an anchor of a document, as a chapter of `from` links to it.
+    /// File and anchor of a document's anchor, as a chapter of `from` links to it.
     fn located(&self, from: &Book, path: &str, anchor: &str) -> Option<String> {
         let Document { text, page } = self.documents.get(path)?;
         let place = page.section(anchor, text).map(|(heading, _)| heading.place.start);
@@ -191,7 +191,7 @@ impl<'a> Books<'a> {
     }
 }
 
-/// Reads a book; adds faults of its summary to `faults`.
+/// Reads a book, and appends the faults of its summary to `faults`.
 fn book(
     folder: &'static str,
     documents: &BTreeMap<&str, Document>,
@@ -206,7 +206,7 @@ fn book(
     for link in &contents.page.links {
         let place = format!("{summary}:{}: `{}`", link.line, link.to);
         let Some((path, section)) = target(&summary, &link.to) else {
-            faults.push(format!("{place} is outside of the checkout"));
+            faults.push(format!("{place} leads outside the checkout"));
             continue;
         };
         let is_there = documents.get(&*path).is_some_and(|document| {
@@ -214,10 +214,10 @@ fn book(
         });
         let file = file_of(folder, &path, &section);
         if !is_there {
-            faults.push(format!("{place} is no document, or no section of one"));
+            faults.push(format!("{place} is not a document or a section of a document"));
         } else if let Some(other) = book.chapters.iter().find(|other| other.file == file) {
             faults.push(format!(
-                "{place} and `{}` would both be `{file}` in the book; rename one",
+                "{place} and `{}` would both be `{file}` in the book; rename one of them",
                 other.path
             ));
         } else {
@@ -226,13 +226,13 @@ fn book(
     }
     for path in documents.keys().filter(|path| book.owns(path)) {
         if !book.chapters.iter().any(|chapter| chapter.path == *path) {
-            faults.push(format!("{summary} leaves out `{path}`"));
+            faults.push(format!("{summary} omits `{path}`"));
         }
     }
     book
 }
 
-/// File of a chapter in the book, where all lie beside each other.
+/// File name of a chapter in the book, where all chapters are in one folder.
 fn file_of(folder: &str, path: &str, section: &str) -> String {
     if !section.is_empty() {
         return format!("{section}.md");
@@ -250,12 +250,12 @@ fn file_of(folder: &str, path: &str, section: &str) -> String {
     }
 }
 
-/// Path in the book of the copy of a file of the checkout.
+/// Path in the book of a copied file of the checkout.
 pub fn copied(path: &str) -> String {
     format!("files/{path}")
 }
 
-/// A part of a text with some places replaced; of places in each other, the outer one counts.
+/// Returns part of a text with some ranges replaced; if one range contains another, the outer one is replaced.
 fn edited(text: &str, part: Range<usize>, mut edits: Vec<(Range<usize>, String)>) -> String {
     edits.sort_by_key(|(place, _)| (place.start, std::cmp::Reverse(place.end)));
     let (mut written, mut at) = (String::new(), part.start);
@@ -326,8 +326,8 @@ mod tests {
         let faults: Vec<_> = faults.lines().collect();
         assert_eq!(faults.len(), 4, "{faults:#?}");
         assert!(faults[0].contains("SUMMARY.md:2") && faults[0].contains("both be `index.md`"));
-        assert!(faults[1].contains("`gone.md` is no document"));
-        assert!(faults[3].contains("leaves out `docs/a.md`"));
+        assert!(faults[1].contains("`gone.md` is not a document"));
+        assert!(faults[3].contains("omits `docs/a.md`"));
     }
 
     #[test]

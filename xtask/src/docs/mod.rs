@@ -1,8 +1,8 @@
-//! `cargo xtask docs`: the documents of the checkout as a site with search, made by mdBook: the book
-//! for users, and in `formats/` that for implementers of formats.
+//! `cargo xtask docs`: builds the documents of the checkout as a site with search by mdBook. The site has a book for users, and
+//! in `formats/` a book for implementers of formats.
 //!
-//! [`book`] moves documents and their sections into chapters, [`mod@reference`] adds what comes from the code, [`site`] follows
-//! every link of the pages that were built.
+//! [`book`] converts documents and their sections to chapters, [`mod@reference`] adds pages generated from the code, and
+//! [`site`] checks every link of the built pages.
 
 pub mod book;
 pub mod reference;
@@ -23,10 +23,11 @@ pub struct Options {
     pub reference: bool,
 }
 
-/// Builds the site into `docs-site` of the target folder and follows its links.
+/// Builds the site in `docs-site` of the target folder, and checks its links.
 ///
 /// # Errors
-/// Faults of the summaries; links that lead nowhere; or the command that installs mdBook.
+/// Returns the faults of the summaries, or the dead links. If mdBook is missing, the error contains the command that installs
+/// it.
 pub fn build(options: &Options) -> Result<(), String> {
     let root = shell::workspace_root();
     let files = checkout::text_files(&root)?;
@@ -56,14 +57,11 @@ pub fn build(options: &Options) -> Result<(), String> {
     let folders: Vec<_> = books.books.iter().map(|book| book.folder).collect();
     let links = site::check(&site, &folders)?;
     let chapters: usize = books.books.iter().map(|book| book.chapters.len()).sum();
-    eprintln!(
-        "{}: {chapters} chapters, {links} links lead somewhere",
-        site.join("index.html").display()
-    );
+    eprintln!("{}: {chapters} chapters and {links} valid links", site.join("index.html").display());
     Ok(())
 }
 
-/// Writes what mdBook reads into a folder.
+/// Writes the input files of mdBook into a folder.
 fn write(books: &Books, book: &Book, root: &Path, folder: &Path) -> Result<(), String> {
     let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
     let copy = |from: &Path, to: &Path| {

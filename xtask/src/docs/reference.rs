@@ -1,4 +1,4 @@
-//! Chapters of the book that come from the code: the help texts of all commands, and the crates with links to rustdoc.
+//! Chapters of the book that are generated from the code: help texts of all commands, and the crates with links to rustdoc.
 
 use super::site::RUSTDOC;
 use crate::{shell, workspace};
@@ -6,16 +6,16 @@ use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The programs that users run. `rollwalk` runs a third one, which has to lie beside it.
+/// Programs that users run. `rollwalk` also runs a third program, which must be in the same folder.
 const PROGRAMS: [&str; 2] = ["rollwalk", "rollwalk-sim"];
 
-/// Characters that a line of a chapter has room for.
+/// Width of a line in a chapter, characters.
 const WIDTH: &str = "84";
 
 /// Generates text to append to chapters of the book: file of the chapter, and text.
 ///
 /// # Errors
-/// The programs cannot be built.
+/// Returns an error if the programs cannot be built.
 pub fn chapters() -> Result<Vec<(&'static str, String)>, String> {
     let mut helps = String::new();
     workspace::program("apps/bench", "rollwalk-bench")?;
@@ -28,7 +28,7 @@ pub fn chapters() -> Result<Vec<(&'static str, String)>, String> {
     Ok(vec![("help-texts.md", helps), ("crates.md", crates(&metadata)?)])
 }
 
-/// Writes the help of a command and of those below it, each under a heading.
+/// Appends the help of a command and its subcommands, each under a heading.
 fn commands(program: &str, words: &mut Vec<String>, into: &mut String) -> Result<(), String> {
     let mut ask = shell::command(program, &words[1..]);
     let help = shell::output(ask.arg("--help").env("COLUMNS", WIDTH).env("NO_COLOR", "1"))?;
@@ -41,12 +41,12 @@ fn commands(program: &str, words: &mut Vec<String>, into: &mut String) -> Result
     Ok(())
 }
 
-/// The subcommands that clap lists in a help text, without `help`.
+/// Returns the subcommands that clap lists in a help text, except `help`.
 fn subcommands(help: &str) -> Vec<String> {
     abouts(help).into_iter().map(|(name, _)| name).collect()
 }
 
-/// The subcommands that clap lists in a help text, without `help`, each with its description.
+/// Returns the subcommands that clap lists in a help text, except `help`, each with its description.
 pub fn abouts(help: &str) -> Vec<(String, String)> {
     let mut found: Vec<(String, String)> = Vec::new();
     let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
@@ -65,7 +65,7 @@ pub fn abouts(help: &str) -> Vec<(String, String)> {
     found
 }
 
-/// The library crates of the workspace, with what each is and a link to its page.
+/// Table of the workspace's library crates, with their descriptions and links to their pages.
 fn crates(metadata: &str) -> Result<String, String> {
     let metadata: Value = serde_json::from_str(metadata).map_err(|error| error.to_string())?;
     let mut table = "\n## Documentation of all crates\n\n| crate | is |\n|---|---|\n".to_owned();
@@ -81,10 +81,10 @@ fn crates(metadata: &str) -> Result<String, String> {
     Ok(table)
 }
 
-/// Writes rustdoc's pages of the workspace into the site.
+/// Copies rustdoc's pages of the workspace into the site.
 ///
 /// # Errors
-/// Warnings of rustdoc; or the pages cannot be copied.
+/// Returns rustdoc's warnings, or an error if the pages cannot be copied.
 pub fn rustdoc(site: &Path) -> Result<(), String> {
     let mut doc = workspace::cargo(&["doc", "--no-deps"]);
     shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;

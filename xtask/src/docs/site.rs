@@ -1,20 +1,20 @@
-//! Check of the links of the built site: each leads to a file of the site and, behind `#`, to an element with that id.
+//! Link check of the built site: each link leads to a file of the site and, behind `#`, to an element with that id.
 
 use crate::markdown::target;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Folder of the site with rustdoc's pages, which rustdoc checks.
+/// Folder of rustdoc's pages in the site, which rustdoc checks itself.
 pub const RUSTDOC: &str = "rustdoc";
 
 /// mdBook's page for unknown addresses; its links are relative to the root of a server.
 const NOT_FOUND: &str = "404.html";
 
-/// Follows all links of the pages in some folders of the site; returns their number.
+/// Checks all links of the pages in some folders of the site; returns their number.
 ///
 /// # Errors
-/// Links that lead nowhere, and their pages.
+/// Returns the dead links with their pages.
 pub fn check(site: &Path, folders: &[&str]) -> Result<usize, String> {
     let mut pages = BTreeMap::new();
     for folder in folders {
@@ -35,7 +35,7 @@ pub fn check(site: &Path, folders: &[&str]) -> Result<usize, String> {
     if faults.is_empty() { Ok(checked) } else { Err(faults.join("\n")) }
 }
 
-/// Links that lead nowhere, and how many lead somewhere.
+/// Returns the dead links, and the number of valid ones.
 fn faults(pages: &BTreeMap<String, String>, exists: impl Fn(&str) -> bool) -> (Vec<String>, usize) {
     let ids: BTreeMap<&str, BTreeSet<&str>> =
         pages.iter().map(|(name, text)| (name.as_str(), values(text, "id").collect())).collect();

@@ -1,4 +1,4 @@
-//! The programs as they ship: linked statically with musl, so that they run on every Linux of this processor.
+//! Shipped programs: linked statically with musl, so that they run on every Linux of this processor architecture.
 
 use crate::{bare_metal, debian, shell};
 use object::Object;
@@ -6,17 +6,17 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Target of the programs.
+/// Target triple of the programs.
 pub const TARGET: &str = "x86_64-unknown-linux-musl";
 /// Build profile of the programs, in the root `Cargo.toml`.
 pub const PROFILE: &str = "ship";
 pub const PROGRAMS: [&str; 4] = ["rollwalk", "rollwalk-sim", APPS[0], APPS[1]];
-/// Programs in packages of their own, which write their manual pages and completions themselves.
+/// Programs of separate packages, which generate their own manual pages and completions.
 pub const APPS: [&str; 2] = ["rollwalk-bench", "rollwalk-ros2"];
 
 /// Folder of the built programs.
 pub struct Programs {
-    /// Cargo's folder of the target and the profile.
+    /// Folder of cargo for the target and the profile.
     pub folder: PathBuf,
 }
 
@@ -30,12 +30,13 @@ impl Programs {
 /// Builds the programs below the target folder `target`.
 ///
 /// # Errors
-/// The command line; the compiler's messages are on the terminal. A program that would need libraries of the machine.
+/// Returns an error if the build fails; its messages are printed on the terminal. Also returns an error if a program depends on
+/// libraries of the machine.
 pub fn programs(target: &Path) -> Result<Programs, String> {
     bare_metal::need_target(TARGET)?;
     // Zstandard and LZ4, with which MCAP files are compressed, are C.
     debian::need(&["musl-tools"]).map_err(|install| {
-        format!("static programs need musl's compiler. On Debian:\n\n    {install}")
+        format!("static programs require musl's compiler. On Debian:\n\n    {install}")
     })?;
     let mut build = shell::cargo(&["build", "--locked", "--package", "rollwalk", "--bins"]);
     build.args(APPS.iter().flat_map(|app| ["--package", app]));
@@ -51,29 +52,38 @@ pub fn programs(target: &Path) -> Result<Programs, String> {
         }
         if let Some(folder) = [shell::workspace_root(), home()?].iter().find(|it| names(&bytes, it))
         {
-            return Err(format!("{} names the folder {}", path.display(), folder.display()));
+            return Err(format!(
+                "{} contains the name of the folder {}",
+                path.display(),
+                folder.display()
+            ));
         }
     }
     Ok(programs)
 }
 
-/// Flags that replace the folders of this machine in messages of panics. Of several that fit, the last one counts.
+/// Compiler flags that replace the folders of this machine in panic messages. If several match, the last one applies.
 fn remap(target: &Path) -> Result<String, String> {
     let (root, home) = (shell::workspace_root(), home()?);
     let flag = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
     Ok([flag(&root, "/rollwalk"), flag(target, "/target"), flag(&home, "/cargo")].join("\x1f"))
 }
 
-/// Cargo's own folder, with the sources of the crates of others.
+/// Folder of cargo, with the sources of dependencies.
 fn home() -> Result<PathBuf, String> {
     let chosen = env::var_os("CARGO_HOME").map(PathBuf::from);
     let usual = || env::home_dir().map(|home| home.join(".cargo"));
     chosen.or_else(usual).ok_or_else(|| "there is no home folder: set CARGO_HOME".into())
 }
 
-/// True for a static program: it imports no symbols.
+/// True for a static program, which imports no symbols.
 fn is_static(program: &[u8]) -> Result<bool, String> {
-    let file = object::File::parse(program).map_err(|error| format!("no program: {error}"))?;
+    let file = object::File::parse(program).map_err(|error| {
+        format!(
+            "the built file is not a \
+        program: {error}"
+        )
+    })?;
     let mut imports = file.imports().map_err(|error| error.to_string())?;
     Ok(imports.next().is_none())
 }

@@ -1,4 +1,4 @@
-//! The Debian package on a Debian with nothing else: installed there, with the tutorial of README followed.
+//! Test of the Debian package on a minimal Debian: installs it and follows the tutorial of the README.
 
 use super::build::PROGRAMS;
 use super::{failed, make_folder};
@@ -9,12 +9,12 @@ use std::path::Path;
 use std::process::Command;
 
 const RELEASE: &str = "bookworm";
-/// Section of README with the tutorial.
+/// Anchor of the tutorial in the README.
 const TUTORIAL: &str = "your-own-robot-and-motion-in-ten-minutes";
-/// Folder in which the tutorial is followed, there.
+/// Folder of the tutorial in the minimal Debian.
 const FOLDER: &str = "home/tutorial";
 
-/// Files of the package, a few of each kind.
+/// Sample of the package's files, of each kind.
 const INSTALLED: [&str; 6] = [
     "usr/share/man/man1/rollwalk-plan.1.gz",
     "usr/share/man/man1/rollwalk-bench-table-2-1.1.gz",
@@ -27,7 +27,7 @@ const INSTALLED: [&str; 6] = [
 /// Installs the package in a fresh Debian and follows the tutorial.
 ///
 /// # Errors
-/// The command that fails, with what it said; or what is missing here.
+/// Returns the failed command with its output. If a program is missing, the error contains the command that installs it.
 pub fn check(package: &Path) -> Result<(), String> {
     let root = shell::target_folder().join("package").join(RELEASE);
     install_debian(&root)?;
@@ -36,7 +36,7 @@ pub fn check(package: &Path) -> Result<(), String> {
     shell::output(&mut inside(&root, "/", "dpkg --install /rollwalk.deb"))?;
     for file in INSTALLED {
         if !root.join(file).exists() {
-            return Err(format!("the package has not installed /{file}"));
+            return Err(format!("the package did not install /{file}"));
         }
     }
     for program in PROGRAMS {
@@ -58,7 +58,7 @@ pub fn check(package: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// A command in another root, with nothing of this one's environment.
+/// Creates a command in another root, without this environment's variables.
 fn inside(root: &Path, folder: &str, line: &str) -> Command {
     let mut command = shell::system("chroot", &[root]);
     command.args(["/bin/sh", "-c", &format!("cd {folder} && {line}")]);
@@ -66,17 +66,19 @@ fn inside(root: &Path, folder: &str, line: &str) -> Command {
     command
 }
 
-/// Makes the root, if there is none, from where this machine gets its packages.
+/// Installs Debian into the root if it is empty, from the package source of this machine.
 fn install_debian(root: &Path) -> Result<(), String> {
     if root.join("etc/debian_version").exists() {
         return Ok(());
     }
-    debian::need(&["debootstrap"])
-        .map_err(|install| format!("the check needs debootstrap. On Debian:\n\n    {install}"))?;
+    debian::need(&["debootstrap"]).map_err(|install| {
+        format!("the check requires debootstrap. On Debian:\n\n    {install}")
+    })?;
     let targets =
         ["indextargets", "--format", "$(SITE)", "Created-By: Packages", "Component: main"];
     let sites = shell::output(&mut shell::command("apt-get", &targets))?;
-    let site = sites.lines().next().ok_or("apt has no source of packages: sudo apt-get update")?;
+    let site =
+        sites.lines().next().ok_or("apt has no package source: run `sudo apt-get update`")?;
     // One that was broken off would be taken for a whole one.
     let part = root.with_extension("part");
     if part.exists() {
@@ -84,11 +86,11 @@ fn install_debian(root: &Path) -> Result<(), String> {
     }
     let mut install = shell::system("debootstrap", &["--variant=minbase", RELEASE]);
     shell::output(install.arg(&part).arg(site))
-        .map_err(|why| format!("{why}\ndebootstrap has to be run as root"))?;
+        .map_err(|why| format!("{why}\nrun this check as root, which debootstrap requires"))?;
     fs::rename(&part, root).map_err(|error| failed(root, &error))
 }
 
-/// Files and commands of the tutorial, in their order.
+/// Files and commands of the tutorial, in order.
 #[derive(Debug, PartialEq, Eq)]
 struct Tutorial {
     files: Vec<(String, String)>,
@@ -113,7 +115,7 @@ impl Tutorial {
             }
         }
         if files.is_empty() || commands.is_empty() {
-            return Err(format!("section `{TUTORIAL}` of README.md has no files or no commands"));
+            return Err(format!("section `{TUTORIAL}` of README.md lacks files or commands"));
         }
         Ok(Self { files, commands })
     }

@@ -1,12 +1,12 @@
-//! Release packages: one archive and one Debian package with static programs, manual pages, completions of shells, udev rules and
-//! the shipped files; and the release notes.
+//! Release packages: an archive and a Debian package with static programs, manual pages, shell completions, udev rules and the
+//! shipped files; and the release notes.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | [`build`] | static programs in which nothing tells where they were built |
-//! | [`stage`] | the tree of files that both packages have |
-//! | [`notes`] | the notes of a release, from the changelog |
-//! | [`clean`] | the Debian package on a Debian that has nothing else |
+//! | [`build`] | static programs without paths of the build machine |
+//! | [`stage`] | tree of files of both packages |
+//! | [`notes`] | notes of a release, from the changelog |
+//! | [`clean`] | test of the Debian package on a minimal Debian |
 //!
 //! The same commit gives the same bytes: files are sorted, belong to root and have the date of the commit.
 
@@ -29,16 +29,17 @@ pub struct Options {
     twice: bool,
 }
 
-/// Files of the packages.
+/// Paths of the packages.
 struct Packages {
     archive: PathBuf,
     debian: PathBuf,
 }
 
-/// Writes the packages and the notes of the release into `package` of the target folder.
+/// Writes the packages and the release notes into `package` of the target folder.
 ///
 /// # Errors
-/// A build that fails, a program that is not static, the command that installs what is missing; with `twice`, bytes that differ.
+/// Returns an error if a build fails or a program is not static; with `twice`, also if bytes differ. If a program is missing,
+/// the error contains the command that installs it.
 pub fn write(options: &Options) -> Result<(), String> {
     let folder = shell::target_folder().join("package");
     let first = package(&shell::target_folder(), &folder)?;
@@ -48,22 +49,22 @@ pub fn write(options: &Options) -> Result<(), String> {
         for (one, other) in [(&first.archive, &again.archive), (&first.debian, &again.debian)] {
             same(one, other)?;
         }
-        eprintln!("built twice: the same bytes");
+        eprintln!("built twice: both builds have the same bytes");
     }
     Ok(())
 }
 
-/// Packages, installs the Debian package where nothing else is, and follows the tutorial of README there.
+/// Builds the packages, installs the Debian package on a minimal Debian, and follows the tutorial of the README there.
 ///
 /// # Errors
-/// What fails there; those of [`write()`].
+/// Returns the errors of [`write()`], or an error if the installation or the tutorial fails.
 pub fn check() -> Result<(), String> {
     let folder = shell::target_folder().join("package");
     let packages = package(&shell::target_folder(), &folder)?;
     clean::check(&packages.debian)
 }
 
-/// Builds below the target folder `target`, and writes into `folder`.
+/// Builds below the target folder `target`, and writes the packages into `folder`.
 fn package(target: &Path, folder: &Path) -> Result<Packages, String> {
     let version = version()?;
     let programs = build::programs(target)?;
@@ -78,7 +79,7 @@ fn package(target: &Path, folder: &Path) -> Result<Packages, String> {
     };
     let changelog = read(&shell::workspace_root().join("CHANGELOG.md"))?;
     let notes = folder.join("release-notes.md");
-    let text = notes::newest(&changelog).ok_or("CHANGELOG.md has no section of a release")?;
+    let text = notes::newest(&changelog).ok_or("CHANGELOG.md has no section for a release")?;
     write_file(&notes, &text)?;
     for file in [&packages.archive, &packages.debian, &notes] {
         let bytes = fs::metadata(file).map_err(|error| failed(file, &error))?.len();
@@ -87,7 +88,7 @@ fn package(target: &Path, folder: &Path) -> Result<Packages, String> {
     Ok(packages)
 }
 
-/// The tree of files as an archive, in which `name` is the folder above them.
+/// Packs the tree of files as an archive with the top-level folder `name`.
 fn archive(stage: &Path, name: &str, date: &str, folder: &Path) -> Result<PathBuf, String> {
     let path = folder.join(format!("{name}.tar.gz"));
     let options = ["--sort=name", "--format=ustar", "--owner=0", "--group=0", "--numeric-owner"];
@@ -99,7 +100,7 @@ fn archive(stage: &Path, name: &str, date: &str, folder: &Path) -> Result<PathBu
     Ok(path)
 }
 
-/// The Debian package of the built programs and the tree of files; `cli/Cargo.toml` says what goes where.
+/// Creates the Debian package from the built programs and the tree of files; `cli/Cargo.toml` defines their paths.
 fn debian(target: &Path, date: &str, folder: &Path) -> Result<PathBuf, String> {
     let deb = toolchain::subcommand(CARGO_DEB)?;
     let path = folder.join("rollwalk_amd64.deb");
@@ -125,7 +126,7 @@ fn same(one: &Path, other: &Path) -> Result<(), String> {
         return Ok(());
     }
     let (one, other) = (one.display(), other.display());
-    Err(format!("built twice, these differ: {one} and {other}; diffoscope shows where"))
+    Err(format!("two builds differ: {one} and {other}; compare the files with diffoscope"))
 }
 
 fn read(path: &Path) -> Result<String, String> {

@@ -1,6 +1,6 @@
-//! The notes of a release: the newest section of the changelog, as a document of its own.
+//! Release notes: the newest section of the changelog as a separate document.
 
-/// The newest section: its title, and its parts one level higher. `None` without a section.
+/// Returns the newest section: its title, and its parts one level higher. Returns `None` without a section.
 pub fn newest(changelog: &str) -> Option<String> {
     let (_, rest) = changelog.split_once("\n## ")?;
     let section = rest.split("\n## ").next()?;

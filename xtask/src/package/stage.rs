@@ -1,4 +1,4 @@
-//! The tree of files that archive and Debian package have, laid out as below `/usr`.
+//! Tree of files of the archive and the Debian package, laid out as below `/usr`.
 
 use super::build::{APPS, PROGRAMS, Programs};
 use super::{failed, make_folder, write_file};
@@ -6,15 +6,15 @@ use crate::shell;
 use std::fs;
 use std::path::Path;
 
-/// Folder of the tree, beside the programs.
+/// Folder of the tree, next to the programs.
 pub const FOLDER: &str = "package";
-/// Shells, with the folder in which each looks for completions, and what it puts around the program's name.
+/// Shells, with their folder of completions, and the prefix and suffix of a completion file.
 const SHELLS: [(&str, &str, &str, &str); 3] = [
     ("bash", "share/bash-completion/completions", "", ""),
     ("zsh", "share/zsh/site-functions", "_", ""),
     ("fish", "share/fish/vendor_completions.d", "", ".fish"),
 ];
-/// Files that ship, as git finds them.
+/// Patterns of shipped files, for git.
 const SHIPPED: [&str; 4] = [
     "shipped/robots/*.toml",
     "shipped/motions/*.toml",
@@ -27,7 +27,7 @@ const RULES: &str = "apps/packaging/udev/70-rollwalk.rules";
 /// Writes the tree into an empty `stage`.
 ///
 /// # Errors
-/// A file that cannot be written, or a program that does not run here.
+/// Returns an error if a file cannot be written, or if a program does not run on this machine.
 pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     if stage.exists() {
         fs::remove_dir_all(stage).map_err(|error| failed(stage, &error))?;
@@ -69,12 +69,12 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
     copy(&root.join(rules), &stage.join("lib/udev/rules.d").join(name))
 }
 
-/// Path below `share/rollwalk` of a file that ships: without the folder of its crate.
+/// Path of a shipped file below `share/rollwalk`: the path without the folder of its crate.
 fn packaged(path: &str) -> &str {
     path.split_once('/').map_or(path, |(_, rest)| rest)
 }
 
-/// Paths of the robots, motions, designs and mappings of gamepads that ship.
+/// Paths of the shipped robots, motions, designs and gamepad mappings.
 fn shipped() -> Result<Vec<String>, String> {
     let mut list = shell::command("git", &["ls-files", "--"]);
     let paths = shell::output(list.args(SHIPPED))?;
@@ -82,7 +82,7 @@ fn shipped() -> Result<Vec<String>, String> {
     Ok(paths.map(str::to_owned).collect())
 }
 
-/// Copies a file into a folder that is made if it is missing.
+/// Copies a file into a folder, which is created if it is missing.
 fn copy(from: &Path, to: &Path) -> Result<(), String> {
     to.parent().map_or(Ok(()), make_folder)?;
     fs::copy(from, to).map(drop).map_err(|error| failed(from, &error))

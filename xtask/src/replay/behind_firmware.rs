@@ -1,5 +1,5 @@
-//! The same commands in two worlds: each motion in a library of its own behind firmware and bus on our ground, and what its
-//! drives were commanded there in MuJoCo (`tests/replay/logged.py`).
+//! Comparison of two simulators with the same commands. Each motion is played in a library behind firmware and bus on our
+//! ground, and the recorded commands of its drives are played in MuJoCo (`tests/replay/logged.py`).
 
 use super::{CYCLES, Replay};
 use crate::{parallel, shell};
@@ -12,13 +12,13 @@ use std::sync::Mutex;
 
 /// File with the results, in the output folder.
 pub const RESULTS: &str = "firmware.json";
-/// The motion before and after each: the robot stands.
+/// Name of the standing motion, which is played before and after each other motion.
 pub const STAND: &str = "safe_stand";
 
 /// Plays and compares all plans.
 ///
 /// # Errors
-/// A program that fails.
+/// Returns an error if a program fails.
 pub fn compare(replay: &Replay, plans: &[impl AsRef<Path> + Sync]) -> Result<(), String> {
     let folder = replay.out.join("firmware");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -36,7 +36,7 @@ pub fn compare(replay: &Replay, plans: &[impl AsRef<Path> + Sync]) -> Result<(),
     write(&replay.out.join(RESULTS), &Value::from(results).to_string())
 }
 
-/// Result of a motion, or the reason for which no library takes it.
+/// Returns the result of a motion, or the reason why a library cannot contain it.
 fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     let text = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let plan: Value =
@@ -79,7 +79,8 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     Ok(result)
 }
 
-/// Plays a library behind firmware and bus, and what its drives were commanded in MuJoCo: how far a motion comes in both.
+/// Plays a library behind firmware and bus, then the commands of its drives in MuJoCo. Returns the displacement of the motion
+/// in both.
 pub fn in_both_worlds(
     replay: &Replay,
     library: &Path,
@@ -111,7 +112,7 @@ pub fn in_both_worlds(
     Ok(ways)
 }
 
-/// A motion in which the robot stands.
+/// Returns the text of a motion file in which the robot stands.
 pub fn stand(robot: &Path) -> String {
     format!(
         "name = \"{STAND}\"\nrobot = \"{}\"\nduration_s = 1.0\nends = \"at_rest\"\nsamples = 12\n\
@@ -120,7 +121,7 @@ pub fn stand(robot: &Path) -> String {
     )
 }
 
-/// A library of a stand and a motion.
+/// Returns the text of a library file with a standing motion and another motion.
 pub fn library_file(
     robot: &Path,
     stand: &Path,
@@ -142,10 +143,11 @@ pub fn library_file(
     )
 }
 
-/// Footfalls of a transition in which each leg steps once: what stands on skates cannot get to another place without.
+/// Returns the footfalls of a transition in which each leg steps once. A robot on skates cannot change its footholds otherwise.
 pub fn steps(plan: &Value) -> String {
-    /// Marks of a row, and those of a step with the stance before it.
+    /// Number of marks in a row.
     const MARKS: usize = 40;
+    /// Number of marks in stance before each step.
     const BETWEEN: usize = 4;
     let end_effectors = plan["robot"]["end_effectors"].as_array().cloned().unwrap_or_default();
     let mut legs: Vec<&Value> = Vec::new();
@@ -172,7 +174,7 @@ pub fn steps(plan: &Value) -> String {
     rows
 }
 
-/// Motion file of a plan, whose name begins with that of the folder: see [`Replay::plan`].
+/// Path of a plan's motion file. The name of the plan begins with the folder of the motion: see [`Replay::plan`].
 fn motion_file(stem: &str) -> String {
     match stem.strip_prefix("table_2_1-") {
         Some(name) => format!("shipped/motions/table_2_1/{name}.toml"),
@@ -180,7 +182,7 @@ fn motion_file(stem: &str) -> String {
     }
 }
 
-/// Reason for which a library is not built: the error, or the transitions that were not found.
+/// Returns the reason why a library cannot be built: the error, or the transitions that were not found.
 pub fn reason(errors: &str) -> String {
     let line = |mark: char| errors.lines().filter_map(move |line| line.trim().strip_prefix(mark));
     if let Some(error) = line('×').next() {

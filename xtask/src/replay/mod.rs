@@ -1,4 +1,4 @@
-//! Shipped motions, and motions of imported robots, replayed in MuJoCo by programs that share no code with the planner:
+//! Replay of shipped motions, and of motions of imported robots, in MuJoCo by programs that share no code with the planner:
 //! `docs/replay.md`.
 
 mod behind_firmware;
@@ -18,28 +18,28 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
 
-/// Folders of motion files, below the root.
+/// Folders of motion files, relative to the root.
 const MOTIONS: [&str; 2] = ["shipped/motions", "shipped/motions/table_2_1"];
-/// Steps of our own simulator per second.
+/// Step rates of our own simulator, Hz.
 const GROUND_RATES_HZ: [u32; 2] = [60, 240];
-/// Periods of the level runs and of our own simulator.
+/// Number of periods in the level runs and in our own simulator.
 const CYCLES: &str = "20";
-/// Periods of a disturbed run: its table has cycles 2 to 5.
+/// Number of periods in a disturbed run, whose table lists cycles 2 to 5.
 const DISTURBED_CYCLES: &str = "6";
 
-/// Classes of tests of the harness that take seconds.
+/// Test classes of the harness that take only seconds.
 const BRIEF: [&str; 5] = ["Physics", "Playing", "Files", "Libraries", "Words"];
 
-/// A table of measurements in MuJoCo.
+/// Table of measurements in MuJoCo.
 #[derive(Clone, Copy)]
 pub enum Table {
-    /// Shipped motions, without and with feed-forward, level and disturbed, in both simulators, and behind firmware and bus.
+    /// Shipped motions, with and without feed-forward, level and disturbed, in both simulators, and behind firmware and bus.
     Shipped,
-    /// Controllers in closed loop and open loop, in worlds other than planned and under pushes.
+    /// Controllers in closed loop and open loop, in worlds that differ from the plan, and under pushes.
     Tracked,
-    /// Motions of robots with softer servos, as planned and retargeted.
+    /// Motions of robots with softer servos, with original and retargeted plans.
     Retargeted,
-    /// Robots that are identified from runs in MuJoCo, and other runs that are predicted.
+    /// Robots identified from runs in MuJoCo, and predictions of other runs.
     Identified,
 }
 
@@ -47,7 +47,7 @@ impl Table {
     /// List of all tables.
     pub const ALL: [Self; 4] = [Self::Shipped, Self::Tracked, Self::Retargeted, Self::Identified];
 
-    /// Name of its page.
+    /// Name of the table's page.
     pub fn name(self) -> &'static str {
         match self {
             Self::Shipped => "replay",
@@ -57,7 +57,7 @@ impl Table {
         }
     }
 
-    /// Title of its page.
+    /// Title of the table's page.
     pub fn title(self) -> &'static str {
         match self {
             Self::Shipped => "Shipped motions in MuJoCo",
@@ -68,11 +68,12 @@ impl Table {
     }
 }
 
-/// Tests the harness, and the controller in closed loop; in brief only parts of the harness. In full it plans and replays every
-/// shipped motion as well, and fails if one does not hold.
+/// Tests the harness and the closed-loop controller; the brief form tests only parts of the harness. The full check also plans
+/// and replays every shipped motion.
 ///
 /// # Errors
-/// A failed test, a motion without plan, a motion that does not hold, or the command that installs what is missing.
+/// Returns an error if a test fails, if a motion has no plan, or if the full check finds a motion that fails. If a program is
+/// missing, the error contains the command that installs it.
 pub fn check(extent: Extent) -> Result<(), String> {
     let replay = Replay::new()?;
     if extent == Extent::Brief {
@@ -86,11 +87,11 @@ pub fn check(extent: Extent) -> Result<(), String> {
     }
 }
 
-/// Measures a table; `urdfs` are robots that are imported and played besides the shipped ones, in the tables that have other
-/// robots.
+/// Measures a table. `urdfs` are additional robots for the tables that import robots.
 ///
 /// # Errors
-/// A motion without plan, a program that fails, or the command that installs what is missing.
+/// Returns an error if a motion has no plan, or if a program fails. If a program is missing, the error contains the command
+/// that installs it.
 pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measured, String> {
     let mut replay = Replay::new()?;
     let results = match table {
@@ -128,13 +129,13 @@ pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measured, String> {
     Ok(Measured { text: text.into(), command, verdict: verdict.into() })
 }
 
-/// The programs and where their results go.
+/// Programs for replays, and the folder of their results.
 struct Replay {
-    /// The command line, as the tests build it.
+    /// Command line, as built for the tests.
     rollwalk: PathBuf,
     /// `PYTHONPATH` with MuJoCo.
     path: OsString,
-    /// `replay/` of the target folder.
+    /// Output folder, `replay/` of the target folder.
     out: PathBuf,
 }
 
@@ -148,18 +149,18 @@ impl Replay {
         Ok(Self { rollwalk, path: mujoco::path()?, out })
     }
 
-    /// The same with an optimised command line, for programs that call it at every tick.
+    /// Uses an optimised build of the command line, for programs that call it at every tick.
     fn optimised(self) -> Result<Self, String> {
         let rollwalk = workspace::optimised_program("tests", "rollwalk-under-test")?.path;
         Ok(Self { rollwalk, ..self })
     }
 
-    /// A command of the command line.
+    /// Creates a command of `rollwalk`.
     fn rollwalk(&self, args: &[impl AsRef<OsStr>]) -> Command {
         shell::command(&self.rollwalk.to_string_lossy(), args)
     }
 
-    /// A program of `tests/replay`; of "" the harness itself.
+    /// Creates a command for a program of `tests/replay`; an empty name stands for the harness itself.
     fn python(&self, program: &str) -> Command {
         let program = Path::new("tests/replay").join(program);
         let mut python = shell::command("python3", &[program]);
@@ -167,14 +168,14 @@ impl Replay {
         python
     }
 
-    /// Replays plans; results go into a JSON file of the output folder.
+    /// Creates a command that replays plans and writes the results into a JSON file of the output folder.
     fn run(&self, options: &[&str], plans: &[PathBuf], json: &str) -> Command {
         let mut replay = self.python("");
         replay.args(options).arg("--json").arg(self.out.join(json)).args(plans);
         replay
     }
 
-    /// Replays all shipped motions and returns their plans. With `must_hold`, a motion that does not hold is an error.
+    /// Replays all shipped motions and returns their plans. With `must_hold`, a motion that fails is an error.
     fn shipped(&self, feed_forward: &str, must_hold: bool) -> Result<Vec<PathBuf>, String> {
         let failed = |error: std::io::Error| format!("motions: {error}");
         let plans: Vec<PathBuf> = motions()
@@ -192,13 +193,13 @@ impl Replay {
             match status.code() {
                 Some(0) => {}
                 Some(1) if !decides => {}
-                _ => return Err("tests/replay failed, or some motion does not hold".to_owned()),
+                _ => return Err("tests/replay failed, or a motion does not hold".to_owned()),
             }
         }
         Ok(plans)
     }
 
-    /// The same plans in our own simulator, into `ground.json`.
+    /// Simulates the plans in our own simulator, with the results in `ground.json`.
     fn grounded(&self, plans: &[PathBuf]) -> Result<(), String> {
         let simulate = |plan: &Path, rate_hz: u32| {
             let rate = rate_hz.to_string();
@@ -232,7 +233,8 @@ impl Replay {
             .map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Plans a motion; the name of the plan has that of the folder, because some motions of the two folders share theirs.
+    /// Plans a motion. The name of the plan begins with that of the folder, because the two folders have motions with the same
+    /// names.
     fn plan(&self, motion: &Path) -> Result<PathBuf, String> {
         let name =
             |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -244,7 +246,7 @@ impl Replay {
     }
 }
 
-/// Shipped motion files. Excludes library files, and those of the test leg, which cannot stand by itself.
+/// Shipped motion files, except library files and those of the test leg, which cannot stand by itself.
 fn motions() -> std::io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for folder in MOTIONS {

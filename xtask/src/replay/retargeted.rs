@@ -1,5 +1,6 @@
-//! Retargeted motions in two worlds: for each case a library of a stand and the motion, for a robot with softer servos and
-//! without the planned torques, with its plans as they are and retargeted (docs/measured/retargeted.md).
+//! Comparison of retargeted motions in two simulators (docs/measured/retargeted.md). Each case is a library of a standing
+//! motion and another motion, for a robot with softer servos and without planned torques, with original and with retargeted
+//! plans.
 
 use super::Replay;
 use super::behind_firmware::{STAND, in_both_worlds, library_file, reason, stand, steps, write};
@@ -14,7 +15,7 @@ use std::time::Instant;
 /// File with the results, in the output folder.
 pub const RESULTS: &str = "retargeted.json";
 
-/// Motions, and the share of their stiffness that the servos have.
+/// Motions, each with the stiffness of the servos as a fraction of the original.
 const CASES: [(&str, f64); 9] = [
     ("walk", 0.2),
     ("trot", 0.2),
@@ -30,7 +31,7 @@ const CASES: [(&str, f64); 9] = [
 /// Plays all cases.
 ///
 /// # Errors
-/// A program that fails.
+/// Returns an error if a program fails.
 pub fn compare(replay: &Replay) -> Result<(), String> {
     let folder = replay.out.join("retargeted");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -51,7 +52,7 @@ pub fn compare(replay: &Replay) -> Result<(), String> {
     failures.into_iter().next().map_or(Ok(()), Err)
 }
 
-/// Result of a motion before and after retargeting.
+/// Returns the result of a motion before and after retargeting.
 fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value, String> {
     let _ = fs::remove_dir_all(folder);
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -116,7 +117,7 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
     Ok(result)
 }
 
-/// The folder of the retargeted library, once more without corrections.
+/// Writes a copy of the retargeted library's folder, without corrections.
 fn before(folder: &Path, motion: &str) -> Result<(), String> {
     let (before, after) = (folder.join("before"), folder.join("after"));
     fs::create_dir_all(&before).map_err(|error| format!("{}: {error}", before.display()))?;
@@ -138,7 +139,7 @@ fn before(folder: &Path, motion: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// A robot file with another stiffness of its joints' servos.
+/// Returns a robot file with the stiffness of its joint servos multiplied by `share`.
 fn softened(text: &str, share: f64) -> String {
     let line = |line: &str| {
         let Some((key, rest)) = line.split_once('=') else { return line.to_owned() };

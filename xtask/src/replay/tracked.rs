@@ -1,12 +1,12 @@
-//! Controllers in MuJoCo, open loop and closed: the page `docs/measured/tracked.md`.
+//! Comparison of open-loop and closed-loop controllers in MuJoCo, for the page `docs/measured/tracked.md`.
 
 use super::{Replay, urdf};
 use crate::shell;
 use std::path::{Path, PathBuf};
 
-/// A motion that open loop on the servos does not make a half of.
+/// Motion that servos in open loop complete to less than half.
 const TURN: &str = "shipped/motions/anymal_turn.toml";
-/// Motion files, below the root.
+/// Paths of the motion files, relative to the root.
 const MOTIONS: [&str; 12] = [
     TURN,
     "shipped/motions/anymal_drive.toml",
@@ -21,7 +21,7 @@ const MOTIONS: [&str; 12] = [
     "shipped/motions/table_2_1/swizzlebot_forward.toml",
     "shipped/motions/table_2_1/creature3_walk.toml",
 ];
-/// Plans that are also played under pushes.
+/// Plans that are also tested with pushes.
 const PUSHED: [&str; 5] = [
     "motions-anymal_turn.json",
     "motions-trot.json",
@@ -29,22 +29,22 @@ const PUSHED: [&str; 5] = [
     "motions-legbot_walk.json",
     "table_2_1-creature3_walk.json",
 ];
-/// Motions of imported robots.
+/// File names of plans of imported robots.
 const IMPORTED: [&str; 2] = ["walk.json", "trot.json"];
 
 /// Tests the controller in MuJoCo, on ANYmal's turn.
 ///
 /// # Errors
-/// A failed test, or a motion without plan.
+/// Returns an error if a test fails, or if the motion has no plan.
 pub fn check(replay: &Replay) -> Result<(), String> {
     let plan = replay.plan(&shell::workspace_root().join(TURN))?;
     shell::run(replay.python("test_tracked.py").arg(&replay.rollwalk).arg(plan))
 }
 
-/// Plays all motions under all controllers, and those of robots from URDF files; the file with the results.
+/// Plays all motions with all controllers, and those of robots from URDF files; returns the path of the results.
 ///
 /// # Errors
-/// A program that fails.
+/// Returns an error if a program fails.
 pub fn compare(replay: &Replay, urdfs: &[PathBuf]) -> Result<PathBuf, String> {
     let root = shell::workspace_root();
     let mut plans: Vec<PathBuf> =

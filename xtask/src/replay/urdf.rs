@@ -1,4 +1,4 @@
-//! A robot from a URDF: imported with what the import proposes, and motions that suit its size.
+//! Robots from a URDF, imported with the proposed side file, and motions that suit their size.
 
 use super::Replay;
 use crate::shell;
@@ -6,22 +6,22 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Motions by name, gait and its duty, period in units of √(height / g), way forward and to the left in units of the
-/// height, and turn, rad.
+/// Motions: name, gait and its duty factor, period in units of √(height / g), and displacement: forward and left in units of
+/// the height, turn in rad.
 const MOTIONS: [(&str, &str, f64, f64, [f64; 3]); 4] = [
     ("walk", "walk", 0.8, 8.0, [0.35, 0.0, 0.0]),
     ("trot", "trot", 0.6, 3.0, [0.2, 0.0, 0.0]),
     ("walk_turn", "walk", 0.8, 8.0, [0.0, 0.0, 0.15]),
     ("sideways", "walk", 0.8, 8.0, [0.0, 0.15, 0.0]),
 ];
-/// Height of swings in units of the height of the body.
+/// Height of swings in units of the body height.
 const SWING: f64 = 0.1;
 const GRAVITY_M_S2: f64 = 9.80665;
 
-/// Imports the robot, plans its motions and replays them; the JSON file of the results.
+/// Imports the robot, plans its motions and replays them; returns the path of the results.
 ///
 /// # Errors
-/// The import, or a motion of which no plan is written.
+/// Returns an error if the import fails, or if no plan of a motion is written.
 pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
     let Planned { stem, robot, plans } = planned(replay, urdf)?;
     let json = format!("{stem}/results.json");
@@ -34,18 +34,18 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
     }
 }
 
-/// A robot from a URDF, with plans beside its robot file.
+/// Robot from a URDF, with plans next to its robot file.
 pub struct Planned {
     stem: String,
     robot: String,
-    /// Plans of the motions, in their order.
+    /// Plans of the motions, in order.
     pub plans: Vec<PathBuf>,
 }
 
 /// Imports the robot and plans its motions.
 ///
 /// # Errors
-/// The import, or a motion of which no plan is written.
+/// Returns an error if the import fails, or if no plan of a motion is written.
 pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
     let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -64,7 +64,7 @@ pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
         .map_err(|error| format!("{robot}: {error}"))?;
     let height_m = check["standing"]["body_height_m"]
         .as_f64()
-        .ok_or_else(|| format!("{robot}: it does not stand"))?;
+        .ok_or_else(|| format!("{robot}: the robot does not stand"))?;
     let mut plans = Vec::new();
     for (name, gait, duty, period, goal) in MOTIONS {
         let motion = path(&format!("{name}.toml"));

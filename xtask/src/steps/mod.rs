@@ -1,7 +1,7 @@
-//! Commands that are lists of steps: `cargo xtask test` ([`mod@test`]) and `cargo xtask nightly` ([`nightly`]).
+//! Commands that consist of steps: `cargo xtask test` ([`mod@test`]) and `cargo xtask nightly` ([`nightly`]).
 //!
-//! [`Run`] prints each step's seconds and a table at the end. A step that keeps one core busy can run in a process of
-//! its own beside the steps that follow it.
+//! [`Run`] prints the seconds of each step, and a table at the end. A step that keeps only one core busy can run in a separate
+//! process, in parallel with the steps that follow it.
 
 pub mod nightly;
 mod run;
@@ -12,29 +12,29 @@ use crate::extent::Extent;
 use clap::ValueEnum;
 pub use run::Run;
 
-/// A step of a command; its name is what `--only` takes.
+/// Step of a command; `--only` selects it by its name.
 pub trait Step: ValueEnum + 'static {
-    /// Subcommand of `cargo xtask` that has these steps.
+    /// Subcommand of `cargo xtask` with these steps.
     const COMMAND: &'static str;
-    /// Name that `--only` takes.
+    /// Name of the step for `--only`.
     fn name(&self) -> String {
         self.to_possible_value().expect("no step is hidden").get_name().to_owned()
     }
 
-    /// Description in a few words.
+    /// Short description.
     fn title(&self) -> &'static str;
 
-    /// Step without whose success this one cannot run.
+    /// Step that must succeed before this one; `None` if there is none.
     fn needs(&self) -> Option<Self> {
         None
     }
 
-    /// Folders and files that the step checks ([`changes::concern`]), if it has a brief form.
+    /// Folders and files that the step checks ([`changes::concern`]); empty if the step has no brief form.
     fn checks(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Checks that the brief form leaves to `cargo xtask nightly`.
+    /// Description of the checks that the brief form leaves to `cargo xtask nightly`.
     fn left_out(&self) -> &'static str {
         ""
     }
@@ -42,25 +42,25 @@ pub trait Step: ValueEnum + 'static {
     /// Runs the step.
     ///
     /// # Errors
-    /// The first failure, with what mends it where that is known.
+    /// Returns the first failure, with the remedy if it is known.
     fn check(&self, extent: Extent) -> Result<(), String>;
 
-    /// True if the step runs in parallel with those that follow it.
+    /// True if the step runs in parallel with the steps that follow it.
     fn is_beside(&self) -> bool {
         false
     }
 
-    /// True if no other step may run at the same time, because the step has deadlines in real time.
+    /// True if no other step may run at the same time, because the step has real-time deadlines.
     fn is_alone(&self) -> bool {
         false
     }
 }
 
-/// Runs every step of a command, or `only` one, in full or `brief`. A failed step keeps those that need it from running, and no
-/// others.
+/// Runs all steps of a command, or `only` one, in full or `brief`. If a step fails, the steps that need it are skipped; all
+/// others run.
 ///
 /// # Errors
-/// The failed steps, with the commands that run them alone.
+/// Returns the failed steps, with the commands that run them alone.
 pub fn run<S: Step>(only: Option<S>, brief: bool) -> Result<(), String> {
     let alone = only.is_some();
     // Without git all is checked.

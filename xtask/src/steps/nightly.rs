@@ -1,4 +1,4 @@
-//! The steps of `cargo xtask nightly`: the long forms of what `cargo xtask test` samples.
+//! Steps of `cargo xtask nightly`: the long forms of checks that `cargo xtask test` samples.
 
 use super::Step;
 use crate::extent::Extent;
@@ -8,9 +8,9 @@ use crate::{
 };
 use clap::ValueEnum;
 
-/// A robot of MIT drives and an ODrive.
+/// Robot with MIT drives and an ODrive.
 const OTHER_ROBOT: &str = "shipped/robots/test_leg.toml";
-/// Programs with ignored tests that only take long, by folder and name.
+/// Programs with ignored tests that are ignored only because they take long, by folder and name.
 const LONG: [(&str, &str); 11] = [
     ("cli", "rollwalk"),
     ("planner/design", "design"),
@@ -24,58 +24,59 @@ const LONG: [(&str, &str); 11] = [
     ("studio", "session"),
     ("tests", "integration"),
 ];
-/// Tests that [`NightlyStep::Load`] runs.
+/// Filter for the tests that [`NightlyStep::Load`] runs.
 const LOAD: &str = "load::";
-/// Random seeds of the fault campaign on a stand, and on the ground: of each scenario and loss, a thousand runs.
+/// Number of random seeds for each scenario and loss of the fault campaign on a stand.
 const CAMPAIGN_SEEDS: &str = "1000";
+/// Number of random seeds for each scenario and loss of the fault campaign on the ground.
 const GROUND_CAMPAIGN_SEEDS: &str = "9";
 
-/// A step of the nightly command.
+/// Step of the nightly command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum NightlyStep {
     /// Advisories, licences, duplicates and sources of all crates; the bills of materials.
     Deny,
-    /// Packages of the published crates, built alone; their public items against the last release.
+    /// Packages of the published crates, built separately; their public items compared with the last release.
     Crates,
     /// Documentation site, with all generated pages.
     Docs,
-    /// Debian package, installed on a bare Debian, with the tutorial of README.
+    /// Debian package, installed on a minimal Debian, with the tutorial of the README.
     Package,
     /// AgileBot with its twenty motors on real CAN interfaces, and the emulated board behind `slcand`.
     Vcan,
-    /// The whole demo on the emulated board, over its UART, and a robot of other drives.
+    /// Whole demo on the emulated board over its UART, and a robot with other drives.
     BoardUart,
     /// Flash, RAM, stack and instructions of the emulated board's image; the Pico 2's image; planted panics.
     Sizes,
     /// Tests of protocol and firmware in Miri.
     Miri,
-    /// Kinematics and dynamics against MuJoCo on 1,000 states of every robot.
+    /// Kinematics and dynamics compared with MuJoCo on 1,000 states of every robot.
     Multibody,
-    /// The experiments of the differentiable simulator.
+    /// Experiments with the differentiable simulator.
     Physics,
-    /// Exported robots and plans as MuJoCo, Pinocchio and readers of URDF and MCAP read them.
+    /// Exported robots and plans, read by MuJoCo, Pinocchio and readers of URDF and MCAP.
     Exports,
-    /// A sweep over designs, whole, interrupted, and split by GNU parallel and Slurm.
+    /// Sweep over designs: at once, interrupted, and split by GNU parallel and Slurm.
     Explore,
-    /// Shipped motions replayed in MuJoCo, without and with feed-forward, level and disturbed.
+    /// Shipped motions replayed in MuJoCo, with and without feed-forward, level and disturbed.
     Replay,
-    /// Verdicts of the planner on 186 requests of imported and shipped robots, against MuJoCo.
+    /// Verdicts of the planner compared with MuJoCo, on 186 requests of imported and shipped robots.
     Agreement,
     /// Tests that take minutes, which `cargo xtask test` leaves out.
     Long,
-    /// The studio's engine as WebAssembly against the native one; its page in real browsers.
+    /// WebAssembly engine of the studio compared with the native one; the page in real browsers.
     Studio,
-    /// The Python package, as it is installed: its tests and its tutorial.
+    /// Installed Python package: its tests and its tutorial.
     Wheel,
-    /// Random faults and combinations of them: a thousand runs on the ground, and on a stand a thousand of each.
+    /// Random faults and their combinations: a thousand runs on the ground, and a thousand of each kind on a stand.
     FaultCampaign,
     /// Fuzz targets, for ten minutes each.
     Fuzz,
-    /// 100,000 attacks on a simulated robot over its link; commands killed, and on a full disk, while they write.
+    /// 100,000 attacks on a simulated robot over its link; commands killed while they write, or writing to a full disk.
     Hostile,
     /// Robots on a computer with four times as many busy processes as cores.
     Load,
-    /// The ROS 2 node as colcon builds it, on a simulated robot, from a client over another DDS.
+    /// ROS 2 node as built by colcon, with a simulated robot and a client over another DDS.
     Ros2,
 }
 
@@ -93,20 +94,20 @@ impl Step for NightlyStep {
             Self::Sizes => "sizes and instructions of the emulated board's image",
             Self::Miri => "tests of protocol and firmware in Miri",
             Self::Multibody => "kinematics and dynamics against MuJoCo, 1,000 states a robot",
-            Self::Physics => "experiments of the differentiable simulator",
-            Self::Exports => "exports as other tools read them",
+            Self::Physics => "experiments with the differentiable simulator",
+            Self::Exports => "exports, read by other tools",
             Self::Explore => "a sweep over designs, split in every way",
             Self::Replay => "every shipped motion replayed in MuJoCo",
             Self::Agreement => "verdicts on random requests and imported robots, against MuJoCo",
             Self::Hostile => "attacks on a simulated robot, and on files being written",
             Self::Long => "tests that take minutes",
-            Self::Load => "robots on a busy computer",
+            Self::Load => "simulated robots in real time on a busy computer",
             Self::Fuzz => "fuzz targets, ten minutes each",
             Self::Studio => {
                 "the studio's engine as WebAssembly against the native one; its page in real browsers"
             }
-            Self::Wheel => "the Python package as it is installed",
-            Self::Ros2 => "the ROS 2 node as colcon builds it, from another DDS",
+            Self::Wheel => "the installed Python package",
+            Self::Ros2 => "the ROS 2 node, built by colcon and addressed from another DDS",
             Self::FaultCampaign => "fault campaign with 1,000 seeds, and 1,000 runs on the ground",
         }
     }
@@ -178,12 +179,12 @@ impl Step for NightlyStep {
         }
     }
 
-    /// The experiments keep one core busy for an hour.
+    /// True for the experiments, which keep one core busy for an hour, and for the virtual machine.
     fn is_beside(&self) -> bool {
         *self == Self::Physics || *self == Self::Vcan && vcan::in_virtual_machine()
     }
 
-    /// Simulated robots play in real time.
+    /// True for the steps with simulated robots that play in real time.
     fn is_alone(&self) -> bool {
         matches!(self, Self::Hostile | Self::Load | Self::Ros2)
     }

@@ -1,4 +1,4 @@
-//! Runs steps one after the other, or beside each other, and accounts for their time.
+//! Execution of steps, in sequence or in parallel, with their run times.
 
 use crate::shell;
 use std::fs::{self, File};
@@ -7,21 +7,21 @@ use std::process::Child;
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
-/// The steps of a command so far.
+/// State of a command that consists of steps.
 pub struct Run {
     command: &'static str,
-    /// Number of steps to come, for the headings.
+    /// Total number of steps, for the headings.
     total: usize,
     start: Instant,
     begun: usize,
     rows: Vec<Row>,
     beside: Vec<Beside>,
     failures: Vec<String>,
-    /// Steps in their brief form, and what that leaves to `cargo xtask nightly`.
+    /// Steps that ran in their brief form, with the checks left to `cargo xtask nightly`.
     left: Vec<(String, &'static str)>,
 }
 
-/// A line of the table.
+/// Line of the table.
 struct Row {
     name: String,
     seconds: f64,
@@ -31,11 +31,11 @@ struct Row {
 /// Remark on a failed step.
 const FAILED: &str = "FAILED";
 
-/// A step in a process of its own.
+/// Step in a separate process.
 struct Beside {
     name: String,
     log: PathBuf,
-    /// Ends with the process: whether it succeeded, and its seconds.
+    /// Thread that waits for the process. Returns true on success, and the run time in seconds.
     waiter: JoinHandle<(bool, f64)>,
 }
 
@@ -74,12 +74,12 @@ impl Run {
         passed
     }
 
-    /// Starts a step in a process of its own, perhaps in its brief form; its output is printed when it has ended.
+    /// Starts a step in a separate process, optionally in its brief form; its output is printed after it has ended.
     pub fn beside(&mut self, name: &str, title: &str, is_brief: bool) {
         self.begin(name, title);
         match Beside::start(self.command, name, is_brief) {
             Ok(beside) => {
-                eprintln!("== {name} runs beside the next steps");
+                eprintln!("== {name} runs in parallel with the next steps");
                 self.beside.push(beside);
             }
             Err(why) => {
@@ -89,24 +89,24 @@ impl Run {
         }
     }
 
-    /// Accounts for a step that cannot run because `needed` has failed.
+    /// Records a step that cannot run because `needed` has failed.
     pub fn skip(&mut self, name: &str, title: &str, needed: &str) {
         self.begin(name, title);
         eprintln!("== {name} does not run, because {needed} failed");
         self.add(name, 0.0, &format!("NOT RUN: {needed} failed"));
     }
 
-    /// Notes what the brief form of a step leaves to `cargo xtask nightly`.
+    /// Records the checks that the brief form of a step leaves to `cargo xtask nightly`.
     pub fn leave(&mut self, name: &str, left: &'static str) {
         self.left.push((name.into(), left));
     }
 
-    /// True if a step has run and failed.
+    /// True if a step ran and failed.
     pub fn has_failed(&self, name: &str) -> bool {
         self.rows.iter().any(|row| row.name == name && row.remark == FAILED)
     }
 
-    /// Accounts for the steps beside the others that have ended.
+    /// Records the parallel steps that have ended.
     pub fn collect(&mut self) {
         let beside = std::mem::take(&mut self.beside).into_iter();
         let (ended, running): (Vec<_>, _) = beside.partition(|one| one.waiter.is_finished());
@@ -114,26 +114,26 @@ impl Run {
         ended.into_iter().for_each(|one| self.end(one));
     }
 
-    /// Waits for the steps beside the others.
+    /// Waits for all parallel steps.
     pub fn join(&mut self) {
         std::mem::take(&mut self.beside).into_iter().for_each(|one| self.end(one));
     }
 
-    /// Waits for the end of a step beside the others and prints its output.
+    /// Waits for the end of a parallel step and prints its output.
     fn end(&mut self, Beside { name, log, waiter }: Beside) {
         let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
-        eprintln!("\n== output of {name}, which ran beside others");
+        eprintln!("\n== output of {name}, which ran in parallel");
         eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
         if !passed {
-            self.fail(&name, seconds, "its output is above");
+            self.fail(&name, seconds, "the output of the step is above");
         }
-        self.add(&name, seconds, if passed { "beside others" } else { FAILED });
+        self.add(&name, seconds, if passed { "in parallel" } else { FAILED });
     }
 
-    /// Waits for the steps beside the others and prints the table.
+    /// Waits for the parallel steps and prints the table.
     ///
     /// # Errors
-    /// The failed steps, with the commands that run them alone.
+    /// Returns the failed steps, with the commands that run them alone.
     pub fn finish(mut self) -> Result<(), String> {
         self.join();
         eprintln!("\n{}", table(&self.rows, self.start.elapsed().as_secs_f64()));
@@ -162,7 +162,8 @@ impl Run {
 
 impl Beside {
     fn start(command: &str, name: &str, is_brief: bool) -> Result<Self, String> {
-        let failed = |error: std::io::Error| format!("no process for the step: {error}");
+        let failed =
+            |error: std::io::Error| format!("cannot start a process for the step: {error}");
         let folder = shell::target_folder().join("steps");
         fs::create_dir_all(&folder).map_err(failed)?;
         let log = folder.join(format!("{command}-{name}.log"));
@@ -180,14 +181,14 @@ impl Beside {
     }
 }
 
-/// Waits for the end of a process; whether it succeeded, and its seconds.
+/// Waits for the end of a process. Returns true on success, and the run time in seconds.
 fn wait(mut child: Child) -> (bool, f64) {
     let start = Instant::now();
     let succeeded = child.wait().is_ok_and(|status| status.success());
     (succeeded, start.elapsed().as_secs_f64())
 }
 
-/// Seconds of each step and of all of them.
+/// Table with the seconds of each step and their total.
 fn table(rows: &[Row], total: f64) -> String {
     let mut lines = vec![format!("{:<16} {:>8}", "step", "seconds")];
     lines.extend(rows.iter().map(|Row { name, seconds, remark }| {
@@ -197,11 +198,11 @@ fn table(rows: &[Row], total: f64) -> String {
     lines.join("\n")
 }
 
-/// Steps in their brief form, with what each leaves out.
+/// List of the steps that ran in their brief form, with the checks that were left out.
 fn brief_steps(left: &[(String, &str)]) -> String {
     let mut lines = vec![
-        "Brief, because nothing that these steps check has changed; `cargo xtask test --only STEP` and `cargo xtask nightly` \
-         also check:"
+        "These steps ran in brief form, because the files that they check have not changed. `cargo \
+         xtask test --only STEP` and `cargo xtask nightly` also check:"
             .to_owned(),
     ];
     lines.extend(left.iter().map(|(name, left)| format!("{name:<16} {left}")));
@@ -261,11 +262,11 @@ mod tests {
             seconds,
             remark: remark.into(),
         };
-        let rows = [row("fmt", 1.26, ""), row("vcan", 180.0, "beside others")];
+        let rows = [row("fmt", 1.26, ""), row("vcan", 180.0, "in parallel")];
         let lines = [
             "step              seconds",
             "fmt                   1.3",
-            "vcan                180.0 beside others",
+            "vcan                180.0 in parallel",
             "total               200.0",
         ];
         assert_eq!(table(&rows, 200.0), lines.join("\n"));

@@ -1,4 +1,4 @@
-//! The steps of `cargo xtask test`, in the order in which they fail fastest.
+//! Steps of `cargo xtask test`, ordered so that failures appear early.
 
 use super::Step;
 use crate::extent::Extent;
@@ -9,34 +9,34 @@ use crate::{
 use clap::ValueEnum;
 use std::thread;
 
-/// A step of the test command.
+/// Step of the test command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TestStep {
     /// Formatting, by `rustfmt.toml`.
     Fmt,
-    /// House rules that no compiler checks.
+    /// House rules that the compiler does not check.
     Tidy,
-    /// Packages of the crates that are published, without building them.
+    /// Packages of the published crates, without building them.
     Crates,
-    /// Compilation of every target of the workspace by clippy, with warnings denied; programs and tests for later steps.
+    /// Build of every target of the workspace by clippy, with warnings denied; programs and tests for later steps.
     Build,
-    /// The studio's page in Chromium and Firefox, without robots.
+    /// Page of the studio in Chromium and Firefox, without robots.
     Studio,
     /// `rollwalk-protocol` and `rollwalk-firmware` for the Cortex-M4, without std.
     NoStd,
-    /// Board images: size, no panics, and the emulated one against the host simulation.
+    /// Board images: size, no panics, and the emulated board compared with the host simulation.
     Board,
-    /// DBC files as cantools reads them.
+    /// DBC files, read by cantools.
     Dbc,
-    /// Kinematics and dynamics of every robot against MuJoCo.
+    /// Kinematics and dynamics of every robot compared with MuJoCo.
     Multibody,
-    /// Exported robots and plans as MuJoCo, Pinocchio and readers of URDF and MCAP read them.
+    /// Exported robots and plans, read by MuJoCo, Pinocchio and readers of URDF and MCAP.
     Exports,
-    /// The harness that replays plans in MuJoCo.
+    /// Harness that replays plans in MuJoCo.
     Replay,
-    /// The rules by which attacks on a simulated robot are judged.
+    /// Rules that judge attacks on a simulated robot.
     Hostile,
-    /// Robots that the studio's page drives in real time.
+    /// Robots that the page of the studio operates in real time.
     Robots,
     /// Tests of all crates.
     Test,
@@ -54,9 +54,9 @@ impl Step for TestStep {
             Self::Studio => "the studio's page in real browsers",
             Self::NoStd => "protocol and firmware for the Cortex-M4 (no_std)",
             Self::Board => "board images, one of them emulated",
-            Self::Dbc => "DBC files as cantools reads them",
+            Self::Dbc => "DBC files, read by cantools",
             Self::Multibody => "kinematics and dynamics against MuJoCo",
-            Self::Exports => "exports as other tools read them",
+            Self::Exports => "exports, read by other tools",
             Self::Replay => "the replay harness against closed forms",
             Self::Hostile => "the rules of attacks on a simulated robot",
             Self::Robots => "robots that the studio's page drives in real time",
@@ -64,7 +64,7 @@ impl Step for TestStep {
         }
     }
 
-    /// The others build what they run themselves, or run what is built elsewhere.
+    /// Returns the build step for the steps that run its programs. The others build their own programs or need none.
     fn needs(&self) -> Option<Self> {
         let builds = [Self::Fmt, Self::Tidy, Self::Crates, Self::Build, Self::NoStd, Self::Hostile];
         (!builds.contains(self)).then_some(Self::Build)
@@ -154,12 +154,13 @@ impl Step for TestStep {
         }
     }
 
-    /// Browsers wait for the page, not for time; the emulated board keeps one core busy, and the steps after it the other.
+    /// True for two steps. Browsers mostly wait for the page; the emulated board keeps one core busy, and the steps after it
+    /// use the other.
     fn is_beside(&self) -> bool {
         matches!(self, Self::Studio | Self::Board)
     }
 
-    /// Simulated robots at pages and serial lines play in real time.
+    /// True for the steps in which simulated robots play in real time.
     fn is_alone(&self) -> bool {
         matches!(self, Self::Robots | Self::Test)
     }
@@ -168,7 +169,7 @@ impl Step for TestStep {
 /// Checks the formatting of the workspace and of the fuzz targets.
 ///
 /// # Errors
-/// The files that differ.
+/// Returns an error if a file is not formatted.
 pub fn format() -> Result<(), String> {
     toolchain::need_component("rustfmt")?;
     shell::run(&mut shell::cargo(&["fmt", "--all", "--check"]))?;
@@ -176,16 +177,16 @@ pub fn format() -> Result<(), String> {
     shell::run(&mut shell::cargo(&fuzz))
 }
 
-/// Makes sure that there is Python for the independent check of plans, `docs/formats/check_plan.py`, which tests call.
+/// Checks that Python is installed, for the independent plan checker `docs/formats/check_plan.py` that tests call.
 ///
 /// # Errors
-/// The command that installs it.
+/// Returns the command that installs Python.
 pub fn need_python() -> Result<(), String> {
     if shell::succeeds(&mut shell::command("python3", &["--version"])) {
         return Ok(());
     }
     debian::need(&["python3"]).map_err(|install| {
-        format!("the tests need python3, any version from 3.9 on. On Debian:\n\n    {install}")
+        format!("the tests require python3, version 3.9 or later. On Debian:\n\n    {install}")
     })
 }
 

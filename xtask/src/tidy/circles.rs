@@ -1,17 +1,18 @@
-//! Modules of a folder use one another one way, and so do the folder's own file and they.
+//! Check for circular dependencies between the modules of a folder, including the folder's own file.
 //!
-//! The check reads text: imports, and paths that begin with `crate`, `super`, `self` or a module of the folder. A path
-//! through a re-export leads to the item's own module. A folder's file uses a type that it re-exports where it names it again.
+//! The check reads text: imports, and paths that begin with `crate`, `super`, `self` or a module of the folder. A path through
+//! a re-export is attributed to the item's own module. A re-export counts as a use by the folder's file only if the file also
+//! names the type elsewhere.
 
 use crate::checkout::TextFile;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names from the crate's root to a module or an item.
+/// Path from the crate's root to a module or an item.
 type Path = Vec<String>;
-/// Uses of one module of a folder by another, an example each.
+/// Uses of one module of a folder by another, with an example of each.
 type Uses = BTreeMap<[String; 2], String>;
 
-/// Folders of the crates that are checked. In others a folder's own file shares helpers with the files in it.
+/// Folders of the checked crates. In other crates, a folder's own file shares helpers with the files in it.
 const CRATES: [&str; 11] = [
     "cli/terminal",
     "control/pilot",
@@ -26,7 +27,7 @@ const CRATES: [&str; 11] = [
     "robot/multibody",
 ];
 
-/// Circles of all checked crates, one line each folder.
+/// Circles in all checked crates, one line for each folder.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
     CRATES.iter().flat_map(|folder| of_crate(folder, files)).collect()
 }
@@ -76,13 +77,16 @@ fn of_crate(folder: &str, files: &[TextFile]) -> Vec<String> {
     let describe = |(within, uses): (Path, Uses)| {
         let circle = circle(&uses)?.join(", ");
         let within = within.join("/");
-        let advice = "move what two modules share into one of its own";
-        Some(format!("{folder}/src/{within}: uses in a circle ({circle}); {advice}"))
+        let advice = "move the shared items of two modules into a separate module";
+        Some(format!(
+            "{folder}/src/{within}: modules use each other in a circle ({circle}); \
+            {advice}"
+        ))
     };
     folders.into_iter().filter_map(describe).collect()
 }
 
-/// The code of each module that is no test, without comments.
+/// Code of each module without tests and comments.
 fn sources(folder: &str, files: &[TextFile]) -> BTreeMap<Path, String> {
     let (mut sources, mut tests) = (BTreeMap::new(), Vec::new());
     for TextFile { path, text } in files {
@@ -102,7 +106,7 @@ fn sources(folder: &str, files: &[TextFile]) -> BTreeMap<Path, String> {
     sources
 }
 
-/// A line without the module of `pub(in module)`, which the item does not use.
+/// Removes the path in `pub(in path)`, which is not a use.
 fn without_reach(line: &str) -> String {
     let reach = line.split_once("pub(in ").and_then(|(head, rest)| {
         let (_, item) = rest.split_once(") ")?;
@@ -111,7 +115,7 @@ fn without_reach(line: &str) -> String {
     reach.unwrap_or_else(|| line.to_owned())
 }
 
-/// The paths of an import, one for each branch of its braces.
+/// Paths of an import, one for each branch of its braces.
 fn branches(tree: &str) -> Vec<String> {
     let Some((head, rest)) = tree.split_once('{') else {
         let path = tree.split(" as ").next().unwrap_or_default().trim();
@@ -125,7 +129,7 @@ fn branches(tree: &str) -> Vec<String> {
     parts.flat_map(branches).map(|path| head.trim().to_owned() + &path).collect()
 }
 
-/// A path of the crate itself, from its root.
+/// Converts a path within the crate to one from its root; returns `None` for other paths.
 fn absolute(modules: &BTreeMap<Path, String>, from: &Path, path: &str) -> Option<Path> {
     let first = path.split("::").next()?;
     let child = [&from[..], &[first.to_owned()]].concat();
@@ -142,7 +146,7 @@ fn absolute(modules: &BTreeMap<Path, String>, from: &Path, path: &str) -> Option
     is_own.then(|| path.split("::").fold(from.clone(), step))
 }
 
-/// The module of a path's item, behind imports.
+/// Returns the module that defines the item of a path, following imports.
 fn home(modules: &BTreeMap<Path, String>, imports: &BTreeMap<Path, Path>, mut path: Path) -> Path {
     for _ in 0..8 {
         let is_module = |&depth: &usize| modules.contains_key(&path[..depth]);
@@ -155,7 +159,7 @@ fn home(modules: &BTreeMap<Path, String>, imports: &BTreeMap<Path, Path>, mut pa
     path
 }
 
-/// A circle of uses.
+/// Returns a circle of uses; `None` if there is none.
 fn circle(uses: &Uses) -> Option<Vec<&str>> {
     let mut left: Vec<_> = uses.iter().collect();
     let ends = |left: &[(&[String; 2], _)], to| !left.iter().any(|([from, _], _)| from == to);
@@ -191,10 +195,14 @@ mod tests {
 
         files[2].text = "use crate::A;\n".to_owned() + &files[2].text;
         files[5].text += "use super::f;\n";
-        let advice = "move what two modules share into one of its own";
+        let advice = "move the shared items of two modules into a separate module";
         let expected = [
-            format!("physics/src/: uses in a circle (a -> b::B, b -> A); {advice}"),
-            format!("physics/src/c: uses in a circle (c -> c::e::g, c::e -> c::f); {advice}"),
+            format!(
+                "physics/src/: modules use each other in a circle (a -> b::B, b -> A); {advice}"
+            ),
+            format!(
+                "physics/src/c: modules use each other in a circle (c -> c::e::g, c::e -> c::f); {advice}"
+            ),
         ];
         assert_eq!(super::of_crate("physics", &files), expected);
         assert_eq!(super::of_crate("robot", &files).len(), 1);

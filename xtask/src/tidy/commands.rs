@@ -1,10 +1,10 @@
-//! Check that the documents name only valid `cargo xtask` commands. Those of `rollwalk` are checked by
-//! `tests/integration/pages.rs`, which has its command line.
+//! Check that all `cargo xtask` commands in the documents are valid. `tests/integration/pages.rs` checks those of `rollwalk`,
+//! whose command line it links.
 
 use crate::checkout::TextFile;
 use crate::markdown::Page;
 
-/// Commands in blocks of shell commands that `command` does not understand, and how many it does.
+/// Returns invalid commands in shell blocks, and the number of valid ones.
 pub fn violations(files: &[TextFile], command: &clap::Command) -> (Vec<String>, usize) {
     let (mut found, mut checked) = (Vec::new(), 0);
     for file in files.iter().filter(|file| file.path.ends_with(".md")) {
@@ -15,7 +15,7 @@ pub fn violations(files: &[TextFile], command: &clap::Command) -> (Vec<String>, 
             for (number, line) in block.code.lines().enumerate() {
                 let place = format!("{}:{}", file.path, block.line + number);
                 let Some(words) = shlex::split(line) else {
-                    found.push(format!("{place}: a quote of `{line}` does not end"));
+                    found.push(format!("{place}: close the quote in `{line}`"));
                     continue;
                 };
                 let Some(words) = words.strip_prefix(&["cargo".to_owned(), "xtask".to_owned()])

@@ -1,4 +1,4 @@
-//! Doc comments: each begins with a noun of the field or a verb in the third person, and has lines that fit a screen.
+//! Check of doc comments: each begins with a noun of the field or a verb in the third person, and its lines fit a screen.
 
 use crate::checkout::TextFile;
 
@@ -10,7 +10,7 @@ const REFUSED: [&str; 52] = [
     "They", "This", "Those", "To", "What", "When", "Where", "Whether", "Which", "Who", "Whose",
     "Why", "With", "Without", "You",
 ];
-/// Characters of a comment's line, its indentation included.
+/// Maximum length of a comment line with its indentation, characters.
 const WIDTH: usize = 130;
 
 /// Doc comments that begin with a refused word, and lines that are too long.

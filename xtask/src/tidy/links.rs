@@ -1,10 +1,10 @@
-//! Check of the links between documents: each leads to a file of the checkout and, behind `#`, to a heading of it.
+//! Check of the links between documents: each leads to a file of the checkout and, behind `#`, to one of its headings.
 
 use crate::checkout::TextFile;
 use crate::markdown::{Page, target};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Links that lead nowhere, and how many lead somewhere.
+/// Returns the dead links, and the number of valid ones.
 pub fn violations(files: &[TextFile], exists: impl Fn(&str) -> bool) -> (Vec<String>, usize) {
     let documents = files.iter().filter(|file| file.path.ends_with(".md"));
     let pages: BTreeMap<&str, Page> =
@@ -20,9 +20,9 @@ pub fn violations(files: &[TextFile], exists: impl Fn(&str) -> bool) -> (Vec<Str
             checked += 1;
             let place = format!("{path}:{}: the link to `{}`", link.line, link.to);
             if !exists(&to) {
-                found.push(format!("{place} leads to no file: there is no `{to}`"));
+                found.push(format!("{place} leads to no file; there is no `{to}`"));
             } else if link.place.is_none() {
-                found.push(format!("{place} has to stand behind its text, as [text](where)"));
+                found.push(format!("{place} must follow its text, as in [text](path)"));
             } else if !anchor.is_empty() && !anchors(&to).is_some_and(|all| all.contains(&*anchor))
             {
                 let all: Vec<_> = anchors(&to).into_iter().flatten().collect();
@@ -30,7 +30,7 @@ pub fn violations(files: &[TextFile], exists: impl Fn(&str) -> bool) -> (Vec<Str
                 let near: Vec<_> = all.iter().filter(|one| shares_a_word(one)).copied().collect();
                 let near = if near.is_empty() { all } else { near };
                 found.push(format!(
-                    "{place} names a heading that `{to}` has not; it has: {}",
+                    "{place} names a heading that `{to}` lacks; headings there: {}",
                     near.join(", ")
                 ));
             }
@@ -54,6 +54,6 @@ mod tests {
         assert_eq!(found.len(), 3, "{found:#?}");
         assert!(found[0].starts_with("README.md:1: the link to `docs/gone.md` leads to no file"));
         assert!(found[1].contains("`docs/a.md#two` names a heading") && found[1].contains("one"));
-        assert!(found[2].starts_with("README.md:2") && found[2].contains("behind its text"));
+        assert!(found[2].starts_with("README.md:2") && found[2].contains("must follow its text"));
     }
 }

@@ -1,7 +1,8 @@
-//! Map of the crates in `ARCHITECTURE.md` against the manifests, and against the folders that exist.
+//! Check of the crate map in `ARCHITECTURE.md` against the manifests, and against the existing folders.
 //!
-//! A row of the map is `` | `folder/` | `crate` | dependencies | … ``. Rows stand in the order of the data flow: a crate depends on
-//! crates above it only, and the third cell lists those of its own manifest, without the common prefix of their names.
+//! A row of the map is `` | `folder/` | `crate` | dependencies | … ``. Rows are in the order of the data flow: a crate depends
+//! only on crates above it. The third cell lists the dependencies in its own manifest, without the common prefix of their
+//! names.
 
 use crate::checkout::TextFile;
 use serde_json::Value;
@@ -9,7 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const PAGE: &str = "ARCHITECTURE.md";
 const PREFIX: &str = "rollwalk-";
-/// Crate that checks the plans of another, and so knows nothing of it although it stands below it.
+/// Pair of crates: the first checks the plans of the second, and must therefore not depend on the second, although its row
+/// is below.
 const INDEPENDENT: [&str; 2] = ["rollwalk-physics", "rollwalk-planner"];
 
 /// Row of the map.
@@ -19,13 +21,13 @@ struct Row<'a> {
     dependencies: BTreeSet<&'a str>,
 }
 
-/// Crates and folders without a row, rows without a crate, dependencies that differ, and arrows upwards.
+/// Returns crates and folders without a row, rows without a crate, wrong dependencies, and dependencies on crates below.
 ///
 /// # Errors
-/// `metadata` is not what `cargo metadata --no-deps` prints.
+/// Returns an error if `metadata` is not the output of `cargo metadata --no-deps`.
 pub fn violations(files: &[TextFile], metadata: &str) -> Result<Vec<String>, String> {
     let Some(page) = files.iter().find(|file| file.path == PAGE) else {
-        return Ok(vec![format!("{PAGE}: missing")]);
+        return Ok(vec![format!("{PAGE} is missing")]);
     };
     let rows: Vec<Row> = page.text.lines().filter_map(row).collect();
     let metadata: Value =
@@ -40,7 +42,10 @@ pub fn violations(files: &[TextFile], metadata: &str) -> Result<Vec<String>, Str
     }
     for (at, row) in rows.iter().enumerate().filter(|(_, row)| !row.name.is_empty()) {
         let Some(package) = ours.get(row.name) else {
-            found.push(format!("{PAGE}: the map has `{}`, which is no crate here", row.name));
+            found.push(format!(
+                "{PAGE}: the map has `{}`, which is not a crate of this checkout",
+                row.name
+            ));
             continue;
         };
         let manifest = format!("{root}/{}Cargo.toml", row.folder);
@@ -52,7 +57,7 @@ pub fn violations(files: &[TextFile], metadata: &str) -> Result<Vec<String>, Str
     Ok(found)
 }
 
-/// Dependencies of a crate against its row, and against the rows above it; those of tests only point up.
+/// Compares the dependencies of a crate with its row, and with the rows above it. Test dependencies must only be above.
 fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Value>) -> Vec<String> {
     let all = package["dependencies"].as_array().into_iter().flatten();
     let all = all.filter_map(|on| Some((on["name"].as_str()?, on["kind"] == "dev")));
@@ -62,7 +67,10 @@ fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Valu
     let mut found = Vec::new();
     if of_library != row.dependencies {
         let list = of_library.into_iter().collect::<Vec<_>>().join(", ");
-        found.push(format!("{PAGE}: `{}` depends on: {list}", row.name));
+        found.push(format!(
+            "{PAGE}: correct the dependencies of `{}`; the actual ones are: {list}",
+            row.name
+        ));
     }
     if all.iter().any(|(on, _)| [row.name, on] == INDEPENDENT) {
         found.push(format!(
@@ -71,13 +79,16 @@ fn arrows(row: &Row, above: &[Row], package: &Value, ours: &BTreeMap<&str, &Valu
         ));
     }
     for (on, _) in all.iter().filter(|(on, _)| above.iter().all(|above| above.name != *on)) {
-        found
-            .push(format!("{} must not depend on {on}, which stands below it in {PAGE}", row.name));
+        found.push(format!(
+            "{} must not depend on {on}, because {on} is listed further down in \
+                {PAGE}",
+            row.name
+        ));
     }
     found
 }
 
-/// Folders at the top without a row, and rows without a folder.
+/// Top-level folders without a row, and rows without a folder.
 fn folders(files: &[TextFile], rows: &[Row]) -> Vec<String> {
     let top = |path: &str| path.split_once('/').map(|(top, _)| top.to_owned());
     let existing: BTreeSet<String> = files.iter().filter_map(|file| top(&file.path)).collect();
@@ -107,7 +118,7 @@ mod tests {
     use crate::checkout::file;
     use serde_json::json;
 
-    /// A map of two crates and a folder, and a manifest of `rollwalk-b` with these dependencies.
+    /// Returns the violations of a map of two crates and a folder, with these dependencies in the manifest of `rollwalk-b`.
     fn found(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
         found_of(["rollwalk-a", "rollwalk-b"], map, dependencies)
     }
@@ -159,7 +170,10 @@ mod tests {
     fn what_differs_is_named() {
         let on = json!([{ "name": "rollwalk-a" }]);
         assert!(found(&[B, A, DOCS].concat(), &on)[0].contains("must not depend on rollwalk-a"));
-        assert!(found(&[A, B, DOCS].concat(), &json!([]))[0].contains("`rollwalk-b` depends on:"));
+        assert!(
+            found(&[A, B, DOCS].concat(), &json!([]))[0]
+                .contains("correct the dependencies of `rollwalk-b`")
+        );
         assert!(found(&[A, B].concat(), &on)[0].contains("lacks the folder `docs/`"));
         let no_b = found(&[A, DOCS].concat(), &on);
         assert!(no_b.iter().any(|one| one.contains("the map lacks `rollwalk-b`")), "{no_b:?}");
@@ -167,7 +181,10 @@ mod tests {
         assert!(moved.iter().any(|one| one.contains("does not lie in `x/`")), "{moved:?}");
         let gone = "| `c/` | `rollwalk-c` |  | third |\n";
         let gone = found(&[A, B, DOCS, gone].concat(), &on);
-        assert!(gone.iter().any(|one| one.contains("`rollwalk-c`, which is no crate here")));
+        assert!(
+            gone.iter()
+                .any(|one| one.contains("`rollwalk-c`, which is not a crate of this checkout"))
+        );
         assert!(gone.iter().any(|one| one.contains("there is no `c/`")), "{gone:?}");
         let of_tests = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-b", "kind": "dev" }]);
         assert_eq!(found(&[A, B, DOCS].concat(), &of_tests), [""; 0]);

@@ -1,4 +1,4 @@
-//! House rules that no compiler checks, each in its own module, run over the files of the checkout.
+//! House rules that the compiler does not check, each in its own module, applied to the files of the checkout.
 
 mod circles;
 mod commands;
@@ -20,7 +20,7 @@ use std::path::Path;
 /// Checks every rule.
 ///
 /// # Errors
-/// All violations, one a line, each with its file and what would be right.
+/// Returns all violations, one per line, each with its file and the remedy.
 pub fn check(root: &Path) -> Result<(), String> {
     let files = checkout::text_files(root)?;
     let metadata =

@@ -2,12 +2,14 @@
 
 use crate::checkout::TextFile;
 
-/// Files that open with something else.
+/// Returns the files that open with anything else.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
     files
         .iter()
         .filter(|file| file.path.ends_with(".rs") && !file.text.starts_with("//! "))
-        .map(|file| format!("{}:1: open with a `//!` line that says what this file is", file.path))
+        .map(|file| {
+            format!("{}:1: begin the file with a `//!` line that describes its contents", file.path)
+        })
         .collect()
 }
 

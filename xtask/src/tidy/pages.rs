@@ -1,13 +1,13 @@
-//! Pages that people read: their words, and tables of measurements, which commands write.
+//! Check of the pages for users: their length, and that tables of measurements are written by commands.
 
 use crate::checkout::TextFile;
 use crate::measured;
 
-/// Words of all pages but those that commands write, outside of code.
+/// Maximum number of words in all pages, without code and without the pages that commands write.
 const ALL: usize = 56_000;
-/// Words of one page, outside of code.
+/// Maximum number of words in one page, without code.
 const PAGE: usize = 5_000;
-/// Pages that have room for fewer words, those of code included, and that share it.
+/// Groups of pages, each with a lower limit for the words of the whole group, including code.
 const GROUPS: [(&[&str], usize); 3] = [
     (&["README.md"], 1_800),
     (&["CONTRIBUTING.md", "ARCHITECTURE.md"], 2_500),
@@ -22,7 +22,10 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
     let mut found = Vec::new();
     let mut check = |name: &str, words: usize, room: usize| {
         if words > room {
-            found.push(format!("{name}: {words} words, room for {room}: cut, merge or link"));
+            found.push(format!(
+                "{name}: {words} words; shorten the text to {room} words: cut, \
+                merge or link"
+            ));
         }
     };
     for page in &pages {
@@ -43,7 +46,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
     found
 }
 
-/// Words outside of blocks of code.
+/// Number of words outside of code blocks.
 fn prose(text: &str) -> usize {
     let mut in_code = false;
     let mut count = 0;
@@ -61,7 +64,7 @@ fn is_word(word: &str) -> bool {
     word.contains(|c: char| c.is_ascii_alphabetic())
 }
 
-/// Tables of a page whose cells are decimals for the most part.
+/// Tables of a page in which most cells are decimals.
 fn measurements(page: &TextFile) -> Vec<String> {
     let mut found = Vec::new();
     let mut table: Vec<(usize, &str)> = Vec::new();
@@ -78,7 +81,7 @@ fn measurements(page: &TextFile) -> Vec<String> {
             let line = table[0].0;
             let folder = measured::FOLDER;
             let instead =
-                format!("`cargo xtask measured` writes tables of measurements into {folder}");
+                format!("let `cargo xtask measured` write tables of measurements into {folder}");
             found.push(format!("{}:{line}: {instead}", page.path));
         }
         table.clear();

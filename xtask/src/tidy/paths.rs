@@ -1,13 +1,13 @@
-//! Paths in text: no absolute path of a developer's machine anywhere, and no dead reference in the documents.
+//! Check of paths in text: no absolute path of a developer's machine in any file, and no dead reference in the documents.
 
 use crate::checkout::TextFile;
 use std::collections::BTreeSet;
 
-/// Homes and work folders of machines, split so that this file does not hold what it looks for.
+/// Home and work folders of machines, split so that this file does not contain them.
 const MACHINE_ROOTS: [[&str; 2]; 4] =
     [["/ho", "me/"], ["/ro", "ot/"], ["/wo", "rk/"], ["/Us", "ers/"]];
 
-/// Lines that mention a folder of a developer's machine.
+/// Lines that contain a folder of a developer's machine.
 pub fn machine_paths(files: &[TextFile]) -> Vec<String> {
     let roots = MACHINE_ROOTS.map(|parts| parts.concat());
     let mut found = Vec::new();
@@ -28,17 +28,18 @@ pub fn machine_paths(files: &[TextFile]) -> Vec<String> {
     found
 }
 
-/// True if `root` is the beginning of a path in `line`, not its middle (`docs/home/`).
+/// True if `root` starts a path in `line`, instead of being in its middle (`docs/home/`).
 fn starts_a_path(line: &str, root: &str) -> bool {
     line.match_indices(root).any(|(at, _)| {
         !line[..at].ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '*'))
     })
 }
 
-/// Endings of sources, which lie in this checkout wherever they are mentioned.
+/// Extensions of source files, which must exist in this checkout wherever they are mentioned.
 const SOURCES: [&str; 4] = [".rs", ".py", ".ts", ".mjs"];
 
-/// Code spans in Markdown files that name a source, or a file or folder in one of this checkout, which does not exist.
+/// Code spans in Markdown files with a source, or with a file or folder below a top-level folder of this checkout, that does
+/// not exist.
 pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec<String> {
     let folders: BTreeSet<&str> =
         files.iter().filter_map(|file| Some(file.path.split_once('/')?.0)).collect();

@@ -1,9 +1,8 @@
-//! Documentation says who does what, in the field's terms: phrases that hide it are refused, in doc comments and in
-//! Markdown, each with what to write instead.
+//! Check of doc comments and Markdown for vague phrases, each with a suggested replacement.
 
 use crate::checkout::TextFile;
 
-/// Refused phrases, in lower case, and what serves instead.
+/// Refused phrases in lower case, with their replacements.
 const REFUSED: [(&str, &str); 14] = [
     ("told", "sent, commanded, reported, configured"),
     ("so often", "interval, period, rate"),
@@ -21,7 +20,7 @@ const REFUSED: [(&str, &str); 14] = [
     ("is believed", "is accepted"),
 ];
 
-/// Places of refused phrases.
+/// Locations of refused phrases.
 pub fn violations(files: &[TextFile]) -> Vec<String> {
     let mut found = Vec::new();
     for file in files {
@@ -50,7 +49,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
     found
 }
 
-/// True if `line` has `phrase` as whole words, outside of code spans.
+/// True if `line` contains `phrase` as whole words, outside of code spans.
 fn contains(line: &str, phrase: &str) -> bool {
     // Every other part between backticks is prose.
     line.to_lowercase().split('`').step_by(2).any(|prose| {

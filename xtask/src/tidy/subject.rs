@@ -1,11 +1,11 @@
-//! Subject of the last commit: imperative, in one line of a log.
+//! Check of the last commit's subject: imperative, and short enough for one line of a log.
 
 use crate::shell;
 
-/// Characters of a subject.
+/// Maximum length of a subject, characters.
 const LENGTH: usize = 72;
 
-/// Faults of the last commit's subject; none without git.
+/// Faults of the last commit's subject; empty without git.
 pub fn violations() -> Vec<String> {
     let log =
         shell::output(&mut shell::command("git", &["log", "-1", "--no-merges", "--format=%s"]));
@@ -15,22 +15,22 @@ pub fn violations() -> Vec<String> {
 fn fault(subject: &str) -> Option<String> {
     let first = subject.split(' ').next().unwrap_or_default();
     let why = if subject.chars().count() > LENGTH {
-        format!("has {} characters; {LENGTH} are the limit", subject.chars().count())
+        format!("has {} characters; at most {LENGTH} are allowed", subject.chars().count())
     } else if subject.ends_with('.') {
         "ends with a full stop".to_owned()
     } else if !first.starts_with(char::is_uppercase) || first.ends_with(':') {
-        "begins with a capital letter, without a prefix".to_owned()
+        "must begin with a capital letter, without a prefix".to_owned()
     } else if ["ed", "ing"].iter().any(|ending| first.ends_with(ending))
         && !IMPERATIVES.contains(&first)
     {
-        format!("is imperative: not \"{first}\"")
+        format!("must begin with an imperative, not \"{first}\"")
     } else {
         return None;
     };
     Some(format!("subject of the last commit, \"{subject}\": {why}"))
 }
 
-/// Imperatives that end as participles do.
+/// Imperatives with the ending of a participle.
 const IMPERATIVES: [&str; 6] = ["Bring", "Embed", "Feed", "Need", "Speed", "String"];
 
 #[cfg(test)]

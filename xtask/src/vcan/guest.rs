@@ -1,11 +1,11 @@
-//! The virtual machine: Debian's kernel in QEMU, with this machine's files.
+//! Virtual machine for the tests: Debian's kernel in QEMU, with the files of this machine.
 //!
-//! Its clock counts instructions, 1 ns each (`-icount`), and skips idle time. Programs in it meet their deadlines however
-//! loaded this machine is: they have a processor of 1000 MIPS to themselves, whose second may take several seconds here,
-//! or a hundredth of one.
+//! The clock of the virtual machine counts instructions, 1 ns each (`-icount`), and skips idle time. Programs in it therefore
+//! meet their deadlines however loaded this machine is. They have a processor of 1000 MIPS, whose second may take several
+//! seconds here, or a hundredth of one.
 //!
-//! While it waits for the host's disk, its clock jumps to the next timer. So read files before time matters, and write
-//! to memory: anywhere but in the results.
+//! While the virtual machine waits for the host's disk, its clock jumps to the next timer. Programs must therefore read files
+//! before time matters, and write to memory, except for results.
 
 use super::{RESULTS, cache, init, kernel::Kernel, script, spawn, status, wait};
 use crate::{debian, shell};
@@ -20,41 +20,46 @@ use tempfile::TempDir;
 const PROGRAM: &str = "qemu-system-x86_64";
 const PACKAGES: [&str; 6] =
     ["busybox-static", "cpio", "iproute2", "kmod", "qemu-system-x86", "xz-utils"];
-/// Memory, for its processes and the files that they write. The host allocates it on first use.
+/// Memory for processes and the files that they write. The host allocates it on first use.
 const MEMORY: &str = "2G";
 /// Oldest processor with the instructions of current builds of numpy (x86-64-v2); newer ones boot more slowly.
 const PROCESSOR: &str = "Nehalem";
-/// See [`guest`](self). 4 ns or 8 ns for an instruction would only make its processor slower: a second at a given rate
-/// of frames takes as long here.
+/// Clock options of QEMU; see [`guest`](self). With 4 ns or 8 ns for an instruction the processor would only be slower: a
+/// second at a given frame rate takes the same time here.
 const CLOCK: &str = "shift=0,sleep=off";
-/// Ends at once when it panics; no mitigations, because an emulated processor leaks nothing.
+/// Kernel arguments: exit at once on a panic, and no mitigations, because an emulated processor leaks no data.
 const KERNEL_ARGS: &str = "console=ttyS0 quiet panic=-1 mitigations=off";
-/// Last lines of its console, shown when it fails.
+/// Number of final console lines that are shown after a failure.
 const CONSOLE_LINES: usize = 50;
 
-/// A virtual machine, ready to be started once.
+/// Virtual machine that can be started once.
 pub struct Guest {
     kernel: PathBuf,
     initramfs: PathBuf,
-    /// Files that this machine and the virtual one exchange.
+    /// Folder shared by this machine and the virtual machine.
     folder: TempDir,
 }
 
 impl Guest {
-    /// Gets the kernel and packs the first file system.
+    /// Gets the kernel and packs the initial file system.
     ///
     /// # Errors
-    /// The command that installs what is missing, or the packer's error.
+    /// Returns the packer's error. If a program is missing, the error contains the command that installs it.
     pub fn prepare() -> Result<Self, String> {
         debian::need(&PACKAGES).map_err(|install| {
             format!(
-                "this kernel has no vcan, and a virtual machine with one takes packages. On Debian:\
-                 \n\n    {install}"
+                "this kernel has no vcan, and the virtual machine with vcan requires packages. On \
+                 Debian:\n\n    {install}"
             )
         })?;
         let kernel = Kernel::get()?;
         let folder = tempfile::Builder::new().prefix("run-").tempdir_in(cache()?);
-        let folder = folder.map_err(|error| format!("no folder for a virtual machine: {error}"))?;
+        let folder = folder.map_err(|error| {
+            format!(
+                "cannot create a folder for the virtual \
+            machine: {error}"
+            )
+        })?;
         let initramfs = init::pack(&kernel, folder.path())?;
         Ok(Self { kernel: kernel.image(), initramfs, folder })
     }
@@ -62,7 +67,7 @@ impl Guest {
     /// Runs a command and returns its exit status.
     ///
     /// # Errors
-    /// The virtual machine ended or was stopped before the command ended.
+    /// Returns an error if the virtual machine ended or was stopped before the command ended.
     pub fn run(
         self,
         command: &[String],
@@ -81,7 +86,7 @@ impl Guest {
         let script = script::of(command, &shell::workspace_root(), environment);
         fs::write(exchange.join("command"), script).map_err(failed)?;
 
-        eprintln!("running in a virtual machine, because its kernel has vcan");
+        eprintln!("running in a virtual machine with vcan, because this kernel has no vcan");
         let start = Instant::now();
         let console = self.folder.path().join("console");
         let mut qemu = self.qemu(&exchange, &console, results);
@@ -93,9 +98,17 @@ impl Guest {
         let copied = copy.join().expect("copying does not panic");
         let status = fs::read_to_string(exchange.join("status")).ok();
         let code = ended.and_then(|_| status::of_guest(status.as_deref())).map_err(|why| {
-            format!("{why}; the last lines of its console:\n{}", last_lines(&console))
+            format!(
+                "{why}; the last lines of the virtual machine's console:\n{}",
+                last_lines(&console)
+            )
         })?;
-        copied.map_err(|error| format!("its output: {error}"))?;
+        copied.map_err(|error| {
+            format!(
+                "the output of the virtual machine cannot be copied: \
+            {error}"
+            )
+        })?;
         eprintln!("the virtual machine took {:.1} s", start.elapsed().as_secs_f64());
         Ok(code)
     }
@@ -128,7 +141,7 @@ impl Guest {
     }
 }
 
-/// A folder of this machine for the guest.
+/// Shares a folder of this machine with the guest.
 fn share(qemu: &mut std::process::Command, tag: &str, folder: &Path, how: &str) {
     let path = escaped(folder);
     let source = format!("local,id={tag},path={path},security_model=none,{how}");
@@ -136,7 +149,7 @@ fn share(qemu: &mut std::process::Command, tag: &str, folder: &Path, how: &str) 
     qemu.args(["-device", &format!("virtio-9p-pci,fsdev={tag},mount_tag={tag}")]);
 }
 
-/// A path in a list of QEMU's options, where a comma is doubled.
+/// Escapes a path for QEMU's options, in which commas are doubled.
 fn escaped(path: &Path) -> String {
     path.to_string_lossy().replace(',', ",,")
 }

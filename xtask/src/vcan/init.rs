@@ -1,4 +1,4 @@
-//! The guest's first file system: a static busybox, modules, and `init.sh`, which mounts the host's.
+//! Initial file system of the guest: a static busybox, modules, and `init.sh`, which mounts the host's files.
 
 use super::{kernel::Kernel, modules};
 use crate::shell::{self, command};
@@ -7,13 +7,13 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 const INIT: &str = include_str!("init.sh");
-/// Path in Debian's package busybox-static.
+/// Path of busybox in Debian's package busybox-static.
 const BUSYBOX: &str = "/bin/busybox";
 
-/// Packs it in a folder. That takes a second, so it is not kept between runs.
+/// Packs the file system in a folder. This takes a second, so the result is not kept between runs.
 ///
 /// # Errors
-/// The file system's, or the packer's.
+/// Returns an error of the file system or of the packer.
 pub fn pack(kernel: &Kernel, folder: &Path) -> Result<PathBuf, String> {
     let tree = folder.join("initramfs");
     let failed = |error: std::io::Error| format!("{}: {error}", tree.display());
@@ -34,7 +34,7 @@ pub fn pack(kernel: &Kernel, folder: &Path) -> Result<PathBuf, String> {
     Ok(archive)
 }
 
-/// A module as busybox can insert it. Kernels since Debian 13 have them compressed.
+/// Reads a module, decompressed for busybox; kernels since Debian 13 have compressed modules.
 fn module(file: &Path) -> Result<Vec<u8>, String> {
     if file.extension().is_some_and(|extension| extension == "xz") {
         return shell::bytes(command("xz", &["--decompress", "--stdout"]).arg(file));

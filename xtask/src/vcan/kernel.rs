@@ -12,23 +12,21 @@ const META_PACKAGE: &str = "linux-image-amd64";
 const PREFIX: &str = "linux-image-";
 
 pub struct Kernel {
-    /// Folder with its files.
+    /// Folder with the files of the kernel.
     pub folder: PathBuf,
     /// Release, as in `uname -r`.
     pub release: String,
 }
 
 impl Kernel {
-    /// The current kernel, from the cache or downloaded.
+    /// Returns the current kernel, from the cache or downloaded.
     ///
     /// # Errors
-    /// The package manager's.
+    /// Returns the package manager's error.
     pub fn get() -> Result<Self, String> {
         let control = debian::control(META_PACKAGE)?;
         let Some((package, version)) = dependency(&control) else {
-            return Err(format!(
-                "{META_PACKAGE} does not say which kernel it stands for:\n{control}"
-            ));
+            return Err(format!("{META_PACKAGE} depends on no kernel package:\n{control}"));
         };
         let release = package.strip_prefix(PREFIX).expect("that is what was looked for").to_owned();
         let cache = vcan::cache()?;
@@ -50,7 +48,7 @@ impl Kernel {
     }
 }
 
-/// Unpacks completely or not at all: an interrupted run leaves no folder of this name.
+/// Unpacks completely or not at all: an interrupted run leaves no folder with the final name.
 fn unpack(archive: &Path, folder: &Path, release: &str) -> Result<(), String> {
     let part = folder.with_extension("part");
     if part.exists() {
@@ -61,7 +59,7 @@ fn unpack(archive: &Path, folder: &Path, release: &str) -> Result<(), String> {
     fs::rename(&part, folder).map_err(|error| format!("{}: {error}", folder.display()))
 }
 
-/// Package and version in `Depends: linux-image-6.1.0-56-amd64 (= 6.1.192-2)`.
+/// Parses package and version in `Depends: linux-image-6.1.0-56-amd64 (= 6.1.192-2)`.
 fn dependency(control: &str) -> Option<(&str, &str)> {
     let depends = control.lines().find_map(|line| line.strip_prefix("Depends:"))?;
     depends.split(',').find_map(|one| {

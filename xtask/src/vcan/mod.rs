@@ -1,11 +1,11 @@
-//! `cargo xtask vcan`: runs a command on a machine with real SocketCAN: `vcan0`, `vcan1` and `vcan2`.
+//! `cargo xtask vcan`: runs a command on a machine with SocketCAN, on the interfaces `vcan0`, `vcan1` and `vcan2`.
 //!
 //! ```text
 //! place: this kernel has vcan? ── yes ──> here
 //!           └─ no ──> kernel (Debian's) + modules ──> initramfs ──> guest (QEMU) ──> status
 //! ```
 //!
-//! The virtual machine has a clock of its own: see [`guest`].
+//! The virtual machine has its own clock: see [`guest`].
 
 mod guest;
 mod init;
@@ -26,9 +26,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// The interfaces of a command, up and with the kernel's default settings.
+/// Interfaces for a command, up and with the kernel's default settings.
 const INTERFACES: [&str; 3] = ["vcan0", "vcan1", "vcan2"];
-/// Environment variable with the folder whose files are kept.
+/// Environment variable with the folder for files to keep.
 const RESULTS: &str = "ROLLWALK_RESULTS";
 
 /// Options of the command.
@@ -37,7 +37,7 @@ pub struct Options {
     /// Run in the virtual machine even if this kernel has vcan: its clock does not depend on the load of this machine.
     #[arg(long)]
     guest: bool,
-    /// Folder for files to keep; the command finds its path in `ROLLWALK_RESULTS`. Other files that the command writes in the
+    /// Folder for files to keep; the command reads its path from `ROLLWALK_RESULTS`. Other files that the command writes in the
     /// virtual machine are lost.
     #[arg(long, value_name = "FOLDER")]
     results: Option<PathBuf>,
@@ -58,18 +58,18 @@ impl Options {
 /// Runs the tests on real CAN interfaces.
 ///
 /// # Errors
-/// The tests that failed, or the command that installs what is missing.
+/// Returns the failed tests. If a program is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
     suite::run(place::decide()?)
 }
 
-/// Runs the command, or the full tests, where there is SocketCAN, and returns its exit status.
+/// Runs the command, or the full tests, on a machine with SocketCAN, and returns the exit status.
 ///
 /// # Errors
-/// The command that installs what is missing; or the command did not end.
+/// Returns an error if the command did not end. If a program is missing, the error contains the command that installs it.
 pub fn run(options: &Options) -> Result<ExitCode, String> {
     ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("no handler for Ctrl-C: {error}"))?;
+        .map_err(|error| format!("cannot set a handler for Ctrl-C: {error}"))?;
     let command = &options.command;
     if command.is_empty() {
         return suite::run(options.place()?).map(|()| ExitCode::SUCCESS);
@@ -104,7 +104,7 @@ fn spawn(command: &mut Command) -> Result<Child, String> {
     command.spawn().map_err(|error| format!("`{name}` could not be started: {error}"))
 }
 
-/// Set by Ctrl-C: the running command is ended and its folder removed.
+/// True after Ctrl-C: the running command is then ended and its folder removed.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Waits for the end of a process; kills it at the timeout or on Ctrl-C.
@@ -121,9 +121,9 @@ fn wait(mut child: Child, timeout: Duration) -> Result<std::process::ExitStatus,
                 let _ = child.kill();
                 let _ = child.wait();
                 return Err(match ended {
-                    Err(error) => format!("it cannot be waited for: {error}"),
+                    Err(error) => format!("cannot wait for the command: {error}"),
                     Ok(_) if INTERRUPTED.load(Ordering::Relaxed) => "interrupted".into(),
-                    Ok(_) => format!("it did not end within {timeout:?}, and was stopped"),
+                    Ok(_) => format!("the command did not end within {timeout:?} and was stopped"),
                 });
             }
         }

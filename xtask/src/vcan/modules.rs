@@ -1,12 +1,12 @@
-//! The kernel modules that the guest needs, each after those that it needs itself.
+//! Kernel modules of the guest, in dependency order.
 
 use super::kernel::Kernel;
 use crate::shell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Modules of the host's files and of the output port, then CAN. `can-gw` and `can-bcm` are for tools of can-utils and
-/// python-can, `kvaser_pci` drives the two cards, `uinput` makes gamepads.
+/// Modules for the host's files and the output port, then for CAN. `can-gw` and `can-bcm` are for can-utils and python-can,
+/// `kvaser_pci` drives the two cards, and `uinput` creates gamepads.
 const WANTED: [&str; 16] = [
     "virtio_pci",
     "virtio_console",
@@ -26,10 +26,10 @@ const WANTED: [&str; 16] = [
     "uinput",
 ];
 
-/// Files of the modules, in the order of insertion.
+/// Returns the files of the modules, in the order of insertion.
 ///
 /// # Errors
-/// The kernel does not have one of them.
+/// Returns an error if the kernel lacks a module.
 pub fn files(kernel: &Kernel) -> Result<Vec<PathBuf>, String> {
     let mut answers = String::new();
     for module in WANTED {
@@ -39,7 +39,7 @@ pub fn files(kernel: &Kernel) -> Result<Vec<PathBuf>, String> {
     Ok(in_order(&answers))
 }
 
-/// Files that `modprobe --show-depends` lists, each once; built-in modules have none.
+/// Returns the files that `modprobe --show-depends` lists, each once. Built-in modules have no file.
 fn in_order(answers: &str) -> Vec<PathBuf> {
     let mut seen = BTreeSet::new();
     let inserted = answers.lines().filter_map(|line| line.strip_prefix("insmod "));

@@ -1,20 +1,20 @@
-//! The machine that runs a command: this one if its kernel has vcan, otherwise a virtual one.
+//! Choice of the machine that runs a command: this one if its kernel has vcan, otherwise a virtual one.
 
 use super::INTERFACES;
 use crate::shell;
 use std::fs;
 
-/// The machine that runs a command.
+/// Machine that runs a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     Here,
     Guest,
 }
 
-/// Chooses the machine, and makes the interfaces here if this kernel can.
+/// Chooses the machine, and creates the interfaces on this one if its kernel supports them.
 ///
 /// # Errors
-/// An interface has the name of a CAN interface, but is none.
+/// Returns an error if another kind of interface has the name of a CAN interface.
 pub fn decide() -> Result<Place, String> {
     for name in INTERFACES {
         if !ready(name)? && !make(name) {
@@ -37,7 +37,7 @@ fn ready(name: &str) -> Result<bool, String> {
 /// `ARPHRD_CAN` of `linux/if_arp.h`.
 const ARPHRD_CAN: &str = "280";
 
-/// True if the flags of an interface, as the kernel prints them, have `IFF_UP`.
+/// True if the flags of an interface, as the kernel prints them, contain `IFF_UP`.
 fn is_up(flags: &str) -> bool {
     let digits = flags.trim().trim_start_matches("0x");
     u32::from_str_radix(digits, 16).is_ok_and(|flags| flags & 1 != 0)

@@ -1,8 +1,8 @@
-//! A command line, its folder and its environment as a script for the guest's shell.
+//! Shell script for the guest from a command line, its folder and its environment.
 
 use std::path::Path;
 
-/// Environment variables that are passed on to the guest, besides those that begin with [`OURS`].
+/// Environment variables that are passed to the guest, in addition to those that begin with [`OURS`].
 const PASSED_ON: [&str; 10] = [
     "PATH",
     "HOME",
@@ -17,7 +17,7 @@ const PASSED_ON: [&str; 10] = [
 ];
 const OURS: &str = "ROLLWALK_";
 
-/// A script that runs `command` in `folder`.
+/// Returns a script that runs `command` in `folder`.
 pub fn of(
     command: &[String],
     folder: &Path,
@@ -33,7 +33,7 @@ pub fn of(
     script + "exec " + &words.join(" ") + "\n"
 }
 
-/// A word in quotes for the shell.
+/// Quotes a word for the shell.
 fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', r"'\''"))
 }

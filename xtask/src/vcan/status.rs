@@ -3,26 +3,31 @@
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-/// Offset of the exit code of a command that a signal ended, as in shells.
+/// Offset of the exit code of a command that was ended by a signal, as in shells.
 const SIGNALLED: i32 = 128;
 
-/// The status in the file that the guest writes at its end.
+/// Parses the status in the file that the guest writes at its end.
 ///
 /// # Errors
-/// The file is missing or incomplete.
+/// Returns an error if the file is missing or incomplete.
 pub fn of_guest(file: Option<&str>) -> Result<u8, String> {
     let text = file.ok_or("the virtual machine ended before the command did")?;
     let number = text.strip_suffix('\n').and_then(|number| number.parse().ok());
-    number.ok_or_else(|| format!("the virtual machine left {text:?} instead of an exit status"))
+    number.ok_or_else(|| format!("the virtual machine wrote {text:?} instead of an exit status"))
 }
 
-/// The exit code of a command that ran here, as in shells.
+/// Exit code of a command that ran on this machine, as in shells.
 ///
 /// # Errors
-/// It neither exited nor was it ended by a signal.
+/// Returns an error if the command neither exited nor was ended by a signal.
 pub fn of_process(status: ExitStatus) -> Result<u8, String> {
     let code = status.code().or_else(|| status.signal().map(|signal| SIGNALLED + signal));
-    code.and_then(|code| u8::try_from(code).ok()).ok_or_else(|| format!("it ended: {status}"))
+    code.and_then(|code| u8::try_from(code).ok()).ok_or_else(|| {
+        format!(
+            "the command ended: \
+        {status}"
+        )
+    })
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! The tests of `tests/vcan/`, run where there is SocketCAN; then, here, other programs read the logs of those tests.
+//! Tests of `tests/vcan/`, run on a machine with SocketCAN. Afterwards other programs read the logs of those tests on this
+//! machine.
 
 use super::{Place, RESULTS, guest::Guest, here};
 use crate::workspace::{self, Program};
@@ -8,26 +9,26 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
-/// Packages with programs that the tests call.
+/// Debian packages with programs that the tests call.
 const PACKAGES: [&str; 3] = ["can-utils", "iproute2", "qemu-system-arm"];
-/// Longest time of this machine, which may be loaded.
+/// Timeout by the clock of this machine, which may be loaded.
 const TIMEOUT: Duration = Duration::from_secs(1200);
 
-/// Library that is built and flashed: the demo's robot with its twenty motors.
+/// Library file of the demo's robot with its twenty motors.
 const LIBRARY: &str = "shipped/motions/agilebot_library.toml";
-/// Modules of `tests/vcan/` that need a kernel with vcan. The emulated board runs in an emulator of its own.
+/// Modules of `tests/vcan/` that need a kernel with vcan. The emulated board runs in a separate emulator.
 const ON_VCAN: [&str; 2] = ["board::", "on_vcan::"];
 
 /// Modules that need CAN cards and gamepads, which only the virtual machine has.
 const ON_HARDWARE: [&str; 2] = ["gamepad::", "on_hardware::"];
 
-/// Runs all tests on CAN interfaces; their logs stay below the target folder.
+/// Runs all tests on CAN interfaces. Their logs are kept below the target folder.
 ///
 /// # Errors
-/// The tests that failed, or the command that installs what is missing.
+/// Returns the failed tests. If a program is missing, the error contains the command that installs it.
 pub fn run(place: Place) -> Result<(), String> {
     debian::need(&PACKAGES).map_err(|install| {
-        format!("the tests on CAN interfaces take packages. On Debian:\n\n    {install}")
+        format!("the tests on CAN interfaces require packages. On Debian:\n\n    {install}")
     })?;
     let results = super::cache()?.join("full");
     // So that no test reads what an earlier run has left.

@@ -1,16 +1,16 @@
-//! The fault campaign: runs of the simulated robot with faults, and the rules that must hold in each of them.
+//! Fault campaign: runs of the simulated robot with faults, and rules that must be satisfied in each run.
 //!
-//! A run takes place in virtual time: an operator connects, arms, plays motions, a fault strikes, and the operator
-//! recovers the robot. The [`monitor`] checks every frame. Scenario, loss and seed determine a run to the bit, so
-//! every run can be repeated. Described in `docs/fault-campaign.md`.
+//! A run takes place in virtual time: an operator connects, arms and plays motions, a fault strikes, and the operator recovers
+//! the robot. The [`monitor`] checks every frame. Scenario, loss and seed determine a run bit by bit, so that every run can be
+//! repeated. `docs/fault-campaign.md` describes the campaign.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | [`scenario`] | the faults |
-//! | [`operator`], [`shared_rig`] | the operator at the host, and the robot that operator and run share |
-//! | [`mod@run`] | one run |
-//! | [`monitor`] | the rules, checked on every frame and every step of the motors |
-//! | [`world`] | what became of a robot on the ground |
+//! | [`scenario`] | faults |
+//! | [`operator`], [`shared_rig`] | operator at the host, and the robot that operator and run share |
+//! | [`mod@run`] | execution of one run |
+//! | [`monitor`] | rules, checked on every frame and every step of the motors |
+//! | [`world`] | behaviour of a robot on the ground |
 //! | [`table`] | results of many runs |
 
 pub mod monitor;
@@ -34,23 +34,23 @@ use scenario::Scenario;
 use serde::{Deserialize, Serialize};
 use world::WorldReport;
 
-/// The robot and library of a campaign.
+/// Robot and library of a campaign.
 #[derive(Clone, Debug)]
 pub struct Subject {
     pub robot: Robot,
     pub library: Vec<u8>,
     /// Command codes of the library's motions, in its order; the first is SAFE.
     pub codes: Vec<u8>,
-    /// Motions on the way to others, without a command of their own: goal and motion on a way to it.
+    /// Intermediate motions, which the robot plays without a command for them: pairs of goal and intermediate motion.
     pub on_the_way: Vec<(u8, u8)>,
     /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
-    /// True for a robot on the ground, level in one run of two, else on a slope; false for a robot on a stand.
+    /// True for a robot on the ground, which is level in every other run and otherwise a slope; false for a robot on a stand.
     pub on_ground: bool,
 }
 
 impl Subject {
-    /// Single leg with hip, knee and wheel, on two actuator buses.
+    /// Creates a single leg with hip, knee and wheel, on two actuator buses.
     pub fn one_leg() -> Self {
         Self {
             robot: one_leg::robot(),
@@ -65,8 +65,8 @@ impl Subject {
         }
     }
 
-    /// A robot on the ground with a library; `None` of a library that is not valid for it, or of which the first motion is not
-    /// SAFE.
+    /// Creates the subject for a robot on the ground; `None` if the library is not valid for the robot, or if its first motion
+    /// is not SAFE.
     pub fn on_ground(robot: Robot, library: Vec<u8>, way_home: SimTime) -> Option<Self> {
         let index = validate(&library, &robot.controller_config().ok()?).ok()?;
         let view = Library::open(&library, &index)?;
@@ -89,13 +89,13 @@ impl Subject {
         Some(Self { robot, library, codes, on_the_way, way_home, on_ground: true })
     }
 
-    /// The configuration of its controller.
+    /// Configuration of the robot's controller.
     pub fn config(&self) -> RobotConfig {
         self.robot.controller_config().expect("the robot is sound")
     }
 }
 
-/// Run of the campaign: everything in it follows from these values.
+/// Parameters that determine a run of the campaign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Case {
     pub scenario: Scenario,
@@ -109,7 +109,7 @@ pub struct Case {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Outcome {
     WentOn,
-    /// Returned to SAFE along the motion graph and turned torque off.
+    /// Returned to SAFE along the motion graph and switched torque off.
     WentHome,
     LetDown,
     Stopped,
@@ -146,13 +146,13 @@ impl Outcome {
 #[derive(Clone, Debug)]
 pub struct Report {
     pub case: Case,
-    /// Reaction of the robot.
+    /// Reaction of the robot to the fault.
     pub outcome: Outcome,
     /// Violations that the monitor found.
     pub violations: Vec<Violation>,
     /// Other errors: no recovery, a wrong or missing fault bit, a fault without effect.
     pub errors: Vec<String>,
-    /// Frames or events disturbed: by the loss, by other faults.
+    /// Numbers of frames or events that were disturbed by the loss, and by other faults.
     pub fired: [u64; 2],
     /// Counts of the monitor's checks.
     pub coverage: Coverage,
@@ -171,7 +171,7 @@ impl Report {
     }
 }
 
-/// Runs a case with the firmware in this process. Also returns every frame of every bus.
+/// Runs a case with the firmware in this process. Returns the report and every frame of every bus.
 pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
     let (config, settings) = (subject.config(), Settings::default());
     let buses = subject.robot.controller_buses();
@@ -183,8 +183,8 @@ pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
     run_with(subject, case, core)
 }
 
-/// Runs a case with a controller that has just been switched on: without library in [`Scenario::Flash`],
-/// with that of the subject in all others.
+/// Runs a case with a controller that has just been switched on. The controller has the library of the subject, or no library
+/// in [`Scenario::Flash`].
 pub fn run_with<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
     run::run(subject, case, core)
 }

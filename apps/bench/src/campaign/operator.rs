@@ -1,4 +1,4 @@
-//! The operator: connects, retries, and leads the robot from any state to a requested one.
+//! Simulated operator, who connects, retries, and brings the robot from any state to a requested one.
 
 use super::shared_rig::SharedRig;
 use rollwalk_host::session::{Session, SessionError};
@@ -10,15 +10,15 @@ use rollwalk_sim_host::core::Core;
 const CONNECT_WITHIN: SimTime = SimTime::from_ms(60_000);
 /// Maximum time from any state to a requested one.
 const RECOVER_WITHIN: SimTime = SimTime::from_ms(90_000);
-/// Maximum time until the hoist has picked a robot up.
+/// Maximum time until the hoist has lifted a robot.
 const SET_UP_WITHIN: SimTime = SimTime::from_ms(10_000);
-/// Interval between two checks of the status, µs.
+/// Interval between checks of the status, µs.
 const STATUS_CHECK_US: u64 = 50_000;
 
-/// Failure of the operator, in a sentence.
+/// Description of an operator's failure.
 pub type Stuck = String;
 
-/// An operator with or without a session.
+/// Operator with or without a session.
 pub struct Operator<C: Core> {
     rig: SharedRig<C>,
     node: Node,
@@ -26,7 +26,7 @@ pub struct Operator<C: Core> {
 }
 
 impl<C: Core> Operator<C> {
-    /// An operator that is not connected yet.
+    /// Creates an operator who is not connected yet.
     pub fn new(rig: &SharedRig<C>) -> Self {
         let node = rig.borrow().node();
         Self { rig: rig.clone(), node, session: None }
@@ -37,7 +37,7 @@ impl<C: Core> Operator<C> {
         self.session = None;
     }
 
-    /// Returns the session; connects if there is none.
+    /// Returns the session, and connects first if necessary.
     pub fn session(&mut self) -> Result<&mut Session<SharedRig<C>>, Stuck> {
         let deadline = self.rig.now() + CONNECT_WITHIN;
         while self.session.is_none() {
@@ -57,7 +57,7 @@ impl<C: Core> Operator<C> {
         }
     }
 
-    /// Waits until a robot on the ground is in its hoist again: one that lies is set up before it is armed.
+    /// Waits until a robot on the ground is in its hoist again. The hoist lifts a fallen robot before it is armed.
     pub fn set_up(&mut self) {
         let deadline = self.rig.now() + SET_UP_WITHIN;
         let lies = |rig: &SharedRig<C>| {
@@ -68,12 +68,12 @@ impl<C: Core> Operator<C> {
         }
     }
 
-    /// The last reported state.
+    /// Most recently reported state.
     fn state(&self) -> Option<State> {
         Some(self.session.as_ref()?.status()?.state)
     }
 
-    /// Leads the robot to a state.
+    /// Brings the robot to a state.
     pub fn reach(&mut self, wanted: State) -> Result<(), Stuck> {
         let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = None;
@@ -107,7 +107,7 @@ impl<C: Core> Operator<C> {
         }
     }
 
-    /// Plays a motion, from SAFE.
+    /// Plays a motion that starts from SAFE.
     pub fn play(&mut self, code: u8, clip: u8) -> Result<(), Stuck> {
         let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = String::new();

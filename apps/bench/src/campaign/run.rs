@@ -1,5 +1,5 @@
-//! Execution of a run: an operator plays motions, the fault of the scenario strikes, the reported faults are checked, and the
-//! operator recovers the robot.
+//! Execution of a run: the operator plays motions, the fault of the scenario strikes, the run checks the reported faults, and
+//! the operator recovers the robot.
 
 use super::operator::{Operator, Stuck};
 use super::scenario::{self, Host, Plan, Scenario};
@@ -30,24 +30,26 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Maximum time from a stop to motors without torque on undisturbed buses: two queued frames and a DISABLE for each
-/// motor take less than a millisecond; one control period is added.
+/// Maximum time from a stop to motors without torque on undisturbed buses.
+///
+/// Two queued frames and a DISABLE for each motor take less than a millisecond, plus one control period.
 const TORQUE_OFF_WITHIN: SimTime = SimTime::from_us(10_000);
-/// Maximum delay of a setpoint on a disturbed bus, over all scenarios; the motors' own watchdogs expire after the last.
+/// Maximum delay of a set-point on a disturbed bus in any scenario. The motors' own watchdogs start at the final set-point.
 const MAX_FRAME_DELAY: SimTime = SimTime::from_ms(200);
 /// Duration of frame loss during a transfer.
 const FLASH_LOSS_FOR: SimTime = SimTime::from_ms(20_000);
 /// Maximum time of a transfer from the start of the fault.
 const FLASH_WITHIN: SimTime = SimTime::from_ms(30_000);
-/// Loss, per mille, above which nothing but a stop is possible; it starts with the fault and ends.
+/// Loss above which the operator can only stop the robot, per mille. Such a loss starts with the fault.
 const HOPELESS: u16 = 500;
+/// Duration of such a loss.
 const HOPELESS_FOR: SimTime = SimTime::from_ms(20_000);
-/// Multiplier of the hash that makes a seed of scenario, loss and seed: 2⁶⁴ over the golden ratio (Fibonacci hashing).
+/// Multiplier of the hash that combines scenario, loss and seed: 2⁶⁴ over the golden ratio (Fibonacci hashing).
 const MIXER: u64 = 0x9E37_79B9_7F4A_7C15;
 /// End of faults that last for the whole run.
 const FOREVER: SimTime = SimTime::from_ms(u64::MAX / 2_000_000);
 
-/// Duration of control periods, rounded up.
+/// Duration of `count` control periods, rounded up.
 fn periods(count: u64) -> SimTime {
     SimTime::from_us((count * 1_000_000).div_ceil(Settings::default().control_hz.into()))
 }
@@ -64,8 +66,10 @@ fn shutdown_timing(subject: &Subject) -> shutdown::Timing {
     }
 }
 
-/// Maximum time from the first frame of an emergency stop to motors without torque, whatever is lost: the host sends
-/// no heartbeats until the stop is acknowledged, so the controller loses it, returns to SAFE, holds and damps.
+/// Maximum time from the first frame of an emergency stop to motors without torque, with any frame loss.
+///
+/// The host sends no heartbeats until the stop is acknowledged. The controller therefore loses the host, returns to SAFE, holds
+/// and damps.
 fn stopped_within(subject: &Subject) -> SimTime {
     let settings = Settings::default();
     // A heartbeat sent just before the stop arrives within its period.
@@ -149,13 +153,13 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogE
     run.report()
 }
 
-/// Maximum time until a controller reports a silent actuator: the ticks that it may be silent, the one that detects it,
-/// and the one that reports it.
+/// Maximum time until a controller reports a silent actuator: the permitted silent ticks, the tick of detection and the tick of
+/// the report.
 fn report_within() -> SimTime {
     periods(u64::from(Settings::default().silent_ticks) + 2)
 }
 
-/// A run in progress.
+/// Run in progress.
 struct Run<'a, C: Core> {
     subject: &'a Subject,
     case: Case,
@@ -166,9 +170,9 @@ struct Run<'a, C: Core> {
     random: Rng,
     /// Start of the fault.
     began: SimTime,
-    /// Number of faults, from the first, that are the loss of the case.
+    /// Number of initial faults that implement the loss of the case.
     losses: usize,
-    /// The host itself died, stalled or stopped the robot.
+    /// True if the host ended, stalled or stopped the robot.
     host_failed: bool,
     errors: Vec<String>,
     /// Outcome of a transfer.
@@ -206,7 +210,7 @@ impl<C: Core> Run<'_, C> {
         scenario::between(&mut self.random, least_ms, most_ms)
     }
 
-    /// Adds the loss of the case on the link, in both directions.
+    /// Adds the loss of the case to the link in both directions.
     fn add_loss(&mut self, from: SimTime, until: SimTime) {
         let loss = self.case.loss_per_mille;
         if loss == 0 {
@@ -230,7 +234,7 @@ impl<C: Core> Run<'_, C> {
         plan
     }
 
-    /// Lets the operator act at random until all faults are over.
+    /// Lets the operator act randomly until all faults are over.
     fn operate(&mut self, plan: &Plan) -> Result<(), Stuck> {
         let until = plan.until + self.between(100, 800);
         let mut host = Some(plan.host);
@@ -247,7 +251,7 @@ impl<C: Core> Run<'_, C> {
         Ok(())
     }
 
-    /// Executes the event of the host when its time has come.
+    /// Executes the event of the host at its time.
     fn run_host_event(&mut self, host: &mut Option<Host>) -> Result<(), Stuck> {
         let now = self.rig.now();
         let at = match *host {
@@ -289,7 +293,7 @@ impl<C: Core> Run<'_, C> {
         Ok(())
     }
 
-    /// Takes a random action; it may fail.
+    /// Performs a random action, which may fail.
     fn act_at_random(&mut self) -> Result<(), Stuck> {
         let motions = &self.subject.codes;
         let code = motions[self.random.usize(0..motions.len())];
@@ -326,7 +330,7 @@ impl<C: Core> Run<'_, C> {
         Ok(())
     }
 
-    /// Requests a nonce, revokes it, and confirms it all the same. The monitor checks that torque stays off.
+    /// Requests a nonce, revokes it, and still confirms it. The monitor checks that torque stays off.
     fn confirm_revoked_nonce(&mut self) -> Result<(), SessionError> {
         let (choice, span) = (self.random.u8(0..4), self.between(2010, 2500));
         let node = self.rig.borrow().node();
@@ -373,7 +377,7 @@ impl<C: Core> Run<'_, C> {
         }
     }
 
-    /// Arms the robot from any state, plays a motion and disarms: always possible for an operator.
+    /// Arms the robot from any state, plays a motion and disarms, which must always be possible.
     fn recover(&mut self) -> Result<(), Stuck> {
         self.operator.reach(State::Ready)?;
         let motion = self.random.usize(1..self.subject.codes.len());
@@ -452,13 +456,15 @@ impl<C: Core> Run<'_, C> {
         }
         let coverage = monitor.coverage();
         if coverage.setpoints == 0 || coverage.starts == 0 || coverage.commands == 0 {
-            errors.push(format!("the monitor has checked nothing: {coverage:?}"));
+            errors.push(format!("the monitor received nothing to check: {coverage:?}"));
         }
         let world = self.world.as_ref().map(|watch| watch.borrow().report().clone());
         for Fall { at, how } in world.iter().flat_map(|world| &world.falls) {
             let slope_deg = world.as_ref().map_or(0.0, |world| world.slope_rad.to_degrees());
             let at_s = at.as_s();
-            errors.push(format!("on {slope_deg:.1} degrees it fell at {at_s:.3} s: {how:?}"));
+            errors.push(format!(
+                "on a slope of {slope_deg:.1} degrees the robot fell at {at_s:.3} s: {how:?}"
+            ));
         }
         let history = monitor.history();
         let report = Report {
@@ -477,7 +483,7 @@ impl<C: Core> Run<'_, C> {
     }
 }
 
-/// True if the controller executes a DISARM in this time.
+/// True if the controller executes a DISARM between two times.
 fn disarms(log: &[LogEntry], from: SimTime, until: SimTime) -> bool {
     let span = from.as_us()..=until.as_us();
     let frames = log.iter().filter(|entry| span.contains(&entry.at_us));

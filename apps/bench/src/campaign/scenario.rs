@@ -1,4 +1,4 @@
-//! The scenarios: faults with start and end, drawn from a random generator.
+//! Scenarios: faults with start and end, drawn from a random generator.
 
 use fastrand::Rng;
 use rollwalk_firmware::BusState;
@@ -12,68 +12,68 @@ use rollwalk_sim_host::faults::{Fault, FramePath};
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::rig::Adapter;
 
-/// A kind of disturbance.
+/// Kind of disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scenario {
-    /// Loss of the case alone.
+    /// Loss of the case, without another disturbance.
     Loss,
-    /// Link frames are repeated.
+    /// Repeated link frames.
     Repeats,
-    /// Link frames are reordered.
+    /// Reordered link frames.
     Reorder,
-    /// Link frames are delayed.
+    /// Delayed link frames.
     Delay,
-    /// Link frames are corrupted behind the CRC of CAN, or truncated.
+    /// Link frames that are truncated, or corrupted without an effect on the CRC of CAN.
     Corruption,
-    /// A babbling node on the link.
+    /// Babbling node on the link.
     BabbleLink,
-    /// A babbling node on an actuator bus.
+    /// Babbling node on an actuator bus.
     BabbleActuators,
-    /// Acknowledgements are missing on an actuator bus.
+    /// Missing acknowledgements on an actuator bus.
     NoAck,
-    /// Host and controller are disconnected; both keep their queued frames.
+    /// Disconnected link. Host and controller keep their queued frames.
     LinkUnplugged,
-    /// The controller goes bus-off on an actuator bus.
+    /// Bus-off state of the controller on an actuator bus.
     BusOff,
-    /// An actuator neither receives nor answers for a while.
+    /// Actuator that neither receives nor answers for some time.
     ActuatorDeaf,
-    /// An actuator loses its power for a while.
+    /// Actuator without power for some time.
     ActuatorDead,
-    /// Actuator frames are lost at the rate of the link.
+    /// Actuator frames lost at the rate of the link.
     ActuatorLoss,
-    /// Actuator frames are repeated, delayed and reordered.
+    /// Repeated, delayed and reordered actuator frames.
     ActuatorDisorder,
-    /// Actuator frames are corrupted or truncated.
+    /// Corrupted or truncated actuator frames.
     ActuatorCorruption,
-    /// Motor power fails and returns; the interface keeps the frames that it could not send.
+    /// Failure and return of motor power. The interface keeps the frames that it could not send.
     PowerCut,
-    /// The host program ends, and another starts later.
+    /// End of the host program, and later start of another one.
     HostDead,
-    /// The host program stalls and continues.
+    /// Stall of the host program, which then continues.
     HostStall,
-    /// A bridge to the controller stalls and then delivers all frames at once.
+    /// Stall of a bridge to the controller, which then delivers all frames at once.
     BridgeStall,
-    /// The host stops the robot.
+    /// Emergency stop by the host.
     EStop,
-    /// A library transfer under one of the disturbances of the link.
+    /// Library transfer during one of the disturbances of the link.
     Flash,
-    /// Several of these, one after the other and at the same time, with one event of the host.
+    /// Several of these disturbances, consecutive and simultaneous, with one event of the host.
     Chaos,
 }
 
-/// An event of the host program.
+/// Event of the host program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Host {
     Stays,
-    /// Ends at the first instant; another program starts at the second.
+    /// End of the program at the first time, and start of another one at the second.
     Dies(SimTime, SimTime),
-    /// Stalls from the first instant to the second.
+    /// Stall from the first time to the second.
     Stalls(SimTime, SimTime),
-    /// Sends an emergency stop at an instant.
+    /// Emergency stop at a time.
     Stops(SimTime),
 }
 
-/// The disturbances of a run.
+/// Disturbances of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Faults besides the loss.
@@ -84,7 +84,7 @@ pub struct Plan {
     pub host: Host,
     /// End of all disturbances.
     pub until: SimTime,
-    /// Fault bits of which one must be reported, if torque is on at the start.
+    /// Fault bits, at least one of which must be reported if torque is on at the start.
     pub required: FaultBits,
     /// Fault bits that may be reported.
     pub allowed: FaultBits,
@@ -145,7 +145,7 @@ impl Scenario {
         }
     }
 
-    /// Losses to run it with, per mille.
+    /// Losses of link frames at which the scenario is run, per mille.
     pub fn losses(self) -> &'static [u16] {
         match self {
             Self::EStop => &[0, 10, 30, 100, 300, 900, 1000],
@@ -155,7 +155,7 @@ impl Scenario {
         }
     }
 
-    /// True if actuators or their frames are disturbed. Only the watchdog of a motor may then switch it off.
+    /// True if actuators or their frames are disturbed. The watchdog of a motor may then be the only means to switch it off.
     pub fn disturbs_actuators(self) -> bool {
         match self {
             Self::BabbleActuators
@@ -402,18 +402,18 @@ fn bits(faults: &[Bit]) -> FaultBits {
     faults.iter().fold(FaultBits::default(), |all, &fault| all.with(fault))
 }
 
-/// A random duration between two, ms.
+/// Random duration within a range, ms.
 pub(super) fn between(random: &mut Rng, least_ms: u64, most_ms: u64) -> SimTime {
     SimTime::from_us(random.u64(1000 * least_ms..=1000 * most_ms))
 }
 
-/// A frame with random data.
+/// Frame with random data.
 fn noise(id: u16, random: &mut Rng) -> Frame {
     let data: Vec<u8> = (0..random.usize(0..=8)).map(|_| random.u8(..)).collect();
     Frame::standard(id, &data).expect("8 bytes at most")
 }
 
-/// A random CAN adapter.
+/// Random CAN adapter.
 fn adapter(random: &mut Rng) -> Adapter {
     Adapter {
         depth: if random.bool() { 1 } else { random.usize(2..=16) },

@@ -1,4 +1,4 @@
-//! The simulated robot of a run, shared by the host session that controls it and the run that disturbs it.
+//! Simulated robot of a run, shared between the host session that controls it and the run that disturbs it.
 
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_protocol::can::Frame;
@@ -8,7 +8,7 @@ use rollwalk_sim_host::rig::Rig;
 use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
-/// A rig with several owners.
+/// Rig with several owners.
 pub struct SharedRig<C>(Rc<RefCell<Rig<C>>>);
 
 impl<C> Clone for SharedRig<C> {
@@ -30,7 +30,7 @@ impl<C: Core> SharedRig<C> {
         self.borrow().now()
     }
 
-    /// Advances time without a host; frames for it are lost.
+    /// Advances time without a host. Frames to the host are lost.
     pub fn abandon_until(&self, until: SimTime) {
         let mut rig = self.borrow();
         rig.run_until(until);

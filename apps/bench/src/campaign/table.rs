@@ -6,26 +6,26 @@ use rollwalk_sim_host::clock::SimTime;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The runs of a scenario with a loss. Sums are of whole numbers, so that they are the same in any order.
+/// Results of the runs of a scenario with a loss. Sums are integers, so that they do not depend on the order of runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub runs: u64,
     pub outcomes: BTreeMap<Outcome, u64>,
-    /// Runs with violations or errors.
+    /// Number of runs with violations or errors.
     pub broken: u64,
-    /// Frames lost, and disturbances by other faults.
+    /// Numbers of lost frames, and of disturbances by other faults.
     pub fired: [u64; 2],
     pub setpoints: u64,
     pub commands: u64,
     /// Longest time from the host's first emergency stop to motors without torque, ns.
     pub worst_stop_ns: Option<u64>,
-    /// Falls on the ground.
+    /// Number of falls on the ground.
     pub falls: u64,
-    /// Greatest tilt on the ground, rad.
+    /// Largest tilt on the ground, rad.
     pub tilt_max_rad: f64,
-    /// Longest way on the ground without torque, m.
+    /// Longest distance on the ground without torque, m.
     pub coasted_m: f64,
-    /// Longest time without torque before the robot rested, s.
+    /// Longest time from the loss of torque until the robot rests, s.
     pub rested_after_s: f64,
     /// Virtual time of all runs, ns.
     pub virtual_ns: u64,
@@ -85,7 +85,7 @@ impl Table {
         self.rows.entry((scenario, loss_per_mille)).or_default().merge(runs);
     }
 
-    /// The rows, by scenario and loss.
+    /// Rows, ordered by scenario and loss.
     pub fn rows(&self) -> impl Iterator<Item = (Scenario, u16, &Row)> {
         self.rows.iter().map(|(&(scenario, loss), row)| (scenario, loss, row))
     }

@@ -7,36 +7,36 @@ use rollwalk_sim_host::ground::{Fall, Grounded};
 use rollwalk_sim_host::rig::Observer;
 use rollwalk_sim_host::servo::Servo;
 
-/// Steepest slope of a run, degrees, ahead or behind.
+/// Steepest slope of a run, degrees, up or down in the direction of travel.
 pub const SLOPE_MAX_DEG: f64 = 3.0;
 /// Speed of the centre of mass below which a robot without torque rests, m/s.
 const REST_M_S: f64 = 0.05;
 
-/// A run on the ground.
+/// Report of a run on the ground.
 #[derive(Clone, Debug, Default)]
 pub struct WorldReport {
-    /// Slope of the ground, rad, rising ahead of the robot at the start.
+    /// Slope of the ground, rad; positive if the ground rises ahead of the robot at the start.
     pub slope_rad: f64,
     pub falls: Vec<Fall>,
-    /// Greatest angle between the body's z axis and the vertical outside of the hoist, rad.
+    /// Largest angle between the body's z axis and the vertical outside of the hoist, rad.
     pub tilt_max_rad: f64,
-    /// Farthest from where the torque was lost, along the horizontal, m, until the robot was picked up or armed again.
+    /// Largest horizontal distance from the position at which torque was lost, m, until the robot was lifted or armed again.
     pub coasted_m: f64,
-    /// Longest time without torque after which the robot still moved, s; of one that never rests the time until it is picked
-    /// up.
+    /// Longest time without torque after which the robot still moved, s. For a robot that never rests, the time until it is
+    /// lifted.
     pub rested_after_s: f64,
 }
 
-/// Looks at the robot after every step of the motors.
+/// Observer of the robot after every step of the motors.
 #[derive(Debug, Default)]
 pub struct WorldWatch {
     report: WorldReport,
-    /// Position of the robot and time when the motors lost their torque.
+    /// Position of the robot and time at the loss of torque; `None` while motors have torque or the hoist holds the robot.
     limp: Option<(Vector3<f64>, SimTime)>,
 }
 
 impl WorldWatch {
-    /// Watch of a robot on a slope, rad.
+    /// Creates the observer of a robot on a slope, rad.
     pub fn new(slope_rad: f64) -> Self {
         let report = WorldReport { slope_rad, ..WorldReport::default() };
         Self { report, limp: None }

@@ -1,9 +1,10 @@
-//! A soft ball thrown so that the second half of its way is as near to a vertical line as can be (thesis Fig. 4.12b): friction
-//! has to stop it when it bounces, which takes backspin.
+//! Experiment with a soft ball thrown so that the second half of its path is as near as possible to a vertical line (thesis
+//! Fig. 4.12b).
 //!
-//! As in the authors' published code it is thrown away from the line at first, and every step of the second half counts. The
-//! spin at first is backward for a throw toward the line. From the opposite one, which is that code's, the objective falls,
-//! too, by L-BFGS to 0.014 of the first and by 200 steps of Adam after it to 0.0072, but on a way with forward spin.
+//! Friction has to stop the ball at its bounce, which requires backspin. As in the authors' published code, the initial throw
+//! points away from the line, and every step of the second half counts. The initial spin is backward for a throw towards the
+//! line. From the opposite spin, which the published code uses, the objective decreases as well: by L-BFGS to 0.014 of its
+//! initial value, and by 200 further steps of Adam to 0.0072. The path then has forward spin.
 
 use crate::experiments::throwing::{FREEDOMS, Throw, convergence};
 use crate::experiments::{Chart, Check, Outcome, Watch};
@@ -12,11 +13,11 @@ use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Options};
 use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 
-/// The line is upright through this point, m.
+/// Point of the vertical line, m.
 const LINE_M: Vector3<f64> = Vector3::new(0.1, 0.0, 0.0);
-/// Velocity, m/s, and spin, in units of [`TURN_RAD_S`], at the beginning.
+/// Initial velocity, m/s, and spin, in units of [`TURN_RAD_S`].
 const START: [f64; 6] = [-0.5, 0.0, 0.3, 0.0, -4.0, 0.0];
-/// Spin that counts as much as 1 m/s: a turn a second, rad/s.
+/// Spin with the weight of 1 m/s: a turn per second, rad/s.
 const TURN_RAD_S: f64 = std::f64::consts::TAU;
 const LAYERS: usize = 2;
 const ROLLOUTS: usize = 100;
@@ -49,23 +50,23 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let chart = Chart {
         name: "way".to_owned(),
-        title: "Way of the centre of mass".to_owned(),
+        title: "Path of the centre of mass".to_owned(),
         x: "forward, m".to_owned(),
         y: "upward, m".to_owned(),
         logarithmic: false,
         curves: vec![("first".to_owned(), way(&scaled(&START))?), ("found".to_owned(), way(&by)?)],
     };
     let checks = vec![
-        Check::at_most("objective by that at the beginning", "", found.share(), 0.1),
+        Check::at_most("objective / initial objective", "", found.share(), 0.1),
         Check::told("simulations", "453", found.rollouts() as f64),
         Check::told(
-            "simulations to a tenth of the objective",
+            "simulations until the objective is a tenth of its initial value",
             "",
             reached.map_or(f64::INFINITY, |at| at as f64 + 1.0),
         ),
         Check::at_most("spin about the axis to the left, rad/s", "backspin", by[4], 0.0),
         Check::at_most(
-            "speed forward after the bounce by that before",
+            "forward speed after the bounce / forward speed before",
             "slower",
             after / before,
             0.5,
@@ -90,12 +91,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(Outcome { setup, checks, charts: vec![chart, best] })
 }
 
-/// The ball, whose spin is all in the parameters.
+/// Creates the ball without spin. The parameters contain all of the spin.
 fn thrown(layers: usize) -> Throw {
     Throw { spin: Vector3::zeros(), ..Throw::ball(layers) }
 }
 
-/// Velocity, m/s, and spin, rad/s, of parameters; and the gradient by these of one by those.
+/// Scales parameters to velocity, m/s, and spin, rad/s; or the gradient with respect to these to that with respect to
+/// parameters.
 fn scaled(by: &[f64]) -> Vec<f64> {
     by.iter().enumerate().map(|(k, part)| if k < 3 { *part } else { TURN_RAD_S * part }).collect()
 }
@@ -104,14 +106,14 @@ fn com(rollout: &Rollout, step: usize, target: &Vector3<f64>, axis: Vector3<f64>
     Residual::com(rollout, step, target, axis)
 }
 
-/// Distance of the second half of the way from the line, m.
+/// Distance of the second half of the path from the line, m.
 fn away(rollout: &Rollout) -> Vec<Residual> {
     (rollout.steps() / 2..=rollout.steps())
         .flat_map(|step| [Vector3::x(), Vector3::y()].map(|axis| com(rollout, step, &LINE_M, axis)))
         .collect()
 }
 
-/// Speed forward of the centre of mass after a step, m/s.
+/// Forward speed of the centre of mass after a step, m/s.
 fn forward(rollout: &Rollout, step: usize) -> f64 {
     Residual::mean_velocity(rollout, [step - 1, step], &Vector3::zeros(), Vector3::x()).value
 }
@@ -120,7 +122,7 @@ fn forward(rollout: &Rollout, step: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// The derivatives by velocity and spin, through a bounce, are those of differences.
+    /// Tests the derivatives with respect to velocity and spin, through a bounce, against finite differences.
     #[test]
     fn the_gradient_is_that_of_differences() {
         let throw = Throw { step_s: 5e-3, steps: 40, node_stiffness_n_m: 10.0, ..thrown(LAYERS) };

@@ -1,11 +1,11 @@
-//! A soft ball tossed at a target that it may reach without a bounce or with one or two (thesis Fig. 4.12a), by L-BFGS with
-//! adjoint gradients, and for comparison by CMA-ES.
+//! Experiment with a soft ball tossed at a target that it can reach with no, one or two bounces (thesis Fig. 4.12a). The
+//! optimiser is L-BFGS with adjoint gradients, compared with CMA-ES.
 //!
-//! Contacts are as stiff as the thesis's, but steps are a quarter as long. A node of the surface on its contact's spring swings
-//! back after 0.7 ms: within a step of 1 ms it comes to rest, and how far the ball rebounds depends on when in a step its nodes
-//! touch. Then the place where the ball comes to rises and falls within 0.01 m/s of the velocity by more than its mean slope
-//! (`landscape` has the numbers), whose derivative is right, it is that of differences, and useless: L-BFGS ends in the next
-//! valley. That is measured here, too.
+//! Contacts are as stiff as in the thesis, but steps are a quarter as long. A surface node on its contact spring swings back
+//! after 0.7 ms. Within a step of 1 ms the node comes to rest, and the rebound of the ball depends on when within a step its
+//! nodes touch. The final position then varies within 0.01 m/s of velocity by more than its mean slope (`landscape` measures
+//! this). Its derivative agrees with finite differences, but is useless: L-BFGS ends in the next valley. This experiment
+//! measures that, too.
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw, from_target};
@@ -18,22 +18,22 @@ use rollwalk_physics::sensitivity::{Residual, Rollout};
 /// Target of the centre of mass at the end, m.
 pub const TARGET_M: Vector3<f64> = Vector3::new(0.1, 0.0, -0.025);
 
-/// Bounces, velocity at the beginning, m/s, and the thesis's simulations.
+/// Number of bounces, initial velocity, m/s, and number of simulations in the thesis.
 const STARTS: [(usize, [f64; 3], &str); 3] =
     [(0, [0.45, 0.0, 1.2], "4"), (1, [0.45, 0.0, 0.4], "24"), (2, [0.45, 0.0, -0.1], "28")];
 
-/// Layers of the ball.
+/// Number of layers of the ball.
 pub const LAYERS: usize = 2;
-/// Steps in which a node's contact is resolved, s.
+/// Duration of steps that resolve the contact of a node, s.
 pub const FINE_S: f64 = 2.5e-4;
-/// The thesis's tosses with one and two bounces, in the authors' published code, m/s.
+/// Velocities of the thesis's tosses with one and two bounces, from the authors' published code, m/s.
 const PUBLISHED_M_S: [[f64; 3]; 2] = [[0.5055, -0.0035, 0.1754], [0.5164, -0.0040, 0.0602]];
-/// Bounces of the toss that CMA-ES has to find, too.
+/// Number of bounces of the toss that CMA-ES has to find.
 const BY_EVOLUTION: usize = 1;
-/// Most simulations of L-BFGS.
+/// Maximum number of simulations of L-BFGS.
 const ROLLOUTS: usize = 60;
 
-/// Simulations of CMA-ES for each of L-BFGS.
+/// Ratio of the number of simulations of CMA-ES to that of L-BFGS.
 const TIMES_MORE: usize = 10;
 
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
@@ -41,8 +41,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let throw = coarse.clone().in_steps(FINE_S);
     let mut outcome = Outcome {
         setup: format!(
-            "ball of 2.5 cm and {} elements (thesis: 451), k_n {} N/m for each of 98 nodes, BDF2, {} steps of {} ms (thesis: 1 ms); \
-             velocity at the beginning is free, spin is not",
+            "ball of 2.5 cm and {} elements (thesis: 451), k_n {} N/m for each of 98 nodes, BDF2, \
+             {} steps of {} ms (thesis: 1 ms); initial velocity is free, spin is not",
             throw.mesh.elements.len(),
             throw.node_stiffness_n_m,
             throw.steps,
@@ -53,7 +53,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     for velocity in PUBLISHED_M_S {
         let fine = Throw::ball(LAYERS + 1);
         let what = format!(
-            "way from the target of the authors' toss at {velocity:?} m/s, ball of {} elements, steps of 1 ms, m",
+            "distance from the target of the authors' toss at {velocity:?} m/s, ball of {} \
+             elements, steps of 1 ms, m",
             fine.mesh.elements.len()
         );
         let off = (fine.arrival(&FREEDOMS[..3], &velocity)? - TARGET_M).norm();
@@ -129,7 +130,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             outcome.checks.push(Check::at_least(&of(&what), "1e-6 after 1042", share, 1e-8));
             let level = found.best.iter().position(|cost| *cost <= share * found.best[0]);
             let level = level.map_or("not reached".to_owned(), |at| short(at as f64 + 1.0));
-            let what = of("simulations of L-BFGS to as much");
+            let what = of("simulations of L-BFGS until the same objective");
             outcome.checks.push(Check::new(&what, "", "", &level, None));
             curves.push((format!("CMA-ES, {bounces} bounces"), curve(&evolved.best)));
         }
@@ -145,7 +146,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(outcome)
 }
 
-/// The way of the centre of mass from the target at the end, m.
+/// Distance of the centre of mass from the target at the end, m.
 pub fn miss(rollout: &Rollout) -> Vec<Residual> {
     from_target(rollout, &TARGET_M)
 }
@@ -154,8 +155,8 @@ pub fn miss(rollout: &Rollout) -> Vec<Residual> {
 mod tests {
     use super::*;
 
-    /// A coarse ball in long steps; the gradient is that of differences where it bounces, and a toss without a bounce comes to
-    /// its target.
+    /// Tests a coarse ball in long steps: its gradient through a bounce agrees with finite differences, and a toss without a
+    /// bounce reaches the target.
     #[test]
     fn a_coarse_ball_comes_to_its_target() {
         let throw = Throw { node_stiffness_n_m: 10.0, ..Throw::ball(2).in_steps(5e-3) };

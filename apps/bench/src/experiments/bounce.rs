@@ -1,5 +1,7 @@
-//! A mass that bounces on the ground (thesis Fig. 4.5): damping sets its restitution as the closed form says, and without damping
-//! BDF2 keeps its energy as far as a step resolves a contact. A cube that falls flat bounces straight, one that is askew tumbles.
+//! Experiment with a mass that bounces on the ground (thesis Fig. 4.5).
+//!
+//! Damping determines the restitution by a closed form. Without damping, BDF2 keeps the energy if a step resolves a contact. A
+//! cube that falls flat bounces vertically, a tilted one tumbles.
 
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -42,26 +44,26 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let [flat, askew] = [0.0, 1e-3].map(cube);
     checks.extend([
         Check::at_most(
-            "cube that falls flat: most it leaves its way in 10 s, m",
+            "cube that falls flat: largest deviation from its path in 10 s, m",
             "0",
             flat.aside_m,
             1e-9,
         ),
-        Check::at_most("the same: fastest spin, rad/s", "0", flat.spin_rad_s, 1e-9),
+        Check::at_most("cube that falls flat: fastest spin, rad/s", "0", flat.spin_rad_s, 1e-9),
         Check::at_least(
-            "cube 1e-3 rad askew: fastest spin, rad/s",
+            "cube tilted by 1e-3 rad: fastest spin, rad/s",
             "tumbles",
             askew.spin_rad_s,
             0.1,
         ),
     ]);
     let heights =
-        vec![("flat".to_owned(), flat.heights), ("1e-3 rad askew".to_owned(), askew.heights)];
+        vec![("flat".to_owned(), flat.heights), ("tilted by 1e-3 rad".to_owned(), askew.heights)];
     let chart = Chart {
         name: "energy".to_owned(),
         title: "Energy of a mass that bounces without damping".to_owned(),
         x: "time, s".to_owned(),
-        y: "energy by that at the start".to_owned(),
+        y: "energy / initial energy".to_owned(),
         logarithmic: false,
         curves,
     };
@@ -79,15 +81,15 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(Outcome { setup, checks, charts: vec![chart, of_cube] })
 }
 
-/// Motion of a cube.
+/// Motion of a bouncing cube.
 struct Bounced {
-    /// Largest distance from the vertical on which it began, m.
+    /// Largest horizontal distance from the start, m.
     aside_m: f64,
     spin_rad_s: f64,
     heights: Vec<(f64, f64)>,
 }
 
-/// A cube of 0.2 m and 0.7 kg that falls, turned by an angle, for ten seconds without damping, BDF2 at 1/60 s.
+/// Simulates a tilted cube of 0.2 m and 0.7 kg that falls, for ten seconds without damping, with BDF2 at 1/60 s.
 fn cube(askew_rad: f64) -> Bounced {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.7 * 0.2 * 0.2 / 6.0);
@@ -115,7 +117,7 @@ fn cube(askew_rad: f64) -> Bounced {
     bounced
 }
 
-/// Contact of a point of a body with level ground.
+/// Contact between a point of a body and level ground.
 fn contact(
     body: usize,
     [stiffness_n_m, damping_n_s_m]: [f64; 2],
@@ -153,7 +155,7 @@ fn mass(
     )
 }
 
-/// Speed after by speed before.
+/// Ratio of the speed after the bounce to that before.
 fn restitution(damping_n_s_m: f64) -> f64 {
     let stiffness = [STIFFNESS_N_M, damping_n_s_m];
     let mut system = mass(Scheme::Bdf2, 0.0, stiffness, 1e-3, -1.0);
@@ -168,7 +170,7 @@ fn restitution(damping_n_s_m: f64) -> f64 {
     }
 }
 
-/// Energy by that at the beginning over ten seconds.
+/// Energy relative to its initial value, over ten seconds.
 fn energy(scheme: Scheme, stiffness_n_m: f64, per_second: u32) -> Vec<(f64, f64)> {
     let mut system = mass(scheme, 9.81, [stiffness_n_m, 0.0], 1.0, 0.0);
     let before = system.energy().total_j();

@@ -1,9 +1,10 @@
-//! A cloth throws a solid of a complex shape, given as distances on a grid, at a target (thesis Fig. 4.16): the ways of the
-//! cloth's corners are found by Gauss–Newton's method.
+//! Experiment with a cloth that throws a solid of complex shape, given as distances on a grid, at a target (thesis Fig. 4.16).
+//! Gauss–Newton's method optimises the paths of the cloth's corners.
 //!
-//! The target is our choice. It is not any target: at 1 m ahead, 0.2 m aside and 0.3 m up the method stops 34 cm before it, and
-//! at 0.4 m ahead 12 cm off, where no step of it makes the objective less. Nor does it come to this one from any start: from
-//! starts that differ by 1e-9 of themselves it ends 1.7 to 10.6 cm off, whether contacts may pull or not.
+//! The target is our choice. Not every target can be reached: for one at 1 m ahead, 0.2 m to the side and 0.3 m up, the method
+//! stops 34 cm short of it. For one at 0.4 m ahead it stops 12 cm off, where no step reduces the objective. The result also
+//! depends on the start: from starts that differ by a relative 1e-9, the method ends 1.7 to 10.6 cm off, whether contacts may
+//! pull or not.
 
 use crate::experiments::cloth::{Cloth, STIFFNESS_N_M};
 use crate::experiments::manipulation::{Effector, Handles, STEP_S, Solution, Task, Way, at_place};
@@ -19,7 +20,7 @@ use std::sync::Arc;
 
 const COUNT: usize = 7;
 const EDGE_M: f64 = 0.4;
-/// Edges of the cloth by those between its corners, so that it hangs and the solid lies in a hollow.
+/// Ratio of the cloth's edge to the distance of its corners. The cloth hangs, so that the solid lies in a hollow.
 const SLACK: f64 = 1.2;
 const CLOTH_KG: f64 = 0.1;
 const BUNNY_KG: f64 = 0.1;
@@ -28,18 +29,18 @@ const BODY_M: f64 = 0.07;
 const HEIGHT_M: f64 = 0.5;
 const CONTACT_N_M: f64 = 500.0;
 const STEPS: usize = 60;
-/// Free knots of each coordinate's curve.
+/// Number of free knots of each coordinate's curve.
 const KNOTS: usize = 10;
-/// Steps in which solid and cloth come to rest before.
+/// Number of steps in which solid and cloth come to rest before the throw.
 const SETTLING: usize = 300;
-/// Target relative to where the solid lies, m.
+/// Target relative to the initial position of the solid, m.
 const TARGET_M: Vector3<f64> = Vector3::new(0.6, 0.1, 0.0);
 
-/// Shares of the way from where the first throw ends to the target that are solved one after the other: cloth and solid part at
-/// another time as the throw changes.
+/// Fractions of the distance from the end of the first throw to the target, which are solved one after the other. With the
+/// throw, the time changes at which cloth and solid separate.
 const NEARER: [f64; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
-/// First guess, as a hand would do it: throw all corners up and ahead, and bring them back.
+/// Initial guess, like a throw by hand: all corners move up and forward, and back.
 fn toss() -> Vec<f64> {
     let at = |knot: usize| {
         let share = (knot + 1) as f64 / KNOTS as f64;
@@ -49,7 +50,7 @@ fn toss() -> Vec<f64> {
     (0..KNOTS).flat_map(|knot| at(knot).repeat(4)).collect()
 }
 
-/// A body, a head and two ears, on a grid of 1 cm.
+/// Creates a body with a head and two ears, on a grid of 1 cm.
 fn bunny() -> Arc<dyn Ground> {
     let ball = |x: f64, z: f64, radius_m: f64| -> Arc<dyn Ground> {
         Arc::new(Sphere { center: Vector3::new(x, 0.0, z), radius_m })
@@ -64,7 +65,7 @@ fn bunny() -> Arc<dyn Ground> {
     Arc::new(grid.expect("the grid is larger than the solid"))
 }
 
-/// Cloth with a solid on it, and handles at the four corners, at motions that they have.
+/// Creates a cloth with a solid on it and handles at the four corners. `motions` sets the initial motions of all bodies.
 fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usize, Handles) {
     let mut assembly = Assembly::default();
     let cloth = Cloth::add(&mut assembly, Vector3::z() * HEIGHT_M, EDGE_M, COUNT, CLOTH_KG, SLACK);
@@ -100,7 +101,8 @@ fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usiz
     (assembly, bunny, handles)
 }
 
-/// Nodes except those that the handles hold: a solid thrown flat slides over the edge.
+/// Nodes that can touch the solid: all except those held by handles, because a solid thrown at a low angle slides over the
+/// edge.
 fn touching(cloth: &Cloth) -> Vec<usize> {
     let held = |k: usize| k == 0 || k == COUNT - 1;
     let all = (0..COUNT).flat_map(|row| (0..COUNT).map(move |column| [row, column]));
@@ -113,7 +115,7 @@ fn settings() -> Settings {
     Settings { tolerance: 1e-8, ..Settings::default() }
 }
 
-/// Motions with the solid at rest in the cloth.
+/// Motions of all bodies with the solid at rest in the cloth.
 fn settled(solid: &Arc<dyn Ground>) -> Option<Vec<Motion>> {
     let mut system = System::new(settings(), scene(solid, None).0);
     for _ in 0..SETTLING {
@@ -156,7 +158,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let stage = task.solve(watch, &found)?;
         let off = (stage.rollout.motions(STEPS)[bunny].position - at).norm();
         watch.say(&format!(
-            "{share} of the way: {:.1} cm off, {} iterations",
+            "{share} of the distance: {:.1} cm from the target, {} iterations",
             100.0 * off,
             stage.iterations()
         ));
@@ -190,17 +192,18 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             1.0,
             (
                 11.0,
-                "where the search ends is chance: starts that differ by 1e-9 of themselves end 1.7 to 10.6 cm off",
+                "the end of the search is sensitive to the start: relative changes of 1e-9 lead to \
+                 distances of 1.7 to 10.6 cm",
             ),
         ),
         Check::at_least(
             "free flight before the target, s",
-            "it is thrown",
+            "the solid is thrown",
             (STEPS - last_touch) as f64 * STEP_S,
             0.1,
         ),
         Check::at_least("lowest gap between cloth and solid, mm", "", 1e3 * deepest, -20.0),
-        Check::told("largest way of a corner, m", "", reach.fold(0.0, f64::max)),
+        Check::told("longest path of a corner, m", "", reach.fold(0.0, f64::max)),
         Check::told("iterations", "", iterations as f64),
         Check::told("the optimisation, CPU s", "", optimisation_s),
     ];
@@ -217,9 +220,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         ],
     }];
     let setup = format!(
-        "solid of a body, a head and two ears on a grid of 24 × 21 × 31 distances, {BUNNY_KG} kg, in a cloth of {COUNT} × {COUNT} \
-         nodes, {EDGE_M} m and {CLOTH_KG} kg; four corners with three coordinates in smooth curves of {KNOTS} knots: {} parameters, {STEPS} steps of 1/60 s, β 1e-4; \
-         target {:?} m from where the solid lies, after a second; from what a hand would do; the thesis gives no numbers",
+        "solid of a body, a head and two ears on a grid of 24 × 21 × 31 distances, {BUNNY_KG} kg, \
+         in a cloth of {COUNT} × {COUNT} nodes, {EDGE_M} m and {CLOTH_KG} kg; four corners with \
+         three coordinates in smooth curves of {KNOTS} knots: {} parameters, {STEPS} steps of 1/60 \
+         s, β 1e-4; target {:?} m from the initial position of the solid, after 1 s; started from \
+         motions like those of a hand; the thesis gives no numbers",
         found.len(),
         TARGET_M.as_slice()
     );
@@ -230,7 +235,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 mod tests {
     use super::*;
 
-    /// Cloth at rest carries the solid, whose weight is that of its handles less the cloth's.
+    /// Tests that the cloth at rest carries the solid.
     #[test]
     fn the_solid_lies_in_the_cloth() {
         let solid = bunny();

@@ -1,4 +1,4 @@
-//! Computing time of a chain of bodies on the ground, by their number (thesis Fig. A.3).
+//! Experiment on the computing time of a chain of bodies on the ground, as a function of their number (thesis Fig. A.3).
 
 use crate::experiments::parts::{Link, Touching, corners, cube};
 use crate::experiments::{Chart, Check, Outcome, Watch};
@@ -18,7 +18,8 @@ const APART_M: f64 = 0.15;
 const SPRING_N_M: f64 = 100.0;
 const CONTACT_N_M: f64 = 1e3;
 
-/// Cubes in a row, each on two springs from the one before, the first from the world; they fall from a little above the ground.
+/// Creates a chain of cubes slightly above the ground. Two springs connect each cube to the previous one, and the first cube to
+/// the world.
 fn chain(count: usize) -> System {
     let mut assembly = Assembly::default();
     let touching = Touching {
@@ -58,7 +59,7 @@ fn chain(count: usize) -> System {
     System::new(Settings { tolerance: 1e-8, ..Settings::default() }, assembly)
 }
 
-/// CPU time of some steps, s, and Newton iterations of a step on average.
+/// CPU time of some steps, s, and mean number of Newton iterations of a step.
 fn time(count: usize, steps: usize) -> Option<(f64, f64)> {
     let mut system = chain(count);
     let begin = ProcessTime::now();
@@ -69,7 +70,7 @@ fn time(count: usize, steps: usize) -> Option<(f64, f64)> {
     Some((begin.elapsed().as_secs_f64(), f64::from(iterations) / steps as f64))
 }
 
-/// Slope of a line through the logarithms.
+/// Slope of a line fitted to the logarithms of the points.
 fn slope(points: &[(f64, f64)]) -> f64 {
     let logarithms: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = points.len() as f64;
@@ -136,7 +137,7 @@ mod tests {
         assert!((slope(&points) - 1.3).abs() < 1e-12);
     }
 
-    /// Cubes fall by 5 cm and come up again less far, without damping.
+    /// Tests that cubes fall by 5 cm and rise less far, even without damping.
     #[test]
     fn a_chain_falls_on_the_ground() {
         let mut system = chain(3);

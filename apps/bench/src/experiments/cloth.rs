@@ -12,13 +12,13 @@ const DAMPING_N_S_M: f64 = 0.1;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Cloth {
-    /// Particles, row by row.
+    /// Indices of the particles, row by row.
     pub nodes: Range<usize>,
     count: usize,
 }
 
 impl Cloth {
-    /// Level, around a centre; `slack` is by how much it is larger than that, 1 if it is not.
+    /// Adds a level cloth around a centre. `slack` is the ratio of the cloth's size to `edge_m`; 1 for a flat cloth.
     pub fn add(
         assembly: &mut Assembly,
         center: Vector3<f64>,
@@ -58,7 +58,7 @@ impl Cloth {
         Self { nodes: first..first + count * count, count }
     }
 
-    /// The particle in a row and column.
+    /// Index of the particle in a row and column.
     pub fn node(&self, row: usize, column: usize) -> usize {
         self.nodes.start + row * self.count + column
     }

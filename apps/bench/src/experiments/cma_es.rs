@@ -1,8 +1,9 @@
-//! The evolution strategy with covariance matrix adaptation, as a reference that needs no derivatives (Hansen, "The CMA
-//! Evolution Strategy: A Tutorial", 2016): rank-one and rank-μ updates with positive weights and the tutorial's constants.
+//! Evolution strategy with covariance matrix adaptation (CMA-ES), as a reference that needs no derivatives (Hansen, "The CMA
+//! Evolution Strategy: A Tutorial", 2016).
 //!
-//! It is here because the one crate that has it, `cmaes`, stands still since 2022 and brings a second nalgebra and a second
-//! generator of random numbers.
+//! This implementation has rank-one and rank-μ updates with positive weights and the tutorial's constants. The only crate that
+//! provides CMA-ES, `cmaes`, has not been maintained since 2022, and depends on a second nalgebra and a second random
+//! generator.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,8 +15,10 @@ pub struct Found {
     pub best: Vec<f64>,
 }
 
-/// Minimises an objective with a number of samples, from a mean and a standard deviation in each direction. What fails is
-/// infinitely bad. Ends early where `cost` is reached, and returns none where `goes_on` says no.
+/// Minimises an objective with at most `samples` samples, from a mean and a standard deviation in each direction.
+///
+/// Failed evaluations count as infinite. Ends early when the objective reaches `cost`. Returns `None` if `goes_on` returns
+/// false.
 pub fn minimise(
     mean: &[f64],
     deviation: f64,
@@ -100,7 +103,7 @@ pub fn minimise(
     None
 }
 
-/// A number of the normal distribution, by Box and Muller.
+/// Draws from the standard normal distribution (Box–Muller).
 fn normal(rng: &mut fastrand::Rng) -> f64 {
     let radius = (-2.0 * (1.0 - rng.f64()).ln()).sqrt();
     radius * (std::f64::consts::TAU * rng.f64()).cos()
@@ -110,7 +113,7 @@ fn normal(rng: &mut fastrand::Rng) -> f64 {
 mod tests {
     use super::minimise;
 
-    /// An ellipsoid whose axes differ a thousandfold: without adaptation this many samples come nowhere.
+    /// Tests an ellipsoid whose axes differ by a factor of a thousand. Without adaptation these samples would not suffice.
     #[test]
     fn it_adapts_to_an_ellipsoid() {
         let cost = |p: &[f64]| {

@@ -1,4 +1,4 @@
-//! A gripper moves and turns the lowest of three bodies that hang on each other by soft springs (thesis Fig. 4.15).
+//! Experiment with a gripper that moves and turns the lowest of three bodies connected by soft springs (thesis Fig. 4.15).
 
 use crate::experiments::cube_drag::BETA;
 use crate::experiments::manipulation::gripper::{
@@ -13,20 +13,21 @@ use rollwalk_physics::{Assembly, Motion, System};
 use std::f64::consts::PI;
 
 const STEPS: usize = 120;
-/// Height between the centres of neighbours, m.
+/// Vertical distance between the centres of neighbours, m.
 const APART_M: f64 = 0.11;
-/// Stretch of the springs at the beginning, with which the middle body hangs at rest.
+/// Initial stretch of the springs, at which the middle body hangs at rest.
 const STRETCH: [f64; 2] = [0.6, 0.192];
 const BOTTOM: usize = 2;
 const TARGET_M: Vector3<f64> = Vector3::new(0.1, 0.05, 0.0);
-/// Angle of the bottom body at the beginning, rad: at exactly half a turn from its target neither way is the shorter.
+/// Initial angle of the bottom body, rad. At exactly half a turn from the target both directions of rotation would be equally
+/// short.
 const TURNED_RAD: f64 = 0.02;
 
 fn about_z(angle_rad: f64) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), angle_rad).into_inner()
 }
 
-/// The gripped body, the middle one and the one on the ground.
+/// Creates the gripped body, the middle one and the one on the ground.
 fn scene() -> (Assembly, Gripper) {
     let mut assembly = Assembly::default();
     let at = |k: f64| Vector3::z() * (rest_m() + k * APART_M);
@@ -88,9 +89,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let charts = vec![yaws, objective(vec![("three bodies".to_owned(), pulled.convergence())])];
     let setup = format!(
-        "three cubes of {EDGE_M} m and {CUBE_KG} kg one above the other, linked by eight springs of {STRING_N_M} N/m; the upper one is in the \
-         gripper, the bottom one goes by 0.1 m and 0.05 m and turns by half a turn about the vertical in 120 steps of 1/60 s; \
-         else as cube-drag; springs, masses and the target are our choice; Table A.2 has no row of these three bodies"
+        "three cubes of {EDGE_M} m and {CUBE_KG} kg one above the other, linked by eight springs \
+         of {STRING_N_M} N/m; the upper one is in the gripper, the bottom one moves by 0.1 m and \
+         0.05 m and turns by half a turn about the vertical in 120 steps of 1/60 s; otherwise as \
+         cube-drag; springs, masses and the target are our choice; Table A.2 has no row of these \
+         three bodies"
     );
     Some(Outcome { setup, checks, charts })
 }
@@ -100,7 +103,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// Less far, in less time.
+    /// Tests a smaller turn in less time.
     #[test]
     fn the_bottom_body_is_turned() {
         let (steps, turned) = (30, about_z(0.3));

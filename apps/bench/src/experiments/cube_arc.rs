@@ -1,7 +1,7 @@
-//! A cube dragged along a circular arc, by Gauss–Newton's method and by CMA-ES (thesis A.2.1, Fig. A.2).
+//! Experiment with a cube dragged along a circular arc, by Gauss–Newton's method and by CMA-ES (thesis A.2.1, Fig. A.2).
 //!
-//! The objective has more than one minimum, because strings go slack and the cube sticks: Gauss–Newton's method with its usual
-//! first shift goes far at once and ends in a worse one, as is measured here, too.
+//! The objective has several minima, because strings become slack and the cube sticks. With its usual initial shift,
+//! Gauss–Newton's method takes long first steps and ends in a worse minimum. This experiment measures that, too.
 
 use crate::experiments::cube_drag::{BETA, CUBE, scene, system};
 use crate::experiments::manipulation::gripper::{Gripper, rest_m};
@@ -16,17 +16,18 @@ use std::f64::consts::PI;
 
 const STEPS: usize = 60;
 const RADIUS_M: f64 = 0.08;
-/// Steps between places where the cube is looked at.
+/// Number of steps between evaluations of the cube's position.
 const EVERY: usize = 5;
-/// Shift of Gauss–Newton's Hessian at the beginning, with which the first steps are short, and the usual one.
+/// Initial shift of Gauss–Newton's Hessian for short first steps.
 const CAREFUL: f64 = 1.0;
+/// Usual initial shift of Gauss–Newton's Hessian.
 const USUAL: f64 = 1e-3;
-/// Simulations of CMA-ES for each of Gauss–Newton's method.
+/// Ratio of the number of simulations of CMA-ES to that of Gauss–Newton's method.
 const PATIENCE: usize = 40;
-/// Standard deviation of CMA-ES at the beginning, m and rad.
+/// Initial standard deviation of CMA-ES, m and rad.
 const DEVIATION: f64 = 0.01;
 
-/// Target of the cube after a step: half a circle, begun and ended slowly.
+/// Target of the cube after a step: half a circle, started and ended slowly.
 fn arc(step: usize) -> Vector3<f64> {
     let share = step as f64 / STEPS as f64;
     let angle = 0.5 * PI * (1.0 - (PI * share).cos());
@@ -42,7 +43,7 @@ fn residuals(rollout: &Rollout) -> Vec<Residual> {
     (EVERY..=rollout.steps()).step_by(EVERY).flat_map(at).collect()
 }
 
-/// The arc, or its first steps.
+/// Task of following the arc, or its first steps.
 fn task(gripper: &Gripper, steps: usize, shift: f64) -> Task<'_> {
     Task {
         effector: gripper,
@@ -87,7 +88,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             usual.fit.costs[usual.iterations()] / costs[0],
         ),
         Check::at_least(
-            &format!("CMA-ES: O by that of Gauss–Newton, after {} simulations", found.best.len()),
+            &format!("CMA-ES: O / O of Gauss–Newton, after {} simulations", found.best.len()),
             "no acceptable solution",
             evolved / last,
             10.0,
@@ -102,7 +103,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         Chart {
             name: "objective".to_owned(),
             title: "A cube dragged along an arc: best objective".to_owned(),
-            x: "iteration, of CMA-ES sample".to_owned(),
+            x: "iteration (CMA-ES: sample)".to_owned(),
             y: "O/O0".to_owned(),
             logarithmic: true,
             curves: vec![
@@ -124,8 +125,10 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         },
     ];
     let setup = format!(
-        "the cube of cube-drag along half a circle of {RADIUS_M} m in a second, looked at every {} s; {} parameters, β {BETA}, first shift {CAREFUL}; CMA-ES \
-         from the same start, with deviations of {DEVIATION} m and rad and {PATIENCE} times the simulations; arc and times are our choice",
+        "the cube of cube-drag along half a circle of {RADIUS_M} m in a second, compared every {} \
+         s; {} parameters, β {BETA}, first shift {CAREFUL}; CMA-ES from the same start, with \
+         deviations of {DEVIATION} m and rad and {PATIENCE} times the simulations; arc and times \
+         are our choice",
         short(EVERY as f64 * STEP_S),
         task.parameters(),
     );

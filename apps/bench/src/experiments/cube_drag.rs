@@ -1,5 +1,5 @@
-//! A gripper drags a cube on the ground by four strings (thesis Fig. 4.14 a, b): its pose at every step is found by
-//! Gauss–Newton's method.
+//! Experiment with a gripper that drags a cube on the ground by four strings (thesis Fig. 4.14 a, b). Gauss–Newton's method
+//! optimises the pose of the gripper at every step.
 
 use crate::experiments::manipulation::gripper::{
     CUBE_KG, EDGE_M, Gripper, STRING_N_M, add_cube, rest_m, settings, tie, touch_ground,
@@ -15,10 +15,10 @@ pub(crate) const CUBE: usize = 1;
 pub(crate) const BETA: f64 = 1e-2;
 /// Height of the gripper's centre above the cube's, m.
 const ABOVE_M: f64 = 0.15;
-/// Work that the thesis needed (Table A.2).
+/// Work in the thesis (Table A.2).
 const THESIS: Work = Work { iterations: 20.0, simulation_s: 0.044, optimisation_s: 3.3 };
 
-/// The gripper above the cube, tied by strings that are stretched by a share of their length, and the assembly of both.
+/// Creates a gripper above the cube, tied by strings. `stretch` is their initial stretch relative to their length.
 pub(crate) fn hung(stretch: f64) -> (Assembly, Gripper) {
     let mut assembly = Assembly::default();
     let rest = Vector3::z() * rest_m();
@@ -68,7 +68,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         name: "way".to_owned(),
         title: "A cube dragged by strings".to_owned(),
         x: "time, s".to_owned(),
-        y: "place along the way, m".to_owned(),
+        y: "position along the path, m".to_owned(),
         logarithmic: false,
         curves: ways,
     };
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// A second's pull in ten steps of it, by 1 cm.
+    /// Tests a pull by 1 cm in 20 steps.
     #[test]
     fn a_cube_is_pulled_to_where_it_shall_be() {
         let steps = 20;

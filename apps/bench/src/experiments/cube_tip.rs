@@ -1,13 +1,12 @@
-//! A gripped cube tips another one over by four rubber bands (thesis Fig. 4.14c): its pose at every step is found by
-//! Gauss–Newton's method.
+//! Experiment with a gripped cube that tips another one over by four rubber bands (thesis Fig. 4.14c). Gauss–Newton's method
+//! optimises the pose of the gripped cube at every step.
 //!
-//! The way begins with what a hand would do: from a gripper at rest the method ends where the cube leaps past its target, as is
-//! measured here, too.
+//! The initial guess is a motion like that of a hand. From a gripper at rest the method ends where the cube leaps past its
+//! target, which this experiment measures, too.
 //!
-//! The place is missed by some millimetres. It is that of landing: from then on the cube lies turned exactly, with slack bands,
-//! and no pose of the gripper moves it. Place and turn are a sixth of the objective, the rest is how much the gripper moves;
-//! but to give the place a larger weight does not settle it: searches then stop anywhere from 0.8 to 6.3 mm off, without a
-//! trend.
+//! The final position is some millimetres off. The cube lands there, and then has exactly the right turn and slack bands, so
+//! that the gripper cannot move it. Position and turn make up a sixth of the objective, the motion of the gripper the rest. A
+//! larger weight of the position does not help: searches then stop 0.8 to 6.3 mm off, without a trend.
 
 use crate::experiments::cube_drag::{BETA, CUBE, hung};
 use crate::experiments::manipulation::gripper::{EDGE_M, Gripper, STRING_N_M, rest_m, settings};
@@ -22,21 +21,23 @@ use rollwalk_physics::{Motion, System};
 use std::f64::consts::FRAC_PI_2;
 
 const STEPS: usize = 90;
-/// First step at which the cube is to lie at its target, and interval of the later ones.
+/// First step at which the cube should lie at its target.
 const LIES: usize = 60;
+/// Number of steps between later evaluations of its pose.
 const EVERY: usize = 5;
-/// Steps after that in which the gripper stays where it is, and the cube is to lie.
+/// Number of further steps in which the gripper stands still and the cube should remain at its target.
 const AFTER: usize = 30;
-/// Weights of the place, 1/m, beside that of the experiment, which is 1: around that of an edge which counts as a radian.
+/// Further weights of the position, 1/m, compared with the weight 1 of the experiment. With the middle one, an edge has the
+/// weight of a radian.
 const WEIGHTS: [f64; 3] = [0.75 / EDGE_M, 1.0 / EDGE_M, 1.25 / EDGE_M];
-/// Stretch of the bands at the beginning, as a share of their length.
+/// Initial stretch of the bands relative to their length.
 const STRETCH: f64 = 0.1;
 
 fn about_y(angle_rad: f64) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&Vector3::y_axis(), angle_rad).into_inner()
 }
 
-/// Pose of the cube after it was tipped over its edge ahead.
+/// Pose of the cube after it has tipped over its front edge.
 fn tipped() -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::new(EDGE_M, 0.0, rest_m()), about_y(FRAC_PI_2))
 }
@@ -45,7 +46,7 @@ fn system() -> System {
     System::new(settings(), hung(STRETCH).0)
 }
 
-/// First guess, as a hand would do it: swing over the edge ahead, as if gripper and cube were one.
+/// Initial guess, like a motion by hand: gripper and cube swing over the front edge like a single body.
 fn swing(gripper_m: Vector3<f64>) -> Vec<f64> {
     let (lies, _) = tipped();
     let edge = Vector3::new(0.5 * EDGE_M, 0.0, lies.z - 0.5 * EDGE_M);
@@ -73,8 +74,8 @@ fn task<'a>(
     }
 }
 
-/// Residuals of the cube's pose against the target pose, every few steps from when it should lie. `rad_per_m` converts distance
-/// to angle.
+/// Residuals of the cube's pose against the target pose, every few steps from the time at which it should lie. `rad_per_m`
+/// converts distance to angle.
 fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
     let (target, turned) = tipped();
     let at_step = |step: usize| {
@@ -86,7 +87,7 @@ fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
     (LIES..=STEPS).step_by(EVERY).flat_map(at_step).collect()
 }
 
-/// Turn from how it is to lie, °.
+/// Angle from the target orientation, °.
 fn off_deg(motion: &Motion) -> f64 {
     let (_, turned) = tipped();
     // The chord of the angle, which rounding leaves a number at 0, too.
@@ -94,12 +95,12 @@ fn off_deg(motion: &Motion) -> f64 {
     2.0 * half_sine.min(1.0).asin().to_degrees()
 }
 
-/// Distance from where it is to lie, mm.
+/// Distance from the target position, mm.
 fn off_mm(motion: &Motion) -> f64 {
     1e3 * (motion.position - tipped().0).norm()
 }
 
-/// The cube's motion some time after the gripper has come to its last pose.
+/// Motion of the cube some time after the gripper has reached its final pose.
 fn later(gripper: &Gripper, parameters: &[f64]) -> Option<Motion> {
     let mut system = system();
     for pose in parameters.chunks(gripper.coordinates()) {
@@ -138,12 +139,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             1.0,
             (
                 3.0,
-                "it is where the cube landed, which later poses do not change; weighed more it ends here or there: the next rows",
+                "this is the distance after landing, which later poses do not change; a larger \
+                 weight changes the result, as the next rows show",
             ),
         ),
-        Check::told("distance when it has landed, mm", "", off_mm(&landed)),
+        Check::told("distance after landing, mm", "", off_mm(&landed)),
         Check::told(
-            "share of place and turn in the objective",
+            "fraction of position and turn in the objective",
             "",
             of_place / task.cost(&pulled.fit.parameters)?,
         ),
@@ -155,7 +157,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             None,
         ),
         Check::at_most(
-            &format!("turn from it {} s later, °", short(AFTER as f64 * STEP_S)),
+            &format!("turn from the target {} s later, °", short(AFTER as f64 * STEP_S)),
             "stays there",
             off_deg(&later),
             5.0,
@@ -186,9 +188,10 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let charts = vec![pitches, objective(vec![("tipped".to_owned(), pulled.convergence())])];
     let setup = format!(
-        "as cube-drag, with four bands of {STRING_N_M} N/m that do not push and are stretched by {STRETCH} of their length at the beginning; \
-         the lower cube is to lie on its side ahead from step {LIES} of {STEPS} on, looked at every {EVERY} steps; {} parameters, from a swing over \
-         the edge ahead; bands, masses and lengths are our choice",
+        "as cube-drag, with four bands of {STRING_N_M} N/m that do not push and are stretched by \
+         {STRETCH} of their length at the beginning; the lower cube is to lie on its side ahead \
+         from step {LIES} of {STEPS} on, compared every {EVERY} steps; {} parameters, started from \
+         a swing over the front edge; bands, masses and lengths are our choice",
         task.parameters()
     );
     Some(Outcome { setup, checks, charts })
@@ -199,7 +202,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// Tilts the cube by a quarter of a right angle, over the edge ahead.
+    /// Tests a tilt of the cube over its front edge by a quarter of a right angle.
     #[test]
     fn a_cube_is_tilted() {
         let (steps, turned) = (20, about_y(0.25 * FRAC_PI_2));

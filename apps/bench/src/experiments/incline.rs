@@ -1,14 +1,18 @@
-//! A soft puck on an inclined plane, sliding and then sticking, with each model of friction (thesis Fig. 4.1): penalties creep as
-//! their closed forms say, hybrid friction stops. A reference without penalties ([`reference`]), the thesis's SQP solver, is
-//! run with a coarser puck, and so is all that is compared with it.
+//! Experiment with a soft puck on an inclined plane, which slides and then sticks, with each model of friction (thesis Fig.
+//! 4.1).
 //!
-//! The slope is one on which no node slips at rest: at 15 degrees some at the rim do, where the load is smallest, and the
-//! linear penalty creeps 4 % faster than by the closed form; at 20 degrees hybrid friction finds no set of nodes that holds and
-//! creeps like the penalty. One bound is missed: with hybrid friction the puck ends some 3 % of the depth, less than 1 µm, away
-//! from that of the penalties. Held nodes keep the strain along the slope with which the puck came to rest, as they do by
-//! Coulomb's law, and creeping nodes let it go: with linear friction from there on the puck comes to the penalty's height, and
-//! with hybrid friction from where the penalty has come to it stays there. It takes no longer than with penalties, because what
-//! rests is held from the beginning of a step.
+//! Penalty friction creeps at the speed of its closed form; hybrid friction stops. A reference without penalties
+//! ([`reference`]), the thesis's SQP solver, runs with a coarser puck, as do the runs that are compared with it.
+//!
+//! At this slope no node slips at rest. At 15 degrees some lightly loaded nodes at the rim do, and the linear penalty creeps 4
+//! % faster than by the closed form. At 20 degrees hybrid friction finds no set of nodes that sticks, and creeps like the
+//! penalty.
+//!
+//! One bound is missed: with hybrid friction the final height of the puck differs from that with penalties by some 3 % of the
+//! depth, less than 1 µm. Held nodes keep the strain along the slope with which the puck came to rest, as with Coulomb's law,
+//! whereas creeping nodes release it. Two continued runs show this. From the final state of hybrid friction, linear friction
+//! reaches the height of the penalty; from the final state of the penalty, hybrid friction keeps it. Hybrid friction takes no
+//! longer than penalties, because resting nodes are held from the beginning of a step.
 
 mod reference;
 
@@ -29,29 +33,31 @@ const SLOPE_DEG: f64 = 10.0;
 const COEFFICIENT: f64 = 0.4;
 const RADIUS_M: f64 = 0.05;
 const HEIGHT_M: f64 = 0.02;
-/// k_n of a node of the bottom, N/m.
+/// Contact stiffness k_n of a node at the bottom, N/m.
 const NODE_STIFFNESS_N_M: f64 = 1e2;
 const STEP_S: f64 = 5e-3;
 const STEPS: usize = 500;
 const TOLERANCE: f64 = 1e-10;
 const GRAVITY_M_S2: f64 = 9.81;
-/// Height of the drop, m, and speed down the slope, m/s, with which it slides as long as in the thesis's figure.
+/// Height of the drop, m.
 const DROP_M: f64 = 2e-3;
+/// Initial speed down the slope, m/s, with which the puck slides as long as in the thesis's figure.
 const SPEED_M_S: f64 = 0.8;
-/// Steps with the other model from where one has come to: then strain that friction lets go is gone.
+/// Number of further steps with the other model, after which strain released by friction is gone.
 const ONWARD: usize = 100;
-/// Cells of the puck that is compared with the reference, whose programs cost much more.
+/// Number of cells of the puck that is compared with the reference, whose programs are much more expensive.
 const COARSE: [usize; 3] = [4, 4, 2];
-/// Steps of which iterations are reported: sliding and sticking.
+/// Steps whose iterations are reported: one during sliding, one during sticking.
 const REPORTED: [usize; 2] = [60, 150];
 
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let cells = [7, 7, 3];
     let mut outcome = Outcome {
         setup: format!(
-            "puck of {} elements (thesis: 879), radius {RADIUS_M} m, height {HEIGHT_M} m, slope of {SLOPE_DEG} degrees, {SPEED_M_S} m/s \
-             down it at first, Young's modulus 2.1 kPa, k_n {NODE_STIFFNESS_N_M} N/m for each of {} nodes below, BDF1, {STEPS} \
-             steps of {STEP_S} s; with SQP a puck of {}; sizes and slope are not in the thesis",
+            "puck of {} elements (thesis: 879), radius {RADIUS_M} m, height {HEIGHT_M} m, slope of \
+             {SLOPE_DEG} degrees, initially {SPEED_M_S} m/s downhill, Young's modulus 2.1 kPa, k_n \
+             {NODE_STIFFNESS_N_M} N/m for each of {} nodes below, BDF1, {STEPS} steps of {STEP_S} \
+             s; with SQP a puck of {}; sizes and slope are not in the thesis",
             6 * cells.iter().product::<usize>(),
             (cells[0] + 1) * (cells[1] + 1),
             6 * COARSE.iter().product::<usize>(),
@@ -83,7 +89,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let iterations = REPORTED.map(|step| slide.iterations[step].to_string()).join(" and ");
         let mean = f64::from(slide.iterations.iter().sum::<u32>()) / STEPS as f64;
         outcome.checks.extend([
-            Check::at_most(&of("largest friction by its limit"), "1", slide.friction, 1.0 + 1e-9),
+            Check::at_most(&of("largest friction / its limit"), "1", slide.friction, 1.0 + 1e-9),
             Check::at_most(&of("largest residual, N"), "", slide.residual, TOLERANCE),
             Check::at_most(&of("steps that were halved"), "", f64::from(slide.halved), 0.0),
             Check::new(&of("iterations of steps 60 and 150"), "", "", &iterations, None),
@@ -93,14 +99,15 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     }
     let (_, linear_s, linear) = &runs[0];
     for ((model, cpu_s, slide), thesis) in runs[1..].iter().zip(["1.18", "1.19"]) {
-        let what = format!("CPU time of {model:?} by that of linear");
+        let what = format!("CPU time of {model:?} / CPU time of linear");
         outcome.checks.push(Check::at_most(&what, thesis, cpu_s / linear_s, 1.5));
         let away = (slide.height_m - linear.height_m).abs() / linear.depth_m;
         let what = format!(
-            "height of {model:?} less that of linear, by the depth of {} m",
+            "(height of {model:?} − height of linear) / depth of {} m",
             short(linear.depth_m)
         );
-        let why = "held nodes keep the strain with which the puck came to rest, as by Coulomb's law, and creeping nodes let it go: the next rows";
+        let why = "held nodes keep the strain of the puck at rest, as by Coulomb's law, and \
+            creeping nodes release it, as the next rows show";
         outcome.checks.push(Check::at_most_known(&what, "imperceptible", away, 0.01, (0.03, why)));
     }
     let hybrid = &runs[2].2;
@@ -108,7 +115,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         [("Hybrid", hybrid, Model::Linear), ("Linear", linear, Model::Hybrid)]
     {
         let away = (onward(from, model, cells, watch)? - linear.height_m).abs() / linear.depth_m;
-        let what = format!("the same after {ONWARD} steps more, {model:?} from where {name} was");
+        let what =
+            format!("the same after {ONWARD} more steps, {model:?} from the final state of {name}");
         outcome.checks.push(Check::at_most(&what, "", away, 0.01));
     }
     outcome.charts.push(Chart {
@@ -126,7 +134,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(outcome)
 }
 
-/// Compares penalties and hybrid friction with the reference, of a coarse puck.
+/// Compares penalties and hybrid friction with the reference, for a coarse puck.
 fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
     let begin = ProcessTime::now();
     let exact = slide_exactly(COARSE, STEPS, watch)?;
@@ -145,14 +153,14 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
         }
         // Of one without depth.
         let above_m = slide.height_m + slide.carried_m - exact.height_m;
-        let what = format!("height of {model:?} and depth less the height of SQP, by the depth");
+        let what = format!("(height of {model:?} + depth − height of SQP) / depth");
         let of_height = above_m.abs() / slide.carried_m;
         outcome.checks.push(match bound {
             Some(bound) => Check::at_most(&what, thesis, of_height, bound),
             None => Check::told(&what, "", of_height),
         });
         let further = slide.way_m() / exact.way_m() - 1.0;
-        let what = format!("way of {model:?} beyond that of SQP, by that");
+        let what = format!("distance of {model:?} / distance of SQP − 1");
         outcome.checks.push(match bound {
             Some(bound) => Check::at_most(&what, thesis, further.abs(), bound),
             None => Check::told(&what, thesis, further),
@@ -163,7 +171,7 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
     let iterations = REPORTED.map(|step| exact.iterations[step].to_string()).join(" and ");
     outcome.checks.extend([
         Check::at_most("speed at the end, m/s, SQP", "0", speed.abs(), 1e-8),
-        Check::at_most("largest friction by its limit, SQP", "1", exact.friction, 1.0 + 1e-6),
+        Check::at_most("largest friction / its limit, SQP", "1", exact.friction, 1.0 + 1e-6),
         Check::at_most("largest residual, N, SQP", "", exact.residual, 1e-8),
         Check::at_most(
             "largest mean of gaps or depths where it is carried, m, SQP",
@@ -172,9 +180,9 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
             1e-6,
         ),
         Check::at_most("steps that did not converge, SQP", "", f64::from(exact.halved), 0.0),
-        Check::told("way until it stops, m, SQP", "", exact.way_m()),
+        Check::told("stopping distance, m, SQP", "", exact.way_m()),
         Check::new("programs of steps 60 and 150, SQP", "many and few", "", &iterations, None),
-        Check::told("CPU time of SQP by that of linear", "2.5", exact_s / linear_s),
+        Check::told("CPU time of SQP / CPU time of linear", "2.5", exact_s / linear_s),
     ]);
     curves.push(("SQP".to_owned(), exact.speeds_m_s));
     let sizes = |(name, curve): (String, Vec<(f64, f64)>)| {
@@ -195,18 +203,19 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
 #[derive(Default)]
 struct Slide {
     mass_kg: f64,
-    /// Mean speed down the slope by time.
+    /// Mean speed down the slope as a function of time.
     speeds_m_s: Vec<(f64, f64)>,
-    /// Sum over all contacts that touch at the end.
+    /// Final sum of the stick damping of all touching contacts.
     stick_n_s_m: f64,
-    /// Mean height of the puck above the slope, and depth of its bottom, at the end.
+    /// Final mean height of the puck above the slope.
     height_m: f64,
+    /// Final mean depth of the bottom below the surface.
     depth_m: f64,
-    /// The same depth, of each contact by its load: that by which a hard slope would have the puck higher.
+    /// Final depth of the contacts, weighted by load. A rigid slope would raise the puck by this amount.
     carried_m: f64,
-    /// Motions of all bodies at the end.
+    /// Final motions of all bodies.
     motions: Vec<Motion>,
-    /// Largest friction of a contact by what its cone allows.
+    /// Largest ratio of a contact's friction to the limit of its cone.
     friction: f64,
     iterations: Vec<u32>,
     residual: f64,
@@ -214,13 +223,13 @@ struct Slide {
 }
 
 impl Slide {
-    /// Down the slope, m.
+    /// Distance down the slope, m.
     fn way_m(&self) -> f64 {
         self.speeds_m_s.iter().map(|(_, speed)| speed * STEP_S).sum()
     }
 }
 
-/// A puck of so many cells just above the slope, without contacts.
+/// Creates a puck just above the slope, with these numbers of cells and without contacts.
 fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
     let slope = Plane::rising(SLOPE_DEG.to_radians());
     let turn = Rotation3::rotation_between(&Vector3::z(), &slope.normal).expect("not upside down");
@@ -238,7 +247,7 @@ fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
     (assembly, soft, slope)
 }
 
-/// The puck with penalties.
+/// Creates the system of a puck with penalty contacts.
 fn system(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
     let (mut assembly, soft, slope) = puck(cells);
     let below = ((cells[0] + 1) * (cells[1] + 1)) as f64;
@@ -310,7 +319,7 @@ fn height_m(bodies: &[Body], motions: &[Motion]) -> f64 {
     moments.sum::<f64>() / bodies.iter().map(Body::mass_kg).sum::<f64>()
 }
 
-/// Height of a puck that goes on with a model from where another has brought it.
+/// Height of a puck after further steps with `model`, from the final state of another run.
 fn onward(from: &Slide, model: Model, cells: [usize; 3], watch: &dyn Watch) -> Option<f64> {
     let (mut system, _) = system(model, cells);
     system.restart(from.motions.clone());
@@ -323,7 +332,7 @@ fn onward(from: &Slide, model: Model, cells: [usize; 3], watch: &dyn Watch) -> O
     Some(height_m(system.bodies(), system.motions()))
 }
 
-/// The same with hard contacts, and Coulomb's law without penalties.
+/// Simulates the sliding puck with hard contacts and Coulomb's law without penalties.
 fn slide_exactly(cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<Slide> {
     let (assembly, _, plane) = puck(cells);
     let normal = plane.normal;
@@ -375,7 +384,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// A coarse puck is caught within its cones, and slows down.
+    /// Tests that the friction of a coarse puck stays within its cones and slows the puck down.
     #[test]
     fn friction_stays_within_its_cones() {
         let slide = slide(Model::Hybrid, [3, 3, 1], 60, &Silent).unwrap();

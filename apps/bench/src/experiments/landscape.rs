@@ -1,15 +1,15 @@
-//! The objective of a toss by its velocity forward and upward (thesis Fig. 4.2): with soft and stiff contacts, and with hybrid
-//! friction. There are two minima, tosses with one bounce and with two.
+//! Experiment on the objective of a toss as a function of its forward and upward velocity (thesis Fig. 4.2), with soft and
+//! stiff contacts and with hybrid friction. There are two minima: tosses with one bounce and with two.
 //!
-//! The ripples are of contacts that last less than a step: along a line of velocities upward the place at the end goes to and
-//! fro with steps of 1 ms, and one way with steps of a quarter of that (`ripples`).
+//! Contacts that are shorter than a step cause ripples. Along a line of upward velocities, the final height oscillates with
+//! steps of 1 ms, and is monotonic with steps of a quarter of that (`ripples`).
 //!
-//! How rough it is, is measured at points as far apart as the thesis's. A ripple is 0.008 m/s long, so that points 0.02 m/s
-//! apart, as they are here, do not see it: their second differences are the curvature of the valley forward, which soft
-//! contacts make steeper.
+//! The roughness is measured between points with the spacing of the thesis's grid. A ripple is 0.008 m/s long. Points 0.02 m/s
+//! apart, as on the grid here, do not resolve it: their second differences show the curvature of the valley in the forward
+//! direction, which is larger with soft contacts.
 //!
-//! One bound is missed: minima of soft contacts are farther from those of stiff ones than 5 % of the speed (`shift` has the
-//! cause).
+//! One bound is missed: minima with soft contacts differ from those with stiff ones by more than 5 % of the speed (`shift`
+//! explains the cause).
 
 mod shift;
 
@@ -20,23 +20,30 @@ use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_physics::friction::Model;
 
-/// Points along both axes, and between which velocities they are, m/s: about what the thesis's figure shows.
+/// Numbers of points along both axes.
 const POINTS: [usize; 2] = [11, 21];
+/// Range of forward velocities, m/s, about that of the thesis's figure.
 const FORWARD_M_S: [f64; 2] = [0.4, 0.6];
+/// Range of upward velocities, m/s, about that of the thesis's figure.
 const UPWARD_M_S: [f64; 2] = [-0.1, 0.3];
-/// Points along both axes of the thesis's figure, and random places at which second differences between such neighbours are
-/// taken.
+/// Numbers of points along both axes of the thesis's figure.
 const THESIS_POINTS: [usize; 2] = [51, 71];
+/// Number of random points at which second differences between neighbours with the thesis's spacing are evaluated.
 const ROUGH_SAMPLES: usize = 40;
-/// Points at which the gradient is compared with differences of this size, m/s.
+/// Number of random points at which the gradient is compared with finite differences.
 const SAMPLES: usize = 20;
+/// Step of these finite differences, m/s.
 const DIFFERENCE_M_S: f64 = 1e-6;
-/// Rounds of smoothing before minima are counted, each a mean of a point and its neighbours, 0.02 m/s to each side: several
-/// ripples, because 0.008 m/s more upward bring the ball to the ground a step of 1 ms later.
+/// Number of smoothing rounds before minima are counted.
+///
+/// Each round averages a point and its neighbours, 0.02 m/s to each side. That covers several ripples, because a ball with
+/// 0.008 m/s more upward velocity lands one step of 1 ms later.
 const ROUNDS: usize = 1;
-/// Velocities at which the ripples are looked at, m/s: those upward are from one to the other of these.
+/// Forward velocity of the line along which ripples are measured, m/s.
 const LINE_FORWARD_M_S: f64 = 0.5055;
+/// Range of upward velocities of the line, m/s.
 const LINE_UPWARD_M_S: [f64; 2] = [0.14, 0.2];
+/// Number of points on the line.
 const ON_LINE: usize = 61;
 
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
@@ -68,7 +75,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let throw = Throw { node_stiffness_n_m, model, ..ball.clone() };
         let grid = Grid::sample(&throw, name, watch)?;
         let right = share_of_right_gradients(&throw, watch)?;
-        let what = format!("share of points whose gradient is that of differences to 1e-5, {name}");
+        let what =
+            format!("fraction of points whose gradient agrees with differences to 1e-5, {name}");
         outcome.checks.push(Check::at_least(&what, "", right, 0.95));
         let mut minima = grid.smoothed().minima();
         minima.sort_by(|one, other| one.1.total_cmp(&other.1));
@@ -96,18 +104,18 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         curves.push((name.to_owned(), grid.lowest_by_upward()));
     }
     let sum = |of: [f64; 2]| of[0] + of[1];
-    let what = "roughness, mean second difference of O between points as far apart as the thesis's, k_n 100 by k_n 1000";
+    let what = "roughness of k_n 100 / roughness of k_n 1000 (mean second difference of O at the \
+        point spacing of the thesis)";
     let share = sum(rough[0]) / sum(rough[1]);
     let smoother = Check::new(what, "smoother", "< 1", &short(share), Some(share < 1.0));
     outcome.checks.push(smoother);
     for (axis, name) in ["forward", "upward"].iter().enumerate() {
-        let what = format!("the same {name} alone");
+        let what = format!("the same, {name} direction only");
         outcome.checks.push(Check::told(&what, "", rough[0][axis] / rough[1][axis]));
     }
-    let what =
-        "the same between points of the grid here, which are farther apart than ripples are long";
+    let what = "the same at the point spacing of this grid, which exceeds the length of ripples";
     outcome.checks.push(Check::told(what, "", curvature[0] / curvature[1]));
-    let what = "roughness of hybrid by linear friction, k_n 1000";
+    let what = "roughness of hybrid / roughness of linear friction, k_n 1000";
     outcome.checks.push(Check::told(what, "", sum(rough[2]) / sum(rough[1])));
     shift::measure(&ball, &found[1], &mut outcome, watch)?;
     for (at, bounces) in ["two bounces", "one bounce"].iter().enumerate() {
@@ -118,7 +126,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             _ => f64::NAN,
         };
         let what = format!(
-            "way on the grid from the minimum with {bounces} of k_n 1000 to that of hybrid, by its speed"
+            "distance on the grid between the minima with {bounces} of k_n 1000 and of hybrid / \
+             speed at the former"
         );
         outcome.checks.push(Check::at_most(&what, "slight", shift, shift::SLIGHT));
     }
@@ -134,7 +143,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(outcome)
 }
 
-/// Shows that ripples come of steps which are longer than contacts of nodes.
+/// Measures the ripples with two step sizes: they are due to steps longer than the contacts of nodes.
 fn ripples(ball: &Throw, outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
     let mut curves = Vec::new();
     for step_s in [ball.step_s, FINE_S] {
@@ -156,8 +165,9 @@ fn ripples(ball: &Throw, outcome: &mut Outcome, watch: &dyn Watch) -> Option<()>
         let mean = slope(&heights);
         let slopes: Vec<f64> = heights.windows(2).map(slope).collect();
         let against = slopes.iter().filter(|slope| **slope * mean < 0.0).count();
-        let what =
-            format!("share of the line on which the height goes against its mean slope, {name}");
+        let what = format!(
+            "fraction of the line on which the height changes against its mean slope, {name}"
+        );
         let share = against as f64 / slopes.len() as f64;
         outcome.checks.push(Check::told(&what, "", share));
         let what = format!("mean, least and largest slope of the height, mm/(m/s), {name}");
@@ -187,14 +197,14 @@ fn velocity(at: [usize; 2]) -> [f64; 3] {
     [along(0, FORWARD_M_S), 0.0, along(1, UPWARD_M_S)]
 }
 
-/// The objective of a toss.
+/// Objective of a toss.
 fn objective(throw: &Throw, velocity: &[f64]) -> Option<f64> {
     let off: Vector3<f64> = throw.arrival(&FREEDOMS[..3], velocity)? - TARGET_M;
     Some(0.5 * off.norm_squared())
 }
 
-/// Mean size of the objective's second differences forward and upward at random places, between points as far apart as the
-/// thesis's; places at which a step did not converge are left out.
+/// Mean absolute second differences of the objective in the forward and upward direction, at random points with the spacing of
+/// the thesis's grid. Points with a step that did not converge are skipped.
 fn roughness(throw: &Throw, watch: &dyn Watch) -> Option<[f64; 2]> {
     let spans = [FORWARD_M_S, UPWARD_M_S];
     let mut rng = fastrand::Rng::with_seed(5);
@@ -212,7 +222,7 @@ fn roughness(throw: &Throw, watch: &dyn Watch) -> Option<[f64; 2]> {
             return None;
         }
         if sample % 10 == 0 {
-            watch.say(&format!("roughness: place {} of {ROUGH_SAMPLES}", sample + 1));
+            watch.say(&format!("roughness: point {} of {ROUGH_SAMPLES}", sample + 1));
         }
         let at = spans.map(|[from, to]| from + (to - from) * rng.f64());
         let Some(middle) = of(at) else { continue };
@@ -223,7 +233,7 @@ fn roughness(throw: &Throw, watch: &dyn Watch) -> Option<[f64; 2]> {
     Some([0, 1].map(|axis| found.iter().map(|of| of[axis]).sum::<f64>() / found.len() as f64))
 }
 
-/// Share of random points at which the adjoint gradient by both velocities agrees with central differences.
+/// Fraction of random points at which the adjoint gradient with respect to both velocities agrees with central differences.
 fn share_of_right_gradients(throw: &Throw, watch: &dyn Watch) -> Option<f64> {
     let mut rng = fastrand::Rng::with_seed(2);
     let mut right = 0;
@@ -251,7 +261,7 @@ fn share_of_right_gradients(throw: &Throw, watch: &dyn Watch) -> Option<f64> {
     Some(right as f64 / SAMPLES as f64)
 }
 
-/// The objective on the grid, by velocity forward, then upward; infinite where a step did not converge.
+/// Objective on the grid, by forward, then upward velocity; infinite if a step did not converge.
 struct Grid(Vec<Vec<f64>>);
 
 impl Grid {
@@ -282,7 +292,7 @@ impl Grid {
         Self(rows)
     }
 
-    /// Velocity forward and upward, and objective, of every point within that is lower than those around it.
+    /// Forward and upward velocity and objective of each interior point that is a local minimum.
     fn minima(&self) -> Vec<(f64, f64, f64)> {
         let mut found = Vec::new();
         for (i, row) in self.0.iter().enumerate() {
@@ -297,7 +307,7 @@ impl Grid {
         found
     }
 
-    /// Mean size of the second differences along both axes.
+    /// Mean absolute second difference along both axes.
     fn curvature(&self) -> f64 {
         let second = |a: f64, b: f64, c: f64| (a - 2.0 * b + c).abs();
         let upward =
@@ -315,7 +325,7 @@ impl Grid {
     }
 }
 
-/// Values of a point and of those around it.
+/// Values of a point and its neighbours.
 fn neighbours(rows: &[Vec<f64>], i: usize, j: usize) -> Vec<f64> {
     let near = |k: usize, count: usize| k.saturating_sub(1)..(k + 2).min(count);
     let of_row = |i: usize| near(j, rows[i].len()).map(move |j| rows[i][j]);
@@ -326,7 +336,7 @@ fn neighbours(rows: &[Vec<f64>], i: usize, j: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Two wells with ripples, of which smoothing leaves the wells.
+    /// Tests two wells with ripples: smoothing removes the ripples and keeps the wells.
     #[test]
     fn wells_are_counted_and_ripples_are_not() {
         let depth = |at: [usize; 2], ripple: f64| {

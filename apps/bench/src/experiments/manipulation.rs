@@ -1,10 +1,10 @@
-//! Common parts of the experiments on manipulation (thesis 4.7.4.2): an effector moves bodies, and Gauss–Newton's method finds
-//! its coordinates at every step.
+//! Common parts of the experiments on manipulation (thesis 4.7.4.2): an effector moves bodies, and Gauss–Newton's method
+//! optimises its coordinates at every step.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | `task` | the way, the method and its checks |
-//! | [`gripper`] | an effector that is a cube, and the cubes that it pulls |
+//! | `task` | path of the effector, optimisation and checks |
+//! | [`gripper`] | effector in the form of a cube, and the cubes that it pulls |
 //! | `handles` | effectors on particles |
 
 pub(crate) mod gripper;

@@ -1,34 +1,35 @@
-//! The experiments of the thesis's differentiable simulator (ch. 4), as `rollwalk bench physics` runs them.
+//! Experiments of the thesis's differentiable simulator (ch. 4), as `rollwalk bench physics` runs them.
 //!
-//! An experiment is one file, and one line of [`ALL`]. It sets up bodies and contacts in [`rollwalk_physics`], simulates,
-//! optimises or estimates, and returns what it found as a value, [`Outcome`]: numbers beside what they should be and beside the
-//! thesis's, and curves to draw. Nothing here prints or writes.
+//! An experiment is one file, and one line of [`ALL`]. It sets up bodies and contacts in [`rollwalk_physics`], then simulates,
+//! optimises or estimates. The returned [`Outcome`] contains measured values beside expected values and the values of the
+//! thesis, and curves to draw. Experiments print and write nothing.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | [`outcome`] | what an experiment finds |
-//! | `bounce` | a bouncing mass: restitution and energy (Fig. 4.5) |
+//! | [`outcome`] | results of an experiment |
+//! | `bounce` | restitution and energy of a bouncing mass (Fig. 4.5) |
 //! | `tori` | three soft tori thrown at a slope and a wall (Fig. 4.4) |
-//! | `incline` | a soft puck on an incline, with a reference without penalties (Fig. 4.1) |
-//! | `ball_target` | a soft ball tossed at a target (Fig. 4.12a) |
-//! | `throwing`, `cma_es` | what throws have in common; an optimiser without derivatives, to compare with |
-//! | `recovery` | parameters found again from a bounce (Fig. 4.9) |
-//! | `landscape` | the objective of a toss by its velocity (Fig. 4.2) |
-//! | `wall` | a soft ball thrown at a target by way of wall and floor (Fig. 4.13a) |
-//! | `bunny` | a soft solid with a head and ears thrown so that it lands upright (Fig. 4.13b) |
-//! | `backspin` | a ball that backspin stops (Fig. 4.12b) |
-//! | `restitution_points` | restitution by the number of contact points (Fig. A.4) |
-//! | `stiff_cube` | a stiff cube thrown with ever stiffer contacts (Fig. A.5) |
-//! | `sdf` | solids on a grid, and what falls on them (Fig. 4.6) |
-//! | `parts`, `cloth` | what scenes are made of: springs, points that touch; cloth |
-//! | `manipulation` | an effector whose way is optimised step by step |
-//! | `cube_drag`, `coupled_cubes` | a cube that a gripper drags by strings (Fig. 4.14), bodies that it turns by springs (Fig. 4.15) |
-//! | `cube_arc` | a cube dragged along an arc, by Gauss–Newton's method and by CMA-ES (Fig. A.2) |
-//! | `cube_tip` | a cube that rubber bands tip over (Fig. 4.14c) |
-//! | `catapult` | a solid on a grid that a cloth throws (Fig. 4.16) |
-//! | `sheet_flip` | a sheet that is turned over by its corners (Fig. 4.17) |
-//! | `throw_controller` | a network that learns to throw (Fig. 4.19) |
-//! | `chain` | computing time by the number of bodies (Fig. A.3) |
+//! | `incline` | soft puck on an incline, with a reference without penalties (Fig. 4.1) |
+//! | `ball_target` | soft ball tossed at a target (Fig. 4.12a) |
+//! | `throwing`, `cma_es` | common parts of throws; optimiser without derivatives for comparison |
+//! | `recovery` | parameters identified from a bounce (Fig. 4.9) |
+//! | `landscape` | objective of a toss as a function of its velocity (Fig. 4.2) |
+//! | `wall` | soft ball thrown at a target by way of wall and floor (Fig. 4.13a) |
+//! | `bunny` | soft solid with a head and ears thrown so that it lands upright (Fig. 4.13b) |
+//! | `backspin` | ball that backspin stops (Fig. 4.12b) |
+//! | `restitution_points` | restitution as a function of the number of contact points (Fig. A.4) |
+//! | `stiff_cube` | stiff cube thrown with ever stiffer contacts (Fig. A.5) |
+//! | `sdf` | solids on a grid, and objects that fall on them (Fig. 4.6) |
+//! | `parts`, `cloth` | parts of scenes: springs, contact points, cloth |
+//! | `manipulation` | effector whose path is optimised step by step |
+//! | `cube_drag` | cube that a gripper drags by strings (Fig. 4.14) |
+//! | `coupled_cubes` | bodies that a gripper turns by springs (Fig. 4.15) |
+//! | `cube_arc` | cube dragged along an arc, by Gauss–Newton's method and by CMA-ES (Fig. A.2) |
+//! | `cube_tip` | cube that rubber bands tip over (Fig. 4.14c) |
+//! | `catapult` | solid on a grid that a cloth throws (Fig. 4.16) |
+//! | `sheet_flip` | sheet that is turned over by its corners (Fig. 4.17) |
+//! | `throw_controller` | network that learns to throw (Fig. 4.19) |
+//! | `chain` | computing time as a function of the number of bodies (Fig. A.3) |
 
 mod backspin;
 mod ball_target;
@@ -72,11 +73,11 @@ pub trait Watch {
 pub struct Experiment {
     /// Name on the command line.
     pub name: &'static str,
-    /// Place in the thesis.
+    /// Figure of the thesis.
     pub source: &'static str,
-    /// Description in one line.
+    /// Description of one line.
     pub about: &'static str,
-    /// Runs it; `None` if it was interrupted before it had found anything.
+    /// Function that runs the experiment; `None` after an interrupt before the first result.
     pub run: fn(&dyn Watch) -> Option<Outcome>,
 }
 
@@ -145,7 +146,7 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "wall",
         source: "Fig. 4.13a",
-        about: "a soft ball thrown at a target by way of wall and floor",
+        about: "a soft ball thrown at a target via wall and floor",
         run: wall::run,
     },
     Experiment {
@@ -204,7 +205,7 @@ pub const ALL: &[Experiment] = &[
     },
 ];
 
-/// Shows nothing and goes on.
+/// Silent progress display that never interrupts.
 #[cfg(test)]
 struct Silent;
 

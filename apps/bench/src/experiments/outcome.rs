@@ -1,47 +1,47 @@
-//! Results of an experiment: numbers beside their expected values, and charts.
+//! Results of an experiment: measured values with their expected values, and charts.
 
 use serde::Serialize;
 
 /// Results of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Setup: bodies, steps, parameters.
+    /// Description of the setup: bodies, steps, parameters.
     pub setup: String,
-    /// Numbers beside their expected values.
+    /// Measured values with their expected values.
     pub checks: Vec<Check>,
     #[serde(skip)]
     pub charts: Vec<Chart>,
 }
 
-/// Number and its expected value.
+/// Measured value and its expected value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
-    /// Name of the number, with its unit.
+    /// Name of the value, with its unit.
     pub what: String,
-    /// The thesis's number, or the closed form's; in files `expected`, as in all tables of benchmarks.
+    /// Value of the thesis or of the closed form. Its JSON key is `expected`, as in all tables of benchmarks.
     #[serde(rename = "expected")]
     pub reference: String,
-    /// Requirement in words.
+    /// Requirement as text.
     pub asked: String,
     pub found: String,
-    /// True if the number meets its requirement; none for numbers without a bound.
+    /// True if the value meets its requirement; `None` for values without a requirement.
     pub holds: Option<bool>,
-    /// Reason for which the number is known not to meet its requirement.
+    /// Reason for a known miss of the requirement; empty for other values.
     pub why: String,
-    /// Largest value up to which it is known not to be as asked.
+    /// Largest value that is accepted although it misses the requirement; `None` if the requirement should be met.
     pub known: Option<f64>,
-    /// True if the number is beyond its bound, and beyond `known`.
+    /// True if the value misses its requirement and exceeds `known`.
     pub fails: bool,
 }
 
 impl Check {
-    /// A number at most as large as a bound.
+    /// Creates a check that a value is at most `bound`.
     pub fn at_most(what: &str, reference: &str, found: f64, bound: f64) -> Self {
         let asked = format!("≤ {}", short(bound));
         Self::new(what, reference, &asked, &short(found), Some(found <= bound))
     }
 
-    /// A number of which as much as a bound is asked, and of which is known why it is beyond it, up to `known`.
+    /// Creates a check that a value is at most `bound`. If it is not, values up to `known` are accepted for the reason `why`.
     pub fn at_most_known(
         what: &str,
         reference: &str,
@@ -57,20 +57,20 @@ impl Check {
         Self { why: why.to_owned(), known: Some(known), fails: !is_within, ..check }
     }
 
-    /// A number at least as large as a bound.
+    /// Creates a check that a value is at least `bound`.
     pub fn at_least(what: &str, reference: &str, found: f64, bound: f64) -> Self {
         let asked = format!("≥ {}", short(bound));
         Self::new(what, reference, &asked, &short(found), Some(found >= bound))
     }
 
-    /// A number that is as expected to a share of it.
+    /// Creates a check that a value is near the expected one; `share` is the relative tolerance.
     pub fn near(what: &str, found: f64, expected: f64, share: f64) -> Self {
         let holds = (found - expected).abs() <= share * expected.abs();
         let asked = format!("within {} %", short(100.0 * share));
         Self::new(what, &short(expected), &asked, &short(found), Some(holds))
     }
 
-    /// A number that nothing is asked of.
+    /// Creates a row for a value without a requirement.
     pub fn told(what: &str, reference: &str, found: f64) -> Self {
         Self::new(what, reference, "", &short(found), None)
     }
@@ -82,7 +82,7 @@ impl Check {
     }
 }
 
-/// A number with four digits.
+/// Formats a value with four significant digits.
 pub fn short(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
@@ -99,17 +99,17 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Curves over two axes.
+/// Chart of curves with two axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Ending of its file's name after the experiment's.
+    /// Suffix of the file name, which begins with the name of the experiment.
     pub name: String,
     pub title: String,
-    /// Horizontal axis with unit.
+    /// Label of the horizontal axis, with unit.
     pub x: String,
-    /// Vertical axis with unit.
+    /// Label of the vertical axis, with unit.
     pub y: String,
-    /// True if both axes are logarithmic; values of 0 and less are then left out.
+    /// True if both axes are logarithmic. Values of 0 or less are then skipped.
     pub logarithmic: bool,
     pub curves: Vec<(String, Vec<(f64, f64)>)>,
 }

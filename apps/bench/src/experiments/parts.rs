@@ -1,4 +1,4 @@
-//! Parts of scenes: cubes, springs between points, and points that touch the ground.
+//! Parts of scenes: cubes, springs between points, and contact points.
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::Ground;
@@ -9,13 +9,13 @@ use rollwalk_physics::spring::Spring;
 use rollwalk_physics::{Assembly, Inertia};
 use std::sync::Arc;
 
-/// Mass and inertia of a cube of one density.
+/// Mass and inertia of a cube of uniform density.
 pub(crate) fn cube(mass_kg: f64, edge_m: f64) -> Inertia {
     let about_com_kg_m2 = Matrix3::identity() * (mass_kg * edge_m * edge_m / 6.0);
     Inertia { mass_kg, about_com_kg_m2 }
 }
 
-/// The eight corners of a cube.
+/// Eight corners of a cube.
 pub(crate) fn corners(edge_m: f64) -> impl Iterator<Item = Vector3<f64>> {
     (0..8).map(move |corner| {
         let sign = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
@@ -23,19 +23,19 @@ pub(crate) fn corners(edge_m: f64) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// A kind of springs.
+/// Kind of spring.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
     pub stiffness_n_m: f64,
     pub damping_n_s_m: f64,
-    /// Length without force by the distance of the points where the bodies are.
+    /// Rest length relative to the initial distance of the points.
     pub rest: f64,
-    /// True if it does not push.
+    /// True if the spring does not push.
     pub string: bool,
 }
 
 impl Link {
-    /// Links a point of one body with a point of another.
+    /// Connects a point of one body with a point of another.
     pub fn add(&self, assembly: &mut Assembly, bodies: [usize; 2], points: [Vector3<f64>; 2]) {
         let [from, to] = [0, 1].map(|k| assembly.motions[bodies[k]].point(&points[k]).0);
         assembly.add(Spring {
@@ -52,18 +52,18 @@ impl Link {
     }
 }
 
-/// Contact of points with a ground.
+/// Contact of points with the ground.
 #[derive(Clone, Debug)]
 pub(crate) struct Touching {
     pub normal: Normal,
-    /// Coefficient of linear friction, which sticks with k_n h.
+    /// Coefficient of linear friction, whose sticking stiffness is k_n h.
     pub coefficient: f64,
     pub step_s: f64,
     pub ground: Arc<dyn Ground>,
 }
 
 impl Touching {
-    /// Lets points of a body touch the ground.
+    /// Adds contacts between points of a body and the ground.
     pub fn add(
         &self,
         assembly: &mut Assembly,

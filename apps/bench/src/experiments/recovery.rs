@@ -1,8 +1,8 @@
-//! Material, friction and start of a soft ball found again from how its surface moved in one bounce, with noise (thesis Fig.
-//! 4.9).
+//! Experiment that identifies material, friction and start of a soft ball from the motion of its surface during one bounce,
+//! with noise (thesis Fig. 4.9).
 //!
-//! In the thesis's three phases: the start from the flight before the contact, material and friction from the bounce, then all
-//! from all. They are fitted by Gauss and Newton's method, the thesis's by L-BFGS.
+//! The identification has the thesis's three phases. First the start is fitted to the flight before the contact, then material
+//! and friction to the bounce, then all parameters to the whole motion. The method is Gauss–Newton's; the thesis uses L-BFGS.
 
 use crate::experiments::throwing::Throw;
 use crate::experiments::{Chart, Check, Outcome, Watch};
@@ -14,21 +14,24 @@ use rollwalk_physics::sensitivity::parameter::{
 };
 use rollwalk_physics::sensitivity::{Constant, Parameter, Recorder, Residual, Rollout};
 
-/// Logarithms of shear modulus and friction; shift, m, and velocity, m/s, at the beginning.
+/// Number of parameters: logarithms of shear modulus and friction; initial shift, m, and velocity, m/s.
 const PARAMETERS: usize = 8;
 const MU_PA: f64 = 1e4;
 const FRICTION: f64 = 0.4;
 const VELOCITY_M_S: Vector3<f64> = Vector3::new(0.5, 0.1, 0.2);
-/// The first guess, away from the truth by this: ten times too soft, half the friction.
+/// Ratios of the initial guess to the true modulus and friction.
 const GUESS_SHARES: [f64; 2] = [0.1, 0.5];
+/// Error of the initial guess of the position, m.
 const GUESS_SHIFT_M: Vector3<f64> = Vector3::new(5e-3, -5e-3, 5e-3);
+/// Error of the initial guess of the velocity, m/s.
 const GUESS_VELOCITY_M_S: Vector3<f64> = Vector3::new(0.05, -0.05, 0.05);
 /// Amplitudes of the uniform noise, m.
 const NOISE_M: [f64; 3] = [0.0, 1e-4, 1e-3];
-/// Steps from one look at the ball to the next, and nodes between one that is looked at and the next.
+/// Number of steps between observations.
 const SEEN_EVERY: usize = 5;
+/// Interval between observed nodes.
 const NODES_BETWEEN: usize = 4;
-/// Residuals are in mm.
+/// Scale of residuals, which are in mm.
 const PER_M: f64 = 1e3;
 
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
@@ -92,7 +95,8 @@ fn ball(model: Model) -> Throw {
     Throw { model, steps: 200, node_stiffness_n_m: 10.0, ..Throw::ball(2) }
 }
 
-/// Relative errors of Young's modulus and friction, errors of position and velocity at the beginning.
+/// Identifies the parameters. Returns the relative errors of Young's modulus and friction, and the errors of initial position,
+/// m, and velocity, m/s.
 fn recover(ball: &Throw, noise_m: f64, watch: &dyn Watch) -> Option<[f64; 4]> {
     let truth = parameters([1.0; 2], Vector3::zeros(), VELOCITY_M_S);
     let seen = simulate(ball, &truth, ball.steps)?;
@@ -136,14 +140,14 @@ fn recover(ball: &Throw, noise_m: f64, watch: &dyn Watch) -> Option<[f64; 4]> {
     ])
 }
 
-/// The parameters with so many times the modulus and the friction.
+/// Parameters with factors on modulus and friction.
 fn parameters(shares: [f64; 2], shift: Vector3<f64>, velocity: Vector3<f64>) -> Vec<f64> {
     let mut all = vec![(MU_PA * shares[0]).ln(), (FRICTION * shares[1]).ln()];
     all.extend(shift.iter().chain(&velocity));
     all
 }
 
-/// A bounce with these parameters.
+/// Simulates a bounce with these parameters.
 fn simulate(ball: &Throw, parameters: &[f64], steps: usize) -> Option<Rollout> {
     let (mut system, body, contacts) = ball.system();
     let elements = 0..ball.mesh.elements.len();
@@ -166,7 +170,7 @@ fn simulate(ball: &Throw, parameters: &[f64], steps: usize) -> Option<Rollout> {
     Some(recorder.finish())
 }
 
-/// Residuals of simulated against observed positions, with derivatives by the free parameters.
+/// Residuals between simulated and observed positions, with derivatives with respect to the free parameters.
 fn evaluate(
     ball: &Throw,
     parameters: &[f64],
@@ -200,7 +204,7 @@ fn evaluate(
 mod tests {
     use super::*;
 
-    /// The derivatives by all parameters, in long steps over a bounce, against differences.
+    /// Tests the derivatives with respect to all parameters against finite differences, in long steps over a bounce.
     #[test]
     fn the_derivatives_are_those_of_differences() {
         let ball = Throw { step_s: 5e-3, steps: 30, ..ball(Model::Tanh) };

@@ -1,5 +1,7 @@
-//! A rigid cube that falls flat on a face with 2 to 10 contact points along each edge (thesis Fig. A.4): contacts as stiff and as
-//! damped as the number of points allows give one restitution, contacts of one stiffness do not.
+//! Experiment with a rigid cube that falls flat on a face with 2 to 10 contact points along each edge (thesis Fig. A.4).
+//!
+//! If stiffness and damping of a contact are divided by the number of points, the restitution does not depend on that number.
+//! If all contacts have a fixed stiffness, the restitution does depend on their number.
 
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Vector3};
@@ -12,8 +14,9 @@ use std::sync::Arc;
 
 const MASS_KG: f64 = 1.0;
 const HALF_M: f64 = 0.05;
-/// Stiffness of the whole face, N/m, and damping, N·s/m.
+/// Stiffness of the whole face, N/m.
 const STIFFNESS_N_M: f64 = 1e3;
+/// Damping of the whole face, N·s/m.
 const DAMPING_N_S_M: f64 = 5.0;
 const STEP_S: f64 = 1e-3;
 
@@ -50,14 +53,15 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(Outcome { setup, checks, charts: vec![chart] })
 }
 
-/// Largest difference as a share of the mean.
+/// Largest difference relative to the mean.
 fn spread(curve: &[(f64, f64)]) -> f64 {
     let values = || curve.iter().map(|point| point.1);
     let mean = values().sum::<f64>() / curve.len() as f64;
     (values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)) / mean
 }
 
-/// Speed after by speed before, with so many points along an edge, each with a share of stiffness and damping.
+/// Ratio of the speed after the bounce to that before, with `points` points along an edge. Each point has the fraction `share`
+/// of stiffness and damping.
 fn restitution(points: usize, share: f64) -> f64 {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (MASS_KG * 4.0 * HALF_M * HALF_M / 6.0);

@@ -1,5 +1,5 @@
-//! Solids given as distances on a grid (thesis Fig. 4.6): how near they are to the solid that was sampled, and a string and a
-//! cloth that fall on one.
+//! Experiment with solids given as distances on a grid (thesis Fig. 4.6): their accuracy, and a string and a cloth that fall on
+//! one.
 
 use crate::experiments::cloth::Cloth;
 use crate::experiments::outcome::short;
@@ -13,11 +13,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 const BALL: Sphere = Sphere { center: Vector3::new(0.013, -0.007, 0.02), radius_m: 0.15 };
-/// Half of the edge of the cube that is sampled, m.
+/// Half of the edge of the sampled cube, m.
 const HALF_M: f64 = 0.225;
 const CONTACT_N_M: f64 = 200.0;
 const STEP_S: f64 = 1.0 / 60.0;
-/// Steps in which what falls comes to rest.
+/// Number of steps in which a falling object comes to rest.
 const STEPS: usize = 120;
 
 fn grid(cells: usize) -> Grid {
@@ -26,7 +26,7 @@ fn grid(cells: usize) -> Grid {
     grid.expect("the grid is larger than the ball")
 }
 
-/// Largest errors of gap, normal and curvature near the surface, at random places.
+/// Largest errors of gap, normal and curvature at random points near the surface.
 fn errors(cells: usize) -> [f64; 3] {
     let grid = grid(cells);
     let mut rng = fastrand::Rng::with_seed(5);
@@ -45,7 +45,7 @@ fn errors(cells: usize) -> [f64; 3] {
     worst
 }
 
-/// A string of particles across the ball.
+/// Adds a string of particles across the ball.
 fn string(assembly: &mut Assembly) -> Range<usize> {
     let (first, count, spacing) = (assembly.bodies.len(), 31, 0.02);
     let link = Link { stiffness_n_m: 200.0, damping_n_s_m: 0.0, rest: 1.0, string: true };
@@ -65,14 +65,14 @@ fn cloth(assembly: &mut Assembly) -> Range<usize> {
     Cloth::add(assembly, center, 0.24, 9, 0.1, 1.0).nodes
 }
 
-/// Adds something above the ball; its particles.
+/// Function that adds an object above the ball and returns its particles.
 type Falls = fn(&mut Assembly) -> Range<usize>;
 
-/// State of a body that lies on the ball after a while.
+/// State of an object that lies on the ball.
 struct Lies {
-    /// Largest penetration over that of twice the weight on one node.
+    /// Ratio of the largest penetration to that of a node that carries twice the weight.
     depth: f64,
-    /// Load of the ball by the weight.
+    /// Ratio of the load on the ball to the weight.
     load: f64,
     /// Largest speed, m/s.
     speed_m_s: f64,
@@ -139,12 +139,12 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let lies = fall(watch, what, STEPS)?;
         checks.extend([
             Check::at_most(
-                &format!("{name}: depth by 2 f/k_n of all its weight"),
+                &format!("{name}: depth / (2 f/k_n of the total weight)"),
                 "",
                 lies.depth,
                 1.0,
             ),
-            Check::near(&format!("{name}: load by the weight"), lies.load, 1.0, 0.05),
+            Check::near(&format!("{name}: load / weight"), lies.load, 1.0, 0.05),
             Check::told(&format!("{name}: largest speed after 2 s, m/s"), "rests", lies.speed_m_s),
         ]);
     }

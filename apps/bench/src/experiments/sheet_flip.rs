@@ -1,4 +1,4 @@
-//! A sheet of springs is turned over by two of its corners, and back (thesis Fig. 4.17).
+//! Experiment with a sheet of springs that is turned over by two of its corners, and back (thesis Fig. 4.17).
 
 use crate::experiments::cloth::{Cloth, STIFFNESS_N_M};
 use crate::experiments::manipulation::{Handles, STEP_S, Task, Way, Work, at_place, objective};
@@ -18,12 +18,12 @@ const EDGE_M: f64 = 0.3;
 const MASS_KG: f64 = 0.1;
 const CONTACT_N_M: f64 = 1e3;
 const STEPS: usize = 120;
-/// Shift to the right at the end, m.
+/// Final shift to the right, m.
 const SHIFT_M: f64 = 0.2;
-/// Work that the thesis needed (Table A.2).
+/// Work in the thesis (Table A.2).
 const THESIS: Work = Work { iterations: 25.0, simulation_s: 0.109, optimisation_s: 54.0 };
 
-/// The sheet on the ground, and handles on the two corners of its first row.
+/// Creates the sheet on the ground, and handles on the two corners of its first row.
 fn scene() -> (Assembly, Cloth, Handles) {
     let mut assembly = Assembly::default();
     let lies_m = -MASS_KG / (COUNT * COUNT) as f64 * 9.81 / CONTACT_N_M;
@@ -51,15 +51,17 @@ fn system() -> System {
     System::new(Settings { tolerance: 1e-9, ..Settings::default() }, scene().0)
 }
 
-/// Places of all nodes halfway, turned over in place, and at the end, turned back and shifted.
+/// Target positions of all nodes: turned over at half time, and turned back and shifted at the end.
 fn places(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
     let begin = || assembly.motions.iter().map(|motion| motion.position);
     let over = begin().map(|place| Vector3::new(place.x, -place.y, place.z));
     [over.collect(), begin().map(|place| place + Vector3::x() * SHIFT_M).collect()]
 }
 
-/// First guess, as a hand would do it: lift one edge until the sheet hangs over where that edge lay, and lay it down on the other
-/// side; then the same back, and to the right.
+/// Initial guess, like a motion by hand.
+///
+/// One edge is lifted until the sheet hangs above the former position of the edge, and is laid down on the other side. The way
+/// back is equal, with a shift to the right.
 fn arcs(steps: usize) -> Vec<f64> {
     let half = steps / 2;
     // Of the lifted edge, across the sheet from where it lay, and up.
@@ -133,9 +135,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let charts = vec![way, objective(vec![("sheet".to_owned(), moved.convergence())])];
     let setup = format!(
-        "{COUNT} × {COUNT} nodes, {EDGE_M} m, {MASS_KG} kg, springs of {STIFFNESS_N_M} N/m along edges and diagonals, k_n 1e3 N/m, friction 0.5, \
-         β 1, 120 steps of 1/60 s, two handles: {} parameters; turned over in place at 1 s, back and {SHIFT_M} m to the right at 2 s; from what a hand would do, because \
-         from handles at rest the method stays where the sheet is dragged; size, mass and start are our choice",
+        "{COUNT} × {COUNT} nodes, {EDGE_M} m, {MASS_KG} kg, springs of {STIFFNESS_N_M} N/m along \
+         edges and diagonals, k_n 1e3 N/m, friction 0.5, β 1, 120 steps of 1/60 s, two handles: {} \
+         parameters; turned over in place at 1 s, back and {SHIFT_M} m to the right at 2 s; \
+         started from motions like those of a hand, because from handles at rest the method ends \
+         at a minimum in which the sheet is dragged; size, mass and start are our choice",
         task.parameters()
     );
     Some(Outcome { setup, checks, charts })
@@ -146,7 +150,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// An edge is lifted by its corners, with all nodes of it where they are wanted.
+    /// Tests that an edge is lifted by its corners, with all of its nodes at their targets.
     #[test]
     fn an_edge_is_lifted() {
         let steps = 12;
@@ -173,7 +177,7 @@ mod tests {
         }
     }
 
-    /// The start leads down on the other side.
+    /// Tests that the initial guess ends on the other side at half time, and shifted to the right at the end.
     #[test]
     fn a_hand_ends_where_it_began_but_to_the_right() {
         let all = arcs(STEPS);

@@ -1,5 +1,5 @@
-//! A network learns to throw a ball so that it hits a target after one bounce: it is trained through the simulator, by
-//! gradients of the adjoint method and Adam (thesis Fig. 4.19). One that learnt without friction misses.
+//! Experiment with a network that learns to throw a ball at a target with one bounce (thesis Fig. 4.19). It is trained through
+//! the simulator, by adjoint gradients and Adam. A network trained without friction misses.
 
 mod network;
 
@@ -24,22 +24,23 @@ const RADIUS_M: f64 = 0.05;
 const MASS_KG: f64 = 0.1;
 const FRICTION: f64 = 0.4;
 const HAND: Vector3<f64> = Vector3::new(0.0, 0.0, 0.6);
-/// Targets are within half of these sizes of a point, m.
+/// Centre of the region of targets, m.
 const MIDDLE: Vector3<f64> = Vector3::new(1.5, 0.0, 0.2);
+/// Sizes of the region of targets, m.
 const SIZES_M: [f64; 2] = [1.0, 1.0];
-/// Squared distance over which the soft minimum looks, m².
+/// Squared distance that scales the soft minimum, m².
 const SOFT_M2: f64 = 1e-3;
 const TRAINING: usize = 1000;
 const TESTS: usize = 100;
 const EPOCHS: usize = 4;
 const BATCH: usize = 5;
-/// A throw forward, with which the untrained network begins.
+/// Initial output of the untrained network: a forward throw, m/s.
 const BEGIN_M_S: [f64; 3] = [2.0, 0.0, -1.0];
 
-/// A throw that was simulated.
+/// Simulated throw.
 struct Throw {
     rollout: Rollout,
-    /// Steps after which the ball falls again, between the first bounce and the second.
+    /// Steps between the first and the second bounce after which the ball falls.
     falling: Vec<usize>,
 }
 
@@ -90,13 +91,13 @@ impl Throw {
         self.rollout.motions(step)[0].position - target
     }
 
-    /// Smallest distance from a target, m; none without a bounce.
+    /// Smallest distance from a target, m; `None` without a bounce.
     fn miss_m(&self, target: &Vector3<f64>) -> Option<f64> {
         let distances = self.falling.iter().map(|&step| self.offset(step, target).norm());
         distances.min_by(f64::total_cmp)
     }
 
-    /// Loss, and its derivatives by places after steps.
+    /// Loss, and its derivatives with respect to the positions after steps.
     fn loss(&self, target: &Vector3<f64>) -> (f64, Vec<(usize, Vector3<f64>)>) {
         if self.falling.is_empty() {
             // Without a bounce: how far it stayed above the ground, and as bad as a miss of a metre.
@@ -120,7 +121,7 @@ fn input(target: &Vector3<f64>) -> [f64; 2] {
     [0, 1].map(|k| 2.0 * (target[k] - MIDDLE[k]) / SIZES_M[k])
 }
 
-/// Loss of a network's throw at a target; its derivatives by the weights are added.
+/// Loss of a network's throw at a target. Adds its derivatives with respect to the weights to `gradient`.
 fn sample(
     network: &Network,
     target: &Vector3<f64>,
@@ -137,7 +138,8 @@ fn sample(
     Some(loss)
 }
 
-/// Mean loss at targets, and misses as shares of the distance of the target from the hand; 1 of throws without a bounce.
+/// Mean loss at targets, and misses relative to the distance of the target from the hand. A throw without a bounce counts as a
+/// miss of 1.
 fn test(network: &Network, targets: &[Vector3<f64>], friction: f64) -> (f64, Vec<f64>) {
     let mut sum = 0.0;
     let mut misses = Vec::new();
@@ -160,12 +162,12 @@ fn targets(rng: &mut Rng, count: usize) -> Vec<Vector3<f64>> {
     (0..count).map(|_| one()).collect()
 }
 
-/// A network as it was trained.
+/// Trained network.
 struct Trained {
     network: Network,
-    /// Loss at the tests, before the first epoch and after each.
+    /// Loss at the test targets, before the first epoch and after each one.
     losses: Vec<f64>,
-    /// CPU time of an epoch on average, s.
+    /// Mean CPU time of an epoch, s.
     epoch_s: f64,
 }
 
@@ -211,20 +213,20 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let falls = trained.losses.windows(2).filter(|pair| pair[1] < pair[0]).count();
     let checks = vec![
         Check::at_least(
-            &format!("epochs of {EPOCHS} in which the loss at the tests falls"),
+            &format!("epochs of {EPOCHS} in which the test loss falls"),
             "Fig. 4.19",
             falls as f64,
             3.0,
         ),
         Check::at_most("median miss, % of the distance", "hits", own, 5.0),
         Check::at_least(
-            "median miss of the one trained without friction, by that",
+            "median miss of the network trained without friction / median miss",
             "misses systematically",
             median(&without.network, FRICTION) / own,
             5.0,
         ),
         Check::told(
-            "median miss of that one in its own world, %",
+            "median miss of the network trained without friction, tested without friction, %",
             "",
             median(&without.network, 0.0),
         ),

@@ -1,4 +1,4 @@
-//! Soft bodies thrown at a target: what the experiments of the thesis's section 4.7.4.1 have in common.
+//! Soft bodies thrown at a target: common parts of the experiments of the thesis's section 4.7.4.1.
 
 use crate::experiments::Watch;
 use nalgebra::{Rotation3, Vector3};
@@ -19,24 +19,24 @@ pub struct Throw {
     /// Shape at the start.
     pub mesh: Mesh,
     pub material: Material,
-    /// Grounds that the body may touch, with coefficients of friction.
+    /// Grounds that the body may touch, with their friction coefficients.
     pub grounds: Vec<(Arc<dyn Ground>, f64)>,
     pub model: Model,
-    /// Stiffness of the contact of one of so many nodes of the surface, N/m: k_n.
+    /// Contact stiffness k_n of a surface node, N/m.
     pub node_stiffness_n_m: f64,
-    /// Nodes of the surface as the thesis's mesh would have them; contacts here are as stiff for their area.
+    /// Number of surface nodes that k_n refers to. Contacts here have the same total stiffness per area.
     pub nodes: f64,
     pub scheme: Scheme,
     pub step_s: f64,
     pub steps: usize,
-    /// Time with which stiffness of contacts becomes that of friction that sticks, s: k_t = k_n Δt in the thesis. The step, if
-    /// none.
+    /// Time that converts contact stiffness to the stiffness of sticking friction, s: k_t = k_n Δt in the thesis. `None` for
+    /// the duration of a step.
     pub stick_s: Option<f64>,
-    /// Spin to which that of the parameters is added, rad/s.
+    /// Spin that is added to the spin of the parameters, rad/s.
     pub spin: Vector3<f64>,
 }
 
-/// The ways in which a throw may be changed: velocity, m/s, then spin, rad/s, along the world's axes.
+/// Freedoms of a throw: velocity, m/s, then spin, rad/s, along the world's axes.
 pub const FREEDOMS: [(Freedom, usize); 6] = [
     (Freedom::Velocity, 0),
     (Freedom::Velocity, 1),
@@ -47,13 +47,13 @@ pub const FREEDOMS: [(Freedom, usize); 6] = [
 ];
 
 impl Throw {
-    /// The deformable ball of the thesis's Fig. 4.12, of so many layers: 160 elements for two, 540 for three; the thesis's has
-    /// 451.
+    /// Creates the deformable ball of the thesis's Fig. 4.12 with a number of layers: 160 elements for two layers, 540 for
+    /// three. The thesis's ball has 451.
     ///
-    /// Radius and spin are not in the thesis. The authors' published code has tosses that come to the target with one and with
-    /// two bounces, and a spin of −4 rad/s by which a point at r from the centre moves with r × ω: forward, as a ball rolls.
-    /// With that and a radius of 2.5 cm this ball of 540 elements comes to within 1.5 mm of the target from both
-    /// (`ball_target`); with the opposite spin it ends 1 cm short, with 2 cm it is 7 mm too low after two bounces.
+    /// The thesis specifies neither radius nor spin. The authors' published code contains tosses that reach the target with one
+    /// and with two bounces. Its spin is −4 rad/s, where a point at r from the centre moves with r × ω: forward, like a rolling
+    /// ball. With this spin and a radius of 2.5 cm, the ball of 540 elements comes within 1.5 mm of the target in both tosses
+    /// (`ball_target`). With the opposite spin it ends 1 cm short; with a radius of 2 cm it is 7 mm too low after two bounces.
     pub fn ball(layers: usize) -> Self {
         let elastic = Material::elastic(150.0, 2e4, 5e-4);
         // Turned anyhow, so that nodes touch one after the other: all at once make the objective rougher.
@@ -74,13 +74,13 @@ impl Throw {
         }
     }
 
-    /// The same throw in so many steps of this length, s, each.
+    /// Changes the duration of a step, s, and keeps the duration of the throw.
     pub fn in_steps(self, steps_s: f64) -> Self {
         let steps = (self.step_s * self.steps as f64 / steps_s).round() as usize;
         Self { step_s: steps_s, steps, ..self }
     }
 
-    /// The body before it is thrown, and the contacts with each ground.
+    /// Creates the system before the throw, with its body and the contacts with each ground.
     pub fn system(&self) -> (System, SoftBody, Vec<Range<usize>>) {
         let mut assembly = Assembly::default();
         let body = SoftBody::add(&mut assembly, &self.mesh, &self.material)
@@ -115,7 +115,7 @@ impl Throw {
         (system, body, contacts)
     }
 
-    /// The system of a throw that is changed so much in these ways, and the ways.
+    /// Creates the system of a throw whose freedoms are changed by `by`, and the freedoms as parameters.
     fn launched(&self, freedoms: &[(Freedom, usize)], by: &[f64]) -> (System, Vec<Initial>) {
         let (mut system, body, _) = self.system();
         let initial = freedoms.iter().map(|&(freedom, axis)| {
@@ -127,7 +127,7 @@ impl Throw {
         (system, initial)
     }
 
-    /// The rollout of a throw that is changed so much in these ways; none where a step does not converge.
+    /// Simulates a throw whose freedoms are changed by `by`; `None` if a step does not converge.
     pub fn run(&self, freedoms: &[(Freedom, usize)], by: &[f64]) -> Option<Rollout> {
         let (mut system, initial) = self.launched(freedoms, by);
         let parameters = initial.into_iter().map(|one| -> Box<dyn Parameter> { Box::new(one) });
@@ -138,7 +138,7 @@ impl Throw {
         Some(recorder.finish())
     }
 
-    /// Centre of mass at the end, m, without the data for derivatives: half the time of `run`.
+    /// Final centre of mass, m, computed without data for derivatives in half the time of [`run`](Self::run).
     pub fn arrival(&self, freedoms: &[(Freedom, usize)], by: &[f64]) -> Option<Vector3<f64>> {
         let (mut system, _) = self.launched(freedoms, by);
         for _ in 0..self.steps {
@@ -149,7 +149,7 @@ impl Throw {
         Some(moments.sum::<Vector3<f64>>() / masses_kg.sum::<f64>())
     }
 
-    /// Bounces in the order in which they begin, each as the number of the ground.
+    /// Bounces in the order of their start, each as the index of the ground.
     pub fn bounces(&self, rollout: &Rollout) -> Vec<usize> {
         let (_, _, contacts) = self.system();
         let mut touching = vec![0_usize; contacts.len()];
@@ -179,16 +179,16 @@ impl Throw {
     }
 }
 
-/// Goal of a throw, and the freedoms that may change it.
+/// Objective of a throw, and its free parameters.
 pub struct Aim<'a> {
     pub freedoms: &'a [(Freedom, usize)],
-    /// Residuals that are to be 0.
+    /// Residuals, whose sum of squares is minimised.
     pub residuals: &'a dyn Fn(&Rollout) -> Vec<Residual>,
     pub watch: &'a dyn Watch,
 }
 
 impl Aim<'_> {
-    /// L-BFGS from a start; none if it is interrupted, or if the throw fails there.
+    /// Minimises the objective by L-BFGS; `None` after an interrupt, or if the throw fails at the start.
     pub fn descend(&self, throw: &Throw, start: &[f64], options: &Options) -> Option<Minimum> {
         let evaluate = |by: &[f64]| {
             (!self.watch.interrupted()).then_some(())?;
@@ -202,7 +202,8 @@ impl Aim<'_> {
         (!self.watch.interrupted()).then_some(found)
     }
 
-    /// The same with ever stiffer contacts, N/m for a node, each from where the one before has come to.
+    /// Minimises the objective with ever stiffer contacts, N/m of a node. Each stage starts from the result of the previous
+    /// one.
     pub fn stiffen(
         &self,
         throw: &Throw,
@@ -220,23 +221,24 @@ impl Aim<'_> {
     }
 }
 
-/// Distance of the centre of mass from a target at the end, m, by axes of the world.
+/// Final distance of the centre of mass from a target along the world's axes, m.
 pub fn from_target(rollout: &Rollout, target_m: &Vector3<f64>) -> Vec<Residual> {
     [Vector3::x(), Vector3::y(), Vector3::z()]
         .map(|axis| Residual::com(rollout, rollout.steps(), target_m, axis))
         .to_vec()
 }
 
-/// Best objective by number of simulations, over stages one after the other, by the first objective of all.
+/// Best objective by number of simulations over consecutive stages, relative to the first objective.
 pub fn convergence(stages: &[Minimum]) -> Vec<(f64, f64)> {
     let all = stages.iter().flat_map(|stage| &stage.best);
     all.zip(1..).map(|(best, at)| (f64::from(at), best / stages[0].best[0])).collect()
 }
 
-/// Steps without a contact after which the next is another bounce: a soft surface lets go and touches again while it swings.
+/// Number of steps without contact after which the next contact is another bounce. A vibrating soft surface separates and
+/// touches again.
 const APART: usize = 5;
 
-/// A place in the unit ball that stands for one in the cube around it.
+/// Maps a point of the cube to a point of the unit ball.
 pub fn into_ball(place: &Vector3<f64>) -> Vector3<f64> {
     let squares = place.component_mul(place);
     Vector3::from_fn(|k, _| {

@@ -1,5 +1,5 @@
-//! A soft object of three tori, thrown at a slope and a wall, with each model of friction (thesis Fig. 4.4): work, and what
-//! viscosity leaves of the angular momentum.
+//! Experiment with a soft object of three tori, thrown at a slope and a wall with each model of friction (thesis Fig. 4.4). It
+//! measures the computing time, and the angular momentum that remains in spite of viscosity.
 
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
@@ -18,10 +18,10 @@ const TUBE_M: f64 = 0.015;
 const TOLERANCE: f64 = 1e-10;
 const STEP_S: f64 = 5e-3;
 const STEPS: usize = 120;
-/// Cells around a torus, of 24 elements each.
+/// Number of cells around a torus, each with 24 elements.
 const CELLS: usize = 24;
 
-/// Models with the thesis's seconds.
+/// Friction models with the CPU times of the thesis.
 const MODELS: [(Model, &str); 3] =
     [(Model::Linear, "119.19 s"), (Model::Tanh, "178.5 s"), (Model::Hybrid, "180.75 s")];
 
@@ -52,12 +52,12 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         curves.push((format!("{model:?}"), thrown.iterations));
     }
     for (k, thesis) in [(1, "1.50"), (2, "1.52")] {
-        let what = format!("CPU time of {:?} by that of linear", MODELS[k].0);
+        let what = format!("CPU time of {:?} / CPU time of linear", MODELS[k].0);
         outcome.checks.push(Check::at_most(&what, thesis, seconds[k] / seconds[0], 1.6));
     }
     let drift = drift(CELLS, 200)?;
     outcome.checks.push(Check::at_most(
-        "share of the angular momentum lost in 0.2 s of flight, deformed",
+        "fraction of the angular momentum lost in 0.2 s of flight, deformed",
         "conserved",
         drift,
         1e-3,
@@ -78,9 +78,9 @@ struct Thrown {
     /// Largest residual of a step, N.
     residual: f64,
     halved: u32,
-    /// Steps in contact with slope and wall.
+    /// Numbers of steps in contact with slope and wall.
     touching: [u32; 2],
-    /// Newton iterations by time.
+    /// Newton iterations as a function of time.
     iterations: Vec<(f64, f64)>,
 }
 
@@ -109,7 +109,7 @@ fn throw(model: Model, cells: usize, steps: usize, watch: &dyn Watch) -> Option<
     Some(thrown)
 }
 
-/// The tori about a place, moving and spinning about it, joined where their nodes meet.
+/// Adds the tori around a point, moving and spinning about it, and joined where their nodes meet.
 fn tori(
     assembly: &mut Assembly,
     cells: usize,
@@ -144,7 +144,7 @@ fn tori(
     rings.into()
 }
 
-/// The tori above the slope, on their way to the wall; with the contacts on the two.
+/// Creates the tori above the slope, moving towards the wall, and their contacts with slope and wall.
 fn at_slope_and_wall(model: Model, cells: usize) -> (System, [Range<usize>; 2]) {
     let mut assembly = Assembly::default();
     let (velocity, spin) = (Vector3::new(-1.5, 0.2, 0.0), Vector3::new(0.0, -10.0, 2.0));
@@ -169,7 +169,7 @@ fn at_slope_and_wall(model: Model, cells: usize) -> (System, [Range<usize>; 2]) 
     (System::new(settings, assembly), contacts)
 }
 
-/// Share of the angular momentum that is lost in flight while the tori swing.
+/// Fraction of the angular momentum that is lost in flight while the tori vibrate.
 fn drift(cells: usize, steps: usize) -> Option<f64> {
     let mut assembly = Assembly::default();
     let spin = Vector3::new(6.0, -3.0, 12.0);

@@ -1,8 +1,9 @@
-//! A soft ball thrown at a target by way of a wall and the floor (thesis Fig. 4.13a): several starts come to it by different
-//! sequences of contacts, with linear and with tanh friction.
+//! Experiment with a soft ball thrown at a target by way of a wall and the floor (thesis Fig. 4.13a). Several starts reach it
+//! by different sequences of contacts, with linear and with tanh friction.
 //!
-//! Contacts are softer than those of `ball_target`, so that steps of 1 ms resolve them. That results are slightly better with
-//! tanh friction, as in the thesis, does not show: with both models every start comes to the target as nearly as is asked.
+//! Contacts are softer than those of `ball_target`, so that steps of 1 ms resolve them. The thesis reports slightly better
+//! results with tanh friction. This does not show here: with both models every start reaches the target with the required
+//! accuracy.
 
 use crate::experiments::ball_target::LAYERS;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, from_target};
@@ -17,28 +18,29 @@ use std::sync::Arc;
 
 /// Target of the centre of mass at the end, m.
 const TARGET_M: Vector3<f64> = Vector3::new(0.3, 0.0, 0.0);
-/// The wall faces back along y, and is twice as rough as the floor.
+/// Distance of the wall, m. The wall faces backward along y, and has twice the friction of the floor.
 const WALL_M: f64 = 0.1;
 const STEPS: usize = 350;
-/// Velocities at the beginning, m/s: the first is the thesis's.
+/// Initial velocities, m/s. The first is that of the thesis.
 const STARTS_M_S: [[f64; 3]; 5] =
     [[0.2, 0.5, 1.4], [0.2, 0.5, 1.8], [0.2, 0.5, -1.9], [0.2, 0.0, 0.8], [0.2, 0.0, 1.7]];
-/// Most simulations for a start.
+/// Maximum number of simulations from a start.
 const ROLLOUTS: usize = 60;
-/// k_n, N/m.
+/// Contact stiffness k_n, N/m.
 const SOFT_N_M: f64 = 10.0;
-/// Nearer than that the ball has come to its target, mm.
+/// Distance within which the ball has reached its target, mm.
 const NEAR_MM: f64 = 1.0;
 
 /// Result from a start.
 struct Found {
-    /// Contacts on the way, in order: `f` of the floor, `w` of the wall.
+    /// Contacts of the throw, in order: `f` for floor, `w` for wall.
     sequence: String,
     off_mm: f64,
     share: f64,
     rollouts: usize,
-    /// Centre of mass at every step, seen from above and from the side.
+    /// Path of the centre of mass in the top view.
     above: Vec<(f64, f64)>,
+    /// Path of the centre of mass in the side view.
     side: Vec<(f64, f64)>,
 }
 
@@ -69,7 +71,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                 side.push((name, found.side));
             }
         }
-        let what = format!("{model:?}: sequences of contacts that come to within {NEAR_MM} mm");
+        let what = format!("{model:?}: sequences of contacts that end within {NEAR_MM} mm");
         checks.push(Check::at_least(&what, "several", sequences.len() as f64, 3.0));
         checks.push(Check::told(&format!("{model:?}: simulations"), thesis, simulations as f64));
     }
@@ -82,23 +84,29 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         curves,
     };
     let charts = vec![
-        chart("above", "Ways to the target by wall (w) and floor (f), from above", "y, m", above),
-        chart("side", "Ways to the target by wall (w) and floor (f), from the side", "z, m", side),
+        chart("above", "Paths to the target via wall (w) and floor (f), from above", "y, m", above),
+        chart(
+            "side",
+            "Paths to the target via wall (w) and floor (f), from the side",
+            "z, m",
+            side,
+        ),
     ];
     let setup = format!(
-        "the ball of ball-target, k_n {SOFT_N_M} N/m (thesis: 100 to 1000), a wall at y = {WALL_M} m with twice the friction, target \
-         {:?} m, BDF2, {STEPS} steps of 1 ms; velocity at the beginning is free; the first start is the thesis's, the others are ours",
+        "the ball of ball-target, k_n {SOFT_N_M} N/m (thesis: 100 to 1000), a wall at y = {WALL_M} \
+         m with twice the friction, target {:?} m, BDF2, {STEPS} steps of 1 ms; initial velocity \
+         is free; the first start is the thesis's, the others are ours",
         TARGET_M.as_slice()
     );
     Some(Outcome { setup, checks, charts })
 }
 
-/// A sequence of contacts in words where it is empty.
+/// Name of a sequence of contacts, which may be empty.
 fn named(sequence: &str) -> &str {
     if sequence.is_empty() { "no contact" } else { sequence }
 }
 
-/// The ball with floor and wall.
+/// Creates the ball with floor and wall.
 fn at_wall(layers: usize) -> Throw {
     let ball = Throw::ball(layers);
     let (floor, coefficient) = ball.grounds[0].clone();
@@ -135,7 +143,7 @@ fn find(throw: &Throw, start: &[f64], watch: &dyn Watch) -> Option<Found> {
     })
 }
 
-/// The way of the centre of mass from the target at the end, m.
+/// Distance of the centre of mass from the target at the end, m.
 fn away(rollout: &Rollout) -> Vec<Residual> {
     from_target(rollout, &TARGET_M)
 }
@@ -145,7 +153,7 @@ mod tests {
     use super::*;
     use crate::experiments::Silent;
 
-    /// A coarse ball in long steps, which the wall sends back.
+    /// Tests a coarse ball in long steps, which bounces back from the wall.
     #[test]
     fn a_coarse_ball_comes_to_its_target_by_the_wall() {
         let throw = Throw { step_s: 5e-3, steps: 70, ..at_wall(2) };

@@ -1,4 +1,4 @@
-//! The library format on real plans: bytes a second against raw `f32`, postcard deltas and zstd.
+//! Benchmark of the library format on real plans: bytes per second against raw `f32`, postcard deltas and zstd.
 
 mod packing;
 
@@ -20,20 +20,21 @@ pub const LIBRARIES: [&str; 5] = [
     "motions/skaterbot_library.toml",
     "motions/anymal_library.toml",
 ];
-/// Channels that totals are converted to, so that robots can be compared.
+/// Number of channels that totals are converted to, for comparison between robots.
 const CHANNELS: f64 = 16.0;
-/// Least ratio of raw `f32` to library in bytes, and largest joint error, mrad.
+/// Smallest ratio of the size of raw `f32` to that of the library.
 const TIMES: f64 = 5.0;
+/// Largest joint error, mrad.
 const JOINT_ERROR_MRAD: f64 = 0.5;
 
 #[derive(Serialize)]
 struct Clip {
     name: String,
     frames: usize,
-    /// A frame lasts 1/60 s.
+    /// Duration at 60 frames per second, s.
     seconds: f64,
     bytes: Bytes,
-    /// Raw `f32` over the library.
+    /// Ratio of the size of raw `f32` to that of the library.
     times_smaller: f64,
     worst_joint_error_mrad: f64,
     worst_wheel_error_rad_s: f64,
@@ -45,15 +46,15 @@ struct Row {
     joints: usize,
     wheels: usize,
     seconds: f64,
-    /// Bytes of all clips, each packed by itself.
+    /// Sizes of all clips, each packed separately.
     bytes: Bytes,
-    /// The whole file: also the graph, the names, the tables, header and footer.
+    /// Size of the whole file, which also contains graph, names, tables, header and footer.
     file_bytes: usize,
-    /// The same with torques.
+    /// Size of the whole file with torques.
     file_bytes_with_torques: usize,
-    /// Raw `f32` of all clips compressed as one, level 19.
+    /// Size of the raw `f32` of all clips, compressed together at level 19.
     zstd_19_of_all: usize,
-    /// Raw `f32` over the whole file.
+    /// Ratio of the size of raw `f32` to that of the whole file.
     times_smaller: f64,
     read_ns_per_frame: f64,
     clips: Vec<Clip>,
@@ -90,7 +91,7 @@ pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
     Ok(Some(Findings { verdict, ..Findings::new("library-format", blocks, &rows) }))
 }
 
-/// Measures a library and everything it is compared with.
+/// Measures a library and the formats for comparison.
 fn measure(library: &PlannedLibrary) -> miette::Result<Row> {
     let PlannedLibrary { name, robot, plans, built, with_torques } = library;
     let config = robot.controller_config().into_diagnostic()?;
@@ -135,14 +136,14 @@ fn clip(stats: &ClipStats, bytes: Bytes) -> Clip {
     }
 }
 
-/// Values of a plan at every frame, channel after channel, as little-endian `f32`.
+/// Values of a plan frame by frame, as little-endian `f32`.
 fn raw(plan: &Plan) -> miette::Result<Vec<u8>> {
     let frames = frames(plan).into_diagnostic()?;
     let values = frames.iter().flat_map(|at| at.joint_rad.iter().chain(&at.motor_speed_rad_s));
     Ok(values.flat_map(|value| (*value as f32).to_le_bytes()).collect())
 }
 
-/// The clips of a library in bytes a second of its own channels.
+/// Table of the clips of a library, in bytes per second for its own channels.
 fn clip_table(row: &Row) -> Table {
     let mut table = crate::table([
         "clip", "frames", "s", "B/s", "f32", "postcard", "+ zstd", "zstd 3", "zstd 19", "i16",
@@ -169,7 +170,7 @@ fn clip_table(row: &Row) -> Table {
     table
 }
 
-/// The libraries in bytes a second for [`CHANNELS`] channels.
+/// Table of the libraries, in bytes per second for [`CHANNELS`] channels.
 fn library_table(rows: &[Row]) -> Table {
     let mut table = crate::table([
         "library", "channels", "s", "clips", "file", "torques", "f32", "postcard", "+ zstd",
@@ -205,7 +206,7 @@ fn library_table(rows: &[Row]) -> Table {
     table
 }
 
-/// The targets, each with whether it is met.
+/// Targets, and flags that are true if the target is met.
 fn targets(rows: &[Row]) -> [(String, bool); 3] {
     let clips = || rows.iter().flat_map(|row| &row.clips);
     let file = least(rows.iter().map(|row| row.times_smaller));
@@ -239,7 +240,7 @@ fn most(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// A library of one clip with so many bytes, of 1000 as `f32`, and this error.
+    /// Creates the row of a library with one clip of the given size and error, whose `f32` has 1000 bytes.
     fn row(clip_bytes: usize, file_bytes: usize, error_mrad: f64) -> Row {
         let bytes = Bytes { library: clip_bytes, f32: 1000, ..Bytes::default() };
         let stats = ClipStats {

@@ -1,4 +1,4 @@
-//! Packings of one clip with which the library format is compared.
+//! Packings of a clip for comparison with the library format.
 
 use cpu_time::ThreadTime;
 use miette::{IntoDiagnostic, miette};
@@ -7,28 +7,29 @@ use rollwalk_protocol::library::{ClipCursor, ClipId, Library};
 use serde::Serialize;
 use std::ops::AddAssign;
 
-/// zstd's default level, and the highest that does not need more memory to decode.
+/// Compression levels of zstd: the default, and the highest one that needs no additional memory for decoding.
 const LEVELS: [i32; 2] = [3, 19];
-/// CPU time that reading is repeated for, s, and how often: the quickest counts.
+/// CPU time for which reading is repeated, s.
 const READ_S: f64 = 0.02;
+/// Number of measurements. The fastest one counts.
 const READS: usize = 5;
 
-/// Bytes of the same frames, packed in different ways.
+/// Sizes of the same frames in different packings, bytes.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Bytes {
-    /// Motion library: blocks with their headers, keyframes and CRCs.
+    /// Size in the motion library: blocks with their headers, keyframes and CRCs.
     pub library: usize,
-    /// 4 bytes a value.
+    /// Size with 4 bytes per value.
     pub f32: usize,
-    /// postcard's varints of the quanta's first differences from frame to frame.
+    /// Size of the quanta's first differences between frames as varints of postcard.
     pub postcard: usize,
-    /// `postcard` compressed, level 19.
+    /// Size of `postcard` compressed at level 19.
     pub postcard_zstd: usize,
-    /// `f32` compressed, level 3.
+    /// Size of `f32` compressed at level 3.
     pub zstd_3: usize,
-    /// `f32` compressed, level 19.
+    /// Size of `f32` compressed at level 19.
     pub zstd_19: usize,
-    /// The quanta as 16-bit integers compressed, level 19.
+    /// Size of the quanta as 16-bit integers, compressed at level 19.
     pub zstd_19_i16: usize,
 }
 
@@ -45,8 +46,8 @@ impl AddAssign for Bytes {
 }
 
 impl Bytes {
-    /// Packs a clip: `planned` are its values in full, frame after frame, `quanta` what the library
-    /// holds for them in `library` bytes.
+    /// Packs a clip. `planned` contains its unpacked values frame by frame; `quanta` contains the quanta that the library
+    /// stores in `library` bytes.
     pub fn of(library: usize, planned: &[u8], quanta: &[Vec<i16>]) -> miette::Result<Self> {
         let integers: Vec<u8> = quanta.iter().flatten().flat_map(|q| q.to_le_bytes()).collect();
         let deltas = deltas(quanta)?;
@@ -62,8 +63,7 @@ impl Bytes {
     }
 }
 
-/// The first frame, then what each frame adds to the one before, as postcard writes such a list:
-/// zigzag varints.
+/// Encodes the first frame and the differences between frames as a list of postcard, with zigzag varints.
 fn deltas(quanta: &[Vec<i16>]) -> miette::Result<Vec<u8>> {
     let mut before = vec![0i16; quanta.first().map_or(0, Vec::len)];
     let mut deltas = Vec::new();
@@ -74,7 +74,7 @@ fn deltas(quanta: &[Vec<i16>]) -> miette::Result<Vec<u8>> {
     postcard::to_extend(&deltas, Vec::new()).into_diagnostic()
 }
 
-/// Bytes of a zstd frame with these bytes in it.
+/// Size of the zstd frame of some bytes.
 pub fn compressed(bytes: &[u8], level: i32) -> miette::Result<usize> {
     Ok(zstd::bulk::compress(bytes, level).into_diagnostic()?.len())
 }
@@ -89,8 +89,10 @@ pub fn quanta(library: &Library, clip: ClipId) -> miette::Result<Vec<Vec<i16>>> 
     Ok(frames)
 }
 
-/// CPU time to read a frame of the library as a controller does, ns: step, CRC of a block when it
-/// begins, quanta to `f32`. Of all clips from their first frame to their last.
+/// CPU time to read a frame of the library as a controller does, ns.
+///
+/// Reading includes the step, the CRC at the start of a block, and the conversion of quanta to `f32`. All clips are read from
+/// the first to the final frame.
 pub fn read_ns_per_frame(library: &Library) -> miette::Result<f64> {
     let mut best = f64::INFINITY;
     for _ in 0..READS {
@@ -112,7 +114,7 @@ pub fn read_ns_per_frame(library: &Library) -> miette::Result<f64> {
     Ok(best)
 }
 
-/// Calls `visit` at every frame of a clip, in order.
+/// Calls `visit` for every frame of a clip, in order.
 fn walk(
     library: &Library,
     clip: ClipId,

@@ -1,4 +1,4 @@
-//! `rollwalk bench`: runs a benchmark, prints what it finds and writes it to a folder.
+//! `rollwalk bench`: runs a benchmark, prints its findings and writes them to a folder.
 
 use crate::shards::{self, Done};
 use crate::split::Split;
@@ -41,7 +41,7 @@ Examples:
 pub struct Args {
     #[command(subcommand)]
     pub which: Option<Benchmark>,
-    /// Folder to write to; made if it is missing, in a folder that exists.
+    /// Output folder; created if it is missing, in a folder that exists.
     #[arg(long, value_name = "DIR", global = true, default_value = "bench-out")]
     out: PathBuf,
     #[command(flatten)]
@@ -55,8 +55,9 @@ pub fn run(which: &Benchmark, args: &Args) -> miette::Result<Exit> {
     let findings = match which.work()? {
         Work::Whole(_) if args.shards.is_given() => {
             return Err(miette!(
-                help = "leave out --shard, --shards and --cores; what can be split: fault-campaign, table-3-2, table-3-3, tracking, sensor-faults, suggestions",
-                "this benchmark is not done in parts: it is short, or one run, or measures times"
+                help = "leave out --shard, --shards and --cores; benchmarks that can be split: \
+                    fault-campaign, table-3-2, table-3-3, tracking, sensor-faults, suggestions",
+                "this benchmark cannot be split: it is short, is a single run, or measures times"
             ));
         }
         Work::Whole(run) => run()?,
@@ -71,7 +72,7 @@ pub fn run(which: &Benchmark, args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// Runs a benchmark in units; an exit code if others have yet to do some.
+/// Runs a benchmark in units. Returns an exit code if other processes still have to compute some of them.
 fn in_units(split: &dyn Split, args: &Args) -> miette::Result<Result<Option<Findings>, Exit>> {
     let words = split.words();
     let units = Units { split, words };
@@ -94,10 +95,10 @@ fn in_units(split: &dyn Split, args: &Args) -> miette::Result<Result<Option<Find
     Ok(Ok(Some(findings)))
 }
 
-/// A benchmark as work that is split.
+/// Split benchmark as work in units.
 struct Units<'a> {
     split: &'a dyn Split,
-    /// [`Split::words`].
+    /// Command-line arguments that [`Split::words`] returns.
     words: Vec<String>,
 }
 

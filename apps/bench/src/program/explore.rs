@@ -1,4 +1,4 @@
-//! `rollwalk design explore`: every point of a sweep, on all cores, resumable, in shards.
+//! `rollwalk design explore`: plans every point of a sweep, on all cores, resumable, in shards.
 
 use crate::shards::{self, Done, Work};
 use miette::{IntoDiagnostic, miette};
@@ -12,15 +12,16 @@ use rollwalk_terminal::{Exit, files, interrupt, output};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-/// Names in the folder.
+/// File name of the table in the output folder.
 const CSV: &str = "results.csv";
+/// File name of the figure in the output folder.
 const FIGURE: &str = "results.svg";
 
 /// Plan every point of a sweep: parameters, gaits, robots, servos.
 ///
-/// All cores work. What is done is written at once, so that after Ctrl-C, or on another machine, the same command goes on where
-/// it was. Shards (--shard 2/5) share the folder, or their folders are put together; the tables are the same however the sweep
-/// was split. The run that finds nothing left to do writes results.csv and a figure of one quantity, results.svg.
+/// The sweep runs on all cores. Every result is written at once, so that after Ctrl-C, or on another machine, the same command
+/// continues. Shards (--shard 2/5) share the folder, or their folders are merged. The tables do not depend on the split. The
+/// run that finds no work left writes results.csv, and results.svg, a figure of one quantity.
 #[derive(clap::Args)]
 #[command(mut_arg("engine", |engine| engine.visible_alias("on")), after_long_help = "\
 Examples:
@@ -36,14 +37,14 @@ pub struct Args {
     /// Sweep file (TOML).
     #[arg(value_name = "SWEEP.toml")]
     sweep: PathBuf,
-    /// Folder for journals, tables and the figure; made if it is missing.
+    /// Folder for journals, tables and the figure; created if it is missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, planner/design/servos.toml].
+    /// Catalogue of servos (TOML) [default: the shipped one, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
-    /// Column of the tables that the figure shows [default: the first that the design's goal minimises, else
-    /// cost_of_transport, else plan_cost].
+    /// Column of the tables to draw in the figure [default: the first that the design's goal minimises, else cost_of_transport,
+    /// else plan_cost].
     #[arg(long, value_name = "COLUMN", value_parser = quantity)]
     plot: Option<Quantity>,
     #[command(flatten)]
@@ -54,11 +55,11 @@ fn quantity(text: &str) -> Result<Quantity, String> {
     let found = Quantity::ALL.into_iter().find(|of| of.bound == text);
     found.ok_or_else(|| {
         let names = Quantity::ALL.map(|of| of.bound).join(", ");
-        format!("no quantity has this name; there are {names}")
+        format!("there is no quantity with this name; give one of {names}")
     })
 }
 
-/// The chains of a sweep.
+/// Chains of a sweep.
 struct Chains<'a> {
     args: &'a Args,
     ready: Ready,
@@ -138,7 +139,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// Writes the tables and the figure.
+/// Writes the table and the figure.
 fn finish(args: &Args, ready: &Ready, rows: &[&Row]) -> miette::Result<Exit> {
     let folder = &args.output;
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();

@@ -1,4 +1,4 @@
-//! `rollwalk-bench`: benchmarks, as `rollwalk bench` runs them, and sweeps over designs, as `rollwalk design explore` does.
+//! `rollwalk-bench`: runs benchmarks for `rollwalk bench`, and sweeps over designs for `rollwalk design explore`.
 
 mod benchmarks;
 mod explore;
@@ -10,14 +10,15 @@ use rollwalk_terminal::{Exit, end, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Word that selects [`explore`]; benchmarks have other names.
+/// Command-line word that selects [`explore`]. Benchmarks have other names.
 const EXPLORE: &str = "explore";
 
 /// Re-run the thesis's tables and figures, measure the library format, and run the fault campaign.
 ///
-/// Solves run on one thread, and their time is CPU time of that thread. The fault campaign is not timed, and runs on all
-/// cores. Results go to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes them. The fault
-/// campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards (docs/design.md).
+/// Solves run on one thread, and their time is the CPU time of that thread. The fault campaign is not timed, and runs on all
+/// cores. Results are written to stdout and, as Markdown, JSON and SVG, to the output folder. docs/benchmarks.md describes
+/// them. The fault campaign, table-3-2, table-3-3, tracking, sensor-faults and suggestions can be split into shards
+/// (docs/design.md).
 #[derive(Parser)]
 #[command(
     name = "rollwalk-bench",
@@ -32,10 +33,10 @@ const EXPLORE: &str = "explore";
 struct Bench {
     #[command(flatten)]
     args: benchmarks::Args,
-    /// Write the manual pages into this folder, and end.
+    /// Write the manual pages into this folder and exit.
     #[arg(long, value_name = "FOLDER", exclusive = true)]
     man: Option<PathBuf>,
-    /// Print a completion script for this shell, and end.
+    /// Print a completion script for this shell and exit.
     #[arg(long, value_name = "SHELL", exclusive = true)]
     completions: Option<Shell>,
 }
@@ -52,7 +53,7 @@ struct Explore {
     args: explore::Args,
 }
 
-/// Command lines of the program: that of benchmarks and that of sweeps.
+/// Command lines of the program: one for benchmarks, one for sweeps.
 pub fn command_lines() -> [clap::Command; 2] {
     let bench = with_common_help(Bench::command(), &|_| &[Exit::DoesNotHold, Exit::OutOfBounds]);
     [bench, with_common_help(Explore::command(), &|_| &[])]

@@ -9,14 +9,14 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-/// An engine.
+/// Engine that runs shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
-    /// GNU parallel, on this machine or those of its own configuration.
+    /// GNU parallel, on this machine or the machines of its own configuration.
     Parallel,
-    /// An array job of Slurm.
+    /// Array job of Slurm.
     Slurm,
-    /// An indexed Job of Kubernetes; its manifest is written, and not submitted.
+    /// Indexed Job of Kubernetes. Its manifest is written, but not submitted.
     Kubernetes,
 }
 
@@ -24,11 +24,11 @@ pub enum Engine {
 pub struct Job<'a> {
     /// Name of the work.
     pub name: &'a str,
-    /// Words of the command line that does it, without the folder and what says which shard.
+    /// Command-line arguments of the work, without the folder and the shard.
     pub words: Vec<String>,
-    /// Option that names the folder.
+    /// Option for the folder.
     pub option: &'a str,
-    /// The folder of journals, which all shards share.
+    /// Folder of journals, which all shards share.
     pub folder: &'a Path,
     /// Number of shards.
     pub shards: usize,
@@ -37,10 +37,11 @@ pub struct Job<'a> {
 /// Interval at which journals are read while an engine works.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Writes the job, submits it unless it is dry, and watches until it ends. Answers whether it ended by itself.
+/// Writes the job, submits it unless `dry` is true, and monitors it until it ends. Returns true if the job ended without an
+/// interrupt.
 ///
 /// # Errors
-/// The engine is not there or fails.
+/// Returns an error if the engine is not installed or fails.
 pub fn run(
     engine: Engine,
     job: &Job<'_>,
@@ -68,7 +69,9 @@ pub fn run(
     if dry || engine == Engine::Kubernetes {
         output::print(&format!("wrote {}; next: {shown}", path.display()))?;
         if engine == Engine::Kubernetes && !dry {
-            output::print("then the same command without --on and --shards writes the tables")?;
+            output::print(
+                "afterwards, run the same command without --on and --shards to write the tables",
+            )?;
         }
         return Ok(true);
     }
@@ -76,7 +79,7 @@ pub fn run(
     let child = started.args(&command[1..]).stdout(Stdio::piped()).spawn();
     let child = child.map_err(|error| {
         miette!(
-            help = "install it, or run the shards yourself with --shard K/N",
+            help = "install the program, or run each shard yourself with --shard K/N",
             "cannot run {shown}: {error}"
         )
     })?;
@@ -96,7 +99,7 @@ fn watch(
         // The number of the job, which comes when it has been submitted.
         BufReader::new(stdout).read_line(&mut first).into_diagnostic()?;
         if !first.is_empty() {
-            output::say(format_args!("Slurm has it as job {}", first.trim()));
+            output::say(format_args!("submitted to Slurm as job {}", first.trim()));
         }
     } else if let Some(stdout) = child.stdout.take() {
         thread::spawn(move || {
@@ -107,7 +110,7 @@ fn watch(
         if let Some(status) = child.try_wait().into_diagnostic()? {
             bar.finish_and_clear();
             if !status.success() && !interrupt::requested() {
-                output::say(format_args!("the job ended with {status}; what is done is kept"));
+                output::say(format_args!("the job ended with {status}; finished results are kept"));
             }
             return Ok(!interrupt::requested());
         }
@@ -126,7 +129,7 @@ fn watch(
 }
 
 impl Job<'_> {
-    /// The command of one shard, without what says which.
+    /// Command of a shard, without the selection of the shard.
     fn command(&self) -> miette::Result<String> {
         let absolute = |path: &Path| Ok(std::path::absolute(path)?.to_string_lossy().into_owned());
         let absolute = |path: &Path| absolute(path).map_err(|error: io::Error| miette!("{error}"));
@@ -154,7 +157,7 @@ impl Job<'_> {
         ))
     }
 
-    /// The image and the volume are the cluster's: the manifest says which words to change.
+    /// Manifest for Kubernetes. Image and volume depend on the cluster: a comment in the manifest explains what to change.
     fn kubernetes(&self) -> miette::Result<String> {
         let (command, shards, name) = (self.command()?, self.shards, self.name);
         let folder = std::path::absolute(self.folder).into_diagnostic()?;
@@ -172,7 +175,7 @@ impl Job<'_> {
     }
 }
 
-/// A word as shells read it.
+/// Quotes a word for a shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

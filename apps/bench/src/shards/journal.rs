@@ -1,5 +1,5 @@
-//! Journals of work in units: a line for the work, then one for every unit that is done. What has been written is not lost, and
-//! a line that was torn by the end of a run is left out.
+//! Journals of work in units: a line for the work, then a line for every finished unit. Written lines are not lost, and an
+//! incomplete final line of an interrupted run is ignored.
 
 use miette::{IntoDiagnostic, miette};
 use rollwalk_terminal::files::cannot_write;
@@ -10,20 +10,20 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// First line of a journal: what work it is of.
+/// First line of a journal, which identifies the work.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
     /// Name of the work.
     pub work: String,
-    /// Digest of all that its results depend on.
+    /// Digest of all inputs that the results depend on.
     pub digest: String,
-    /// Version of the program: another one may find something else.
+    /// Version of the program, because other versions may compute other results.
     pub version: String,
     pub units: usize,
 }
 
-/// A unit that is done.
+/// Finished unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unit<R> {
@@ -32,20 +32,20 @@ pub struct Unit<R> {
     pub result: R,
 }
 
-/// Content of a journal.
+/// Contents of a journal.
 struct Read<R> {
     header: Header,
     results: BTreeMap<usize, R>,
-    /// Length of the lines up to the first that is no result of this work, bytes.
+    /// Total length of the valid lines before the first invalid one, bytes.
     whole: usize,
 }
 
-/// A line of a journal.
+/// Formats a line of a journal.
 fn line(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("results become JSON") + "\n"
 }
 
-/// Reads a journal; `None` if its first line is none of a journal.
+/// Parses a journal; `None` if its first line is not a header.
 fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
     let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
     let first = lines.next()?;
@@ -63,26 +63,26 @@ fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
     Some(read)
 }
 
-/// The journals of one piece of work in a folder: `NAME.journal.jsonl`, `NAME.journal-2-of-5.jsonl`.
+/// Journals of some work in a folder: `NAME.journal.jsonl`, `NAME.journal-2-of-5.jsonl`.
 pub struct Journals<'a> {
     pub folder: &'a Path,
-    /// Beginning of their names.
+    /// Start of the file names.
     pub name: &'a str,
-    /// Header that they must have, of the same work.
+    /// Header that all journals of this work must have.
     pub header: Header,
 }
 
 impl Journals<'_> {
-    /// Path of a part's journal.
+    /// Path of the journal of a shard.
     pub fn path(&self, [k, n]: [usize; 2]) -> PathBuf {
         let part = if n == 1 { String::new() } else { format!("-{k}-of-{n}") };
         self.folder.join(format!("{}.journal{part}.jsonl", self.name))
     }
 
-    /// Everything that the journals have.
+    /// Reads the results from all journals.
     ///
     /// # Errors
-    /// One is of other work, or the operating system refuses.
+    /// Returns an error if a journal belongs to other work, or if a file cannot be read.
     pub fn results<R: DeserializeOwned>(&self) -> miette::Result<BTreeMap<usize, R>> {
         let start = format!("{}.journal", self.name);
         let mut results = BTreeMap::new();
@@ -99,7 +99,7 @@ impl Journals<'_> {
         Ok(results)
     }
 
-    /// A journal of this work; `None` if the file ends within its first line.
+    /// Reads a journal of this work; `None` if the file ends within its first line.
     fn read<R: DeserializeOwned>(&self, path: &Path) -> miette::Result<Option<Read<R>>> {
         let text = fs::read_to_string(path)
             .map_err(|error| miette!("cannot read {}: {error}", path.display()))?;
@@ -109,8 +109,8 @@ impl Journals<'_> {
         match parse(&text) {
             Some(read) if read.header == self.header => Ok(Some(read)),
             Some(Read { header, .. }) => Err(miette!(
-                help = "take another folder, or remove the journals in this one",
-                "{} is of other work, {} of version {}: {}",
+                help = "give another folder, or remove the journals in this folder",
+                "{} is a journal of other work, {} of version {}: {}",
                 path.display(),
                 header.work,
                 header.version,
@@ -119,21 +119,21 @@ impl Journals<'_> {
                 } else if header.version != self.header.version {
                     format!("this is version {}", self.header.version)
                 } else {
-                    "a file or an option on which it depends has changed since".to_owned()
+                    "a file or an option of the work has changed since".to_owned()
                 }
             )),
             None => Err(miette!(
-                help = "remove it, or take another folder",
-                "{} is no journal",
+                help = "remove the file, or give another folder",
+                "{} is not a journal",
                 path.display()
             )),
         }
     }
 
-    /// The journal of a part, to add to: what follows its last result is cut off.
+    /// Opens the journal of a shard for appending, and truncates it after its final valid result.
     ///
     /// # Errors
-    /// It is of other work, or the operating system refuses.
+    /// Returns an error if the journal belongs to other work, or if the file cannot be opened.
     pub fn open<R: DeserializeOwned>(&self, part: [usize; 2]) -> miette::Result<Open> {
         let path = self.path(part);
         let refused = |error| cannot_write(&path, error);
@@ -150,17 +150,17 @@ impl Journals<'_> {
     }
 }
 
-/// A journal that is added to.
+/// Journal that is open for appending.
 pub struct Open {
     file: File,
     path: PathBuf,
 }
 
 impl Open {
-    /// Adds a unit, and waits until it is on the disk.
+    /// Appends a unit, and waits until it is on the disk.
     ///
     /// # Errors
-    /// Those of the operating system.
+    /// Returns an error if the file cannot be written.
     pub fn add<R: Serialize>(&mut self, unit: &Unit<R>) -> miette::Result<()> {
         let written = self.file.write_all(line(unit).as_bytes());
         written
@@ -215,6 +215,6 @@ mod tests {
         let changed = refused(Header { digest: "e".into(), ..header() });
         assert!(changed.contains("has changed since"), "{changed}");
         fs::write(&path, "no journal\n").unwrap();
-        assert!(refused(header()).contains("is no journal"));
+        assert!(refused(header()).contains("is not a journal"));
     }
 }

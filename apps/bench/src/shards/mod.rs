@@ -1,5 +1,5 @@
-//! Work in units that know nothing of each other: on all cores, interrupted with nothing lost, split into shards that come to the
-//! same results however many they are. `docs/design.md`.
+//! Work in independent units: on all cores, resumable after an interrupt, and split into any number of shards with equal
+//! results. See `docs/design.md`.
 
 mod engine;
 mod journal;
@@ -23,91 +23,94 @@ use std::thread;
 /// Options for splitting work.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Part of the work to do: 2/5 is the second of five. The run that finds nothing left to do writes the tables. 1/1 is all of
-    /// it, and goes on where it was interrupted.
+    /// Shard of the work to compute: 2/5 is the second of five. The run that finds no work left writes the tables. 1/1 is all
+    /// of the work, and continues after an interrupt.
     #[arg(long, value_name = "K/N", value_parser = shard, global = true)]
     shard: Option<[usize; 2]>,
-    /// Number of shards of `--engine`; without it this is one of them, by the index that Slurm or Kubernetes gives it.
+    /// Number of shards. With `--engine` the engine runs them; otherwise this run computes one of them, by the index that Slurm
+    /// or Kubernetes sets.
     #[arg(long, value_name = "N", value_parser = count, conflicts_with = "shard", global = true)]
     shards: Option<NonZeroUsize>,
-    /// Cores to work on [default: all; one for what measures times].
+    /// Number of cores [default: all; one for work that measures times].
     #[arg(long, value_name = "N", value_parser = count, global = true)]
     cores: Option<NonZeroUsize>,
-    /// Run the shards by an engine, watch them, and join their results.
+    /// Run the shards with an engine, monitor them, and merge their results.
     #[arg(long, value_enum, requires = "shards", global = true)]
     engine: Option<Engine>,
-    /// Write the job of `--engine`, and do not submit it.
+    /// Write the job of `--engine` without submitting it.
     #[arg(long, requires = "engine", global = true)]
     dry_run: bool,
 }
 
-/// Reads a number of at least 1.
+/// Parses an integer of at least 1.
 fn count(text: &str) -> Result<NonZeroUsize, String> {
-    text.parse().map_err(|_| "give a whole number from 1 on".to_owned())
+    text.parse().map_err(|_| "give a whole number of at least 1".to_owned())
 }
 
-/// Reads `K/N`, K from 1.
+/// Parses `K/N`, where K counts from 1.
 fn shard(text: &str) -> Result<[usize; 2], String> {
     let read = || {
         let (k, n) = text.split_once('/')?;
         let (k, n): (usize, usize) = (k.parse().ok()?, n.parse().ok()?);
         (1..=n).contains(&k).then_some([k, n])
     };
-    read().ok_or_else(|| format!("`{text}` is no shard: give 2/5 for the second of five"))
+    read().ok_or_else(|| format!("`{text}` is not a shard: give 2/5 for the second of five"))
 }
 
-/// Word that names a file from whatever folder a shard works in. The path of a shipped file does so already.
+/// Returns the path of a file as a command-line argument that is valid in any working folder. Paths of shipped files are
+/// already valid.
 ///
 /// # Errors
-/// The path is not UTF-8, or relative where there is no working folder.
+/// Returns an error if the path is not UTF-8, or if the path is relative and the working folder is missing.
 pub fn anywhere(path: &Path) -> miette::Result<String> {
     let anywhere = match shipped::instead_of(path) {
         Some(_) => path.to_owned(),
         None => std::path::absolute(path).into_diagnostic()?,
     };
-    let refused = || miette!("{}: the path is not UTF-8, and cannot go to a shard", path.display());
+    let refused =
+        || miette!("{}: the path is not UTF-8, and cannot be passed to a shard", path.display());
     Ok(anywhere.to_str().ok_or_else(refused)?.to_owned())
 }
 
 /// Work in units.
 pub trait Work: Sync {
-    /// Result of a unit. It goes through JSON, which must not change it.
+    /// Result of a unit, which must be unchanged by a conversion to JSON and back.
     type Result: Serialize + DeserializeOwned + Send;
-    /// Name, with which those of its files begin.
+    /// Name of the work, which is also the prefix of its file names.
     fn name(&self) -> &str;
     /// Title in messages.
     fn title(&self) -> String;
     /// Name of the units in messages.
     fn units_name(&self) -> &str;
-    /// Inputs that determine the results, besides the program's version.
+    /// Inputs that determine the results, in addition to the program's version.
     fn depends_on(&self) -> Vec<String>;
     /// Number of units.
     fn units(&self) -> usize;
-    /// Words of the command line that does it, without `rollwalk-bench`, the folder and [`Options`]; paths are absolute.
+    /// Command-line arguments of the work, without `rollwalk-bench`, the folder and [`Options`]. Paths are absolute.
     fn words(&self) -> miette::Result<Vec<String>>;
-    /// Option of the command line that names the folder.
+    /// Option of the command line for the folder.
     fn folder_option(&self) -> &str;
-    /// Computes a unit; `None` if an interrupt ends it.
+    /// Computes a unit; `None` after an interrupt.
     fn unit(&self, index: usize) -> miette::Result<Option<Self::Result>>;
-    /// True if it measures times, so that units must not disturb each other.
+    /// True if the work measures times, so that units must not disturb each other.
     fn is_timed(&self) -> bool;
 }
 
-/// Results by the numbers of their units.
+/// Results by unit index.
 pub type Results<W> = BTreeMap<usize, <W as Work>::Result>;
 
 /// Outcome of work.
 pub enum Done<W: Work> {
     /// Results of all units.
     All(Results<W>),
-    /// Others have yet to do units, or a job is written and not submitted.
+    /// Units are left for other processes, or a job was written but not submitted.
     Later,
-    /// The user ended it. What is done is kept.
+    /// The user interrupted the work. Finished units are kept.
     Interrupted,
 }
 
 impl Options {
-    /// True if the work is to be split, and thus kept in journals.
+    /// True if the work is split into shards, and thus kept in journals.
     pub fn is_split(&self) -> bool {
         self.shard.is_some() || self.shards.is_some()
     }
@@ -117,7 +120,7 @@ impl Options {
         self.is_split() || self.cores.is_some()
     }
 
-    /// Part K of N of the units that this run is to do.
+    /// Shard K of N that this run computes.
     fn part(&self) -> miette::Result<[usize; 2]> {
         let Some(shards) = self.shards else { return Ok(self.shard.unwrap_or([1, 1])) };
         let index = ["SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX"]
@@ -128,7 +131,8 @@ impl Options {
             Some(index) => Err(miette!("the job's index, {index}, is not below --shards {shards}")),
             None => Err(miette!(
                 help = "add --engine, or give --shard K/N",
-                "--shards {shards}: neither Slurm nor Kubernetes says which of them this is"
+                "--shards {shards}: the number of this shard is set neither by Slurm nor by \
+                 Kubernetes"
             )),
         }
     }
@@ -139,10 +143,10 @@ impl Options {
     }
 }
 
-/// Does all units without journals. Fewer come back if the user ends it.
+/// Computes all units without journals. After an interrupt the results are incomplete.
 ///
 /// # Errors
-/// That of the first unit which has one.
+/// Returns an error if a unit fails.
 pub fn whole<W: Work>(work: &W, options: &Options) -> miette::Result<Results<W>> {
     let results = Mutex::new(BTreeMap::new());
     let wanted: Vec<usize> = (0..work.units()).collect();
@@ -155,10 +159,10 @@ pub fn whole<W: Work>(work: &W, options: &Options) -> miette::Result<Results<W>>
     Ok(results.into_inner().unwrap_or_default())
 }
 
-/// Does a part of the units, or has an engine do them all, with journals in a folder.
+/// Computes a shard, or lets an engine compute all of them, with journals in a folder.
 ///
 /// # Errors
-/// A folder with journals of other work, an engine that fails or leaves units undone, or that of a unit.
+/// Returns an error if the folder has journals of other work, if the engine fails or leaves units undone, or if a unit fails.
 pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Result<Done<W>> {
     let header = Header {
         work: work.title(),
@@ -188,8 +192,9 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
         return match left(work, journals.results()?) {
             Ok(results) => Ok(Done::All(results)),
             Err(left) => Err(miette!(
-                help = "its log, or the lines above, say why; the same command does what is left",
-                "the job is at its end, and {left} of {} {} are not done",
+                help = "find the cause in the log of the job or in the lines above, then run the \
+                    same command again",
+                "the job has ended, but {left} of {} {} are not done",
                 work.units(),
                 work.units_name()
             )),
@@ -207,14 +212,14 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
         })?;
     }
     if interrupt::requested() {
-        output::say("interrupted: what is done is kept; run the same command to go on");
+        output::say("interrupted: finished results are kept; run the same command to continue");
         return Ok(Done::Interrupted);
     }
     match left(work, journals.results()?) {
         Ok(results) => Ok(Done::All(results)),
         Err(left) => {
             output::print(&format!(
-                "{left} of {} {} are left; the tables come when all are done",
+                "{left} of {} {} are left; the tables are written when all are done",
                 work.units(),
                 work.units_name()
             ))?;
@@ -223,7 +228,7 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
     }
 }
 
-/// The results, if they are of all units; else how many are left.
+/// Returns the results if they are complete, otherwise the number of missing units.
 fn left<W: Work>(work: &W, results: Results<W>) -> Result<Results<W>, usize> {
     match work.units() - results.len() {
         0 => Ok(results),
@@ -240,7 +245,7 @@ fn digest(texts: &[String]) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Computes units on some cores, and gives away each when it is done.
+/// Computes units on some cores, and passes each finished unit to `keep`.
 fn compute<W: Work>(
     work: &W,
     cores: usize,
@@ -290,7 +295,7 @@ struct Shown<'a> {
     is_log: bool,
 }
 
-/// Lines in a log.
+/// Number of progress lines in a log.
 const LINES: usize = 20;
 
 impl<'a> Shown<'a> {
@@ -308,7 +313,7 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// A bar that shows how much is done, and how fast.
+/// Creates a bar that shows progress and rate.
 fn bar(length: usize, what: &str) -> ProgressBar {
     let template =
         format!("{{spinner}} {{wide_bar}} {{pos}} of {{len}} {what}, {{per_sec}}, {{eta}} left");

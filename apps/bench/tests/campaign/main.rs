@@ -1,4 +1,4 @@
-//! The fault campaign in small: every scenario with every loss, and that a run is the same every time.
+//! Tests of a small fault campaign: every scenario with every loss, and reproducibility of runs.
 
 mod planted;
 
@@ -6,7 +6,7 @@ use rollwalk_bench::campaign::scenario::Scenario;
 use rollwalk_bench::campaign::{Case, Outcome, Subject, run};
 use rollwalk_bus::candump;
 
-/// Seeds of each scenario and loss.
+/// Number of seeds of each scenario and loss.
 const SEEDS: u64 = 4;
 
 fn cases() -> impl Iterator<Item = Case> {
@@ -30,9 +30,10 @@ fn whatever_goes_wrong_the_rules_hold_and_there_is_a_way_back() {
     }
 }
 
-/// Checks cases in which evidence is late. In the first case the monitor judges before the STATUS that reports the stop. In the
-/// second the operator's DISARM comes before the actuator's timeout. In the third a bridge delays frames while the host sends
-/// none.
+/// Checks cases in which evidence is late.
+///
+/// In the first case the monitor judges before the STATUS that reports the stop. In the second the operator's DISARM arrives
+/// before the actuator's timeout. In the third a bridge delays frames while the host is silent.
 #[test]
 fn a_run_is_judged_by_what_could_happen() {
     let subject = Subject::one_leg();

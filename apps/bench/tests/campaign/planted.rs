@@ -1,5 +1,5 @@
-//! Bugs planted between the controller and its buses. The monitor must report each of them, by the rule that
-//! it breaks: a monitor that finds nothing proves nothing.
+//! Tests of the monitor with bugs planted between the controller and its buses. The monitor must report each bug by the rule
+//! that it breaks. A monitor that reports nothing proves nothing.
 
 use rollwalk_bench::campaign::monitor::Rule;
 use rollwalk_bench::campaign::scenario::Scenario;
@@ -38,12 +38,12 @@ impl Core for Planted {
     }
 }
 
-/// Rules that are reported within some runs.
+/// Rules whose violations are reported within some runs.
 fn reported(scenario: Scenario, seeds: u64, bug: impl Fn() -> Bug) -> BTreeSet<Rule> {
     reported_with(scenario, 0, seeds, bug)
 }
 
-/// The same with so many of a thousand frames of the link lost.
+/// Rules whose violations are reported within some runs with a loss of link frames, per mille.
 fn reported_with(
     scenario: Scenario,
     loss_per_mille: u16,
@@ -70,7 +70,7 @@ fn runs(
     })
 }
 
-/// A controller that does something else with what is sent to the actuators.
+/// Bug that changes the frames to the actuators.
 fn on_its_way(change: impl Fn() -> Box<dyn FnMut(Frame) -> Option<Frame>>) -> Bug {
     let mut change = change();
     Box::new(move |core, step| {
@@ -82,7 +82,7 @@ fn on_its_way(change: impl Fn() -> Box<dyn FnMut(Frame) -> Option<Frame>>) -> Bu
     })
 }
 
-/// A controller that sends a frame on bus 0 some time after it was stopped.
+/// Bug that sends a frame on bus 0 some time after a stop.
 fn after_a_stop(frame: impl Fn(Frame) -> Frame + Copy + 'static) -> Bug {
     let (mut stopped_us, mut last) = (None, None);
     Box::new(move |core, step| {
@@ -112,7 +112,7 @@ fn command_of(step: &Step) -> Option<Command> {
     Command::decode(frame).ok().map(|(_, command)| command)
 }
 
-/// The frame with another setpoint for a joint; others as they are.
+/// Changes the set-point of a joint frame. Other frames are unchanged.
 fn joint(frame: Frame, change: impl FnOnce(&mut JointSetpoint)) -> Frame {
     let Some((id, mut setpoint)) = JointSetpoint::decode(&frame) else { return frame };
     change(&mut setpoint);
@@ -257,7 +257,7 @@ fn rubbish_on_an_actuator_bus_is_reported() {
     assert!(rules.contains(&Rule::ValidFrame), "{rules:?}");
 }
 
-/// Handles its faults and reports none of them.
+/// Bug: the controller handles its faults but does not report them.
 #[test]
 fn a_fault_that_is_not_told_is_reported() {
     use rollwalk_protocol::faults::FaultBits;
@@ -282,7 +282,7 @@ fn a_fault_that_is_not_told_is_reported() {
     }
 }
 
-/// Goes on without heartbeats. With `tells` it reports that it receives none.
+/// Bug that continues without heartbeats. If `tells` is true, the controller reports that it receives none.
 fn deaf_to_silence(tells: bool) -> Bug {
     use rollwalk_protocol::wire::{FromController, Heartbeat, HeartbeatReply, Status};
     let (mut beat, mut asked, mut heard_us, mut fed_us) = (0u8, 0u8, 0, 0);
@@ -334,7 +334,7 @@ fn a_lost_host_that_is_told_but_ignored_is_reported() {
     assert!(rules.contains(&Rule::StateFitsFaults), "{rules:?}");
 }
 
-/// Reports that it lets the robot down, and keeps it up.
+/// Bug: the controller reports that it lowers the robot, but holds it up.
 #[test]
 fn a_robot_that_is_let_down_for_too_long_is_reported() {
     let rules = reported(Scenario::HostDead, 4, || {
@@ -354,8 +354,7 @@ fn a_robot_that_is_let_down_for_too_long_is_reported() {
     assert!(rules.contains(&Rule::ReturnsInTime), "{rules:?}");
 }
 
-/// The controller plays a motion once more a second later, under an unused sequence number, and sends no
-/// acknowledgement.
+/// Bug: the controller plays a motion again a second later, under an unused sequence number, and sends no acknowledgement.
 #[test]
 fn a_command_that_is_executed_twice_is_reported() {
     let rules = reported(Scenario::Loss, 100, || {
@@ -388,7 +387,7 @@ fn a_command_that_is_executed_twice_is_reported() {
     assert!(rules.contains(&Rule::ExecutedOnce), "{rules:?}");
 }
 
-/// The controller executes a repetition of the last command again: each repetition gets the next sequence number.
+/// Bug: the controller executes a repetition of the previous command again. Each repetition gets the next sequence number.
 #[test]
 fn a_last_command_that_is_executed_again_is_reported() {
     let rules = reported_with(Scenario::Loss, 100, 4, || {
@@ -413,7 +412,7 @@ fn a_last_command_that_is_executed_again_is_reported() {
     assert!(rules.contains(&Rule::ExecutedOnce), "{rules:?}");
 }
 
-/// Forgets that a nonce is void: for each second step it requests a fresh one itself.
+/// Bug: the controller accepts a void nonce. For each second step it requests a fresh nonce itself.
 #[test]
 fn a_void_nonce_that_is_taken_is_reported() {
     let rules = reported(Scenario::Loss, 100, || {
@@ -454,7 +453,7 @@ fn a_void_nonce_that_is_taken_is_reported() {
     assert!(rules.contains(&Rule::NoTorqueUnlessArmed), "{rules:?}");
 }
 
-/// Ignores the expiry of commands.
+/// Bug: the controller ignores the expiry of commands.
 #[test]
 fn a_command_that_is_executed_too_late_is_reported() {
     let rules = reported(Scenario::BridgeStall, 100, || {

@@ -1,4 +1,4 @@
-//! The console's loop: keys and frames in, frames and a screen out, in one thread with the bus ([`Operated`]).
+//! Loop of the console, in one thread with the bus ([`Operated`]): reads keys and frames, sends frames and draws the screen.
 
 use super::keys::{Keyboard, Meaning};
 use super::scene::{Lookup, Names, Scene};
@@ -22,40 +22,43 @@ use std::time::Duration;
 
 /// Interval between redraws of the screen, µs.
 const DRAW_US: u64 = 50_000;
-/// Duration of a blocked loop, not counting sleep of the computer, after which the console ends.
+/// Time without an iteration of the loop after which the console ends. Sleep of the computer is not counted.
 const STUCK: Duration = Duration::from_secs(2);
-/// Time to print the reason.
+/// Time allowed for printing the reason before the process exits.
 const FAREWELL: Duration = Duration::from_millis(100);
 
-/// A console at work.
+/// Running console.
 pub struct App<'a> {
-    /// The bus, as it was typed.
+    /// Bus, as the user typed it.
     bus: String,
     lookup: Lookup,
     operated: Operated<'a>,
     names: Names,
-    /// Configuration and library that the names are of.
+    /// Configuration and library for which `names` were looked up.
     named: Option<(u32, Option<u32>)>,
     keyboard: Keyboard,
     gamepad: Option<Gamepad>,
     help: bool,
     scroll: usize,
-    /// A signal has asked the program to end: `kill`, or a system that shuts down. Ctrl-C is a key here.
+    /// True if a signal has requested the end: `kill`, or a system shutdown. Ctrl-C is read as a key instead.
     asked_to_end: Arc<AtomicBool>,
     /// Number of iterations of the loop.
     rounds: Arc<AtomicU64>,
 }
 
-/// Ends a console whose terminal is gone: it no longer is the robot's host.
+/// Reports that the terminal is gone and returns the exit code. The robot loses its host.
 pub fn terminal_gone(why: &str) -> Exit {
     output::say(format_args!(
-        "the terminal is gone, {why}: without heartbeat an armed robot returns to SAFE by itself"
+        "the terminal is gone ({why}): without heartbeats an armed robot returns to SAFE \
+         automatically"
     ));
     Exit::NotDone
 }
 
-/// Ends a console whose loop stands still: reading keys of a terminal that is gone never returns, nor does drawing
-/// on one that stands still itself. That one has its keys as before, if it ever goes on; it takes no other screen.
+/// Ends the process if the loop blocks for `STUCK`.
+///
+/// Reading keys of a closed terminal never returns, and neither does drawing on a terminal that is suspended. The keyboard mode
+/// of a suspended terminal is restored; its screen cannot be.
 pub fn watch(rounds: Arc<AtomicU64>) {
     thread::spawn(move || {
         let mut last = None;
@@ -65,7 +68,7 @@ pub fn watch(rounds: Arc<AtomicU64>) {
             if now == last {
                 let _ = ratatui::crossterm::terminal::disable_raw_mode();
                 // Messages may go where the screen does.
-                thread::spawn(|| terminal_gone("or stands still"));
+                thread::spawn(|| terminal_gone("or it is suspended"));
                 thread::sleep(FAREWELL);
                 std::process::exit(Exit::NotDone.code().into());
             }
@@ -75,7 +78,7 @@ pub fn watch(rounds: Arc<AtomicU64>) {
 }
 
 impl<'a> App<'a> {
-    /// A console on an open bus.
+    /// Starts a console on an open bus.
     pub fn new(
         link: &'a LinkArgs,
         peer: Peer,
@@ -109,10 +112,10 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Runs until the operator leaves; how everything was then.
+    /// Runs until the operator leaves, and returns the final view.
     ///
     /// # Errors
-    /// The terminal is gone: see [`terminal_gone`].
+    /// Returns an error if the terminal is gone; see [`terminal_gone`].
     pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<View> {
         let mut draw_us = 0;
         loop {
@@ -176,7 +179,7 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Looks up the names of motions once the controller has answered HELLO.
+    /// Looks up the names of motions after the controller has answered HELLO.
     fn look_names(&mut self, now_us: u64) {
         let Some(hello) = self.operated.operator.hello() else { return };
         let wanted = Some((hello.config_hash, hello.library));
@@ -187,10 +190,10 @@ impl<'a> App<'a> {
         self.named = wanted;
         if hello.library.is_none() {
             let text =
-                "the controller has no library: quit, and `rollwalk flash LIB.rwl` gives it one";
+                "the controller has no library: quit, and flash one with `rollwalk flash LIB.rwl`";
             self.operated.operator.say(now_us, Weight::Warning, text);
         } else if other {
-            let text = "the controller has another library than the one named with --library";
+            let text = "the library of the controller differs from --library";
             self.operated.operator.say(now_us, Weight::Warning, text);
         }
         self.operated.operator.set_catalog(names.catalog.clone());

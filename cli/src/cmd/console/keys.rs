@@ -1,21 +1,22 @@
-//! Keys and the operator requests that they stand for.
+//! Keys of the console, and the operator requests that they send.
 
 use super::scene::Names;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_host::operator::Intent;
 
-/// Maximum delay before a held key repeats, µs: within it the same key does not count again. Most terminals report a
-/// repetition like a second press, so stopping keys always count.
+/// Time after a press within which the same key counts as held and is ignored, µs.
+///
+/// Most terminals report a held key as repeated presses. Stop keys are exempt and always act.
 const HELD_US: u64 = 700_000;
-/// A step of the speed, 64ths.
+/// Step of the playback speed, 64ths.
 const SPEED_STEP: i8 = 8;
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
-    /// Something for the robot.
+    /// Request for the robot.
     Want(Intent),
-    /// Open or close the help.
+    /// Opens or closes the help.
     Help,
     Scroll(isize),
 }
@@ -26,7 +27,7 @@ pub struct Keyboard {
 }
 
 impl Keyboard {
-    /// Meaning of a key that is pressed now; `speed_64ths` is the present speed.
+    /// Returns the meaning of a key that is pressed now; `speed_64ths` is the current playback speed.
     pub fn press(
         &mut self,
         now_us: u64,

@@ -1,4 +1,4 @@
-//! `rollwalk console`: the robot on a terminal, with keys for its motions.
+//! `rollwalk console`: shows the robot on a terminal, with keys for its motions.
 
 pub mod app;
 mod keys;
@@ -38,16 +38,16 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Steer with a gamepad, too: auto, or a device such as /dev/input/event7.
+    /// Gamepad that also steers: auto, or a device such as /dev/input/event7.
     #[arg(long, value_name = "DEVICE")]
     gamepad: Option<String>,
-    /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
+    /// Button mapping (TOML, docs/gamepad.md) of a gamepad without a shipped mapping.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
 }
 
-/// A terminal that is put right again when this ends; a panic does the same by a hook of ratatui. Where even that would
-/// wait for the terminal, it gets back its keys alone: `app::watch`.
+/// Terminal that is restored on drop, and after a panic by a hook of ratatui. If restoring would block, `app::watch` restores
+/// only its keyboard mode.
 struct Terminal(DefaultTerminal);
 
 impl Drop for Terminal {
@@ -60,8 +60,9 @@ impl Drop for Terminal {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     if !io::stdout().is_terminal() || !io::stdin().is_terminal() {
         return Err(miette!(
-            help = "`rollwalk monitor` prints what the robot does, `rollwalk send` plays motions",
-            "the console needs a terminal for keys and screen, and this is none"
+            help = "print the state of the robot with `rollwalk monitor`, or play motions with \
+                `rollwalk send`",
+            "the console requires a terminal, but standard input or output is not a terminal"
         ));
     }
     let lookup = Lookup::new(&args.names)?;
@@ -76,7 +77,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut app = App::new(&args.link, peer, lookup, gamepad, bus);
-    let terminal = ratatui::try_init().map_err(|error| miette!("the terminal refuses: {error}"))?;
+    let terminal =
+        ratatui::try_init().map_err(|error| miette!("the terminal cannot be used: {error}"))?;
     let mut terminal = Terminal(terminal);
     let outcome = app.run(&mut terminal.0);
     drop(terminal);

@@ -1,4 +1,4 @@
-//! Data of the console beside the operator's view: names, limits and the keys of motions.
+//! Data that the console draws: the operator's view, names, limits and the keys of motions.
 
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::{Catalog, channel_name};
@@ -9,48 +9,48 @@ use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::{self, NamesArgs};
 use rollwalk_terminal::packed::{self, Packed, actuators, channel_names};
 
-/// Keys that play motions, beside the digits that are command codes; the others have a meaning of their own.
+/// Letters that play motions. Digits play the motions with these command codes; all other letters have a function of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
 
-/// Contents of the screen.
+/// Content of the screen.
 pub struct Scene<'a> {
-    /// Operator's view of the link and the robot.
+    /// View that the operator has of the link and the robot.
     pub view: &'a View,
-    /// The bus, as it was typed.
+    /// Bus, as the user typed it.
     pub bus: &'a str,
     pub names: &'a Names,
-    /// The gamepad in a few words, if there is one.
+    /// Short description of the gamepad; `None` without one.
     pub gamepad: Option<&'a str>,
     /// True if the help is open.
     pub help: bool,
-    /// First row of the joints that is shown.
+    /// Index of the first visible joint row.
     pub scroll: usize,
 }
 
-/// Range of a joint.
+/// Angle range of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Least angle, rad.
+    /// Minimum angle, rad.
     pub min_rad: f32,
-    /// Greatest angle, rad.
+    /// Maximum angle, rad.
     pub max_rad: f32,
 }
 
-/// Names and limits of the robot and library that the controller has.
+/// Names and limits of the controller's robot and library.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
     pub catalog: Option<Catalog>,
-    /// The robot, if it is known.
+    /// Name of the robot; `None` if unknown.
     pub robot: Option<String>,
     /// Names of joints and wheels, by channel.
     pub channels: Vec<String>,
     /// Angle limits by channel; `None` for a wheel.
     pub ranges: Vec<Option<Range>>,
-    /// Actuators and their buses; empty where they are not known.
+    /// Actuators and their buses; empty if unknown.
     pub actuators: Actuators,
 }
 
-/// A motion and the key that plays it.
+/// Motion code and the key that plays it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotionKey {
     pub key: char,
@@ -58,8 +58,8 @@ pub struct MotionKey {
 }
 
 impl Names {
-    /// Keys in the order of the library's motions; `None` for one that has no code, or when keys run out.
-    /// Without names the digits are command codes.
+    /// Returns the key of each motion, in the order of the library. A motion has `None` if it has no code, or if the keys run
+    /// out. Without a library's names, the digits 1 to 9 play the codes 1 to 9.
     pub fn keys(&self) -> Vec<Option<MotionKey>> {
         let Some(catalog) = &self.catalog else {
             return ('1'..='9').zip(1..).map(|(key, code)| Some(MotionKey { key, code })).collect();
@@ -74,7 +74,7 @@ impl Names {
         codes.into_iter().map(|code| code.and_then(&mut key)).collect()
     }
 
-    /// Command code of the motion that a key plays.
+    /// Returns the command code of the motion that a key plays.
     pub fn code_of(&self, key: char) -> Option<u8> {
         self.keys().into_iter().flatten().find(|known| known.key == key).map(|known| known.code)
     }
@@ -85,18 +85,18 @@ impl Names {
     }
 }
 
-/// Source of names: the files on the command line, else the files kept on this computer.
+/// Source of names: the files on the command line, or else the cached names.
 pub struct Lookup {
     given: Option<Packed>,
-    /// The robot that was named, without or with a library.
+    /// Robot that the user named, directly or by a library.
     robot: Option<Robot>,
 }
 
 impl Lookup {
-    /// Reads the files that were named.
+    /// Reads the files that the user named.
     ///
     /// # Errors
-    /// One is missing or wrong.
+    /// Returns an error if a file is missing or wrong.
     pub fn new(args: &NamesArgs) -> miette::Result<Self> {
         let read = |library| Packed::read(library, args.robot.as_deref());
         let given = args.library.as_deref().map(read).transpose()?;
@@ -107,13 +107,13 @@ impl Lookup {
         Ok(Self { given, robot })
     }
 
-    /// Hash of the configuration that the controller must have, if a robot was named.
+    /// Configuration hash that the controller must have, if the user named a robot.
     pub fn config_hash(&self) -> Option<u32> {
         Some(config(self.robot.as_ref()?)?.hash())
     }
 
-    /// Names and limits for a controller with this configuration and library; and whether the library is
-    /// another than the one that was named.
+    /// Returns the names and limits for a controller with this configuration and library. The flag is true if the user named a
+    /// different library.
     pub fn names(&self, config_hash: u32, library: Option<u32>) -> (Names, bool) {
         let given = self.given.as_ref().map(Packed::catalog);
         let other = given.as_ref().is_some_and(|given| Some(given.library) != library);

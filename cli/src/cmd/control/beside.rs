@@ -1,4 +1,4 @@
-//! The controller that tracks a plan, for simulators of others, over standard input and output.
+//! Controller that tracks a plan for another simulator, over standard input and output.
 
 use super::records::{Hello, Request, Setpoints};
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -11,18 +11,18 @@ use std::io::{self, BufRead, Read};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// Most bytes of a line; a robot with the most joints needs some kilobytes.
+/// Maximum length of a line, bytes. The largest robots need a few kilobytes.
 const LINE_MAX: u64 = 1 << 20;
 
-/// Longest time of a motion, s: a client that sends nanoseconds is far beyond it.
+/// Maximum time of a motion, s. A client that sends nanoseconds exceeds it by far.
 const TIME_MAX_S: f64 = 1e6;
-/// Intervals between the times of two lines that are a tick, in ticks; in none the motion rests.
+/// Range of the interval between two lines that counts as one tick, in ticks. An interval of zero means that the motion rests.
 const INTERVAL_TICKS: RangeInclusive<f64> = 0.6..=1.6;
 
-/// Answers lines of standard input until its end.
+/// Answers each line of standard input until the input ends.
 ///
 /// # Errors
-/// The plan cannot be used, or a line.
+/// Returns an error if the plan cannot be used, or if a line is invalid.
 pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Exit> {
     let plan = inputs::plan(plan)?;
     let script = Script::new(&plan, true);
@@ -54,7 +54,7 @@ pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Ex
     Ok(Exit::Ok)
 }
 
-/// Controller whose first line may place the plan in the world.
+/// Controller for another simulator. The first line may place the plan in the world.
 struct Controller<'s, 'p> {
     script: &'s Script<'p>,
     feedback: Feedback,
@@ -62,22 +62,22 @@ struct Controller<'s, 'p> {
     closed_loop: Option<ClosedLoop<'s, 'p>>,
     /// True after the first line with an IMU. From then on the state is estimated; a line without an IMU has no IMU readings.
     has_imu: bool,
-    /// Time of the last line, s.
+    /// Time of the previous line, s.
     last_s: Option<f64>,
-    /// True if the interval before the last line was not one tick.
+    /// True if the interval before the previous line was not one tick.
     strays: bool,
 }
 
 impl Controller<'_, '_> {
-    /// Setpoints of the motors for a tick.
+    /// Returns the set-points of all motors for one tick.
     fn answer(&mut self, line: &str) -> miette::Result<Setpoints> {
         let request = Request::from_line(line)?;
         self.check_time(request.time_s)?;
         let placed = request.world_from_plan()?;
         if placed.is_some() && self.closed_loop.is_some() {
             return Err(miette!(
-                help = "start the program again to place the plan elsewhere",
-                "field world_from_plan is only for the first line"
+                help = "start the program again to place the plan at another pose",
+                "field world_from_plan is allowed in the first line only"
             ));
         }
         let closed_loop = self.closed_loop.get_or_insert_with(|| {
@@ -101,7 +101,8 @@ impl Controller<'_, '_> {
             }
             (false, None) => {
                 return Err(miette!(
-                    help = "give base, the measured pose and velocity, or imu, from which they are estimated",
+                    help = "give base (measured pose and velocity), or imu (from which pose and \
+                        velocity are estimated)",
                     "fields base and imu are both missing"
                 ));
             }
@@ -109,13 +110,13 @@ impl Controller<'_, '_> {
         Ok(Setpoints::new(request.time_s, &laws, untracked))
     }
 
-    /// Checks that times go on by a tick from line to line, or that the motion rests. One interval may be another: at the end
-    /// of a motion, or where a line is left out.
+    /// Checks that the time increases by one tick from line to line, or rests. A single deviation is accepted: at the end of a
+    /// motion, or if a line is missing.
     fn check_time(&mut self, time_s: f64) -> miette::Result<()> {
         if time_s.abs() > TIME_MAX_S {
             return Err(miette!(
-                help = "time_s is the time of the motion in seconds, 0 where it begins",
-                "field time_s is {time_s:e}; expected {TIME_MAX_S} at most"
+                help = "give time_s in s since the start of the motion",
+                "field time_s is {time_s:e}; expected at most {TIME_MAX_S} s"
             ));
         }
         let Some(last_s) = self.last_s.replace(time_s) else { return Ok(()) };
@@ -126,9 +127,8 @@ impl Controller<'_, '_> {
             return Ok(());
         }
         Err(miette!(
-            help =
-                "each line is a tick; --rate says how many there are in a second, 500 without it",
-            "field time_s goes from {last_s} to {time_s}; ticks are {tick_s} s apart"
+            help = "send one line per tick, or give the tick rate in Hz with --rate (default 500)",
+            "field time_s changes from {last_s} s to {time_s} s; expected ticks of {tick_s} s"
         ))
     }
 }

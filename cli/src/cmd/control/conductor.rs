@@ -1,5 +1,6 @@
-//! A robot on a bus in closed loop, from Disarmed through a sequence of plans and back: looks at what the operator knows, gives
-//! intents, and answers samples. No clock and no bus.
+//! Closed-loop session of a robot on a bus: from Disarmed through a sequence of plans and back.
+//!
+//! The conductor reads the operator's view, sends intents, and answers samples. It has no access to clock or bus.
 
 use nalgebra::Vector3;
 use rollwalk_host::describe::state_name;
@@ -15,97 +16,99 @@ use rollwalk_simulate::closed_loop::{self, Untracked};
 use rollwalk_simulate::sequence::Sequence;
 use rollwalk_tracking::Sensors;
 
-/// Standing time before the sequence begins, s. The estimator finds the gyro bias, and the loop its latency.
+/// Standing time before the sequence begins, s. The estimator finds the gyro bias, and the conductor measures the latency.
 const STANDS_S: f64 = 1.5;
-/// Longest time until the state of a standing robot is known, s.
+/// Maximum time until the state of a standing robot is known, s.
 const KNOWN_S: f64 = 10.0;
-/// Longest time until it is armed and stands in SAFE, µs.
+/// Maximum time until the robot is armed and stands in SAFE, µs.
 const ARMED_US: u64 = 30_000_000;
-/// Latency from which on a robot is not controlled, s: it would fall before it is answered, and samples do not measure longer
-/// ones.
+/// Latency from which the conductor refuses to start, s. The robot would fall before the answer acts, and samples cannot
+/// measure longer latencies.
 pub const LATENCY_MAX_S: f64 = 0.05;
-/// Age up to which contact readings count, s.
+/// Maximum age of valid contact readings, s.
 const CONTACTS_S: f64 = 0.05;
-/// Samples that are answered before the loop of the program goes on: heartbeats are sent there.
+/// Maximum number of samples answered in one call, so that the caller can send heartbeats in between.
 const AT_ONCE: usize = 8;
-/// Length of the count of late answers, samples; the last entry counts all later ones.
+/// Number of entries of the lateness counts.
 const LATE_MAX: usize = 16;
 
 /// Phase of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Arming the robot, which then goes to SAFE.
+    /// Arming the robot, and moving it to SAFE.
     Arming,
-    /// Requesting samples.
+    /// Requesting samples from the controller.
     Beginning,
-    /// Standing until the state of the robot is known.
+    /// Standing until the state of the robot is estimated.
     Standing,
     /// Playing the sequence.
     Playing,
-    /// Going to SAFE and disarming.
+    /// Returning to SAFE and disarming.
     Homeward,
     Over,
 }
 
-/// Counts of samples and answers.
+/// Counters of samples and answers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Samples answered, including those answered with setpoints of the plan.
+    /// Samples answered, including those answered with set-points of the plan.
     pub answered: u64,
-    /// Samples answered with setpoints of the plan because the robot could not be tracked.
+    /// Samples answered with set-points of the plan because the robot could not be tracked.
     pub untracked: u64,
-    /// Samples by how many samples later the answer in force was: 0 to 15 and more.
+    /// Number of samples for each lateness of the answer in force, in samples; the last entry counts 15 and more.
     pub late: [u64; LATE_MAX],
-    /// Channels that were missing in a sample.
+    /// Number of channels missing from samples.
     pub stale: u64,
     /// Samples that did not arrive.
     pub lost: u64,
-    /// Cycles and motions are complete.
+    /// True if all motions and cycles were completed.
     pub complete: bool,
 }
 
-/// A closed loop over a bus.
+/// Closed-loop session over a bus.
 pub struct Conductor<'p> {
     sequence: Sequence<'p>,
-    /// Channel of each wheel that spins.
+    /// Channel of each spinning wheel.
     wheels: Vec<usize>,
     joints: usize,
     end_effectors: usize,
     tracking: Tracking,
     tick_s: f64,
-    /// Identity of the library whose SAFE pose the sequence begins in.
+    /// Identity of the library whose SAFE pose the sequence starts in.
     library: u32,
     phase: Phase,
     arms: u8,
     again_us: u64,
-    /// Time of the first contact with the controller, µs.
+    /// Time of the first contact with the controller, µs; `None` before that.
     begun_us: Option<u64>,
-    /// Number of the first sample, and of the last.
+    /// Number of the first sample.
     first: Option<u64>,
+    /// Number of the most recent sample.
     last: u64,
     /// True once an early end is requested.
     stops: bool,
-    /// The last reason for which the robot was not tracked.
+    /// Most recent reason why the robot was not tracked.
     why: Option<Untracked>,
     tally: Tally,
-    /// Delays of answers while the robot stood, s.
+    /// Delays of answers, measured while the robot stands, s.
     delays_s: Vec<f64>,
-    /// Leg and cycle of the last message.
+    /// Leg and cycle of the previous message.
     said: Option<(usize, u32)>,
-    /// Contact bits of the end effectors at the last reading of the switches, and the number of that sample.
+    /// Contact bits of the end effectors at the most recent reading of the switches, and the number of that sample.
     contacts: Option<(u32, u64)>,
-    /// True if planned contacts replace missing switch readings. `said_contacts` is true once this was reported.
+    /// True if planned contacts replace missing switch readings.
     planned_contacts: bool,
+    /// True once the operator was notified about planned contacts.
     said_contacts: bool,
     touches: Vec<bool>,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
 }
 
-/// Channel of each wheel that spins.
+/// Returns the channel of each spinning wheel.
 ///
 /// # Panics
-/// One has no motor.
+/// Panics if a spinning wheel has no motor.
 pub fn wheels(robot: &Robot, tree: &Tree) -> Vec<usize> {
     let of = |wheel: &Wheel| {
         let name = &robot.end_effectors[wheel.end_effector].name;
@@ -117,8 +120,8 @@ pub fn wheels(robot: &Robot, tree: &Tree) -> Vec<usize> {
 }
 
 impl<'p> Conductor<'p> {
-    /// Session with a disarmed robot, whose ticks are 1 / `tracking.rate_hz` apart. `wheels` comes from [`wheels`], and `library`
-    /// is the identity of the library that the controller must have.
+    /// Creates a session for a disarmed robot, with `tracking.rate_hz` ticks a second. `wheels` is the result of [`wheels`];
+    /// `library` is the identity of the library that the controller must have.
     pub fn new(
         sequence: Sequence<'p>,
         robot: &Robot,
@@ -154,17 +157,17 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Phase of the session.
+    /// Current phase of the session.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Counts of samples and answers.
+    /// Counters of samples and answers.
     pub fn tally(&self) -> &Tally {
         &self.tally
     }
 
-    /// Samples a second that the controller is asked for.
+    /// Sample rate that the controller is asked for, Hz.
     pub fn rate_hz(&self) -> u16 {
         self.tracking.rate_hz
     }
@@ -174,22 +177,26 @@ impl<'p> Conductor<'p> {
         &self.sequence
     }
 
-    /// Ends early: the robot completes its cycle, and goes to SAFE along the plans that follow; one that does not play goes
-    /// there at once.
+    /// Ends early. A moving robot completes its cycle and follows the remaining plans to SAFE; any other robot returns to SAFE
+    /// at once.
     pub fn stop(&mut self, now_us: u64, operator: &mut Operator) {
         let moves = self.sequence.progress().moves;
         if !moves {
             self.sequence.stop();
         }
         if self.phase == Phase::Playing && moves && !std::mem::replace(&mut self.stops, true) {
-            operator.say(now_us, Weight::Note, "it completes its cycle, then goes to SAFE");
+            operator.say(
+                now_us,
+                Weight::Note,
+                "the robot completes its cycle, then returns to SAFE",
+            );
             self.sequence.stop();
         } else {
             self.end(now_us, operator);
         }
     }
 
-    /// Looks at the robot's state and gives commands; call often.
+    /// Sends the intents that follow from the robot's state; call often.
     pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else { return };
@@ -211,7 +218,9 @@ impl<'p> Conductor<'p> {
             (Phase::Beginning, State::Ready) if now_us < self.again_us => {}
             (Phase::Beginning, State::Ready) => {
                 let text = format!(
-                    "the controller takes no setpoints in closed loop at {} samples a second. If its control rate is lower (120 on our boards), give that with --rate; a controller that has an owner's key takes none",
+                    "the controller does not accept setpoints in closed loop at {} samples/s. Give \
+                     its control rate with --rate (120 on our boards); a controller with an \
+                     owner's key never accepts setpoints",
                     self.tracking.rate_hz
                 );
                 operator.say(now_us, Weight::Warning, text);
@@ -228,7 +237,7 @@ impl<'p> Conductor<'p> {
                 operator.want(now_us, Intent::Quit);
             }
             (_, state) => {
-                let text = format!("the motion is over: the robot is {}", state_name(state));
+                let text = format!("the motion has ended: the robot is {}", state_name(state));
                 operator.say(now_us, Weight::Warning, text);
                 self.phase = Phase::Over;
                 if operator.leaving() == Leaving::No {
@@ -238,11 +247,11 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Arms a robot with the right library.
+    /// Arms the robot if it has the right library.
     fn arm(&mut self, now_us: u64, view: &View, operator: &mut Operator) {
         let Some(hello) = &view.hello else { return };
         if hello.library != Some(self.library) {
-            let text = "the controller has another library: build and flash the one that is to be played first";
+            let text = "the controller has another library: build and flash this library first";
             operator.say(now_us, Weight::Refused, text);
             self.end(now_us, operator);
         } else if now_us >= self.again_us && view.asking.is_none() {
@@ -254,7 +263,7 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Sends the robot to SAFE, whatever it is about.
+    /// Sends the robot to SAFE from any phase.
     fn end(&mut self, now_us: u64, operator: &mut Operator) {
         if !matches!(self.phase, Phase::Homeward | Phase::Over) {
             (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
@@ -264,8 +273,8 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Answers samples; call often. Of a program that was held up the state is estimated from all of them, and the newest
-    /// answer supersedes the others. A robot that goes home is answered to the end.
+    /// Answers waiting samples; call often. After a delay the state estimate uses all of them, and the newest answer supersedes
+    /// the others. Samples are also answered while the robot returns to SAFE.
     pub fn answer(&mut self, now_us: u64, operator: &mut Operator) {
         for _ in 0..AT_ONCE {
             let Some(measured) = operator.take_sample() else { return };
@@ -277,9 +286,8 @@ impl<'p> Conductor<'p> {
         if let Some((rate_hz, lost)) = operator.sampled() {
             self.tally.lost = lost;
             if rate_hz != self.tracking.rate_hz && self.phase == Phase::Standing {
-                let text = format!(
-                    "the controller takes {rate_hz} samples a second: try with --rate {rate_hz}"
-                );
+                let text =
+                    format!("the controller takes {rate_hz} samples/s: give --rate {rate_hz}");
                 operator.say(now_us, Weight::Refused, text);
                 return self.end(now_us, operator);
             }
@@ -288,14 +296,14 @@ impl<'p> Conductor<'p> {
         let (laws, untracked) = self.tick(measured);
         let lost_contacts = self.planned_contacts && self.contacts.is_some();
         if lost_contacts && !std::mem::replace(&mut self.said_contacts, true) {
-            let text = "the contact switches are not heard any more: the planned contacts count";
+            let text = "the contact switches send no data any more: the planned contacts are used";
             operator.say(now_us, Weight::Warning, text);
         }
         self.tally.answered += 1;
         self.tally.untracked += u64::from(untracked.is_some());
         if untracked != self.why {
             if let Some(why) = untracked.filter(|_| self.phase == Phase::Playing) {
-                let text = format!("not tracked, it gets its plan: {why}");
+                let text = format!("not tracked, setpoints follow the plan in open loop: {why}");
                 operator.say(now_us, Weight::Warning, text);
             }
             self.why = untracked;
@@ -317,7 +325,7 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    /// Setpoints that answer measurements.
+    /// Computes the set-points that answer a sample.
     fn tick(&mut self, measured: &Measured) -> (Vec<Law>, Option<Untracked>) {
         let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
         // Of a channel that was never heard no state is known.
@@ -346,7 +354,7 @@ impl<'p> Conductor<'p> {
         sequence.tick(time_s, closed_loop::Measured::Sensors(&sensors))
     }
 
-    /// Contacts that were heard lately: switches may be read less often than samples are taken.
+    /// Most recent contact readings, if they are fresh. Switches may be read less often than samples are taken.
     fn fresh_contacts(&mut self, measured: &Measured) -> Option<u32> {
         let number = measured.number;
         self.contacts = measured.contacts.map(|contacts| (contacts, number)).or(self.contacts);
@@ -359,7 +367,7 @@ impl<'p> Conductor<'p> {
         Target { value: value as f32, torque_nm: law.torque_nm as f32 }
     }
 
-    /// Begins the sequence once the state of the robot is known, and ends it.
+    /// Starts the sequence when the robot's state is known, and ends the session after it.
     fn go_on(&mut self, now_us: u64, number: u64, operator: &mut Operator) {
         let sequence = &mut self.sequence;
         let stood_s = (number - self.first.unwrap_or(number)) as f64 * self.tick_s;
@@ -370,7 +378,8 @@ impl<'p> Conductor<'p> {
                 let latency_s = self.delays_s.get(self.delays_s.len() / 2).copied();
                 let latency_s = latency_s.unwrap_or(2.0 * self.tick_s);
                 if latency_s >= LATENCY_MAX_S {
-                    let text = "setpoints act 50 ms after what they answer, or later: the link or this computer is too slow";
+                    let text = "setpoints act 50 ms or more after their sample: the link or this \
+                        computer is too slow";
                     operator.say(now_us, Weight::Refused, text);
                     return self.end(now_us, operator);
                 }
@@ -378,14 +387,16 @@ impl<'p> Conductor<'p> {
                 sequence.go();
                 self.phase = Phase::Playing;
                 let text = format!(
-                    "its state is known; setpoints act {:.0} ms after what they answer",
+                    "the state of the robot is estimated; setpoints act {:.0} ms after their \
+                     sample",
                     1e3 * latency_s
                 );
                 operator.say(now_us, Weight::Note, text);
             }
             Phase::Standing if stood_s >= KNOWN_S => {
                 let why = self.why.map_or_else(String::new, |why| format!(": {why}"));
-                let text = format!("the state of the robot is not known after {KNOWN_S} s{why}");
+                let text =
+                    format!("the state of the robot is still unknown after {KNOWN_S} s{why}");
                 operator.say(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }

@@ -1,4 +1,4 @@
-//! The loop around a [`Conductor`]: a bus, a clock and Ctrl-C.
+//! Loop that runs a [`Conductor`] with a bus, a clock and Ctrl-C.
 
 use super::conductor::{Conductor, LATENCY_MAX_S, Phase, Tally};
 use rollwalk_bus::port::Live;
@@ -13,13 +13,13 @@ use std::time::Instant;
 /// Time without contact after which the program ends, µs.
 const SILENT_US: u64 = 5_000_000;
 
-/// Part of the samples that may be lost before the link is said to lose samples.
+/// Fraction of lost samples above which the verdict blames the link.
 const MISSED: f64 = 0.01;
 
-/// Plays the sequence of a conductor on a bus, and prints how it went.
+/// Plays the sequence of a conductor on a bus, and prints the results.
 ///
 /// # Errors
-/// Standard output is closed.
+/// Returns an error if standard output is closed.
 pub fn run(
     link: &LinkArgs,
     bus: Live,
@@ -74,7 +74,7 @@ pub fn run(
     }
 }
 
-/// Counts and delays of answers to samples: output of `--json`.
+/// Counters and delays of answers, printed by `--json`.
 #[derive(Serialize)]
 struct Report {
     complete: bool,
@@ -83,11 +83,13 @@ struct Report {
     untracked: u64,
     lost: u64,
     missing_measurements: u64,
-    /// Duration of a tick: median, 99 % of all, and the longest.
+    /// Median duration of a tick.
     tick_median_ms: f64,
+    /// 99th percentile of the duration of a tick.
     tick_99_percent_ms: f64,
+    /// Maximum duration of a tick.
     tick_longest_ms: f64,
-    /// Samples by how many samples late their answer acted, from 0.
+    /// Number of samples for each lateness of the answer in force, in samples, from 0.
     late_by_samples: Vec<u64>,
 }
 
@@ -113,7 +115,7 @@ impl Report {
         }
     }
 
-    /// Lateness within which 99 % of the answers acted, samples; `None` without any.
+    /// Lateness within which 99 % of the answers acted, samples; `None` if there are no answers.
     fn late_samples(&self) -> Option<usize> {
         let all: u64 = self.late_by_samples.iter().sum();
         let mut within = 0;
@@ -123,9 +125,10 @@ impl Report {
         })
     }
 
-    /// Verdict in words: completeness, and speed of the link and of this computer.
+    /// Verdict as a sentence: whether everything was played, and whether the link and this computer were fast enough.
     fn verdict(&self) -> String {
-        let all = if self.complete { "all was played" } else { "not all was played" };
+        let all =
+            if self.complete { "all motions were played" } else { "not all motions were played" };
         let Some(late) = self.late_samples() else {
             return format!("{all}; no sample of the robot was answered");
         };
@@ -135,7 +138,7 @@ impl Report {
         // The last count is of that many samples or more.
         let is_slow = late_ms >= 1e3 * LATENCY_MAX_S || late + 1 >= self.late_by_samples.len();
         let cause = match (missed > MISSED, is_slow) {
-            (true, _) => "the link loses samples: look at its load and its cable",
+            (true, _) => "the link loses samples: check its load and cable",
             (false, true) => {
                 "the link or this computer is too slow: end other programs, or give a lower --rate"
             }
@@ -168,7 +171,7 @@ mod tests {
         };
         assert_eq!(
             report(&[0, 14, 967, 102, 0], 5).verdict(),
-            "all was played; the link was fast enough (1083 of 1088 samples answered, 99 % within 25 ms)"
+            "all motions were played; the link was fast enough (1083 of 1088 samples answered, 99 % within 25 ms)"
         );
         let slow = report(&[0, 14, 0, 0, 0, 0, 0, 100], 0).verdict();
         assert!(slow.contains("too slow"), "{slow}");

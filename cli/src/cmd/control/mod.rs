@@ -1,4 +1,4 @@
-//! `rollwalk control`: the controller that tracks plans in closed loop, on a robot or for a simulator of others.
+//! `rollwalk control`: tracks plans in closed loop, on a robot or for another simulator.
 
 mod beside;
 mod conductor;
@@ -32,19 +32,19 @@ use std::path::PathBuf;
 
 /// Control in closed loop: play motions on a robot, or track a plan for another simulator.
 ///
-/// With a library file and --bus it is the robot's host: it plans the library's motions and transitions, arms the robot, and
-/// plays the motions of --play one after the other, from SAFE to SAFE. The controller sends what it measures 120 times a
-/// second, or as --rate says, and the program answers with a setpoint and a torque for every motor. All limits and watchdogs of
-/// the controller stay in force: without answers the robot holds still, and after a second and a quarter it is let down where
-/// it is. The robot needs an IMU, motors that take torques, and the same library in its flash. Ctrl-C completes the cycle that
-/// has begun, and takes the robot home; a second one ends the program at once.
+/// With a library file and --bus this command is the robot's host. It plans the motions and transitions of the library, arms
+/// the robot, and plays the motions of --play in order, from SAFE to SAFE. The controller sends measurements 120 times a
+/// second, or at --rate, and the program answers each with a set-point and a torque for every motor. All limits and watchdogs
+/// of the controller stay in force: without answers the robot holds still, and after 1.25 s the controller lets it down where
+/// it is. The robot needs an IMU, motors that accept torques, and the same library in its flash. Ctrl-C completes the current
+/// cycle and returns the robot to SAFE; a second Ctrl-C ends the program at once.
 ///
-/// With a plan it serves another simulator over standard input and output: a line of measurements in, a line of setpoints out.
-/// Its first line says what the plan is, in which order channels, joints, wheels and end effectors are, and the state in which
-/// the motion begins. Each line on standard input is a tick: a JSON object with the time of the motion and the measured state
-/// or sensor readings. The program answers it with a line of setpoints of all channels for the drives' own loops: torque = kp
-/// (position - angle) + kd (speed - angular speed) + torque. The program ends with its input. docs/tracking.md describes the
-/// fields.
+/// With a plan this command serves another simulator over standard input and output: it reads lines of measurements and writes
+/// lines of set-points. The first output line describes the plan, the order of channels, joints, wheels and end effectors, and
+/// the initial state of the motion. Each input line is a tick: a JSON object with the time of the motion and the measured state
+/// or sensor readings. The program answers with a line of set-points of all channels for the drives' own loops: torque = kp
+/// (position - angle) + kd (speed - angular speed) + torque. The program ends when its input ends. docs/tracking.md describes
+/// the fields.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -59,38 +59,42 @@ pub struct Args {
     file: PathBuf,
     #[command(flatten)]
     link: MaybeLinkArgs,
-    /// Play this motion of the library, so many cycles; once for each, in the order in which they are played.
+    /// Motion of the library and its number of cycles (1 if left out); give the option several times to play several motions in
+    /// order.
     #[arg(long, value_name = "MOTION:CYCLES")]
     play: Vec<Play>,
-    /// Ticks per second [default: on a robot 120, else 500]. On a robot 60 to 960, the control rate of its controller (120 on
-    /// our boards) or a whole part of it.
+    /// Ticks per second [default: 120 on a robot, else 500]. On a robot 60 to 960: the control rate of its controller (120 on
+    /// our boards), or that rate divided by an integer.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
-    /// Time from a measurement until the motors act on the answer, in milliseconds, beyond a tick; on a robot it is measured.
+    /// Latency beyond one tick, from a measurement until the motors act on the answer, in milliseconds [default: 0]; measured
+    /// on a robot.
     #[arg(long, value_name = "MS", value_parser = latency_ms)]
     latency_ms: Option<f64>,
-    /// Feedback that brings the robot back to the plan [default: gains]; on a robot always gains.
+    /// Feedback that returns the robot to the plan [default: gains]; always gains on a robot.
     #[arg(long, value_enum)]
     feedback: Option<Way>,
-    /// Print how samples were answered as JSON, at the end of a run on a robot.
+    /// Print the counts of answered samples as JSON, at the end of a run on a robot.
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Way {
-    /// Feedback on the centre of mass, the body and the wheels, each separately.
+    /// Separate feedback on the centre of mass, the body and the wheels.
     Tasks,
-    /// Feedback on the whole state, by gains of the plan's linear model.
+    /// Feedback on the whole state, with gains from a linear model of the plan.
     Gains,
 }
 
-/// Most latency, ms: in more a robot that falls is on its way to the ground.
+/// Maximum latency, ms. At higher latencies a falling robot cannot be caught.
 const LATENCY_MAX_MS: f64 = 50.0;
-/// Ticks a second for a simulator of others, and samples a second of a robot.
+/// Default tick rate for another simulator, Hz.
 const RATE_HZ: u32 = 500;
+/// Default sample rate of a robot, Hz.
 const SAMPLES_HZ: u32 = 120;
-/// Slower, robots fall now and then, because answers act 50 ms after what they answer; more no controller takes.
+/// Range of the sample rate on a robot, Hz. Robots fall at lower rates, because answers act 50 ms late; no controller supports
+/// higher rates.
 const SAMPLES_RANGE_HZ: RangeInclusive<u32> = 60..=960;
 
 fn latency_ms(text: &str) -> Result<f64, String> {
@@ -106,13 +110,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // One that the environment names is for other commands.
         (Some(_), true) if std::env::var_os(BUS_ENV).is_none() => Err(miette!(
             help = "give a library file (TOML) to control the robot on that bus; a plan is tracked for another simulator, over standard input and output",
-            "--bus is for a robot, and {} is a plan",
+            "--bus requires a library file, but {} is a plan",
             args.file.display()
         )),
         (_, true) if args.play.is_empty() => {
             if args.json {
                 return Err(miette!(
-                    help = "for another simulator all lines are JSON",
+                    help = "leave out --json: lines for another simulator are always JSON",
                     "--json is for a robot on a bus"
                 ));
             }
@@ -126,13 +130,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         }
         (Some(link), false) => on_robot(args, &link),
         (None, false) => Err(miette!(
-            help = "--bus says where the robot is; for another simulator give a plan (JSON)",
-            "{} is no plan, and no bus is given",
+            help = "give the bus of the robot with --bus, or a plan (JSON) for another simulator",
+            "{} is not a plan, and --bus is missing",
             args.file.display()
         )),
         (_, true) => Err(miette!(
-            help = "give the library file (TOML) that the motions are in",
-            "--play is for motions of a library, and {} is a plan",
+            help = "give the library file (TOML) that contains the motions",
+            "--play requires a library file, but {} is a plan",
             args.file.display()
         )),
     }
@@ -142,19 +146,20 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     if args.latency_ms.is_some() || args.feedback.is_some() {
         return Err(miette!(
-            "--latency-ms and --feedback are for another simulator: on a robot latency is measured, and feedback is by gains"
+            "leave out --latency-ms and --feedback: on a robot, latency is measured and feedback \
+             uses gains"
         ));
     }
     if args.play.is_empty() {
         return Err(miette!(
-            help = "--play MOTION:CYCLES, as --play walk:5",
-            "there is nothing to play"
+            help = "give a motion with --play MOTION:CYCLES, such as --play walk:5",
+            "there is no motion to play"
         ));
     }
     let rate_hz = args.rate.unwrap_or(SAMPLES_HZ);
     if !SAMPLES_RANGE_HZ.contains(&rate_hz) {
         return Err(miette!(
-            "--rate {rate_hz}: a robot is controlled with {} to {} samples a second",
+            "--rate {rate_hz}: for a robot, give {} to {} samples/s",
             SAMPLES_RANGE_HZ.start(),
             SAMPLES_RANGE_HZ.end()
         ));
@@ -195,22 +200,23 @@ fn has_host(bus: &mut Live, link: &LinkArgs) -> bool {
     listener::find_host(bus, link.node).is_ok_and(|listener| listener.has_host())
 }
 
-/// Timing until the latency is measured: an answer is usually a sample late, and its measurements are a sample old.
+/// Timing before the latency is measured. It assumes two ticks: one for the age of the measurements, and one for the delay of
+/// the answer.
 fn timing(rate_hz: u32) -> Timing {
     let tick_s = 1.0 / f64::from(rate_hz);
     Timing { tick_s, latency_s: 2.0 * tick_s }
 }
 
-/// Tracking request for the controller: sample rate, and gains in per cent of the robot file's.
+/// Tracking request for the controller: the sample rate, and gains in per cent of the gains in the robot file.
 fn tracking(rate_hz: u32) -> Tracking {
     let percent = |part: f64| (100.0 * part).round() as u8;
     Tracking { rate_hz: rate_hz as u16, kp_percent: percent(KP_PART), kd_percent: percent(KD_PART) }
 }
 
-/// Checks that a robot measures what a tick needs, and that its motors can do what it wants.
+/// Checks that the robot has the encoders and motors that tracking needs.
 ///
 /// # Errors
-/// The first wheel without an encoder, or the first channel whose bus carries no torques or gains.
+/// Returns an error if a wheel has no encoder, or if the bus of a channel does not support torques or gains.
 pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     if let Some(wheel) = robot.end_effectors.iter().find(|of| of.contact.freewheels()) {
         return Err(no_encoder(robot, &wheel.name));
@@ -222,8 +228,9 @@ pub(super) fn check(robot: &Robot) -> miette::Result<()> {
     match unfit {
         None => Ok(()),
         Some(channel) => Err(miette!(
-            help = "`rollwalk send` and `rollwalk console` play its motions without feedback",
-            "`{}` of {} is a drive that takes no torque, or no gains with its setpoints: it cannot be controlled in closed loop",
+            help = "play its motions without feedback, with `rollwalk send` or `rollwalk console`",
+            "the drive of `{}` of {} does not accept torques or gains with its setpoints, and \
+             cannot be controlled in closed loop",
             channel.name(),
             robot.name
         )),
@@ -232,8 +239,9 @@ pub(super) fn check(robot: &Robot) -> miette::Result<()> {
 
 fn no_encoder(robot: &Robot, wheel: &str) -> miette::Report {
     miette!(
-        help = "`rollwalk send` and `rollwalk console` play its motions without feedback",
-        "wheel `{wheel}` of {} turns freely, and no encoder measures it: the state of the robot cannot be estimated",
+        help = "play its motions without feedback, with `rollwalk send` or `rollwalk console`",
+        "wheel `{wheel}` of {} turns freely without an encoder, so the state of the robot cannot \
+         be estimated",
         robot.name
     )
 }

@@ -1,4 +1,4 @@
-//! Lines between the controller and a simulator of others: JSON records, checked (docs/tracking.md, "In your simulator").
+//! Lines exchanged with another simulator: validated JSON records (docs/tracking.md, "In your simulator").
 
 use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -11,14 +11,15 @@ use rollwalk_simulate::closed_loop::Untracked;
 use rollwalk_tracking::Sensors;
 use serde::{Deserialize, Serialize};
 
-/// Largest difference of a quaternion's length from 1.
+/// Maximum deviation of a quaternion's norm from 1.
 const UNIT: f64 = 1e-3;
 
-/// Largest distance of a plan's origin from the world's, m, and least cosine of the slope of its ground (45°).
+/// Maximum distance of a plan's origin from the origin of the world, m.
 const FAR_M: f64 = 1e4;
+/// Cosine of the maximum slope of a plan's ground, 45°.
 const STEEP_COS: f64 = 0.7;
 
-/// The first line of the program.
+/// First line that the program writes.
 #[derive(Serialize)]
 pub struct Hello {
     format: &'static str,
@@ -26,7 +27,7 @@ pub struct Hello {
     robot: String,
     motion: String,
     tick_s: f64,
-    /// Duration, s; the period of a motion that repeats.
+    /// Duration, s; the period of a periodic motion.
     duration_s: f64,
     repeats: bool,
     joints: Vec<String>,
@@ -36,7 +37,7 @@ pub struct Hello {
     start: Start,
 }
 
-/// Planned state at time 0, in axes of the plan.
+/// Planned state at time 0, in the axes of the plan.
 #[derive(Serialize)]
 struct Start {
     base: Base,
@@ -45,7 +46,7 @@ struct Start {
 }
 
 impl Hello {
-    /// First line for a validated plan.
+    /// Creates the first line for a validated plan.
     pub fn new(plan: &Plan, tick_s: f64) -> Self {
         let mut body = WholeBody::new(plan);
         let start = body.at(0.0, &Isometry3::identity()).state;
@@ -70,15 +71,15 @@ impl Hello {
     }
 }
 
-/// A line of the simulator: measurements at the beginning of a tick.
+/// Line from the simulator: measurements at the beginning of a tick.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// Time of the motion, periods counted on, s.
+    /// Time of the motion, s. Later periods of a periodic motion continue the count.
     pub time_s: f64,
-    /// True for each end effector that touches the ground.
+    /// True for each end effector on the ground.
     pub touches: Vec<bool>,
-    /// An encoder without a valid reading sends `null`, as JSON has no NaN.
+    /// Joint angles. An encoder without a valid reading sends `null`, because JSON has no NaN.
     joint_rad: Vec<Option<f64>>,
     joint_speed_rad_s: Vec<Option<f64>>,
     wheel_speed_rad_s: Vec<Option<f64>>,
@@ -87,16 +88,16 @@ pub struct Request {
     world_from_plan: Option<Pose>,
 }
 
-/// Angles of the joints, and speeds.
+/// Angles and speeds of the joints, and speeds of the wheels.
 #[derive(Serialize)]
 struct Encoders {
     joint_rad: Vec<f64>,
     joint_speed_rad_s: Vec<f64>,
-    /// Speeds of the wheels that spin, relative to their links.
+    /// Speeds of the spinning wheels, relative to their links.
     wheel_speed_rad_s: Vec<f64>,
 }
 
-/// Pose and velocity of the origin of the root link; world axes, z up.
+/// Pose and velocity of the origin of the root link, in world axes with z up.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Base {
@@ -106,12 +107,12 @@ struct Base {
     angular_velocity_rad_s: [f64; 3],
 }
 
-/// An IMU at the origin of the root link, in its axes; what it did not measure is left out.
+/// IMU at the origin of the root link, in the axes of that link. Missing measurements are left out.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Imu {
     gyro_rad_s: Option<[f64; 3]>,
-    /// Specific force, mean since the last tick: 9.81 m/s² upwards at rest.
+    /// Mean specific force since the previous tick: 9.81 m/s² upwards at rest.
     accelerometer_m_s2: Option<[f64; 3]>,
 }
 
@@ -122,7 +123,7 @@ struct Pose {
     orientation_wxyz: [f64; 4],
 }
 
-/// Sensors of a request, in the order of the tree.
+/// Sensor readings of a request, in the order of the tree.
 pub struct Measured<'a> {
     request: &'a Request,
     imu: &'a Imu,
@@ -143,10 +144,10 @@ impl Measured<'_> {
 }
 
 impl Request {
-    /// Reads a line.
+    /// Parses a line.
     ///
     /// # Errors
-    /// It is no such record; the message names the field.
+    /// Returns an error if the line is not a valid record; the message contains the field.
     pub fn from_line(line: &str) -> miette::Result<Self> {
         let mut reader = serde_json::Deserializer::from_str(line);
         let request = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
@@ -154,14 +155,15 @@ impl Request {
             let at = if path == "." { String::new() } else { format!("field {path}: ") };
             miette!(help = HELP, "{at}{}", error.inner())
         })?;
-        reader.end().into_diagnostic().wrap_err("after the record")?;
+        reader.end().into_diagnostic().wrap_err("unexpected text after the record")?;
         Ok(request)
     }
 
-    /// Transform from plan to world, if the record has one.
+    /// Transform from plan to world; `None` if the record has none.
     ///
     /// # Errors
-    /// The orientation is not a unit quaternion, the ground is steeper than 45°, or the position is too far from the origin.
+    /// Returns an error if the orientation is not a unit quaternion, if the ground is steeper than 45°, or if the position is
+    /// too far from the origin.
     pub fn world_from_plan(&self) -> miette::Result<Option<Isometry3<f64>>> {
         let Some(pose) = &self.world_from_plan else { return Ok(None) };
         let turn = rotation("world_from_plan.orientation_wxyz", pose.orientation_wxyz)?;
@@ -181,10 +183,10 @@ impl Request {
         Ok(Some(Isometry3::from_parts(Translation3::from(position_m), turn)))
     }
 
-    /// The measured state, if the record has a base.
+    /// Measured state; `None` if the record has no base.
     ///
     /// # Errors
-    /// The record is of another robot, or the orientation is none.
+    /// Returns an error if the record does not match the robot, or if the orientation is not a unit quaternion.
     pub fn state(&self, tree: &Tree) -> miette::Result<Option<State>> {
         let speed_rad_s = self.speeds(tree)?;
         let Some(base) = &self.base else { return Ok(None) };
@@ -204,10 +206,10 @@ impl Request {
         self.imu.is_some()
     }
 
-    /// Sensor readings; a record without an IMU has no IMU readings.
+    /// Sensor readings. A record without an IMU gives no IMU readings.
     ///
     /// # Errors
-    /// The record is of another robot.
+    /// Returns an error if the record does not match the robot.
     pub fn sensors(&self, tree: &Tree) -> miette::Result<Measured<'_>> {
         let imu = self.imu.as_ref().unwrap_or(&Imu { gyro_rad_s: None, accelerometer_m_s2: None });
         let speed_rad_s = self.speeds(tree)?;
@@ -215,7 +217,7 @@ impl Request {
         Ok(Measured { request: self, imu, joint_rad, speed_rad_s })
     }
 
-    /// Speeds of joints and wheels of this robot.
+    /// Speeds of the joints and wheels, checked against the robot.
     fn speeds(&self, tree: &Tree) -> miette::Result<Vec<f64>> {
         let (robot, joints) = (tree.robot(), self.joint_rad.len());
         for (field, count, wanted, what) in [
@@ -241,9 +243,9 @@ fn readings(of: &[Option<f64>]) -> impl Iterator<Item = f64> {
 }
 
 const HELP: &str =
-    "docs/tracking.md has the fields of a line; the first line of the program has their order";
+    "give the fields that docs/tracking.md lists, in the order of the first line of output";
 
-/// A rotation from a quaternion.
+/// Converts a unit quaternion to a rotation.
 fn rotation(field: &str, wxyz: [f64; 4]) -> miette::Result<UnitQuaternion<f64>> {
     let [w, x, y, z] = wxyz;
     let quaternion = Quaternion::new(w, x, y, z);
@@ -279,11 +281,11 @@ impl Encoders {
     }
 }
 
-/// The answer to a line: setpoints of all channels until the next tick.
+/// Answer to a line: set-points of all channels until the next tick.
 #[derive(Serialize)]
 pub struct Setpoints {
     time_s: f64,
-    /// Reason for setpoints of the plan in open loop or of its stop; null while the robot is tracked.
+    /// Reason why the set-points are those of the plan in open loop or of its stop; null while the robot is tracked.
     untracked: Option<String>,
     position_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Sequence that a robot plays in closed loop: `--play NAME:CYCLES` as plans of a library, joined by its transitions.
+//! Sequence of plans that a robot plays in closed loop: `--play NAME:CYCLES` of a library, joined by its transitions.
 
 use miette::miette;
 use rollwalk_planner::motion::Ends;
@@ -9,12 +9,12 @@ use rollwalk_terminal::planning::{Planned, Plans};
 use std::collections::VecDeque;
 use std::str::FromStr;
 
-/// Most cycles of a motion.
+/// Maximum number of cycles of a motion.
 const CYCLES_MAX: u32 = 100_000;
-/// Standing time in SAFE before the first motion and after the last one, s.
+/// Standing time in SAFE before the first motion and after the last, s.
 const STANDS_S: f64 = 0.5;
 
-/// A motion and how often it is played.
+/// Motion with its number of cycles.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Play {
     /// Name of the motion in the library.
@@ -30,8 +30,8 @@ impl FromStr for Play {
             None => (text, 1),
             Some((motion, cycles)) => {
                 let cycles = cycles.parse().ok().filter(|cycles| (1..=CYCLES_MAX).contains(cycles));
-                let form =
-                    "is not of the form MOTION or MOTION:CYCLES, as walk:5 (1 to 100000 cycles)";
+                let form = "is not of the form MOTION or MOTION:CYCLES, such as walk:5 (1 to 100000 \
+                     cycles)";
                 (motion, cycles.ok_or(form)?)
             }
         };
@@ -39,19 +39,19 @@ impl FromStr for Play {
     }
 }
 
-/// A step along the motion graph of a library.
+/// Step along the motion graph of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Edge {
-    /// A motion, and its cycles.
+    /// Index of a motion, and its number of cycles.
     Motion(usize, u32),
-    /// A transition, by its index.
+    /// Index of a transition.
     Transition(usize),
 }
 
-/// Checks that a library has the motions of a route.
+/// Checks that the library contains the motions of a route.
 ///
 /// # Errors
-/// One that it has not.
+/// Returns an error if a motion is missing.
 pub fn check(library: &Library, route: &[Play]) -> miette::Result<()> {
     route.iter().try_for_each(|play| find(library, &play.motion).map(drop))
 }
@@ -59,15 +59,15 @@ pub fn check(library: &Library, route: &[Play]) -> miette::Result<()> {
 fn find(library: &Library, motion: &str) -> miette::Result<usize> {
     let names: Vec<_> = library.file.motions.iter().map(|motion| motion.name.as_str()).collect();
     names.iter().position(|name| *name == motion).ok_or_else(|| {
-        let help = format!("its motions: {}", names.join(", "));
+        let help = format!("give one of its motions: {}", names.join(", "));
         miette!(help = help, "{} has no motion `{motion}`", library.file.name)
     })
 }
 
-/// The plans of a route from SAFE to SAFE, in their order.
+/// Returns the plans of a route from SAFE to SAFE, in order.
 ///
 /// # Errors
-/// A motion is not in the library, nothing leads to it, or a plan does not hold.
+/// Returns an error if a motion is not in the library, if it cannot be reached, or if a plan failed its checks.
 pub fn legs<'p>(
     library: &Library,
     plans: &'p Plans,
@@ -111,7 +111,8 @@ pub fn legs<'p>(
     legs.collect()
 }
 
-/// The shortest way from one motion to another: its transitions, and the motions between them, once each.
+/// Appends the shortest path from one motion to another: its transitions, and one cycle of each motion in between. Returns
+/// `None` if there is no path.
 fn way(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<()> {
     // The transition by which each motion was reached first.
     let mut reached: Vec<Option<usize>> = vec![None; plans.motions.len()];
@@ -154,7 +155,7 @@ fn holds(planned: &Planned) -> miette::Result<&Plan> {
     let plan = &planned.plan;
     if plan.solve.status != Status::Converged {
         return Err(miette!(
-            help = "`rollwalk library build` says why",
+            help = "find the reason with `rollwalk library build`",
             "the plan of `{}` does not hold",
             plan.motion.name
         ));

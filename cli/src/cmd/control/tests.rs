@@ -1,5 +1,5 @@
-//! Motions in closed loop over a simulated bus, in virtual time: AgileBot on the ground, its firmware, an operator, and a host
-//! whose ticks take a given time.
+//! Closed-loop motions over a simulated bus in virtual time: AgileBot on the ground, its firmware, an operator, and a host with
+//! a given computing time per tick.
 
 use super::conductor::{Conductor, Phase, wheels};
 use super::route::{self, Play};
@@ -22,10 +22,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 const S: u64 = 1_000_000;
-/// Time of a tick.
+/// Computing time of a tick.
 const TICK_US: u64 = 1_000;
 
-/// A library that is planned.
+/// Library with its plans.
 struct Planned {
     library: Library,
     plans: Plans,
@@ -46,7 +46,7 @@ impl Planned {
         self.conductor_for(play, rate_hz, identity(&self.file).expect("a library"))
     }
 
-    /// Conductor for a controller with a library of this identity.
+    /// Creates a conductor that expects a controller with this library.
     fn conductor_for(&self, play: &[&str], rate_hz: u32, library: u32) -> Conductor<'_> {
         let play: Vec<Play> = play.iter().map(|text| text.parse().expect("a motion")).collect();
         let legs = route::legs(&self.library, &self.plans, &play).expect("a way");
@@ -57,23 +57,23 @@ impl Planned {
     }
 }
 
-/// Messages that do not reach the host.
+/// Messages that are dropped on their way to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Loses {
     Nothing,
-    /// Ends of batches; the host then does not answer.
+    /// Final messages of the samples. Without them the host does not answer.
     Samples,
     Imu,
     /// Readings of the contact switches.
     Contacts,
 }
 
-/// A robot with a host.
+/// Simulated robot with a host.
 struct Bench<'p> {
     rig: Rig,
     operator: Operator,
     conductor: Conductor<'p>,
-    /// True while the conductor does nothing.
+    /// True while the conductor is not called.
     waits: bool,
     loses: Loses,
     at_us: Option<u64>,
@@ -153,7 +153,7 @@ impl<'p> Bench<'p> {
         }
     }
 
-    /// Frame as the host receives it; `None` if it is lost.
+    /// Returns the frame that the host receives; `None` if it is dropped.
     fn heard(&self, frame: Frame) -> Option<Frame> {
         use FromController as M;
         match (self.loses, FromController::decode(&frame)) {
@@ -177,7 +177,7 @@ impl<'p> Bench<'p> {
     }
 }
 
-/// Distance of the body divided by the distance of the plans.
+/// Distance covered by the body, as a fraction of the planned distance.
 fn way(bench: &Bench<'_>, before: [f64; 3]) -> f64 {
     let after = bench.place();
     let legs = bench.conductor.sequence().legs().iter();
@@ -283,7 +283,7 @@ fn a_robot_without_its_imu_is_brought_to_a_stop_and_home() {
     assert!(!tally.complete && tally.untracked > 10, "{tally:?}");
 }
 
-/// Switches that are heard no more in the middle of a step do not stay as they were.
+/// Loses the contact switches in the middle of a step. Their old readings must not remain in force.
 #[test]
 fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
     let planned = Planned::agilebot();
@@ -297,11 +297,11 @@ fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
     assert!((way - 1.0).abs() < 0.05, "{way}");
     assert!(bench.conductor.tally().complete && bench.falls() == 0);
     let messages = bench.operator.view(bench.now_us()).messages;
-    let warns = |text: &str| text.contains("contact switches are not heard");
+    let warns = |text: &str| text.contains("contact switches send no data");
     assert!(messages.iter().any(|message| warns(&message.text)), "{messages:?}");
 }
 
-/// Stops between the order to begin and the first sample of the motion.
+/// Stops between the start of the sequence and the first sample of the motion.
 #[test]
 fn one_that_is_stopped_before_it_moves_goes_home_at_once() {
     let planned = Planned::agilebot();

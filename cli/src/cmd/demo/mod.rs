@@ -21,14 +21,14 @@ use std::path::{Path, PathBuf};
 
 /// Plan, pack, flash and play a motion library on a simulated robot, and measure every stage.
 ///
-/// Every motion and every transition is optimised from scratch, packed into a motion library and flashed
-/// over a simulated CAN bus to the controller's firmware. The robot is armed, each motion is selected by
-/// its command code, every transition of the motion graph is played, and the robot returns to SAFE and is
-/// disarmed. It is on the ground, in a simulation of its whole body; with --on stand it hangs on a stand.
-/// The tables compare plans with physics, commands on the bus with plans, motors with commands, and the way of the
-/// robot on the ground with its plans; nothing in them is written by hand. Exit code 4 when a measured error exceeds its bound.
+/// Every motion and every transition is optimised from scratch, packed into a motion library and transferred over a simulated
+/// CAN bus to the controller's firmware. The robot is armed, each motion is selected by its command code, every transition of
+/// the motion graph is played, and the robot returns to SAFE and is disarmed. A simulation of its whole body stands on the
+/// ground; with --on stand the robot hangs on a stand. The tables compare plans with physics, commands on the bus with plans,
+/// motors with commands, and the path of the robot on the ground with its plans. The exit code is 4 if a measured error exceeds
+/// its limit.
 ///
-/// The library is AgileBot's, carried in the binary, unless --library names another.
+/// The library is that of AgileBot, embedded in the program, unless --library names another.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -44,7 +44,7 @@ The folder then holds
   bus.log            every frame of every CAN bus, as candump writes it
   serial.log         every packet of servos on serial lines, if the robot has any")]
 pub struct Args {
-    /// Folder for plans, plots, library and bus log; made if missing, in a folder that exists. Its files are replaced.
+    /// Folder for plans, plots, library and bus log. It is created if missing, in an existing folder; its files are replaced.
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Library file (TOML) to play instead of AgileBot's.
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         output::print_json(&outcome)?;
     } else {
         let text = table::render(&outcome);
-        output::print(&format!("{text}\nEverything is in {}", args.out.display()))?;
+        output::print(&format!("{text}\nAll files are in {}", args.out.display()))?;
     }
     Ok(if outcome.holds() { Exit::Ok } else { Exit::OutOfBounds })
 }

@@ -1,4 +1,4 @@
-//! Measurements of the demo and their bounds.
+//! Measurements of the demo and their limits.
 
 use super::score::{Score, scores};
 use super::world::World;
@@ -14,13 +14,15 @@ use rollwalk_terminal::inputs::Library;
 use rollwalk_terminal::planning::{Planned, Plans};
 use serde::Serialize;
 
-/// Plan against command, joints: the ends of a transition may be moved by so much onto the motions
-/// that it joins; rounding and the controller's cubics stay below that.
+/// Limit of the difference between planned and commanded joint angles, rad.
+///
+/// Packing may shift the ends of a transition by this tolerance, so that they meet the motions. Rounding and the controller's
+/// cubic interpolation stay below it.
 const COMMAND_JOINT_RAD: f64 = library::JOIN_TOLERANCE_RAD as f64;
-/// Difference of achieved and planned way and turn on the ground: what the thesis finds for the speed of the centre of mass in
+/// Limit of the relative error of distance and turn on the ground. The thesis finds this error of the centre of mass speed in
 /// its full-body simulation (sec. 2.6.4).
 const WAY_SHARE: f64 = 0.06;
-/// A bus above this load has no room left for repetitions.
+/// Maximum load of a bus, 0 to 1. Above it there is no capacity left for retransmissions.
 const BUS_LOAD: f64 = 0.7;
 
 #[derive(Serialize)]
@@ -28,17 +30,17 @@ pub struct Outcome {
     /// Name of the robot.
     pub robot: String,
     pub clips: Vec<Clip>,
-    /// Bytes of the motion library.
+    /// Size of the motion library, bytes.
     pub library_bytes: usize,
-    /// Time that the transfer of the library took on the simulated bus, s.
+    /// Time of the library transfer on the simulated bus, s.
     pub flash_s: f64,
-    /// Time from power-on to disarmed on the simulated robot's clock, s.
+    /// Time from power-on to disarmed, on the clock of the simulated robot, s.
     pub session_s: f64,
     /// Results on the ground; null on a stand.
     pub world: Option<World>,
-    /// Reason for an early end of the tour.
+    /// Reason why the tour ended early; null after a complete tour.
     pub stopped: Option<String>,
-    /// Motions in the order in which they were played.
+    /// Names of the motions in the order of playing.
     pub tour: Vec<String>,
     pub bounds: Vec<Bound>,
 }
@@ -51,7 +53,7 @@ pub struct Clip {
     pub code: Option<u8>,
     /// Status of the solve.
     pub status: Status,
-    /// Iterations of the optimiser.
+    /// Number of optimiser iterations.
     pub iterations: usize,
     /// Wall time of the solve, s.
     pub solve_s: f64,
@@ -61,25 +63,25 @@ pub struct Clip {
     pub dynamics_nm: f64,
     /// Worst slip of a wheel or foot in stance at the samples, mm/s.
     pub slip_mm_s: f64,
-    /// Bytes of its frames in the library.
+    /// Size of the motion's frames in the library, bytes.
     pub bytes: u32,
-    /// Time that it was played, s.
+    /// Playing time, s.
     pub played_s: f64,
-    /// Worst difference between plan and commanded setpoint of a joint, rad.
+    /// Worst difference between plan and commanded set-point of a joint, rad.
     pub command_joint_rad: f64,
-    /// Worst difference between plan and commanded setpoint of a wheel, rad/s.
+    /// Worst difference between plan and commanded set-point of a wheel, rad/s.
     pub command_wheel_rad_s: f64,
-    /// Worst difference between commanded setpoint and joint, rad.
+    /// Worst difference between commanded set-point and joint, rad.
     pub tracking_joint_rad: f64,
-    /// Worst difference between commanded setpoint and wheel, rad/s.
+    /// Worst difference between commanded set-point and wheel, rad/s.
     pub tracking_wheel_rad_s: f64,
-    /// Setpoints that came after the control period that they were for.
+    /// Number of set-points that arrived after their control period.
     pub late_setpoints: usize,
-    /// Load of the fullest bus while it was played, 0 to 1.
+    /// Load of the busiest bus during the motion, 0 to 1.
     pub bus_load: f64,
 }
 
-/// The worst of a quantity over all clips against what it may be.
+/// Worst value of a quantity over all clips, with its limit.
 #[derive(Serialize)]
 pub struct Bound {
     pub name: &'static str,
@@ -90,10 +92,10 @@ pub struct Bound {
 }
 
 impl Outcome {
-    /// Gathers the measurements of a demo.
+    /// Collects the measurements of a demo.
     ///
     /// # Errors
-    /// The library that was played does not read back.
+    /// Returns an error if the played library cannot be read back.
     pub fn new(
         library: &Library,
         plans: &Plans,
@@ -103,7 +105,7 @@ impl Outcome {
         let rig = &played.rig;
         let index = validate(packed, rig.config()).into_diagnostic()?;
         let view = library::Library::open(packed, &index)
-            .ok_or_else(|| miette::miette!("the library does not open"))?;
+            .ok_or_else(|| miette::miette!("the library that was just built cannot be read"))?;
         let in_clip_order: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
         let scores = scores(&in_clip_order, rig, &library.robot);
         let mut clips = Vec::new();
@@ -137,7 +139,7 @@ impl Outcome {
         })
     }
 
-    /// True if the tour was completed, every plan converged, every clip was played and every bound holds.
+    /// True if the tour was completed, every plan converged, every clip was played and every limit was met.
     pub fn holds(&self) -> bool {
         self.stopped.is_none()
             && self.bounds.iter().all(|bound| bound.holds)
@@ -167,7 +169,7 @@ fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
     }
 }
 
-/// Tolerances, taken from the reports, and the worst of all residuals over its level.
+/// Tolerances from the reports, and the maximum ratio of a residual to its tolerance.
 #[derive(Default)]
 struct Levels {
     linear: f64,
@@ -187,20 +189,22 @@ impl Levels {
     }
 }
 
-/// Plan against command and command against motor, wheels: the change that one 60 Hz frame allows,
-/// which is what grip and torque yield in that time. The ends of a transition may be moved by so much
-/// onto the motions that it joins, and the motor is no more than a frame late.
+/// Limit for wheels, rad/s: between planned and commanded speeds, and between commanded and motor speeds.
+///
+/// The limit is the maximum change of speed in one 60 Hz frame. Packing may shift the ends of a transition by as much, and a
+/// motor lags by at most one frame.
 fn wheel_step_rad_s(config: &RobotConfig) -> f64 {
     fastest(config, ChannelKind::WheelSpeed) / f64::from(library::RATE_HZ)
 }
 
-/// Highest rate of any channel of a kind: rad/s of joints, rad/s² of wheels.
+/// Maximum rate of any channel of a kind: rad/s for joints, rad/s² for wheels.
 fn fastest(config: &RobotConfig, kind: ChannelKind) -> f64 {
     let channels = config.channels.iter().filter(|channel| channel.kind == kind);
     channels.map(|channel| f64::from(channel.max_rate)).fold(0.0, f64::max)
 }
 
-/// The comparison of a step is with the setpoint of the same period, which the motor hears at its end.
+/// Limit for joints between commanded and measured angles, rad: the maximum change of angle in one control period. The motor
+/// receives the set-point of a period only at its end.
 fn joint_step_rad(config: &RobotConfig) -> f64 {
     fastest(config, ChannelKind::JointPosition) / f64::from(Settings::default().control_hz)
 }
@@ -210,7 +214,7 @@ fn bounds_on_ground(world: &World) -> [Bound; 2] {
         |name, worst, bound: f64| Bound { name, worst, bound, unit: "", holds: worst <= bound };
     [
         bound("falls on the ground", world.falls as f64, 0.0),
-        bound("way and turn on the ground against plan, as a share", world.goal_error(), WAY_SHARE),
+        bound("distance and turn on the ground, relative error", world.goal_error(), WAY_SHARE),
     ]
 }
 
@@ -225,7 +229,7 @@ fn bounds(clips: &[Clip], levels: &Levels, config: &RobotConfig, is_on_ground: b
         Bound { name, worst, bound, unit, holds: worst <= bound }
     };
     let residuals = Bound {
-        name: "any residual of a plan, as a part of its tolerance",
+        name: "largest residual / tolerance of the plans",
         worst: levels.worst_part,
         bound: 1.0,
         unit: "",

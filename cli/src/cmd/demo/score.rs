@@ -1,5 +1,5 @@
-//! Measurements of every clip while the library was played: deviation of the commands on the buses from the plan, deviation of
-//! the motors from the commands, and load of the buses.
+//! Measurements of every played clip: deviation of the bus commands from the plan, deviation of the motors from the commands,
+//! and load of the buses.
 
 use rollwalk_firmware::Settings;
 use rollwalk_planner::plan::Plan;
@@ -15,21 +15,21 @@ use std::collections::BTreeMap;
 /// Measurements of one clip.
 #[derive(Clone, Debug, Default)]
 pub struct Score {
-    /// Time that the clip was played, s.
+    /// Playing time of the clip, s.
     pub played_s: f64,
-    /// Worst difference between plan and commanded setpoint of a joint, rad.
+    /// Worst difference between plan and commanded set-point of a joint, rad.
     pub command_joint_rad: f64,
-    /// Worst difference between plan and commanded setpoint of a wheel, rad/s.
+    /// Worst difference between plan and commanded set-point of a wheel, rad/s.
     pub command_wheel_rad_s: f64,
-    /// Worst difference between command and motor.
+    /// Worst differences between commands and motors.
     pub tracking: TrackingError,
-    /// Setpoints that came later than the period that they were for.
+    /// Number of set-points that arrived after their control period.
     pub late_setpoints: usize,
-    /// Load of the fullest bus, 0 to 1.
+    /// Load of the busiest bus, 0 to 1.
     pub bus_load: f64,
 }
 
-/// Scores every clip that was played; `plans` are those of the clips, in clip order, `robot` is the rig's.
+/// Scores every played clip. `plans` are in the order of the clips; `robot` is the robot of the rig.
 pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Score> {
     let (records, period_us) =
         (rig.records(), 1_000_000 / u64::from(Settings::default().control_hz));
@@ -63,9 +63,10 @@ pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Sco
     scores
 }
 
-/// Clip and place in it, in frames, that the first of these records plays. That is what the record
-/// says, but for one step: where a motion is left, its exit frame is the transition's first one, and
-/// the way from there to the transition's second frame is the transition's.
+/// Returns the planned clip and its frame at the first of these records.
+///
+/// They equal those of the record, except in the step from a motion to a transition. The exit frame of the motion is also frame
+/// 0 of the transition, so the step to frame 1 belongs to the transition.
 fn planned_place(records: &[TickRecord]) -> (ClipId, f64) {
     let here = &records[0];
     let frame = here.phase_frames.floor();
@@ -78,14 +79,14 @@ fn planned_place(records: &[TickRecord]) -> (ClipId, f64) {
     }
 }
 
-/// A frame or packet: when it ended, and how long its bits took.
+/// Frame or packet: its end time, and the duration of its bits.
 struct Traffic {
     at_us: u64,
     interface: Interface,
     busy_s: f64,
 }
 
-/// Traffic of all buses in the order of time.
+/// Traffic of all buses, sorted by time.
 fn traffic(rig: &Rig, robot: &Robot) -> Vec<Traffic> {
     let rate = |interface| match interface {
         Interface::Link => DEFAULT_BITRATE,
@@ -103,7 +104,7 @@ fn traffic(rig: &Rig, robot: &Robot) -> Vec<Traffic> {
     all
 }
 
-/// Share of the time in which the fullest bus carried bits while a clip was played.
+/// Fraction of time in which the busiest bus carried bits, for each clip.
 fn bus_loads(records: &[TickRecord], traffic: &[Traffic], period_us: u64) -> BTreeMap<ClipId, f64> {
     let mut busy_s = BTreeMap::<(ClipId, Interface), f64>::new();
     let mut periods = BTreeMap::<ClipId, u64>::new();

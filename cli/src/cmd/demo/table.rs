@@ -1,4 +1,4 @@
-//! The demo's measurements as text.
+//! Text tables of the demo's measurements.
 
 use super::outcome::{Bound, Clip, Outcome};
 use super::world::World;
@@ -14,7 +14,7 @@ pub fn render(outcome: &Outcome) -> String {
     for clip in &outcome.clips {
         clips.row(cells(clip));
     }
-    let mut bounds = Table::new(["worst of all", "measured", "bound", "unit", ""]);
+    let mut bounds = Table::new(["largest value", "measured", "bound", "unit", ""]);
     for Bound { name, worst, bound, unit, holds } in &outcome.bounds {
         bounds.row([
             (*name).to_owned(),
@@ -25,10 +25,10 @@ pub fn render(outcome: &Outcome) -> String {
         ]);
     }
     let stopped = outcome.stopped.as_ref();
-    let stopped = stopped.map(|why| format!("The tour was stopped: {why}\n\n")).unwrap_or_default();
+    let stopped = stopped.map(|why| format!("The demo was stopped: {why}\n\n")).unwrap_or_default();
     format!(
-        "\n{stopped}{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, played in {:.1} s \
-         of the robot's time\n\n{}\n\n{LEGEND}\n\n{}{}\n",
+        "\n{stopped}{}: {} motions and transitions in a library of {} B, flashed in {:.2} s, \
+         played in {:.1} s of simulated time\n\n{}\n\n{LEGEND}\n\n{}{}\n",
         outcome.robot,
         outcome.clips.len(),
         outcome.library_bytes,
@@ -85,14 +85,14 @@ fn on_ground(world: &World) -> String {
 }
 
 const GROUND_LEGEND: &str = "\
-ahead, left     way of the centre of mass as the robot faced when it began; turned about the vertical
-goals           worst difference from the plan's goals, as a share of the goal
-tilt, slid      greatest tilt of the body; way that feet and wheels slid, all together
-force, work     greatest force on one foot or wheel; mechanical work of the motors";
+ahead, left     distance of the centre of mass in the initial heading; turned: about the vertical
+goals           largest error relative to a goal of the plan
+tilt, slid      largest tilt of the body; total distance that feet and wheels slid
+force, work     largest force on one foot or wheel; mechanical work of the motors";
 
 const LEGEND: &str = "\
 iter, time      optimiser iterations and wall time, from scratch
-dynamics, slip  worst residual of the equations of motion and of rolling, recomputed from the plan
+dynamics, slip  largest residual of the equations of motion and of rolling, recomputed from the plan
 size            bytes of the clip in the library
 command error   plan against the setpoints on the bus: joints, wheels
 tracking error  setpoints on the bus against the motors: joints, wheels
@@ -116,7 +116,7 @@ fn cells(clip: &Clip) -> [String; 13] {
     ]
 }
 
-/// Two significant digits, small numbers with an exponent.
+/// Formats a value with about two significant digits, small values with an exponent.
 fn number(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

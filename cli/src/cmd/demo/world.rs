@@ -1,4 +1,4 @@
-//! Results of each motion on the ground while the library was played, compared with its plan.
+//! Results of each motion on the ground, compared with its plan.
 
 use rollwalk_physics::world::{Totals, Way};
 use rollwalk_planner::motion::Ends;
@@ -8,43 +8,43 @@ use rollwalk_simulate::PlannedWay;
 use rollwalk_terminal::planning::Plans;
 use serde::Serialize;
 
-/// Everything that happened on the ground.
+/// Results on the ground.
 #[derive(Serialize)]
 pub struct World {
-    /// Motions and transitions, in the order in which they were played.
+    /// Motions and transitions in the order of playing.
     pub travels: Vec<Row>,
     pub falls: usize,
 }
 
-/// A motion or transition that was played.
+/// Motion or transition that was played.
 #[derive(Serialize)]
 pub struct Row {
     pub name: String,
     /// Playing time, s.
     pub played_s: f64,
-    /// Times that it was played, one after the other.
+    /// Number of consecutive cycles.
     pub cycles: f64,
-    /// Planned way of all of them.
+    /// Planned displacement of all cycles.
     pub planned: Way,
-    /// Way of the robot.
+    /// Measured displacement of the robot.
     pub achieved: Way,
-    /// Worst difference of achieved and planned where the plan has a goal, as a share of the goal; null without goals, and of a
-    /// loop that was left in its middle.
+    /// Worst relative error of the displacement in directions with a planned goal. Null without goals, and for a loop that
+    /// ended in mid-cycle.
     pub goal_error: Option<f64>,
-    /// Tilt, slip, force and work.
+    /// Totals of tilt, slip, force and work.
     #[serde(flatten)]
     pub totals: Totals,
 }
 
 impl World {
-    /// Compares the way of each clip that the robot played with the plan of that clip.
+    /// Compares the displacement of each played clip with its plan.
     pub fn new(plans: &Plans, travels: &[Travel], falls: usize) -> Self {
         let plans: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
         let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip.0))?, travel));
         Self { travels: travels.iter().filter_map(row).collect(), falls }
     }
 
-    /// The worst difference of achieved and planned of any goal, as a share of the goal.
+    /// Maximum relative error over all goals.
     pub fn goal_error(&self) -> f64 {
         self.travels.iter().filter_map(|row| row.goal_error).fold(0.0, f64::max)
     }

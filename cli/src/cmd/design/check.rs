@@ -1,4 +1,4 @@
-//! `rollwalk design check`: what may change about a robot.
+//! `rollwalk design check`: checks and prints the parameters of a design.
 
 use super::read;
 use rollwalk_design::designed::Designed;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Check a design file and print its parameters.
 ///
-/// Also tries every parameter at both of its bounds by itself, and says where that leads to a robot file that breaks a rule.
+/// Also tries each parameter alone at both of its bounds, and reports the bounds at which the robot file breaks a rule.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -26,7 +26,7 @@ pub struct Args {
     json: bool,
 }
 
-/// A parameter in the output of `--json`.
+/// Parameter in the output of `--json`.
 #[derive(Serialize)]
 struct Parameter<'a> {
     name: &'a str,
@@ -36,7 +36,7 @@ struct Parameter<'a> {
     step: Option<f64>,
     unit: &'static str,
     changes: String,
-    /// Problems of the robots at its bounds.
+    /// Problems of the robot at the bounds of the parameter.
     problems: Vec<String>,
 }
 
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         table.render()
     ))?;
     if let Some(beyond) = designed.beyond() {
-        output::say(format_args!("warning: as it is: {}", problems(beyond)));
+        output::say(format_args!("warning: original robot: {}", problems(beyond)));
     }
     for problem in parameters.iter().flat_map(|of| &of.problems) {
         output::say(problem);
@@ -105,7 +105,7 @@ fn parameter(designed: &Designed, index: usize) -> Parameter<'_> {
     }
 }
 
-/// Problems and their remedies.
+/// Faults of a robot file, with their remedies.
 fn problems(error: &DocumentError) -> String {
     let faults = error.faults().map(|fault| format!("{fault}: {}", fault.help));
     faults.collect::<Vec<_>>().join("; ")

@@ -1,4 +1,4 @@
-//! `rollwalk design edit`: manual changes, planned again.
+//! `rollwalk design edit`: changes parameters by hand and plans again.
 
 use super::given::{self, Given};
 use super::outcome::{Folder, Outcome};
@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 /// Change parameters of a robot by hand and plan its motions again.
 ///
-/// Writes a folder with the changed robot file, its comments kept, a plan of each motion, figures of each motion before and
-/// after, and a report. The exit code is 3 if a motion does not hold in simulation afterwards.
+/// Writes a folder with the changed robot file (comments are kept), a plan of each motion, figures of each motion before and
+/// after, and a report. The exit code is 3 if a motion fails its checks in simulation afterwards.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -23,13 +23,13 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
+    /// Parameters and their values, in m or rad; `+=` and `-=` change the value of the robot file.
     #[arg(value_name = "NAME=VALUE", required_unless_present = "servo", value_parser = given::parse)]
     given: Vec<Given>,
-    /// Another servo for an actuator of the robot file: its limits, torque-speed line and mass; may be given several times.
+    /// Other servo for an actuator of the robot file, with its limits, torque-speed line and mass; may be given several times.
     #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = given::parse_servo)]
     servo: Vec<[String; 2]>,
-    /// Catalogue of servos (TOML) [default: the one that ships, planner/design/servos.toml].
+    /// Servo catalogue (TOML) [default: the one that ships, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
     servos: Option<PathBuf>,
     #[command(flatten)]
@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut values = designed.original().to_vec();
     given.iter().for_each(|(index, value)| values[*index] = *value);
     if values == designed.original() && servos.is_empty() {
-        return Err(miette!("the robot file has these values already: nothing changes"));
+        return Err(miette!("the robot file already has these values: give other values"));
     }
     let mut shown = Shown::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);

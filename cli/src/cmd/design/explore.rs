@@ -6,7 +6,8 @@ use std::iter;
 
 /// Plan every point of a sweep: parameters, gaits, robots, servos.
 ///
-/// The program rollwalk-bench, which lies beside rollwalk, does it; `rollwalk design explore --help` prints its help.
+/// This command runs the program rollwalk-bench, which must be in the same folder as rollwalk or on the path. `rollwalk design
+/// explore --help` prints its help.
 #[derive(clap::Args)]
 #[command(
     disable_help_flag = true,
@@ -20,7 +21,7 @@ pub struct Args {
     words: Words,
 }
 
-/// Becomes the program.
+/// Replaces this process by the program.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     BENCH.run(iter::once("explore".into()).chain(args.words.words.iter().cloned()))
 }

@@ -1,4 +1,4 @@
-//! Changes on the command line: `thigh=0.13`, `thigh+=0.01`, `xm540=MX-64AT`.
+//! Changes given on the command line: `thigh=0.13`, `thigh+=0.01`, `xm540=MX-64AT`.
 
 use super::outcome::Swapped;
 use miette::{Report, miette};
@@ -7,7 +7,7 @@ use rollwalk_design::designed::Designed;
 use rollwalk_design::sweep::speed_of;
 use rollwalk_terminal::output;
 
-/// A parameter with the value that it is given, or by which it is changed.
+/// Parameter with its new value, or with the difference to its present value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Given {
     name: String,
@@ -15,10 +15,10 @@ pub struct Given {
     is_change: bool,
 }
 
-/// Reads `NAME=VALUE`, `NAME+=VALUE` or `NAME-=VALUE`.
+/// Parses `NAME=VALUE`, `NAME+=VALUE` or `NAME-=VALUE`.
 ///
 /// # Errors
-/// It is none of them.
+/// Returns an error if the text has none of these forms.
 pub fn parse(text: &str) -> Result<Given, String> {
     let (name, value) = text
         .split_once('=')
@@ -26,7 +26,9 @@ pub fn parse(text: &str) -> Result<Given, String> {
     let number = value.trim();
     let value: f64 =
         number.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
-            format!("`{number}` is not a number: give it in the parameter's unit, m or rad")
+            format!(
+                "`{number}` is not a number: give a value in the unit of the parameter, m or rad"
+            )
         })?;
     let (name, sign) = match name.strip_suffix(['+', '-']) {
         Some(shorter) if name.ends_with('-') => (shorter, Some(-1.0)),
@@ -40,10 +42,10 @@ pub fn parse(text: &str) -> Result<Given, String> {
     })
 }
 
-/// Indices and values of the parameters that are given.
+/// Returns the indices and new values of the given parameters.
 ///
 /// # Errors
-/// A parameter that the design has not, one given twice, or a value outside its bounds.
+/// Returns an error if the design lacks a parameter, if one is given twice, or if a value is outside its bounds.
 pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize, f64)>> {
     let parameters = &designed.file.parameters;
     let mut values: Vec<(usize, f64)> = Vec::new();
@@ -51,11 +53,11 @@ pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize
         let Some(index) = parameters.iter().position(|of| of.name == *name) else {
             let known: Vec<&str> = parameters.iter().map(|of| of.name.as_str()).collect();
             let servo = match designed.model_of(name) {
-                Some(_) => format!("; another servo for an actuator: --servo {name}=MODEL"),
+                Some(_) => format!("; to change the servo, give --servo {name}=MODEL"),
                 None => String::new(),
             };
             return Err(miette!(
-                help = format!("it has {}{servo}", known.join(", ")),
+                help = format!("give one of {}{servo}", known.join(", ")),
                 "design `{}` has no parameter `{name}`",
                 designed.file.name
             ));
@@ -65,7 +67,7 @@ pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize
         let value = if *is_change { designed.original()[index] + value } else { *value };
         if !(of.min..=of.max).contains(&value) {
             return Err(miette!(
-                help = "change the bounds in the design file if it can be made",
+                help = "give a value within the bounds, or change the bounds in the design file",
                 "{name} = {value} {unit} is outside its bounds, {} to {} {unit}",
                 of.min,
                 of.max
@@ -79,10 +81,10 @@ pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize
     Ok(values)
 }
 
-/// Reads `ACTUATOR=SERVO`.
+/// Parses `ACTUATOR=SERVO`.
 ///
 /// # Errors
-/// It is no such thing.
+/// Returns an error if the text has another form.
 pub fn parse_servo(text: &str) -> Result<[String; 2], String> {
     let both =
         text.split_once('=').map(|(of, servo)| [of, servo].map(|word| word.trim().to_owned()));
@@ -90,10 +92,11 @@ pub fn parse_servo(text: &str) -> Result<[String; 2], String> {
     both.ok_or_else(|| format!("`{text}`: give ACTUATOR=SERVO, such as xm540=MX-64AT"))
 }
 
-/// The design with other servos, and what they replace. Says where a servo's mass is not known.
+/// Returns the design with other servos, and the list of replacements. Prints a warning if the mass of a servo is unknown.
 ///
 /// # Errors
-/// An actuator that the robot file has not, a servo that the catalogue has not, or a robot file that breaks a rule with it.
+/// Returns an error if the robot file lacks an actuator, if the catalogue lacks a servo, if an actuator is given twice, or if
+/// the changed robot file breaks a rule.
 pub fn with_servos(
     designed: &Designed,
     given: &[[String; 2]],
@@ -111,7 +114,7 @@ pub fn with_servos(
         let Some(servo) = catalog.get(name) else {
             let all: Vec<&str> = catalog.servos().iter().map(|of| of.name.as_str()).collect();
             return Err(miette!(
-                help = format!("it has {}", all.join(", ")),
+                help = format!("give one of {}", all.join(", ")),
                 "the catalogue has no servo `{name}`"
             ));
         };

@@ -1,4 +1,4 @@
-//! `rollwalk design keep`: changes that leave a feature of the motions as it is.
+//! `rollwalk design keep`: changes parameters so that a feature of the motions stays the same.
 
 use super::given::{self, Given};
 use super::outcome::{Drift, Folder, Outcome};
@@ -9,10 +9,11 @@ use rollwalk_planner::sensitivity::Feature;
 use rollwalk_terminal::Exit;
 use std::path::PathBuf;
 
-/// Change some parameters, and let all others follow so that the motions keep a feature.
+/// Change some parameters, and adjust all others so that the motions keep a feature.
 ///
-/// The derivatives of the optimal plans say how the feature changes with every parameter; the smallest change of the other
-/// parameters is taken that keeps it (thesis 2.5.2). Writes what `rollwalk design edit` writes, and compares with it.
+/// The derivatives of the optimal plans give the change of the feature with respect to every parameter. The command takes the
+/// smallest change of the other parameters that keeps the feature (thesis 2.5.2). It writes the same files as `rollwalk design
+/// edit`, and compares with that command's result.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -21,7 +22,7 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Parameters and their values, in m or rad; `+=` and `-=` change what the robot file has.
+    /// Parameters and their values, in m or rad; `+=` and `-=` change the value of the robot file.
     #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
     given: Vec<Given>,
     /// Feature that the motions keep: pitch, tilt (roll and pitch), height, body (height and tilt), joints (angles), feet
@@ -47,7 +48,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if given.len() == designed.original().len() {
         return Err(miette!(
             help = "add parameters to the design file, or use `rollwalk design edit`",
-            "all parameters are given: nothing is left to follow"
+            "all parameters are given, so none is left to follow"
         ));
     }
     let folder = args.folder.open(&designed)?;

@@ -1,4 +1,4 @@
-//! `rollwalk design limits`: what limits a motion, and what its motors must do.
+//! `rollwalk design limits`: the active constraints of each motion, and the requirements on its motors.
 
 use super::{Shown, plan_original, read, report};
 use rollwalk_design::catalog::Catalog;
@@ -10,14 +10,16 @@ use rollwalk_terminal::output::{self, Table};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Constraints and servos that are shown.
+/// Maximum number of constraints in a table.
 const SHOWN: usize = 12;
+/// Maximum number of servos in a row of a table.
 const NAMED: usize = 4;
 
-/// Show what limits the motions of a design.
+/// Show which constraints limit the motions of a design.
 ///
-/// The multipliers of a plan's constraints are prices: how much better the best plan were if a limit were less tight. What does
-/// not push has no price. Then what the motors must do in all motions, and the lightest servos of a catalogue that would do.
+/// The price of a constraint is its Lagrange multiplier: the improvement of the optimal cost if the limit is relaxed by one
+/// unit. Inactive constraints have no price. The command then prints the speed and torque that the motors need in all motions,
+/// and the lightest servos of a catalogue that provide them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -26,7 +28,7 @@ pub struct Args {
     /// Design file (TOML).
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
-    /// Catalogue of servos (TOML) [default: the one that ships, planner/design/servos.toml].
+    /// Servo catalogue (TOML) [default: the one that ships, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml")]
     servos: Option<PathBuf>,
     /// Print as JSON.
@@ -49,7 +51,7 @@ struct Motors {
     motors: Vec<String>,
     speed_rad_s: f64,
     torque_nm: f64,
-    /// Names of servos that would do it, lightest first.
+    /// Names of servos that meet the requirements, lightest first.
     servos: Vec<String>,
 }
 
@@ -58,11 +60,11 @@ struct Motors {
 struct Limits {
     motion: String,
     prices: Vec<Limit>,
-    /// True if prices are rough, because Newton's method does not reach the optimum of the plan.
+    /// True if prices are rough, because Newton's method did not reach the optimum of the plan.
     estimated: bool,
 }
 
-/// A constraint that pushes.
+/// Active constraint.
 #[derive(Serialize)]
 struct Limit {
     constraint: String,
@@ -70,7 +72,7 @@ struct Limit {
     value: Option<f64>,
     subjects: Vec<String>,
     cost_per_unit: f64,
-    /// Part of the costs per hundredth of the field's number.
+    /// Relative change of cost if the value of the field changes by 1 %.
     cost_per_percent: Option<f64>,
 }
 
@@ -117,11 +119,11 @@ fn motors(duty: &Duty, catalog: &Catalog) -> Motors {
 
 /// Table of the requirements on motors, with the lightest servos that meet them.
 fn choices(motors: &[Motors]) -> String {
-    let titles = ["motors", "at most rad/s", "at most N·m", "lightest servos that do it"];
+    let titles = ["motors", "max rad/s", "max N·m", "lightest suitable servos"];
     let mut table = Table::new(titles);
     for of in motors {
         let servos = match &of.servos[..] {
-            [] => "none of the catalogue".to_owned(),
+            [] => "no servo in the catalogue".to_owned(),
             some => some[..some.len().min(NAMED)].join(", "),
         };
         table.row([
@@ -153,13 +155,13 @@ fn limit(price: Price) -> Limit {
 
 fn describe(limits: &Limits) -> String {
     let note = match limits.estimated {
-        true => "\nonly roughly: Newton's method does not reach the optimum of its plan",
+        true => "\napproximate costs: Newton's method did not converge to the optimum of this plan",
         false => "",
     };
     if limits.prices.is_empty() {
-        return format!("{}: nothing limits it but its goal{note}", limits.motion);
+        return format!("{}: only the goal limits this motion{note}", limits.motion);
     }
-    let mut table = Table::new([&limits.motion, "number", "cost for 1 % of it", "where"]);
+    let mut table = Table::new([&limits.motion, "value", "cost change for 1 % more", "where"]);
     for of in limits.prices.iter().take(SHOWN) {
         let number = match (of.field, of.value) {
             (Some(field), Some(value)) => format!("{field} = {value}"),

@@ -20,9 +20,9 @@ use rollwalk_terminal::{Exit, interrupt};
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Change a robot and its motions together: by hand, keeping what is good, or optimised.
+/// Change a robot and its motions together: by hand, keeping a feature, or by optimisation.
 ///
-/// A design file names a robot, motions, and what may change about the robot. docs/design.md is the guide.
+/// A design file names a robot, motions, and the parameters of the robot that may change. docs/design.md is the guide.
 #[derive(clap::Subcommand)]
 pub enum Action {
     Check(check::Args),
@@ -50,35 +50,36 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
     }
 }
 
-/// Ctrl-C: nothing is written.
+/// Interruption by Ctrl-C before anything was written.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted")]
 struct Stopped;
 
 impl miette::Diagnostic for Stopped {}
 
-/// A failure of work on a design, for the terminal.
+/// Converts a failure into a report for the terminal.
 fn report(failed: Failed) -> Report {
     match failed {
         Failed::Interrupted => Stopped.into(),
-        Failed::Robot(error) => Report::new(error).wrap_err(
-            "the parameters lead to a robot file, or to motions of it, that break a rule",
-        ),
+        Failed::Robot(error) => Report::new(error)
+            .wrap_err("with these parameters, the robot file or a motion breaks a rule"),
         Failed::CannotDo { .. } => miette!(
-            help = "`rollwalk design optimise` looks for the smallest changes with which it can",
+            help = "find the smallest changes that make the motion possible with `rollwalk design \
+                optimise`",
             "{failed}"
         ),
         Failed::Undefined { .. } => {
-            miette!(help = "give `power` in its place, or leave the motion out", "{failed}")
+            miette!(help = "give `power` instead, or leave out the motion", "{failed}")
         }
         Failed::NotOptimal(_) => miette!(
-            help = "`rollwalk design edit` works without derivatives; leave this motion out, or give it footfalls or targets",
+            help = "use `rollwalk design edit`, which requires no derivatives; or leave out this \
+                motion, or add footfalls or targets to it",
             "{failed}"
         ),
     }
 }
 
-/// Shows on stderr what is being planned.
+/// Display of the current solve on stderr.
 struct Shown {
     watch: Option<(String, Watch)>,
     verb: String,
@@ -89,7 +90,7 @@ impl Shown {
         Self { watch: None, verb: verb.to_owned() }
     }
 
-    /// Names what is being done.
+    /// Sets the verb of the next solves.
     fn now(&mut self, verb: &str) {
         self.verb = verb.to_owned();
         self.watch = None;
@@ -124,18 +125,19 @@ fn read(path: &Path) -> miette::Result<Designed> {
     Source::Disk.design(path)
 }
 
-/// The catalogue of servos in a file, or the one that ships.
+/// Reads a servo catalogue, or returns the one that ships.
 fn catalog(path: Option<&Path>) -> miette::Result<Catalog> {
     path.map_or_else(|| Ok(Catalog::shipped()), |path| Source::Disk.catalog(path))
 }
 
-/// Plans the motions of the original robot, which it need not be able to do.
+/// Plans the motions of the original robot. Returns an error if the robot cannot reach the targets of its motions, or if the
+/// design has no motions.
 fn plan_original(designed: &Designed, watch: &mut Seen<'_>) -> miette::Result<Plans> {
     if let Some(beyond) = designed.beyond() {
         let names: Vec<&str> = designed.file.parameters.iter().map(|of| of.name.as_str()).collect();
         let why = format!(
-            "the robot as it is cannot be asked for its motions, so that there is no plan to learn from: change {} first, by `rollwalk \
-             design edit`, which needs none",
+            "the original robot cannot do its motions, so there is no plan to start from: first \
+             change {} with `rollwalk design edit`, which requires no plan",
             names.join(" or ")
         );
         return Err(Report::new(beyond.clone()).wrap_err(why));
@@ -144,7 +146,7 @@ fn plan_original(designed: &Designed, watch: &mut Seen<'_>) -> miette::Result<Pl
     if plans.solutions.is_empty() {
         return Err(miette!(
             help = "add motions = [ { file = \"walk.toml\" } ]",
-            "design `{}` names no motions: nothing can be planned",
+            "design `{}` has no motions to plan",
             designed.file.name
         ));
     }

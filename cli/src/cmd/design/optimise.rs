@@ -1,4 +1,4 @@
-//! `rollwalk design optimise`: the best parameters within their bounds.
+//! `rollwalk design optimise`: searches the best parameters within their bounds.
 
 use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
@@ -9,13 +9,14 @@ use rollwalk_terminal::{Exit, output};
 use std::cell::RefCell;
 use std::path::PathBuf;
 
-/// Find parameters within their bounds with which the motions are best.
+/// Find the parameters within their bounds that minimise the design's goal.
 ///
-/// What is best stands in the design file's `[goal]`: quantities to minimise, and bounds to keep. Several motions are optimised
-/// at once (thesis 2.5.3). A robot that cannot do a motion as it is designed is repaired first, by the smallest changes with
-/// which it can; without `[goal]` that is all. If no design within the bounds is better, the robot stays as it is. Writes what
-/// `rollwalk design edit` writes, with a row for every step of the design. The exit code is 3 if no design within the bounds
-/// can do the motions, if one does not hold in simulation afterwards, or if a quantity under `keep` is beyond its bound.
+/// The `[goal]` of the design file lists quantities to minimise, and bounds to keep. Several motions are optimised together
+/// (thesis 2.5.3). A robot that cannot do a motion is repaired first, by the smallest changes that make the motion feasible;
+/// without `[goal]` the command ends there. If no design within the bounds is better, the robot stays as it is. The command
+/// writes the same files as `rollwalk design edit`, with a table of all design steps. The exit code is 3 if no design within
+/// the bounds can do the motions, if a motion fails its checks in simulation afterwards, or if a quantity under `keep` exceeds
+/// its bound.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -69,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         None if repairs.is_empty() => {
             return Err(miette!(
                 help = "add [goal] with minimise = { peak_joint_speed = 1.0 }; docs/design.md lists the quantities",
-                "design `{}` has no [goal], and can do its motions as it is",
+                "design `{}` has no [goal], and its robot can do all motions without changes",
                 designed.file.name
             ));
         }
@@ -84,7 +85,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut after = designed.made(last, &predicted, watch).map_err(report)?;
     if !after.all_hold() && last.all_hold() {
         output::say(
-            "rounded to the steps of its parameters no robot near the one that was found can do its motions: give finer steps",
+            "after rounding to the steps of the parameters, no robot near the optimum can do the \
+             motions: give finer steps",
         );
     }
     let mut is_better = None;

@@ -1,4 +1,4 @@
-//! Results of a design change: robot file, plans, figures and report in a folder.
+//! Results of a design change: a folder with robot file, plans, figures and report.
 
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
@@ -20,7 +20,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, Item, Value};
 
-/// Rate at which features of two plans are compared, Hz.
+/// Sampling rate at which features of two plans are compared, Hz.
 const RATE_HZ: f64 = 60.0;
 const REPORT: [&str; 2] = ["report.md", "report.json"];
 /// Figure of the robot before and after.
@@ -29,7 +29,7 @@ const ROBOT_FIGURE: &str = "robot.svg";
 /// Destination and format of the results.
 #[derive(clap::Args)]
 pub struct Folder {
-    /// Folder for the robot file, the motion files, the plans, the figures and the report; made if it is missing.
+    /// Folder for the robot file, the motion files, the plans, the figures and the report; created if it is missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Print the report as JSON.
@@ -37,19 +37,19 @@ pub struct Folder {
     json: bool,
 }
 
-/// A folder that can be written.
+/// Folder whose files can all be written.
 pub struct Place<'a> {
     folder: &'a Folder,
     robot: PathBuf,
-    /// Names of the motions' files, without ending.
+    /// Names of the motion files, without extension.
     motions: Vec<String>,
 }
 
 impl Folder {
-    /// Makes the folder and checks that all files in it can be written, before long work.
+    /// Creates the folder and checks that all files in it can be written, before long work.
     ///
     /// # Errors
-    /// The operating system refuses, or a file there is an input.
+    /// Returns an error if the operating system refuses, or if a file in the folder is an input.
     pub fn open(&self, designed: &Designed) -> miette::Result<Place<'_>> {
         files::make_folder(&self.output)?;
         let robot = Path::new(&designed.file.robot).file_name().unwrap_or_default();
@@ -81,10 +81,10 @@ impl Place<'_> {
         self.motions.iter().map(|name| format!("{name}.plan.json"))
     }
 
-    /// Writes everything and prints the report.
+    /// Writes all files and prints the report.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn write(
         &self,
         outcome: &Outcome,
@@ -135,7 +135,7 @@ impl Place<'_> {
         })
     }
 
-    /// A motion file that names the robot file beside it.
+    /// Motion file with the path of the changed robot file.
     fn of_robot(&self, text: &str) -> String {
         let Ok(mut document) = text.parse::<DocumentMut>() else { return text.to_owned() };
         if let Some(value) = document.get_mut("robot").and_then(Item::as_value_mut) {
@@ -159,42 +159,43 @@ pub struct Outcome {
     command: &'static str,
     design: String,
     parameters: Vec<Changed>,
-    /// Servos that have come in the place of others.
+    /// Replaced servos.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub servos: Vec<Swapped>,
-    /// Mass of the robot, before and after, kg; nothing of one of which the motions could not be asked.
+    /// Mass of the robot before and after, kg. `None` for a robot that cannot reach the targets of its motions.
     mass_kg: [Option<f64>; 2],
     motions: Vec<Compared>,
-    /// Deviation of the feature in `keep` from the original motions: after the manual change, and kept.
+    /// Deviation of the feature of `keep` from the original motions: after the manual change alone, and after adjusting the
+    /// other parameters.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drifts: Vec<(&'static str, Drift)>,
-    /// Bounds that the goal of `optimise` keeps.
+    /// Bounds in the goal of `optimise`.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "bounds")]
     pub kept: Vec<Kept>,
-    /// Designs of `optimise` on its way.
+    /// Accepted designs of `optimise`, one for each step.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
-    /// True if `optimise` found a better design than the original one, or than its repair.
+    /// True if `optimise` found a better design than the original or repaired one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is_better: Option<bool>,
     /// True if `optimise` reached its maximum number of steps.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_cut_short: bool,
-    /// Motions whose derivatives are estimates in `optimise`.
+    /// Motions whose derivatives in `optimise` are estimates.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub estimated_motions: Vec<String>,
-    /// Ratio of achieved to predicted gain of the objective, over all steps that `optimise` tried.
+    /// Ratio of achieved to predicted improvement of the objective, over all steps that `optimise` tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain_of_predicted: Option<f64>,
-    /// Designs of `optimise` until the robot could do all motions; empty if the original one could.
+    /// Designs of `optimise` up to the first that can do all motions; empty if the original one can.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "repairs")]
     pub repairs: Vec<repair::Step>,
-    /// Designs on the way that could not do a motion.
+    /// Intermediate designs that could not do a motion.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<String>,
 }
 
-/// A quantity of a motion with its bound, as in JSON.
+/// Quantity of a motion with its bound, as in JSON.
 #[derive(Serialize)]
 struct Bounded<'a> {
     motion: &'a str,
@@ -224,7 +225,7 @@ fn repairs<S: serde::Serializer>(steps: &[repair::Step], serializer: S) -> Resul
     serializer.collect_seq(steps.iter().map(|step| (&step.values, step.worst_level)))
 }
 
-/// A parameter before and after.
+/// Parameter before and after.
 #[derive(Serialize)]
 struct Changed {
     name: String,
@@ -235,7 +236,7 @@ struct Changed {
     max: f64,
 }
 
-/// Servos of an actuator before and after.
+/// Servo model of an actuator before and after.
 #[derive(Serialize)]
 pub struct Swapped {
     /// Name of the actuator in the robot file.
@@ -246,38 +247,39 @@ pub struct Swapped {
     pub after: String,
 }
 
-/// A motion before and after.
+/// Motion before and after.
 #[derive(Serialize)]
 struct Compared {
     motion: String,
     consistent: bool,
-    /// Verdict on the plan in words.
+    /// Verdict on the plan as a sentence.
     conclusion: String,
-    /// Verdicts of the simulation, before and after; null for a plan that did not converge, and after Ctrl-C.
+    /// Verdicts of the simulation before and after; null for a plan that did not converge, and after Ctrl-C.
     simulated: [Option<Verdict>; 2],
-    /// Reason, from the motion file, why the motion needs feedback.
+    /// Reason in the motion file why the motion needs feedback.
     #[serde(skip_serializing_if = "Option::is_none")]
     needs_feedback: Option<String>,
     quantities: Vec<Pair>,
 }
 
 impl Compared {
-    /// True if the new plan is consistent, and the motion holds in simulation or needs feedback.
+    /// True if the new plan is consistent, and if the motion passes its checks in simulation or needs feedback.
     fn holds(&self) -> bool {
         let simulated = self.simulated[1].is_none_or(|verdict| verdict.holds());
         self.consistent && (simulated || self.needs_feedback.is_some())
     }
 }
 
-/// A quantity of a motion before and after.
+/// Quantity of a motion before and after.
 #[derive(Serialize)]
 struct Pair {
     name: &'static str,
     unit: &'static str,
-    /// Absent of a plan that did not converge: it is no motion.
+    /// Value before; null if the plan did not converge.
     before: Option<f64>,
+    /// Value after; null if the plan did not converge.
     after: Option<f64>,
-    /// After over before; absent where there was next to nothing before.
+    /// Ratio of after to before; null if the value before is close to zero.
     ratio: Option<f64>,
 }
 
@@ -291,7 +293,7 @@ pub struct Drift {
 }
 
 impl Drift {
-    /// Deviation between plans of the same motions.
+    /// Deviation between two sets of plans of the same motions.
     pub fn between(feature: Feature, before: &Plans, after: &Plans) -> Self {
         let curve = |plans: &Plans| -> Vec<f64> {
             plans.plans().flat_map(|plan| feature.of_plan(&resample(plan, RATE_HZ))).collect()
@@ -308,8 +310,8 @@ impl Drift {
 }
 
 impl Outcome {
-    /// Compares two designs, or shows one whose motions could not be asked of the original; plays their plans in the simulated
-    /// world.
+    /// Compares two designs, and plays their plans in the simulated world. `before` is `None` if the original robot cannot
+    /// reach the targets of its motions.
     pub fn new(
         command: &'static str,
         designed: &Designed,
@@ -350,8 +352,8 @@ impl Outcome {
         let mut table = Table::new(["parameter", "before", "after", "change", "unit", "bounds"]);
         for of in &self.parameters {
             let at = match of.after {
-                after if after <= of.min => "at its least",
-                after if after >= of.max => "at its most",
+                after if after <= of.min => "at its minimum",
+                after if after >= of.max => "at its maximum",
                 _ => "",
             };
             table.row([
@@ -387,7 +389,7 @@ impl Outcome {
             let simulated =
                 |of: &Option<Verdict>| of.map_or("not simulated".to_owned(), |of| of.to_string());
             let needs = motion.needs_feedback.as_ref().map_or(String::new(), |why| {
-                format!("\nthe motion needs feedback, as its file says: {why}")
+                format!("\nthe motion needs feedback according to its file: {why}")
             });
             let before = match before == after {
                 true => ", as before".to_owned(),
@@ -433,7 +435,7 @@ impl Outcome {
         if !self.repairs.is_empty() {
             let rows =
                 self.repairs.iter().map(|step| (format!("{:.3}", step.worst_level), &step.values));
-            parts.push(self.steps_table("repair", "worst, of its tolerance", rows).render());
+            parts.push(self.steps_table("repair", "worst residual / tolerance", rows).render());
         }
         if !self.steps.is_empty() {
             let rows = self.steps.iter().map(|step| (format!("{:.4}", step.merit), &step.values));
@@ -441,32 +443,33 @@ impl Outcome {
         }
         if !self.estimated_motions.is_empty() {
             let gain = self.gain_of_predicted.map_or(String::new(), |part| {
-                format!("; steps gained {:.0} % of what was predicted", part * 100.0)
+                format!("; steps achieved {:.0} % of the predicted gain", part * 100.0)
             });
             parts.push(format!(
-                "derivatives of {} are estimates with the curvature of Gauss and Newton: no optimum near its plan was found at which second \
-                 derivatives are positive{gain}",
+                "derivatives of {} are Gauss-Newton estimates, because no optimum with positive \
+                 second derivatives was found near its plan{gain}",
                 self.estimated_motions.join(", ")
             ));
         }
         if self.is_cut_short {
             let taken = self.steps.len() - 1;
             parts.push(format!(
-                "stopped after {taken} steps: optimise the design again from the robot that is written to go on"
+                "stopped after {taken} steps: to continue, optimise the design again from the \
+                 written robot"
             ));
         }
         if self.is_better == Some(false) {
             let stays = match self.repairs.is_empty() {
-                true => "the robot stays as it is",
-                false => "the robot is the repaired one",
+                true => "the robot is unchanged",
+                false => "the repaired robot is written",
             };
             parts.push(format!("no better design was found within the bounds: {stays}"));
         }
-        parts.extend(self.lost.iter().map(|lost| format!("on the way: {lost}")));
+        parts.extend(self.lost.iter().map(|lost| format!("during the optimisation: {lost}")));
         parts.join("\n\n")
     }
 
-    /// Designs on the way, with what they were judged by.
+    /// Table of intermediate designs; `judged_by` is the title of the column with their verdict.
     fn steps_table<'a>(
         &self,
         number: &str,
@@ -485,12 +488,12 @@ impl Outcome {
     }
 }
 
-/// Mass of a robot.
+/// Mass of a robot, kg.
 fn mass_kg(plans: &Plans) -> f64 {
     plans.variant.robot.links.iter().map(|link| link.mass_kg).sum()
 }
 
-/// A plan before for each one after, if there is one.
+/// Original plan for each plan after the change; `None` where it is missing.
 fn plans_of<'p>(before: Option<&'p Plans>, after: &Plans) -> Vec<Option<&'p Plan>> {
     let count = after.solutions.len();
     let before = before.into_iter().flat_map(Plans::plans).map(Some);
@@ -524,7 +527,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> Compared {
     }
 }
 
-/// A number with four digits that count, not in exponents.
+/// Formats a value with four significant digits, without an exponent.
 fn digits(value: f64) -> String {
     let magnitude = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
     format!("{value:.*}", (3 - magnitude).clamp(0, 6) as usize)

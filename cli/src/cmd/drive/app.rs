@@ -1,4 +1,4 @@
-//! The loop of a drive: keys, sticks, plans and frames in; requests, frames and a screen out.
+//! Loop of a drive: reads keys, sticks, plans and frames; sends requests and frames, and draws the screen.
 
 use super::controls::{Controls, Meaning, sticks};
 use super::screen::{self, Scene};
@@ -26,9 +26,9 @@ use std::time::Duration;
 
 /// Interval between redraws of the screen, µs.
 const DRAW_US: u64 = 50_000;
-/// Interval between lines of a drive without a terminal, µs.
+/// Interval between printed lines of a drive without a terminal, µs.
 const TELL_US: u64 = 1_000_000;
-/// Longest time until the robot follows the steering of a drive without a terminal, µs.
+/// Maximum time until the robot follows the steering of a drive without a terminal, µs.
 const START_US: u64 = 20_000_000;
 /// Time without contact after which a drive without a terminal ends, µs.
 const SILENT_US: u64 = 5_000_000;
@@ -45,20 +45,20 @@ pub struct App<'a> {
     bus: String,
     steered: Steered,
     controls: Controls,
-    /// The gamepad, if one steers.
+    /// Gamepad that steers; `None` without one.
     pub gamepad: Option<Gamepad>,
-    /// The library that the controller has to have.
+    /// Library that the controller must have.
     catalog: Catalog,
-    /// True once a message reported another library on the controller.
+    /// True after a message about a different library on the controller.
     is_other: bool,
-    /// Times of plans, ms.
+    /// Planning times, ms.
     took_ms: Vec<f64>,
     asked_to_end: Arc<AtomicBool>,
     rounds: Arc<AtomicU64>,
 }
 
 impl<'a> App<'a> {
-    /// A drive on an open bus.
+    /// Starts a drive on an open bus.
     pub fn new(
         link: &'a LinkArgs,
         bus: Live,
@@ -89,7 +89,7 @@ impl<'a> App<'a> {
     /// Runs with keys and gamepad until the operator leaves.
     ///
     /// # Errors
-    /// The terminal is gone.
+    /// Returns an error if the terminal is gone.
     pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<Ending> {
         for signal in [SIGINT, SIGTERM] {
             // Fails only for signals that cannot be caught.
@@ -136,7 +136,7 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Arms, steers by a list, stops, disarms and ends; prints what happens.
+    /// Arms the robot, steers it by a list of steps, stops and disarms it; prints the events.
     pub fn steer(&mut self, steps: &[Step], until_s: f64) -> Ending {
         self.steered.pilot = Pilot::new(true);
         let (mut said, mut tell_us, mut heard_us) = (None, 0, 0);
@@ -190,7 +190,8 @@ impl<'a> App<'a> {
         view.link.contact && view.status.as_ref().is_some_and(has_to_be_cleared)
     }
 
-    /// Prints a line of a drive without a terminal: in the first column the clock of all its lines, then that of `--steer`.
+    /// Prints a line of a drive without a terminal. The first time is that of all messages, the second is the time base of
+    /// `--steer`.
     fn tell(&self, now_us: u64, time_s: f64, steering: Steering) {
         let [forward, left, turn] = self.steered.pilot.tally().velocity;
         let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
@@ -205,7 +206,7 @@ impl<'a> App<'a> {
         }
     }
 
-    /// Takes plans, asks for plans, sends.
+    /// Passes finished plans to the operator, requests new plans, and sends frames.
     fn turn(&mut self, now_us: u64) {
         let operator = &mut self.operated.operator;
         let took_ms = &mut self.took_ms;
@@ -213,14 +214,14 @@ impl<'a> App<'a> {
         let library = operator.hello().and_then(|hello| hello.library);
         if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
             self.is_other = true;
-            let text =
-                "the controller has another library than the one named: its SAFE pose may differ";
+            let text = "the library of the controller differs from the given library: the SAFE pose may \
+                 be another one";
             operator.say(now_us, Weight::Warning, text);
         }
         self.operated.send();
     }
 
-    /// True if there is a deadman that is not held.
+    /// True if the gamepad has a deadman switch that is released.
     fn is_let_go(&self, now_us: u64) -> bool {
         self.operated.operator.view(now_us).deadman_held == Some(false)
     }
@@ -263,7 +264,7 @@ impl<'a> App<'a> {
         self.operated.operator.want(now_us, intent);
     }
 
-    /// Does what the buttons of the gamepad say, and returns where its sticks are.
+    /// Executes the buttons of the gamepad, and returns the deflections of its sticks.
     fn read_gamepad(&mut self, now_us: u64) -> [f64; 3] {
         let Some(gamepad) = &mut self.gamepad else { return [0.0; 3] };
         let wishes = gamepad.wishes(now_us);
@@ -291,7 +292,7 @@ impl<'a> App<'a> {
         sticks
     }
 
-    /// Result of the drive; `is_whole` is true if all its steering was done.
+    /// Returns the result of the drive; `is_whole` is true if all steering steps were completed.
     fn ending(&mut self, is_whole: bool) -> Ending {
         let now_us = self.operated.now_us();
         let view = self.operated.operator.view(now_us);
@@ -303,7 +304,8 @@ impl<'a> App<'a> {
         };
         let mut words = match (at(0.5), at(0.99)) {
             (Some(median), Some(most)) => format!(
-                "{planned} horizons in {median:.0} ms (99 %: {most:.0} ms), {rejected} not accepted, {} frames ahead at least; ",
+                "{planned} horizons planned in {median:.0} ms (99 %: {most:.0} ms), {rejected} \
+                 rejected, at least {} frames ahead; ",
                 least_ahead.unwrap_or(0)
             ),
             _ => "nothing was planned; ".to_owned(),
@@ -314,7 +316,7 @@ impl<'a> App<'a> {
         };
         words += &format!("left; the robot is {}", state_name(status.state));
         if has_to_be_cleared(&status) {
-            words += ": `rollwalk clear` it before it is armed";
+            words += ": type `rollwalk clear` before arming it";
         }
         let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
         let exit = match is_home && status.faults.is_empty() {
@@ -326,7 +328,8 @@ impl<'a> App<'a> {
     }
 }
 
-/// True if the robot stays stopped until it is cleared. `TorqueOff` becomes `Disarmed` by itself unless a fault is latched.
+/// True if the robot stays stopped until the stop is cleared. `TorqueOff` becomes `Disarmed` automatically unless a fault is
+/// latched.
 fn has_to_be_cleared(status: &Status) -> bool {
     status.state == State::EStopped || status.state == State::TorqueOff && !status.faults.is_empty()
 }

@@ -1,4 +1,4 @@
-//! Steering inputs of the operator: keys of a terminal, and sticks of a gamepad.
+//! Steering inputs of the operator: keys of a terminal and sticks of a gamepad.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_gamepads::inputs::{Push, push};
@@ -6,36 +6,36 @@ use rollwalk_host::operator::Intent;
 use rollwalk_pilot::{After, Fastest, Wanted};
 use rollwalk_planner::receding::Steering;
 
-/// Steps from rest to the fastest.
+/// Number of key presses from rest to the maximum speed.
 const STEPS: f64 = 5.0;
-/// Time within which the same key that stops or leaves counts once, µs: terminals report a key that is held like presses.
+/// Time within which repeated presses of a stop key count as one, µs. Terminals report a held key as repeated presses.
 const HELD_US: u64 = 700_000;
-/// Part of a stick's way in which it is at rest.
+/// Dead zone of a stick, as a fraction of its full deflection.
 const DEAD_ZONE: f64 = 0.1;
-/// Axes that steer: forward, to the left, and turning to the left.
+/// Gamepad axes for steering forward, left and turning left.
 const AXES: [&str; 3] = ["ABS_Y-", "ABS_X-", "ABS_RX-"];
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
-    /// The steering has changed.
+    /// The steering changed.
     Steered,
-    /// Stop, go to SAFE, and what follows.
+    /// Stop, go to SAFE, then do what follows.
     Stop(After),
-    /// Something for the robot.
+    /// Request for the robot.
     Want(Intent),
 }
 
 #[derive(Clone, Copy, Debug)]
 pub struct Controls {
     fastest: Fastest,
-    /// Forward, to the left and turning to the left, in steps.
+    /// Steering forward, left and turning left, in steps.
     steps: [f64; 3],
-    /// True if there is a gait to walk in.
+    /// True if the robot has a gait to walk in.
     has_gait: bool,
-    /// True if the robot rolls although it could walk.
+    /// True if the robot drives on its wheels although it could walk.
     rolls: bool,
-    /// The last key, and when, µs.
+    /// Previous key, and its time, µs.
     last: Option<(KeyCode, u64)>,
 }
 
@@ -48,7 +48,7 @@ impl Controls {
         self.steps = [0.0; 3];
     }
 
-    /// Steering from keys and sticks. Sticks, −1 to 1 each, add to the keys.
+    /// Steering from keys and sticks. The deflections of the sticks, −1 to 1, are added to the keys.
     pub fn wanted(&self, sticks: [f64; 3]) -> Wanted {
         let part = |c: usize| (self.steps[c] / STEPS + sticks[c]).clamp(-1.0, 1.0);
         let Fastest { speed_m_s, turn_rad_s } = self.fastest;
@@ -60,12 +60,12 @@ impl Controls {
         self.wanted_of(steering)
     }
 
-    /// The same for steering that is given: a robot with a gait walks unless it stands.
+    /// Request for a given steering. A robot with a gait walks unless it stands.
     pub fn wanted_of(&self, steering: Steering) -> Wanted {
         Wanted::of(steering, self.has_gait && !self.rolls)
     }
 
-    /// Meaning of a key that is pressed now. Repeats of a held key count only for steering and the emergency stop.
+    /// Returns the meaning of a key that is pressed now. A held key repeats only steering and the emergency stop.
     pub fn press(&mut self, now_us: u64, key: KeyEvent) -> Option<Meaning> {
         if key.kind == KeyEventKind::Release {
             return None;
@@ -120,8 +120,8 @@ impl Controls {
     }
 }
 
-/// Deflections of the sticks of a gamepad, −1 to 1: forward, to the left and turning to the left. `pushed` returns the deflection
-/// of an axis in one direction, 0 to 1.
+/// Returns the deflections of a gamepad's sticks, −1 to 1: forward, left and turning left. `pushed` returns the deflection of
+/// an axis in one direction, 0 to 1.
 pub fn sticks(pushed: impl Fn(Push) -> f32) -> [f64; 3] {
     AXES.map(|name| {
         let to = push(name).expect("an axis of that name");

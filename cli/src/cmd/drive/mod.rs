@@ -1,4 +1,4 @@
-//! `rollwalk drive`: steer a robot continuously; its motion is planned as it goes.
+//! `rollwalk drive`: steers a robot continuously while its motion is being planned.
 
 mod app;
 mod controls;
@@ -26,17 +26,17 @@ use std::path::PathBuf;
 
 /// Steer the robot continuously, by keys or a gamepad: forward, sideways, turning, to a halt, and from driving to walking.
 ///
-/// The motion of the next second or two is planned again and again, several times a second, and streamed to the controller. The
-/// robot begins and ends in the SAFE pose of its motion library. It walks in the gait of a periodic plan, if one is given,
-/// while it is steered, and stands or drives on all its wheels otherwise. Nothing is measured: plans are played as those of a
-/// library are, so that a gait must be one that the robot walks well from a library.
+/// The motion of the next one or two seconds is planned several times a second, and streamed to the controller. The robot
+/// begins and ends in the SAFE pose of its motion library. If a periodic plan is given, the robot walks in its gait while it is
+/// steered; otherwise it stands or drives on all its wheels. Nothing is measured: plans are played in open loop as from a
+/// library, so the gait must be one that the robot walks well from a library.
 ///
 /// Arrow keys steer forward, back and turns, `,` and `.` sideways, each in five steps; `x` stops. SPACE or Esc is the emergency
-/// stop; `a` arms, `r` goes to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, also in the middle of a
-/// step. With --steer it needs no terminal: it arms the robot, steers it by the list, and disarms it.
+/// stop; `a` arms, `r` goes to SAFE, `q` goes to SAFE, disarms and quits; a second `q` disarms at once, even in the middle of a
+/// step. With --steer no terminal is needed: the program arms the robot, steers it by the list, and disarms it.
 ///
-/// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. If setpoints do not come for a
-/// quarter of a second the robot holds still where it is, and is then let down.
+/// This program is the robot's host: it sends the heartbeat that keeps an armed robot armed. After a quarter of a second
+/// without set-points the robot holds its pose, and is then let down.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -46,7 +46,7 @@ Examples:
   rollwalk drive agilebot.rwl --gait walk.plan.json --bus sim \\
       --steer 1:0.15,0,0 --steer 10:0.15,0,0.3 --steer 20:0,0,0 --until 25")]
 pub struct Args {
-    /// Motion library of the controller (.rwl): its SAFE pose is where the robot begins and ends.
+    /// Motion library of the controller (.rwl). The robot begins and ends in its SAFE pose.
     #[arg(value_name = "LIB.rwl")]
     library: PathBuf,
     /// Robot file (TOML), if the robot does not ship with rollwalk.
@@ -56,14 +56,14 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     steering: SteeringArgs,
-    /// Steer with a gamepad, too: auto, or a device such as /dev/input/event7.
+    /// Gamepad that also steers: auto, or a device such as /dev/input/event7.
     #[arg(long, value_name = "DEVICE")]
     gamepad: Option<String>,
-    /// Button mapping (TOML, docs/gamepad.md), for a gamepad without a shipped one.
+    /// Button mapping (TOML, docs/gamepad.md) of a gamepad without a shipped mapping.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
-    /// Steer without a terminal: velocity from a time on, forward and to the left in m/s, turning to the left in rad/s. A
-    /// horizon that cannot be planned for it makes the robot halt; --speed and --turn do not limit it.
+    /// Velocity from a time on, for steering without a terminal: forward and left in m/s, turning left in rad/s. The robot
+    /// halts if no horizon can be planned for it; --speed and --turn do not limit it.
     #[arg(
         long,
         value_name = "AT:FORWARD,LEFT,TURN",
@@ -87,8 +87,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let needs_terminal = args.steer.is_empty();
     if needs_terminal && (!io::stderr().is_terminal() || !io::stdin().is_terminal()) {
         return Err(miette!(
-            help = "--steer AT:FORWARD,LEFT,TURN steers without one",
-            "driving needs a terminal for keys, and this is none"
+            help = "to steer without a terminal, give --steer AT:FORWARD,LEFT,TURN",
+            "driving by keys requires a terminal, but standard input or error is not a terminal"
         ));
     }
     let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     watch(app.rounds());
     let viewport = Viewport::Inline(screen::HEIGHT);
     let terminal = ratatui::try_init_with_options(TerminalOptions { viewport })
-        .map_err(|error| miette!("the terminal refuses: {error}"))?;
+        .map_err(|error| miette!("the terminal cannot be used: {error}"))?;
     let mut terminal = Restored(terminal);
     let outcome = app.run(&mut terminal.0);
     drop(terminal);
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     })
 }
 
-/// A terminal that is put right again when this ends.
+/// Terminal that is restored on drop.
 struct Restored(ratatui::DefaultTerminal);
 
 impl Drop for Restored {

@@ -1,4 +1,4 @@
-//! The lines at the foot of the terminal while a robot is driven: a pure function of the scene.
+//! Lines at the bottom of the terminal while a robot is steered, a pure function of the scene.
 
 use ratatui::Frame;
 use ratatui::style::{Color, Modifier, Style};
@@ -9,25 +9,25 @@ use rollwalk_host::describe::{condition, state_name};
 use rollwalk_host::operator::{View, Weight};
 use rollwalk_pilot::{Phase, Pilot};
 
-/// Lines of the screen.
+/// Height of the screen, lines.
 pub const HEIGHT: u16 = 9;
-/// Lines of messages in it.
+/// Number of message lines in the screen.
 const MESSAGES: usize = 4;
 
-/// Contents of the screen.
+/// Content of the screen.
 pub struct Scene<'a> {
-    /// Operator's view of the link and the robot.
+    /// View that the operator has of the link and the robot.
     pub view: &'a View,
-    /// The bus, as it was typed.
+    /// Bus, as the user typed it.
     pub bus: &'a str,
     pub pilot: &'a Pilot,
     /// Actuators of the robot.
     pub actuators: &'a Actuators,
-    /// The gamepad in a few words, if there is one.
+    /// Short description of the gamepad; `None` without one.
     pub gamepad: Option<&'a str>,
-    /// Frames that the controller has not taken yet.
+    /// Number of frames that the controller has not played yet.
     pub ahead: usize,
-    /// Time of the last plan, ms.
+    /// Duration of the most recent solve, ms.
     pub took_ms: Option<f64>,
 }
 
@@ -96,7 +96,8 @@ fn plans(scene: &Scene) -> Line<'static> {
     let took = scene.took_ms.map_or(String::new(), |ms| format!(", last in {ms:.0} ms"));
     let gamepad = scene.gamepad.map_or(String::new(), |words| format!("   {words}"));
     Line::from(format!(
-        "planned {forward:+.2} {left:+.2} {turn:+.2}   {} horizons{took}, {} not accepted   {:.2} s ahead{gamepad}",
+        "planned {forward:+.2} {left:+.2} {turn:+.2}   {} horizons{took}, {} rejected   {:.2} s \
+         ahead{gamepad}",
         tally.planned,
         tally.rejected,
         scene.ahead as f64 / 60.0

@@ -1,20 +1,20 @@
-//! Steering that is known beforehand: `--steer AT:FORWARD,LEFT,TURN`.
+//! Predefined steering: `--steer AT:FORWARD,LEFT,TURN`.
 
 use rollwalk_planner::receding::Steering;
 use rollwalk_terminal::inputs::number_within;
 use std::str::FromStr;
 
-/// Longest time of a drive, s: a day.
+/// Maximum duration of a drive, s: a day.
 const LONGEST_S: f64 = 86_400.0;
-/// Fastest steering, m/s and rad/s: typing errors, not robots.
+/// Maximum steering speed, m/s and rad/s; larger values are typing errors.
 const FASTEST: f64 = 20.0;
 
-/// Steering from a time on.
+/// Steering step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Time since the robot follows the steering, s.
+    /// Start of the step, in seconds after the robot begins to follow the steering.
     pub at_s: f64,
-    /// Steering from that time on.
+    /// Steering until the next step.
     pub steering: Steering,
 }
 
@@ -23,7 +23,7 @@ impl FromStr for Step {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let form =
-            "is not of the form AT:FORWARD,LEFT,TURN, as 2.5:0.15,0,0.3 (s, m/s, m/s, rad/s)";
+            "is not of the form AT:FORWARD,LEFT,TURN, such as 2.5:0.15,0,0.3 (s, m/s, m/s, rad/s)";
         let (at, velocity) = text.split_once(':').ok_or(form)?;
         let at_s =
             number_within(at, 0.0..=LONGEST_S).map_err(|why| format!("time `{at}` {why}"))?;
@@ -38,26 +38,26 @@ impl FromStr for Step {
     }
 }
 
-/// Steering at a time: that of the last step before it.
+/// Steering at a time: that of the most recent step.
 pub fn at(steps: &[Step], time_s: f64) -> Steering {
     let begun = steps.iter().rev().find(|step| step.at_s <= time_s);
     begun.map(|step| step.steering).unwrap_or_default()
 }
 
-/// Checks that steps follow one another, and that each begins before the end of the drive, s.
+/// Checks that the start times increase, and that each is before the end of the drive, s.
 ///
 /// # Errors
-/// The first step that does not, in words.
+/// Returns a message about the first step that violates this.
 pub fn check(steps: &[Step], until_s: f64) -> Result<(), String> {
     if let Some(late) = steps.iter().find(|step| step.at_s >= until_s) {
         return Err(format!(
-            "--steer at {} s would never begin: --until {until_s} ends the drive before",
+            "--steer at {} s would never begin, because --until {until_s} ends the drive earlier",
             late.at_s
         ));
     }
     match steps.windows(2).find(|pair| pair[1].at_s <= pair[0].at_s) {
         Some(pair) => Err(format!(
-            "--steer at {} s comes after the one at {} s: give them in the order of their times",
+            "--steer at {} s is given after --steer at {} s: give the steps in order of time",
             pair[1].at_s, pair[0].at_s
         )),
         None => Ok(()),
@@ -76,7 +76,7 @@ mod tests {
         for (wrong, says) in [
             ("0.15,0,0", "AT:FORWARD"),
             ("2:0.15", "AT:FORWARD"),
-            ("x:0,0,0", "time `x` is no number"),
+            ("x:0,0,0", "time `x` is not a number"),
             ("2:0,0,99", "speed `99` must be from"),
             ("-1:0,0,0", "time `-1` must be from"),
             ("2:0,NaN,0", "speed `NaN` must be from"),
@@ -95,6 +95,6 @@ mod tests {
         assert_eq!(at(&steps, 9.0), steps[1].steering);
         assert_eq!(check(&steps, 4.0), Ok(()));
         assert!(check(&steps, 3.0).unwrap_err().contains("--steer at 3 s would never begin"));
-        assert!(check(&[steps[1], steps[0]], 4.0).unwrap_err().contains("order of their times"));
+        assert!(check(&[steps[1], steps[0]], 4.0).unwrap_err().contains("steps in order of time"));
     }
 }

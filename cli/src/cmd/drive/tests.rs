@@ -1,5 +1,5 @@
-//! A drive over the simulated bus in virtual time: AgileBot on the ground of its world, its firmware, an operator, and plans that
-//! take a given time.
+//! Drive over the simulated bus in virtual time: AgileBot on the ground, its firmware, an operator, and plans with a given
+//! computing time.
 
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
@@ -21,20 +21,20 @@ use std::sync::Arc;
 
 const S: u64 = 1_000_000;
 
-/// A robot with an operator and a pilot.
+/// Simulated robot with an operator and a pilot.
 struct Drive {
     rig: Rig,
     operator: Operator,
     pilot: Pilot,
     courses: Courses,
-    /// Time of each plan, µs.
+    /// Computing time of each plan, µs.
     planning_us: u64,
-    /// A plan on its way, and when it arrives, µs.
+    /// Time at which the current plan arrives, µs, with the plan.
     planned: Option<(u64, Request, Result<Stretch, CourseError>)>,
 }
 
 impl Drive {
-    /// AgileBot with its library, in the gait of a shipped motion.
+    /// Creates AgileBot with its library and the gait of a shipped motion.
     fn new(gait: &str) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
         let library = root.join("motions/agilebot_library.toml");

@@ -1,4 +1,4 @@
-//! Results of the identification as JSON.
+//! Identification results as JSON.
 
 use super::outcome::{self, Outcome};
 use rollwalk_simulate::identify::{Combined, Found, Quality, Signal, Verdict};
@@ -7,11 +7,11 @@ use serde::Serialize;
 /// Output of `--json`.
 #[derive(Serialize)]
 pub struct Document<'a> {
-    /// Parameters from all runs together.
+    /// Parameters from all runs combined.
     parameters: Vec<Together<'a>>,
-    /// Runs, each fitted alone.
+    /// Runs, each fitted separately.
     runs: Vec<Run<'a>>,
-    /// Runs that took no part.
+    /// Runs that were not fitted, only predicted.
     others: Vec<Other<'a>>,
 }
 
@@ -19,8 +19,8 @@ pub struct Document<'a> {
 struct Together<'a> {
     #[serde(flatten)]
     of: Parameter,
-    /// Deviation of the value from run to run, beyond what noise explains (τ). None if fewer than two runs determine the value:
-    /// `deviation` then contains no error of the model.
+    /// Standard deviation of the value between runs, beyond the effect of noise (τ). `None` if fewer than two runs determine
+    /// the value; `deviation` then contains no model error.
     between_runs: Option<f64>,
     /// Runs that determine the value.
     runs: Vec<&'a str>,
@@ -42,15 +42,16 @@ struct Run<'a> {
     run: &'a str,
     parameters: Vec<Parameter>,
     correlated: Vec<(&'a str, &'a str, f64)>,
-    /// Root mean squares over the part of the run that was fitted, and over the part that was predicted.
+    /// Root mean squares over the fitted part of the run.
     fitted: Vec<Fit>,
+    /// Root mean squares over the predicted part of the run.
     predicted: Vec<Fit>,
-    /// Errors after the first quarter, with the numbers of this run and with those of all runs; empty for a single run.
+    /// Errors after the first quarter, with the values of this run and with those of all runs; empty for a single run.
     compared: Vec<Compared>,
     begin_s: f64,
     predicted_from_s: f64,
     end_s: f64,
-    /// Length of the fitted part, s. It ends before the predicted part begins if the simulated robot falls earlier.
+    /// Length of the fitted part, s. Shorter than the available part if the simulated robot falls earlier.
     horizon_s: f64,
     rollouts: usize,
 }
@@ -61,7 +62,7 @@ struct Other<'a> {
     predicted: Vec<Fit>,
 }
 
-/// Root mean squares of a signal with the numbers of the file and with those found; none where the simulated robot falls.
+/// Root mean squares of a signal with the original values and with the fitted ones; null where the simulated robot falls.
 #[derive(Serialize)]
 pub struct Fit {
     pub signal: &'static str,
@@ -70,7 +71,7 @@ pub struct Fit {
     pub after: Option<f64>,
 }
 
-/// The same with the numbers of the file, of the run alone and of all runs.
+/// Root mean squares of a signal with the original values, with those of the run alone, and with those of all runs.
 #[derive(Serialize)]
 pub struct Compared {
     pub signal: &'static str,
@@ -81,7 +82,7 @@ pub struct Compared {
 }
 
 impl<'a> Document<'a> {
-    /// Document of an outcome.
+    /// Converts an outcome to a document.
     pub fn new(of: &'a Outcome) -> Self {
         let together = |combined: &'a Combined| Together {
             of: Parameter::new(&combined.found),
@@ -131,7 +132,7 @@ impl Parameter {
     }
 }
 
-/// Before and after, of each signal that was measured.
+/// Root mean squares before and after, for each measured signal.
 pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
     let fit = |row: Row<2>| {
         let Row { signal, unit, rms: [before, after] } = row;
@@ -140,7 +141,7 @@ pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
     rows(of).map(fit).collect()
 }
 
-/// Root mean squares with the numbers of the file, of a run and of all runs.
+/// Root mean squares with the original values, with those of a run, and with those of all runs, for each measured signal.
 pub fn compared(of: &[Option<Quality>; 3]) -> Vec<Compared> {
     let compared = |row: Row<3>| {
         let Row { signal, unit, rms: [before, alone, together] } = row;
@@ -156,7 +157,7 @@ struct Row<const N: usize> {
     rms: [Option<f64>; N],
 }
 
-/// Root mean squares of each signal that was measured.
+/// Root mean squares of each measured signal.
 fn rows<const N: usize>(of: &[Option<Quality>; N]) -> impl Iterator<Item = Row<N>> {
     Signal::ALL.into_iter().filter_map(move |signal| {
         let rms = of.each_ref().map(|quality| quality.as_ref()?.of_signal(signal));

@@ -1,4 +1,4 @@
-//! `rollwalk identify`: fits the numbers of a robot file to recorded runs.
+//! `rollwalk identify`: fits parameters of a robot file to recorded runs.
 
 mod document;
 mod outcome;
@@ -22,13 +22,13 @@ use std::path::PathBuf;
 
 /// Fit friction, gains and masses of a robot file to recorded runs.
 ///
-/// A run is simulated again with what its drives were commanded, and the numbers of the robot change until the simulated robot
-/// does what the recorded one did: by Gauss–Newton's method with derivatives of the whole run (thesis 4.7.3), first over its
-/// beginning, then over all of it but the last quarter, which is simulated as a check. Parameters that the run does not
-/// determine keep their values.
+/// A run is simulated with the commands that its drives received, and the parameters of the robot are changed until the
+/// simulation reproduces the recording. This uses the Gauss–Newton method with derivatives of the whole run (thesis 4.7.3). It
+/// fits the beginning of the run first, then all but its last quarter, which is simulated as a check. Parameters that the run
+/// does not determine keep their values.
 ///
-/// Each of several runs is fitted alone. What they disagree about shows errors of the model, such as in how contacts slip,
-/// which no single run shows: the robot file gets the mean of the runs, and the deviations contain the spread between them.
+/// Several runs are first fitted separately. Their disagreement reveals model errors that no single run shows, such as in the
+/// slip of contacts. The robot file gets the mean of the runs, and the deviations include the spread between them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -40,29 +40,29 @@ Examples:
 
 What can be fitted, and what a recording needs: docs/identification.md")]
 pub struct Args {
-    /// Recorded runs of the robot, best of three motions or more, each with what its drives were commanded: telemetry of
-    /// `rollwalk monitor --mcap`, a log of all actuator buses in candump's format, a log of the simulated world, or a table
-    /// with some of its columns.
+    /// Recorded runs of the robot, preferably of three motions or more, with the commands of its drives: telemetry of `rollwalk
+    /// monitor --mcap`, a log of all actuator buses in candump's format, a log of the simulated world, or a table with some of
+    /// its columns.
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
-    /// Robot file (TOML) to begin with.
+    /// Robot file (TOML) with the initial values.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: PathBuf,
-    /// Parameters to fit: `friction`, `kp`, `kd` and so on, or those of one drive or link, such as `kp.xm540` [default: friction,
-    /// resistance, kp, kd, stiffness, stick, delay].
+    /// Parameters to fit: `friction`, `kp`, `kd` and so on, or those of one drive or link, such as `kp.xm540` [default:
+    /// friction, resistance, kp, kd, stiffness, stick, delay].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<String>,
-    /// Another run of the robot, which takes no part: it is simulated with the numbers of the file and with those found, and
-    /// compared. As often as wanted.
+    /// Other run of the robot that is not fitted: it is simulated with the original and with the fitted values, and compared.
+    /// May be given several times.
     #[arg(long, value_name = "RUN")]
     predict: Vec<PathBuf>,
-    /// Robot file to write, with the fitted values.
+    /// Output robot file, with the fitted values.
     #[arg(short, long, value_name = "FITTED.toml")]
     output: PathBuf,
-    /// Leave out rows before this time of a recording, s: once for all runs, or once for each of them in their order.
+    /// Ignore rows before this time of a recording, s: once for all runs, or once for each run, in their order.
     #[arg(long, value_name = "SECONDS")]
     from: Vec<f64>,
-    /// Leave out rows after this time, s: likewise.
+    /// Ignore rows after this time, s: once for all runs, or once for each run, in their order.
     #[arg(long, value_name = "SECONDS")]
     to: Vec<f64>,
     /// Print as JSON.
@@ -117,16 +117,19 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn unfit(Unfitted { path, reason }: &Unfitted) -> Report {
     let path = path.display();
     let help = match reason {
-        Unfit::Soft(_) => "leave it out: --fit mass.LINK has the masses of some links only",
-        Unfit::Falls(_) => {
-            "is this its robot file, and is the ground level? `--from` begins where the robot stands still"
+        Unfit::Soft(_) => {
+            "leave out this quantity: --fit mass.LINK fits the masses of single links"
         }
-        _ => "record more, or leave out less with `--from` and `--to`",
+        Unfit::Falls(_) => {
+            "give the robot file of this run, recorded on level ground; with `--from`, begin while \
+             the robot stands still"
+        }
+        _ => "record a longer run, or use a longer time span with `--from` and `--to`",
     };
     miette!(help = help, "{path}: {reason}")
 }
 
-/// Quantities by name; those that are fitted when nothing is said, without names.
+/// Quantities with these names, or the default ones if `names` is empty.
 fn chosen(known: &[Quantity], names: &[String], robot: &Robot) -> miette::Result<Vec<Quantity>> {
     if names.is_empty() {
         return Ok(known.iter().filter(|of| of.kind.by_default()).cloned().collect());
@@ -136,14 +139,14 @@ fn chosen(known: &[Quantity], names: &[String], robot: &Robot) -> miette::Result
             continue;
         }
         let all: Vec<String> = known.iter().map(Quantity::name).collect();
-        let help = format!("{} has {}", robot.name, all.join(", "));
+        let help = format!("for {}, give {}", robot.name, all.join(", "));
         let kind = Kind::all().find(|kind| kind.name() == name);
         return Err(match kind.and_then(Kind::key) {
             Some(key) => miette!(
                 help = help,
-                "--fit {name}: the robot file has no `{key}` above 0 that could change"
+                "--fit {name}: no `{key}` in the robot file is above 0, so none can be fitted"
             ),
-            None => miette!(help = help, "--fit {name}: there is nothing of this name"),
+            None => miette!(help = help, "--fit {name}: there is no quantity with this name"),
         });
     }
     let is_wanted = |of: &&Quantity| names.iter().any(|name| is_named(of, name));

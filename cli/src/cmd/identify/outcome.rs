@@ -1,5 +1,4 @@
-//! Fits of the runs of a command line: each run alone, all together, and the simulations of each run and of others with these
-//! numbers.
+//! Fits of all runs of a command line, separately and together, and simulations of the fitted and other runs with these values.
 
 use super::runs::Run;
 use rollwalk_robot::Robot;
@@ -11,32 +10,33 @@ use std::path::PathBuf;
 
 pub struct Outcome {
     pub fits: Vec<Fit>,
-    /// Fit of all runs together; a single run's own fit.
+    /// Combined fit of all runs; for a single run, its own fit.
     pub together: Together,
-    /// Runs that took no part, with the numbers of the file and with those found.
+    /// Runs that were not fitted, simulated with the original and with the fitted values.
     pub others: Vec<(String, [Option<Quality>; 2])>,
 }
 
-/// A run, fitted alone.
+/// Run, fitted separately.
 pub struct Fit {
     pub run: String,
     pub found: Identified,
-    /// Comparison after the first quarter of this run: simulations with the numbers of the file, of this run and of all runs.
-    /// `None` for a single run; the inner `None` where the robot falls.
+    /// Comparison after the first quarter of this run: simulations with the original values, with those of this run, and with
+    /// those of all runs. `None` for a single run; an inner `None` if the robot falls.
     pub compared: Option<[Option<Quality>; 3]>,
 }
 
-/// A run that cannot be fitted.
+/// Run that cannot be fitted.
 pub struct Unfitted {
     pub path: PathBuf,
     pub reason: Unfit,
 }
 
 impl Outcome {
-    /// Fits and predicts. `goes_on` hears of each rollout with the name of its run, and ends the search by answering `false`.
+    /// Fits the runs and simulates the others. `goes_on` is called for each rollout with the name of its run; returning `false`
+    /// ends the search.
     ///
     /// # Errors
-    /// A run cannot be fitted, or the caller ended it.
+    /// Returns an error if a run cannot be fitted, or if `goes_on` returned `false`.
     pub fn new(
         robot: &Robot,
         quantities: &[Quantity],
@@ -82,7 +82,7 @@ impl Outcome {
         Ok(Self { fits, together, others: predicted })
     }
 
-    /// Names of the runs that tell a quantity.
+    /// Names of the runs that determine a quantity.
     pub fn names(&self, of: &Combined) -> Vec<&str> {
         of.runs.iter().map(|&run| self.fits[run].run.as_str()).collect()
     }

@@ -1,9 +1,9 @@
-//! Recordings of all kinds, read. This is the list of them:
+//! Reading of recordings in all supported formats:
 //!
 //! | file | begins with | read by |
 //! |---|---|---|
 //! | telemetry of `rollwalk monitor --mcap` | the signature of MCAP | [`rollwalk_host::traces`] |
-//! | log of all actuator buses, as `candump -l` writes it | `(` | the same |
+//! | log of all actuator buses, as `candump -l` writes it | `(` | [`rollwalk_host::traces`] |
 //! | table (CSV) | anything else | [`Recording::from_text`] |
 
 use miette::{IntoDiagnostic, Report, miette};
@@ -21,10 +21,10 @@ use std::path::Path;
 
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
-/// Reads the run of a robot.
+/// Reads the recording of a run.
 ///
 /// # Errors
-/// The file cannot be read, or lacks something that a fit needs.
+/// Returns an error if the file cannot be read, or lacks data that a fit needs.
 pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
     let read = files::read_by(path, Named::ByUser, |_| Kind::Run)?;
     if read.0.starts_with(MCAP) {
@@ -43,13 +43,13 @@ pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Reco
 }
 
 fn of_table(path: &Path, robot: &Robot, error: &TableError) -> Report {
-    let columns = "docs/identification.md names the columns; `rollwalk simulate PLAN.json --world-log RUN.csv` writes all of them";
+    let columns = "record the columns that docs/identification.md lists; `rollwalk simulate \
+        PLAN.json --world-log RUN.csv` writes all of them";
     let help = match error {
-        TableError::OtherRobot { .. } => format!(
-            "give the file of the robot that made the run with `--robot`, or a run of {}",
-            robot.name
-        ),
-        TableError::Missing { .. } => format!("is it a run of {}? {columns}", robot.name),
+        TableError::OtherRobot { .. } => {
+            format!("give the robot file of the run with `--robot`, or a run of {}", robot.name)
+        }
+        TableError::Missing { .. } => format!("give a run of {}; {columns}", robot.name),
         _ => columns.to_owned(),
     };
     miette!(help = help, "{}: {error}", path.display())
@@ -57,7 +57,8 @@ fn of_table(path: &Path, robot: &Robot, error: &TableError) -> Report {
 
 fn unusable(path: &Path, robot: &Robot, error: &dyn Display) -> Report {
     let help = format!(
-        "is it a run of {}? docs/identification.md says what can be read: telemetry (MCAP) of `rollwalk monitor`, a log of candump, a table (CSV)",
+        "give a run of {}: telemetry of `rollwalk monitor` (MCAP), a candump log or a table (CSV), \
+         as docs/identification.md describes",
         robot.name
     );
     miette!(help = help, "{}: {error}", path.display())
@@ -71,7 +72,9 @@ fn of_log(path: &Path, text: &str, robot: &Robot, wanted_s: Wanted) -> miette::R
     });
     if let Some(number) = other {
         return Err(miette!(
-            "the drives on bus {number} do not speak the Rollwalk servo profile, whose setpoints alone can be read: record with `rollwalk monitor --mcap RUN.mcap --library LIB.rwl`"
+            "the setpoints of the drives on bus {number} cannot be read, because they do not use \
+             the Rollwalk servo profile: record with `rollwalk monitor --mcap RUN.mcap --library \
+             LIB.rwl`"
         ));
     }
     let config = robot.controller_config().into_diagnostic()?;
@@ -94,7 +97,7 @@ fn of_log(path: &Path, text: &str, robot: &Robot, wanted_s: Wanted) -> miette::R
     recording(&traces.map_err(|error| miette!("{error}"))?, robot, wanted_s)
 }
 
-/// Motors alone: neither telemetry nor actuator buses have the pose of the body.
+/// Recording of the motors alone. Neither telemetry nor actuator buses contain the pose of the body.
 fn recording(traces: &Traces, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
     let series = |points: &traces::Points| Series::new(points.iter().copied());
     let drive = |motor: &Motor| Drive {
@@ -125,7 +128,7 @@ mod tests {
         [swing, 0.98 * swing]
     }
 
-    /// The same run as a table and as a log of two buses.
+    /// Returns one run as a table and as a log of two buses.
     fn run(robot: &Robot) -> [String; 2] {
         let config = robot.controller_config().unwrap();
         let names = motor_names(robot);
@@ -200,7 +203,7 @@ mod tests {
         }
         let why = |name: &str, content: &str| read(name, content).unwrap_err().to_string();
         assert!(why("robot.csv", &text).contains("robot.csv is a robot file, not a recorded run"));
-        assert!(why("cut.mcap", "\u{89}MCAP").contains("no column `time_s`"));
+        assert!(why("cut.mcap", "\u{89}MCAP").contains("column `time_s` is missing"));
         assert!(why("odd.log", "(1.000005) act0 123\n").contains("line 1: no frame"));
         for line in ["  can0  123   [2]  11 22\n", " (000.010000)  can0  123   [2]  11 22\n"] {
             assert!(why("view.log", line).contains("view format"), "{}", why("view.log", line));
@@ -214,6 +217,6 @@ mod tests {
         let error = read("car.log", &log).unwrap_err();
         assert!(error.to_string().contains("car.log"), "{error}");
         let help = error.help().unwrap().to_string();
-        assert!(help.starts_with("is it a run of agilebot?"), "{help}");
+        assert!(help.starts_with("give a run of agilebot;"), "{help}");
     }
 }

@@ -6,18 +6,17 @@ use super::source::rounded;
 use rollwalk_simulate::identify::{Combined, Found, Quality, Verdict};
 use rollwalk_terminal::output::Table;
 
-/// Below the numbers of a single run.
+/// Note below the values of a single run.
 const ONE_RUN: &str = "\
-These deviations do not contain errors of the model that last through the run, such as in how contacts slip: the numbers can be off by many of
-them. Several motions tell: record two or more others, and give all of them to one `rollwalk identify`, whose deviations then contain what the runs
-disagree about.";
-/// Below those of two.
-const TWO_RUNS: &str = "\
-Two runs hardly tell how far runs disagree, so that these deviations are rough: record another motion.";
+These deviations do not contain errors of the model that persist through the run, such as errors in the slip of contacts, so the true errors can be
+many times larger. To estimate these errors, record two or more other motions, and give all runs to one `rollwalk identify`.";
+/// Note below the values of two runs.
+const TWO_RUNS: &str = "Two runs are too few to estimate the deviation between runs, so these \
+deviations are rough: record another motion.";
 
-/// Below those of several.
-const SEVERAL_RUNS: &str = "\
-These deviations contain what the runs disagree about. An error of the model that is the same in all of them is in none.";
+/// Note below the values of several runs.
+const SEVERAL_RUNS: &str = "These deviations contain the differences between the runs, but not \
+errors of the model that are the same in all runs.";
 
 pub fn describe(outcome: &Outcome) -> String {
     let mut parts: Vec<String> = Vec::new();
@@ -56,7 +55,7 @@ fn head(of: &Fit) -> String {
     )
 }
 
-/// Table of the values for the robot file, with the standard deviation between runs.
+/// Table of the values for the robot file, with their standard deviation between runs.
 fn parameters(outcome: &Outcome) -> String {
     let is_one = outcome.fits.len() == 1;
     let mut titles = vec!["parameter", "before", "fitted", "±", "between runs", "unit", "verdict"];
@@ -83,7 +82,7 @@ fn parameters(outcome: &Outcome) -> String {
     Table::from(rows).render()
 }
 
-/// A number with the digits that its deviation leaves.
+/// Formats a value with the digits that are significant at its deviation.
 fn known(of: &Found, value: f64) -> String {
     if of.deviation.is_finite() {
         rounded(value, of.deviation).to_string()
@@ -92,31 +91,35 @@ fn known(of: &Found, value: f64) -> String {
     }
 }
 
-/// Verdict on a parameter in words.
+/// Verdict on a parameter as a phrase.
 fn sentence(combined: &Combined, outcome: &Outcome) -> String {
     let of = &combined.found;
     let is_along = of.quantity.kind.is_along();
     let verdict = match of.verdict {
-        Verdict::Silent => format!("not told: {}", of.quantity.kind.silence()),
-        Verdict::Changed if is_along => "found; robot files do not have it".to_owned(),
-        Verdict::Agrees if is_along => "as simulated elsewhere".to_owned(),
+        Verdict::Silent => format!("not determined: {}", of.quantity.kind.silence()),
+        Verdict::Changed if is_along => {
+            "fitted; robot files do not contain this parameter".to_owned()
+        }
+        Verdict::Agrees if is_along => "agrees with other simulations".to_owned(),
         Verdict::Vague | Verdict::Absurd if is_along => {
-            "uncertain, and left free for the sake of the others".to_owned()
+            "uncertain; fitted only because it affects other parameters".to_owned()
         }
         Verdict::Changed => "changed".to_owned(),
-        Verdict::Agrees => "agrees with the file, which stays as it is".to_owned(),
-        Verdict::Vague => "too uncertain: the file stays as it is".to_owned(),
-        Verdict::Absurd => "makes no sense: something else is different, too".to_owned(),
+        Verdict::Agrees => "agrees with the file, which is unchanged".to_owned(),
+        Verdict::Vague => "too uncertain: the file is unchanged".to_owned(),
+        Verdict::Absurd => "implausible: another property must differ, too".to_owned(),
     };
     match outcome.names(combined)[..] {
         [only] if outcome.fits.len() > 1 => {
-            format!("{verdict}; {only} alone tells it, without errors of the model")
+            format!(
+                "{verdict}; determined by {only} alone, so errors of the model are not included"
+            )
         }
         _ => verdict,
     }
 }
 
-/// A column for each run.
+/// Table with a column for each run.
 fn each_alone(outcome: &Outcome) -> String {
     let runs = outcome.fits.iter().map(|of| of.run.clone());
     let mut rows = vec![["each run alone".to_owned()].into_iter().chain(runs).collect::<Vec<_>>()];
@@ -138,21 +141,21 @@ fn found<'f>(fit: &'f Fit, combined: &Combined) -> Option<&'f Found> {
     fit.found.found.iter().find(|of| of.quantity == combined.found.quantity)
 }
 
-/// Parameters that one of several runs does not determine.
+/// Notes on parameters that a run does not determine, if there are several runs.
 fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
     let run = &fit.run;
     fit.found.found.iter().filter_map(move |of| {
         let name = of.quantity.name();
         match of.verdict {
             Verdict::Silent => {
-                Some(format!("{run} does not tell {name}: {}", of.quantity.kind.silence()))
+                Some(format!("{run} does not determine {name}: {}", of.quantity.kind.silence()))
             }
             Verdict::Absurd => Some(format!(
-                "{run} does not count for {name}: its search ended at {}, which makes no sense",
+                "{run} is ignored for {name}: the search ended at the implausible value {}",
                 rounded(of.fitted, 0.0)
             )),
             Verdict::Vague => Some(format!(
-                "{run} hardly tells {name}, and counts for as little as its deviation says"
+                "{run} hardly determines {name}, and has a low weight because of its deviation"
             )),
             Verdict::Changed | Verdict::Agrees => None,
         }
@@ -162,13 +165,14 @@ fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
 fn correlations(fit: &Fit) -> impl Iterator<Item = String> {
     fit.found.correlated.iter().map(move |(one, other, by)| {
         format!(
-            "{one} and {other} are hardly told apart (correlation {by:.2}): {} knows a combination of them",
+            "{one} and {other} are hardly distinguishable (correlation {by:.2}): {} determines a \
+             combination of both",
             fit.run
         )
     })
 }
 
-/// Root mean squares before and after, over the part of a run that was fitted and over the part that was predicted.
+/// Root mean squares before and after, over the fitted and over the predicted part of a run.
 fn residuals(fit: &Fit) -> String {
     let titles =
         ["root mean square", "fitted before", "after", "predicted before", "after", "unit"];
@@ -188,7 +192,7 @@ fn residuals(fit: &Fit) -> String {
     table.render()
 }
 
-/// Table of one of several runs, with the numbers of the file, of the run and of all runs.
+/// Table of one of several runs: root mean squares with the original values, with those of the run, and with those of all runs.
 fn comparison(fit: &Fit) -> Option<String> {
     let title = format!("{} after its first quarter", fit.run);
     let mut table = Table::new([&title, "before", "alone", "together", "unit"]);
@@ -211,7 +215,7 @@ fn cell(rms: Option<f64>) -> String {
     rms.map_or("falls".to_owned(), |rms| format!("{rms:.5}"))
 }
 
-/// Warning if the fitted numbers predict a signal worse than those of the file.
+/// Warning if the fitted values predict a signal worse than the original ones.
 fn warning(fit: &Fit) -> Option<String> {
     let is_worse = |before: Option<f64>, after: Option<f64>| match (before, after) {
         (Some(before), Some(after)) => after > 1.1 * before,
@@ -222,13 +226,15 @@ fn warning(fit: &Fit) -> Option<String> {
     match &fit.compared {
         None => fits(&fit.found.predicted).into_iter().find(|of| is_worse(of.before, of.after)).map(|of| {
             format!(
-                "{} of the end of the run, which took no part in the fit, are predicted worse than before: do not trust these numbers further than this run",
+                "{} are predicted worse than before at the end of the run, which was not fitted: \
+                 use the fitted values for this run only",
                 of.signal
             )
         }),
         Some(all) => compared(all).into_iter().find(|of| is_worse(of.before, of.together)).map(|of| {
             format!(
-                "{} of {run} are simulated worse with the numbers of all runs than with those of the file: the runs do not go together",
+                "{} of {run} are simulated worse with the values of all runs than with those of \
+                 the file: the runs are inconsistent",
                 of.signal
             )
         }),
@@ -246,7 +252,8 @@ mod tests {
     const FRICTION: Quantity = Quantity { kind: Kind::Friction, group: None };
     const DELAY: Quantity = Quantity { kind: Kind::Delay, group: None };
 
-    /// Runs with friction and its deviation, of a robot whose file has 0.8, and with a delay that only the last one tells.
+    /// Outcome of runs with a friction and its deviation, for a robot with an original friction of 0.8. Only the last run
+    /// determines the delay.
     fn outcome(runs: &[(&str, f64, f64)]) -> Outcome {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml");
         let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
@@ -291,7 +298,7 @@ mod tests {
         let one = outcome(&[("walk.csv", 0.3, 0.01)]);
         let text = describe(&one);
         assert!(text.contains("do not contain errors of the model"), "{text}");
-        assert!(text.contains("record two or more others"), "{text}");
+        assert!(text.contains("record two or more other motions"), "{text}");
         assert!(!text.contains("between runs") && !text.contains("alone"), "{text}");
         assert!(text.contains("predicted worse than before"), "{text}");
         let found = json_of(&one);
@@ -310,11 +317,14 @@ mod tests {
         let three = outcome(&of);
         let text = describe(&three);
         assert!(!text.contains("do not contain errors of the model"), "{text}");
-        assert!(text.contains("the same in all of them is in none"), "{text}");
-        assert!(text.contains("turn.csv does not tell friction: nothing slips"), "{text}");
-        assert!(text.contains("walk.csv alone tells it, without errors of the model"), "{text}");
+        assert!(text.contains("not errors of the model that are the same in all runs"), "{text}");
+        assert!(text.contains("turn.csv does not determine friction: nothing slips"), "{text}");
+        assert!(
+            text.contains("determined by walk.csv alone, so errors of the model are not included"),
+            "{text}"
+        );
         assert!(text.contains("0.3 ± 0.01") && text.contains("0.34 ± 0.01"), "{text}");
-        assert!(text.contains("(correlation 0.97): walk.csv knows"), "{text}");
+        assert!(text.contains("(correlation 0.97): walk.csv determines a combination"), "{text}");
         assert!(text.contains("turn.csv after its first quarter"), "{text}");
         let found = json_of(&three);
         let [friction, delay] = [0, 1].map(|number| &found["parameters"][number]);
@@ -338,13 +348,16 @@ mod tests {
     #[test]
     fn two_runs_are_few() {
         let two = describe(&outcome(&[("a.csv", 0.3, 0.01), ("b.csv", 0.34, 0.01)]));
-        assert!(two.contains("Two runs hardly tell how far runs disagree"), "{two}");
+        assert!(
+            two.contains("Two runs are too few to estimate the deviation between runs"),
+            "{two}"
+        );
     }
 
     #[test]
     fn numbers_that_simulate_a_run_worse_than_the_file_are_a_warning() {
         let mut two = outcome(&[("a.csv", 0.3, 0.01), ("b.csv", 0.34, 0.01)]);
-        assert!(!describe(&two).contains("do not go together"));
+        assert!(!describe(&two).contains("the runs are inconsistent"));
         // The robot falls with them.
         two.fits[1].compared.as_mut().unwrap()[2] = None;
         let text = describe(&two);

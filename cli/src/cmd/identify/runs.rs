@@ -1,4 +1,4 @@
-//! Reads the recorded runs of a command line: cuts each to its `--from` and `--to`, and names it for the report.
+//! Recorded runs of a command line, cut to `--from` and `--to`, with short names for the report.
 
 use super::recorded;
 use miette::miette;
@@ -9,15 +9,16 @@ use std::path::{Path, PathBuf};
 pub struct Run {
     /// Path of the recording.
     pub path: PathBuf,
-    /// Path without the folders that it shares with the other runs: robot files contain this name and travel to other computers.
+    /// Path without the folders that all runs share. Robot files contain this name and are copied to other computers.
     pub name: String,
     pub recording: Recording,
 }
 
-/// Reads runs of a robot that are fitted together. Of `from_s` and `to_s` there is one for all runs, one for each, or none.
+/// Reads the runs that are fitted together. `from_s` and `to_s` have no element, one for all runs, or one for each run.
 ///
 /// # Errors
-/// A file cannot be read or lacks something, a run is given twice, or times do not go with runs.
+/// Returns an error if a file cannot be read or lacks data, if a run is given twice, or if the number of times does not match
+/// the number of runs.
 pub fn read(
     paths: &[PathBuf],
     robot: &Robot,
@@ -30,7 +31,8 @@ pub fn read(
         let recording = recorded::read(path, robot, wanted_s)?;
         if let Some(same) = runs.iter().find(|run| is_same(run, path, &recording)) {
             return Err(miette!(
-                help = "leave one of them out: what is counted twice looks surer than it is",
+                help = "leave out one of them, because counting a run twice makes the deviations \
+                    too small",
                 "{} and {} are the same run",
                 same.path.display(),
                 path.display()
@@ -41,10 +43,10 @@ pub fn read(
     Ok(runs)
 }
 
-/// Reads runs that take no part in the fit, whole.
+/// Reads runs that are only predicted, without cutting them.
 ///
 /// # Errors
-/// A file cannot be read or lacks something.
+/// Returns an error if a file cannot be read or lacks data.
 pub fn read_others(paths: &[PathBuf], robot: &Robot) -> miette::Result<Vec<Run>> {
     let read = |(path, name): (&PathBuf, String)| {
         let recording = recorded::read(path, robot, [None; 2])?;
@@ -53,13 +55,13 @@ pub fn read_others(paths: &[PathBuf], robot: &Robot) -> miette::Result<Vec<Run>>
     paths.iter().zip(names(paths)).map(read).collect()
 }
 
-/// The same file, or the same measurements in another one.
+/// True if both are the same file, or have the same measurements.
 fn is_same(run: &Run, path: &Path, recording: &Recording) -> bool {
     let is_file = same_file::is_same_file(&run.path, path).unwrap_or(false);
     is_file || run.recording == *recording
 }
 
-/// Times from `--from` and `--to` of each run.
+/// Times from `--from` and `--to` for each run.
 fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wanted>> {
     let each = |option: &str, times_s: &[f64]| match times_s {
         [] => Ok(vec![None; runs]),
@@ -67,7 +69,7 @@ fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wante
         of_each if of_each.len() == runs => Ok(of_each.iter().copied().map(Some).collect()),
         _ => Err(miette!(
             help = format!(
-                "give {option} once for all runs, or once for each of them, in their order"
+                "give {option} once for all runs, or once for each run in the order of the runs"
             ),
             "{option} is given {} times for {}",
             times_s.len(),
@@ -77,7 +79,7 @@ fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wante
     Ok(each("--from", from_s)?.into_iter().zip(each("--to", to_s)?).map(<[_; 2]>::from).collect())
 }
 
-/// Names that tell files apart: their own, or with as many folders as that takes.
+/// Distinct names of files: their file names, preceded by as many folders as are needed to distinguish them.
 fn names(paths: &[PathBuf]) -> Vec<String> {
     let name = |path: &PathBuf, parts: usize| {
         let all: Vec<_> = path.components().collect();
@@ -115,6 +117,6 @@ mod tests {
         assert_eq!(each, [[Some(0.3), Some(8.0)], [Some(1.0), Some(8.0)]]);
         let error = wanted(3, &[], &[0.3, 1.0]).unwrap_err();
         assert_eq!(error.to_string(), "--to is given 2 times for 3 runs");
-        assert!(error.help().unwrap().to_string().contains("once for each of them"));
+        assert!(error.help().unwrap().to_string().contains("once for each run"));
     }
 }

@@ -1,5 +1,5 @@
-//! The text of a robot file as something to fit: which drives and links it describes once, and new numbers in it, with its
-//! comments and its order as they were.
+//! Robot file as the source and destination of fitted values. Finds the drives and links that share an entry of the file, and
+//! replaces values without changing comments or order.
 
 use miette::miette;
 use rollwalk_robot::{Channel, Robot};
@@ -14,10 +14,11 @@ pub struct Source {
 }
 
 impl Source {
-    /// Parses the text of a robot file that has been read.
+    /// Parses the text of a robot file that was read before.
     ///
     /// # Errors
-    /// The text is not TOML, or has links, joints or end effectors in inline tables, which cannot be changed.
+    /// Returns an error if the text is not TOML, or has links, joints or end effectors in inline tables, which cannot be
+    /// changed.
     pub fn new(path: &Path, text: &str, robot: &Robot) -> miette::Result<Self> {
         let document: DocumentMut =
             text.parse().map_err(|error| miette!("{}: {error}", path.display()))?;
@@ -36,15 +37,15 @@ impl Source {
             |groups: &[Group]| groups.iter().map(|group| group.members.len()).sum::<usize>();
         if [count(&drives), count(&links)] != [robot.channels().count(), robot.links.len()] {
             return Err(miette!(
-                help = "write them as [[link]], [[joint]] and [[end_effector]]",
-                "{}: tables of links, joints and end effectors in one line cannot be changed",
+                help = "write these tables as [[link]], [[joint]] and [[end_effector]]",
+                "{}: inline tables of links, joints and end effectors cannot be changed",
                 path.display()
             ));
         }
         Ok(Self { document, drives, links })
     }
 
-    /// Quantities that can be fitted: the delay, and all that are not 0 in the robot, except position gains of wheels.
+    /// Quantities that can be fitted: the delay, and all that are not 0 in the robot file, except position gains of wheels.
     pub fn quantities(&self, robot: &Robot) -> Vec<Quantity> {
         let of = |kind: Kind| {
             let groups: Vec<Option<Group>> = match kind.is_of() {
@@ -65,7 +66,7 @@ impl Source {
         Kind::all().flat_map(of).filter(has_one).collect()
     }
 
-    /// Writes a number that changed where it stands, with a comment of where it comes from.
+    /// Replaces a changed value, with a comment about the recording.
     pub fn set(&mut self, found: &Found, run: &str) {
         if found.verdict != Verdict::Changed {
             return;
@@ -92,7 +93,7 @@ impl Source {
         }
     }
 
-    /// Text of the robot file with the values that were set.
+    /// Text of the robot file with the new values.
     pub fn text(&self) -> String {
         self.document.to_string()
     }
@@ -100,7 +101,7 @@ impl Source {
 
 struct Change<'a> {
     key: &'static str,
-    /// Factor on the value.
+    /// Factor on the old value.
     share: f64,
     /// Standard deviation divided by the fitted value.
     deviation: f64,
@@ -108,7 +109,7 @@ struct Change<'a> {
     run: &'a str,
 }
 
-/// Beginning of the comments that are written.
+/// Start of the comments on fitted values.
 const MARK: &str = "fitted to ";
 
 impl Change<'_> {
@@ -134,7 +135,7 @@ impl Change<'_> {
         value.decor_mut().set_suffix(comment);
     }
 
-    /// Mass of a link, or of its parts, and with a mass of its own its inertia.
+    /// Scales the mass of a link or of its parts. If the link has its own mass, its inertia is scaled, too.
     fn apply_to_link(&self, table: &mut dyn TableLike) {
         let mut scale = |value: &mut Value| {
             if let Some(before) = number(value) {
@@ -171,7 +172,7 @@ impl Change<'_> {
         self.apply(table);
     }
 
-    /// Says in a line above the masses of parts what became of them.
+    /// Writes a comment on the scaling in a line above the masses of the parts.
     fn tell_above(&self, decor: &mut Decor) {
         let before = decor.prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
         let kept: String = before
@@ -182,13 +183,13 @@ impl Change<'_> {
         let percent = rounded(100.0 * self.deviation, 100.0 * self.deviation);
         let share = rounded(self.share, self.share * self.deviation);
         decor.set_prefix(format!(
-            "{kept}# masses {MARK}{}: {share} times what they were, ± {percent} %\n",
+            "{kept}# masses {MARK}{}: {share} times the earlier masses, ± {percent} %\n",
             self.run
         ));
     }
 }
 
-/// A number with as many digits as its deviation leaves two of.
+/// Rounds a value to two significant digits of its deviation.
 pub fn rounded(value: f64, deviation: f64) -> f64 {
     let size =
         if deviation > 0.0 && deviation.is_finite() { deviation } else { value.abs() * 1e-3 };
@@ -199,7 +200,7 @@ pub fn rounded(value: f64, deviation: f64) -> f64 {
     format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
-/// Puts a number in the place of another one, with its comments.
+/// Replaces a value, and keeps its comments.
 fn replace(value: &mut Value, number: f64) {
     let decor = value.decor().clone();
     *value = Value::from(number);
@@ -214,7 +215,7 @@ fn text_of<'t>(table: &'t Table, key: &str) -> &'t str {
     table.get(key).and_then(Item::as_str).unwrap_or_default()
 }
 
-/// Groups of equal names in the order of first appearance; members are indices of the sequence.
+/// Groups equal names in the order of first appearance. The members of a group are indices into `names`.
 fn groups(names: impl Iterator<Item = impl Into<String>>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (number, name) in names.map(Into::into).enumerate() {
@@ -226,7 +227,7 @@ fn groups(names: impl Iterator<Item = impl Into<String>>) -> Vec<Group> {
     groups
 }
 
-/// Tables of a kind in the order of the robot: its own, then those of each limb's template.
+/// Tables of a kind in the order of the robot: those of the robot itself, then those of each limb's template.
 fn of_limbs<'d>(document: &'d DocumentMut, kind: &'d str) -> impl Iterator<Item = &'d Table> {
     let array = |item: Option<&'d Item>| {
         item.and_then(Item::as_array_of_tables).into_iter().flat_map(ArrayOfTables::iter)
@@ -239,7 +240,7 @@ fn of_limbs<'d>(document: &'d DocumentMut, kind: &'d str) -> impl Iterator<Item 
     array(document.get(kind)).chain(of_templates)
 }
 
-/// Calls for all tables of a kind, the robot's own and those of templates.
+/// Calls `of` for all tables of a kind, those of the robot itself and those of templates.
 fn each(document: &mut DocumentMut, kind: &str, mut of: impl FnMut(&mut Table)) {
     let mut visit = |item: Option<&mut Item>| {
         let tables = item.and_then(Item::as_array_of_tables_mut);

@@ -1,4 +1,4 @@
-//! `rollwalk library build`: from a library file to a motion library.
+//! `rollwalk library build`: builds a motion library from a library file.
 
 use crate::cmd::robot::print_robot_warnings;
 use crate::planned;
@@ -14,9 +14,9 @@ use std::path::PathBuf;
 
 /// Optimise every motion and transition of a library file and pack them into a motion library.
 ///
-/// The library is written only when every plan is consistent and every motion holds in simulation: a robot on level ground
-/// plays the library as the controller does, over every transition, and has to come where the plans say. A motion whose file
-/// says that it `needs_feedback` may miss.
+/// The library is written only if every plan is consistent and every motion passes its checks in simulation. In the simulation
+/// a robot on level ground plays the library as the controller does, over every transition, and must reach the planned
+/// positions. A motion with `needs_feedback` in its file may miss them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -30,13 +30,13 @@ pub struct Args {
     /// Library file (TOML).
     #[arg(value_name = "LIBRARY.toml")]
     library: PathBuf,
-    /// Motion library to write.
+    /// Output motion library.
     #[arg(short, long, value_name = "LIB.rwl")]
     output: PathBuf,
     /// Sign the library with this private key (`rollwalk keys new-pair`).
     #[arg(long, value_name = "KEY.pem")]
     sign: Option<PathBuf>,
-    /// Leave the simulation out.
+    /// Skip the simulation.
     #[arg(long)]
     no_simulation: bool,
     /// Print every iteration to stderr.
@@ -51,13 +51,13 @@ pub struct Args {
 #[derive(Serialize)]
 struct Outcome<'a> {
     robot: &'a str,
-    /// Null when a plan is not consistent, or a motion does not hold in simulation.
+    /// Path of the library; null if a plan is not consistent, or if a motion failed its checks in simulation.
     library: Option<&'a PathBuf>,
     bytes: usize,
     plans: Vec<PlanOutcome<'a>>,
-    /// Motions and transitions in the order in which they were simulated; null without a simulation.
+    /// Motions and transitions in the order of simulation; null without a simulation.
     simulation: Option<&'a planned::Simulation>,
-    /// Goals of motions at rest that their transitions take back.
+    /// Goals of motions at rest that their transitions undo.
     taken_back: Vec<String>,
 }
 
@@ -121,9 +121,10 @@ fn describe(
     let simulated = simulation.map(|run| format!("{run}\n")).unwrap_or_default();
     match written {
         None if !misses.is_empty() => format!(
-            "{simulated}{}\nnothing written; `rollwalk plan` and `rollwalk simulate` of a motion show what becomes of it by itself. A larger \
-             `duty`, a longer duration, stiffer servos or slower transitions may help; a motion that is meant for feedback says so \
-             with `needs_feedback`, and `--no-simulation` takes the library as it is",
+            "{simulated}{}\nnothing written; examine a single motion with `rollwalk plan` and \
+             `rollwalk simulate`. A larger `duty`, a longer duration, stiffer servos or slower \
+             transitions may help. Mark motions for feedback with `needs_feedback`, or skip this \
+             check with `--no-simulation`",
             misses.join("\n")
         ),
         Some(path) => format!(
@@ -135,8 +136,8 @@ fn describe(
         None => {
             let mut lines = plans.failures();
             lines.push(
-                "nothing written; `rollwalk plan` writes the plan of one motion whether it holds or \
-                 not, and `rollwalk report` shows where it fails"
+                "nothing written; write the plan of a single motion with `rollwalk plan`, and find \
+                 where it fails with `rollwalk report`"
                     .to_owned(),
             );
             lines.join("\n")

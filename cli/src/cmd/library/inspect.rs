@@ -1,4 +1,4 @@
-//! `rollwalk library inspect`: validates a library as a controller does and shows what is in it.
+//! `rollwalk library inspect`: validates a library as a controller does, and prints its content.
 
 use crate::signing::{self, Fingerprint};
 use rollwalk_protocol::library::{EdgeId, Library, NodeId, RATE_HZ};
@@ -25,7 +25,7 @@ pub struct Args {
     /// Motion library.
     #[arg(value_name = "LIB.rwl")]
     library: PathBuf,
-    /// Robot file (TOML) of the robot that the library is for.
+    /// Robot file (TOML) of the library's robot.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
     /// Print as JSON.
@@ -38,9 +38,9 @@ pub struct Args {
 struct Content {
     robot: String,
     bytes: u32,
-    /// Digest of the library, by which a controller names it.
+    /// Digest by which a controller identifies the library.
     id: String,
-    /// Fingerprint of the key that the file claims to be signed with.
+    /// Fingerprint of the key that the file claims as its signer.
     signed_with: Option<String>,
     config_hash: String,
     rate_hz: u16,
@@ -162,7 +162,9 @@ fn describe(content: &Content) -> String {
         content.rate_hz,
         if content.torques { ", with torques" } else { ", without torques" },
         match &content.signed_with {
-            Some(key) => format!("signed with key {key}; `rollwalk library verify` checks it"),
+            Some(key) => format!(
+                "signed with key {key}; verify the signature with `rollwalk library verify`"
+            ),
             None => "not signed".to_owned(),
         },
         motions.render(),

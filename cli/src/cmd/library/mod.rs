@@ -1,4 +1,4 @@
-//! `rollwalk library`: motion libraries, the files that a controller plays.
+//! `rollwalk library`: builds, inspects, signs and verifies motion libraries, the files that a controller plays.
 
 mod build;
 mod inspect;

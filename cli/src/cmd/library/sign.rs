@@ -1,4 +1,4 @@
-//! `rollwalk library sign`: a motion library with the owner's signature behind it.
+//! `rollwalk library sign`: appends the owner's signature to a motion library.
 
 use crate::signing::{self, Fingerprint};
 use rollwalk_terminal::Exit;
@@ -8,8 +8,8 @@ use std::path::PathBuf;
 
 /// Sign a motion library, for controllers that play only signed ones.
 ///
-/// The library is first validated as a controller does. A signature that it has already is replaced.
-/// `rollwalk keys new-pair` makes the key.
+/// The library is first validated as a controller does. An existing signature is replaced. `rollwalk keys new-pair` creates the
+/// key.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -25,10 +25,10 @@ pub struct Args {
     /// Private key.
     #[arg(long, value_name = "KEY.pem")]
     key: PathBuf,
-    /// Signed library to write.
+    /// Output file: the signed library.
     #[arg(short, long, value_name = "SIGNED.rwl")]
     output: PathBuf,
-    /// Robot file (TOML) of the robot that the library is for, if it does not ship with rollwalk.
+    /// Robot file (TOML) of the library's robot, if it does not ship with rollwalk.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
 }

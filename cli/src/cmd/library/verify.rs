@@ -1,4 +1,4 @@
-//! `rollwalk library verify`: whether a motion library has the owner's signature.
+//! `rollwalk library verify`: checks the owner's signature of a motion library.
 
 use crate::signing::{self, Fingerprint};
 use miette::miette;
@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 /// Check the signature of a motion library as a controller with this public key does.
 ///
-/// Ends with exit code 1 if the library is not signed, was signed with another key, or was changed afterwards. What is in the
-/// library is shown by `rollwalk library inspect`.
+/// The exit code is 1 if the library is not signed, was signed with another key, or was changed afterwards. `rollwalk library
+/// inspect` prints the content of a library.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -35,7 +35,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let path = args.library.display();
     let Some(identity) = identity(&file) else {
         let help = Kind::Packed.hint();
-        return Err(miette!(help = help, "{path} is no motion library"));
+        return Err(miette!(help = help, "{path} is not a motion library"));
     };
     if let Err(why) = signing::check(&file, &key) {
         return Err(miette!(help = why.help(), "{path} {why}"));

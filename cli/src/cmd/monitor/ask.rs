@@ -1,5 +1,5 @@
-//! The one request of a monitor, for names: which robot and library the controller has. It waits for the end of other
-//! programs' transfers, and keeps the frames received meanwhile.
+//! Identity request of a monitor, for the names of its robot and library. The request waits until other programs' transfers
+//! end; frames received meanwhile are kept.
 
 use super::since_1970_us;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -9,7 +9,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::transport::Hello;
 
-/// A link that records every frame, with its time since 1970 in µs.
+/// Link that records every frame with its time, µs since 1970.
 struct Kept<'a, B> {
     bus: &'a mut B,
     frames: &'a mut Vec<(u64, Frame)>,
@@ -37,8 +37,8 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
     }
 }
 
-/// Reads the identity of controller `node`, if it is heard and answers before `end_us`. Adds all frames of the link
-/// meanwhile to `frames`.
+/// Reads the identity of controller `node`. Returns `None` if the controller is silent or does not answer before `end_us`.
+/// Frames received meanwhile are appended to `frames`.
 pub fn identity(
     bus: &mut impl LinkBus,
     node: Node,
@@ -62,7 +62,7 @@ mod tests {
     use rollwalk_protocol::faults::{FaultBits, Severity};
     use rollwalk_protocol::wire::{State, Status};
 
-    /// A bus on which a frame comes every 20 ms of its time.
+    /// Bus on which a frame arrives every 20 ms of virtual time.
     struct Wire {
         now_us: u64,
         frame: Frame,

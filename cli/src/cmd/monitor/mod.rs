@@ -1,4 +1,4 @@
-//! `rollwalk monitor`: listens to a link, prints its messages, writes logs and telemetry.
+//! `rollwalk monitor`: listens to a link, prints its messages, and writes logs and telemetry.
 
 mod ask;
 mod recording;
@@ -27,16 +27,16 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use view::View;
 
-/// Silence after which it is reported, µs.
+/// Silence after which the monitor reports it, µs.
 const SILENCE_US: u64 = 2_000_000;
 
-/// Print a robot's states, motions, commands and faults as they come; write logs and telemetry.
+/// Print a robot's states, motions, commands and faults as they arrive; write logs and telemetry.
 ///
-/// A monitor is not a host: it sends neither commands nor heartbeats, so it does not keep a robot armed. On a serial
-/// line it receives the controller's frames only, and no other program can use the line.
+/// A monitor is not a host: it sends neither commands nor heartbeats, so it does not keep a robot armed. On a serial line it
+/// receives only the controller's frames, and no other program can use the line.
 ///
-/// For names it asks the controller once which robot and library it has, as soon as no transfer of another program
-/// is in progress. It does not ask with --library, nor with --json, which prints no names, unless --mcap needs them.
+/// To find names it requests the identity of robot and library from the controller once, when no other program is transferring
+/// data. It sends no request with --library, nor with --json, which prints no names, unless --mcap needs them.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -55,7 +55,7 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Show the joints once a second.
+    /// Print the joints once a second.
     #[arg(long)]
     joints: bool,
     /// Write every frame of the link, as candump does.
@@ -76,10 +76,10 @@ pub struct Args {
     json: bool,
 }
 
-/// A frame, as `--json` prints it.
+/// Frame in the output of `--json`.
 #[derive(Serialize)]
 struct Line<'a> {
-    /// Since 1970.
+    /// Time since 1970, s.
     time_s: f64,
     interface: &'a str,
     id: u16,
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut bus = args.link.open()?;
     if let (Some(path), None) = (&args.mcap, &packed) {
         output::say(format_args!(
-            "{} gets no /planned_joint_states: --library LIB.rwl adds them",
+            "{} will lack /planned_joint_states; to add this topic, give --library LIB.rwl",
             path.display()
         ));
     }
@@ -149,7 +149,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// The robot that Foxglove is to show: that of the robot file, or of the library.
+/// Robot that Foxglove displays: that of the robot file, or of the library.
 fn shown_robot(
     args: &Args,
     packed: Option<&Packed>,
@@ -161,8 +161,9 @@ fn shown_robot(
         (Some(path), _) => Source::Disk.robot_and_parts(path).map(Some),
         (None, Some(packed)) => Ok(Some((packed.robot.clone(), Vec::new()))),
         (None, None) => Err(miette!(
-            help = "add --robot ROBOT.toml, or --library LIB.rwl, which adds what is planned",
-            "--foxglove shows the robot, and the link does not tell what it looks like"
+            help = "add --robot ROBOT.toml, or --library LIB.rwl, which also shows the planned \
+                robot",
+            "--foxglove requires the shape of the robot, which is not sent on the link"
         )),
     }
 }
@@ -198,8 +199,9 @@ fn listen(
             None if bus.now_us() >= silent_us.saturating_add(SILENCE_US)
                 && bus.now_us() < end_us =>
             {
-                let why = bus.complaint().unwrap_or_else(|| "is the robot switched on?".into());
-                output::say(format_args!("silence on {}: {why}", args.link.bus));
+                let why =
+                    bus.complaint().unwrap_or_else(|| "check that the robot is switched on".into());
+                output::say(format_args!("no frames on {}: {why}", args.link.bus));
                 monitor.keep()?;
                 // Once is enough.
                 silent_us = u64::MAX;
@@ -222,14 +224,14 @@ fn interface(bus: &BusName) -> String {
     }
 }
 
-/// Destinations of received frames.
+/// Outputs of received frames.
 struct Monitor<'a> {
     interface: String,
     json: bool,
     log: Option<Lines>,
     mcap: Option<Recording<'a>>,
     view: View<'a>,
-    /// The controller's address.
+    /// Address of the controller.
     node: u8,
     live: Option<(Reader<'a>, live::View<'a>)>,
 }
@@ -263,7 +265,7 @@ impl Monitor<'_> {
         self.view.take(at_us, self.node, frame)
     }
 
-    /// Writes what waits for more.
+    /// Writes buffered lines and telemetry, and rotates full files.
     fn keep(&mut self) -> miette::Result<()> {
         self.log.as_mut().map_or(Ok(()), Lines::keep)?;
         self.mcap.as_mut().map_or(Ok(()), Recording::keep)

@@ -1,4 +1,4 @@
-//! Telemetry in files that follow each other, each of which Foxglove opens by itself.
+//! Telemetry in a series of files; Foxglove can open each file separately.
 
 use miette::{Report, miette};
 use rollwalk_host::joints::Known;
@@ -12,7 +12,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::{iter, mem};
 
-/// Telemetry that is being written.
+/// Telemetry file that is being written.
 pub struct Recording<'a> {
     node: Node,
     known: Option<Known<'a>>,
@@ -21,17 +21,17 @@ pub struct Recording<'a> {
     telemetry: Telemetry<'a, BufWriter<File>>,
 }
 
-/// Error of a write to the telemetry file; the deepest source is the operating system's reason.
+/// Error of a write to the telemetry file, with the reason of the operating system.
 fn cannot_write(path: &Path, error: &(dyn Error + 'static)) -> Report {
     let reason = iter::successors(Some(error), |&error| error.source()).last().unwrap_or(error);
     miette!("cannot write the telemetry to {}: {reason}", path.display())
 }
 
 impl<'a> Recording<'a> {
-    /// An empty file about controller `node`.
+    /// Creates an empty file for the telemetry of controller `node`.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn begin(
         output: &Output,
         rotation: Rotation,
@@ -44,19 +44,19 @@ impl<'a> Recording<'a> {
         Ok(Self { node, known, path, series, telemetry })
     }
 
-    /// Takes a frame of the link, received at `at_us` microseconds since 1970.
+    /// Records a frame of the link, received at `at_us` microseconds since 1970.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn take(&mut self, at_us: u64, frame: &Frame) -> miette::Result<()> {
         self.telemetry.on_frame(at_us, frame).map_err(|e| cannot_write(&self.path, &e))?;
         self.keep()
     }
 
-    /// Writes what waits, once a second.
+    /// Writes buffered telemetry once a second, and starts the next file if this one is full.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn keep(&mut self) -> miette::Result<()> {
         let failed = |e| cannot_write(&self.path, &e);
         if self.series.is_due() {
@@ -69,10 +69,10 @@ impl<'a> Recording<'a> {
         Ok(())
     }
 
-    /// Ends the file.
+    /// Completes the file.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn finish(self) -> miette::Result<()> {
         self.telemetry.finish().map_err(|e| cannot_write(&self.path, &e))
     }

@@ -1,4 +1,4 @@
-//! The text output of a monitor: changes, and the joints.
+//! Text output of a monitor: changes, and the joints.
 
 use rollwalk_host::actuators::{Actuators, conditions, fault_names_on, new_faults};
 use rollwalk_host::catalog::{Catalog, channel_name};
@@ -13,20 +13,20 @@ use rollwalk_protocol::wire::{
 use rollwalk_terminal::output;
 use std::collections::BTreeMap;
 
-/// Interval between lines of the joints, µs.
+/// Interval between printed lines of the joints, µs.
 const JOINTS_PERIOD_US: u64 = 1_000_000;
 
-/// The text output: prints what has changed.
+/// Text output that prints changes.
 pub struct View<'a> {
     catalog: Option<&'a Catalog>,
     joints: bool,
     quiet: bool,
-    /// Start of the monitor, µs since 1970, as all instants here.
+    /// Start of the monitor, µs since 1970 like all times here.
     start_us: u64,
     state: Option<State>,
     faults: FaultBits,
     clip: Option<u8>,
-    /// The unanswered command and its sequence number.
+    /// Sequence number of the unanswered command, and the command.
     asked: Option<(u8, Action)>,
     measured: BTreeMap<u8, JointTelemetry>,
     shown_us: u64,
@@ -34,7 +34,7 @@ pub struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// A view before the first frame; with `quiet` it prints nothing.
+    /// Creates a view before the first frame; with `quiet` it prints nothing.
     pub fn new(catalog: Option<&'a Catalog>, joints: bool, quiet: bool, start_us: u64) -> Self {
         Self {
             catalog,
@@ -51,10 +51,10 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Takes a frame.
+    /// Processes a frame and prints changes.
     ///
     /// # Errors
-    /// Standard output is closed.
+    /// Returns an error if standard output is closed.
     pub fn take(&mut self, at_us: u64, node: u8, frame: &Frame) -> miette::Result<()> {
         if self.quiet {
             return Ok(());
@@ -127,7 +127,7 @@ impl<'a> View<'a> {
         self.say(at_us, &format!("fault: {described}"))
     }
 
-    /// Warns of an actuator that has become too hot, whose supply is wrong, or that failed otherwise.
+    /// Prints a warning when an actuator becomes too hot, has a wrong supply voltage, or fails otherwise.
     fn conditions(&self, at_us: u64, joint: JointTelemetry) -> miette::Result<()> {
         let before = self.measured.get(&joint.channel).map(|before| before.status);
         let words = new_faults(before, joint.status, self.actuators.limits(joint.channel));
@@ -156,7 +156,7 @@ impl<'a> View<'a> {
             Action::ClearConfirm { .. } => "clear, confirmed".into(),
             Action::Stream => "follow streamed setpoints".into(),
             Action::Track { rate_hz, .. } => {
-                format!("follow setpoints that answer {rate_hz} samples a second")
+                format!("follow setpoints in closed loop at {rate_hz} samples/s")
             }
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
@@ -164,7 +164,10 @@ impl<'a> View<'a> {
             // Its host begins to count where the one before had got to.
             CommandResult::OutOfOrder => self.say(
                 at_us,
-                &format!("command: {what}: its number has been used; its host takes the next"),
+                &format!(
+                    "command: {what}: the number was already used, so the host sends the next \
+                    number"
+                ),
             ),
             CommandResult::Ok => self.say(at_us, &format!("command: {what}")),
             _ => self.say(at_us, &format!("command: {what}: refused, {}", command_refusal(result))),

@@ -1,4 +1,4 @@
-//! `rollwalk plot`: plans and logs of the simulated world as figures.
+//! `rollwalk plot`: draws plans and logs of the simulated world as figures.
 
 mod world;
 
@@ -9,11 +9,11 @@ use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::{Exit, inputs};
 use std::path::{Path, PathBuf};
 
-/// Pictures of a motion in a strip.
+/// Number of pictures of a motion in a strip.
 pub const STRIP_MOMENTS: usize = 6;
 
 /// Draw a plan: footfalls, centre of mass, swing heights, support, angles, speeds and torques of joints, wheel speeds, ground
-/// forces; or a log of the simulated world: way, height, tilt, speed, forces of the ground, slip, torques.
+/// forces; or a log of the simulated world: distance, height, tilt, speed, ground forces, slip, torques.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -28,22 +28,23 @@ pub struct Args {
     /// Plan (JSON), or log of the simulated world (CSV); several plans with --strip.
     #[arg(value_name = "PLAN.json|RUN.csv", required = true)]
     plans: Vec<PathBuf>,
-    /// Give every joint panels of its own, in which small motions beside large ones are seen; else a limb has them.
+    /// Draw separate panels for every joint, which show small motions beside large ones; by default the joints of a limb share
+    /// panels.
     #[arg(long, conflicts_with_all = ["strip", "animate"])]
     each_joint: bool,
-    /// Draw the robot itself instead, at six moments of each plan.
+    /// Draw the robot itself instead, at six times of each plan.
     #[arg(long)]
     strip: bool,
-    /// Draw the robot as it moves, in real time: one SVG file that any browser plays, also as an image of a README.
+    /// Draw the robot in motion, in real time: one SVG file that any browser plays, even as an image of a README.
     #[arg(long, conflicts_with = "strip")]
     animate: bool,
-    /// Draw the forces of the ground as arrows; only with --animate.
+    /// Draw the ground forces as arrows; only with --animate.
     #[arg(long, requires = "animate")]
     forces: bool,
-    /// Draw the footfall chart, with a line at the time that is shown; only with --animate.
+    /// Draw the footfall chart with a line at the current time; only with --animate.
     #[arg(long, requires = "animate")]
     footfalls: bool,
-    /// Figure to write: .svg or .png; with --animate .svg, .gif or .mp4.
+    /// Output figure: .svg or .png; with --animate .svg, .gif or .mp4.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -60,8 +61,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if let Some(log) = args.plans.iter().find(is_log) {
         if args.strip || args.animate || args.each_joint || args.plans.len() > 1 {
             return Err(miette::miette!(
-                help = "draw it by itself, without --strip, --animate or --each-joint",
-                "{} is a log of a world, and does not fit into one figure with others",
+                help = "draw the world log alone, without --strip, --animate or --each-joint",
+                "{} is a world log, which requires a figure of its own",
                 log.display()
             ));
         }
@@ -86,8 +87,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         _ => {
             return Err(miette::miette!(
                 help = match args.animate {
-                    true => "animate one at a time",
-                    false => "draw one at a time, or add --strip",
+                    true => "give one plan to animate",
+                    false => "give one plan, or add --strip",
                 },
                 "{} plans do not fit into one figure",
                 plans.len()

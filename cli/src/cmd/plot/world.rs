@@ -1,4 +1,4 @@
-//! A log of the simulated world as panels over time.
+//! Log of the simulated world, drawn as panels over time.
 
 use miette::miette;
 use rollwalk_planner::plot::chart::{self, Curve};
@@ -7,16 +7,17 @@ use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
 use std::path::Path;
 
-/// Most points of a curve.
+/// Maximum number of points of a curve.
 const POINTS_MAX: usize = 2000;
-/// Shortest motion whose name is shown, as a share of the whole time.
+/// Minimum duration of a motion whose name is drawn, as a fraction of the duration of the log.
 const NAMED: f64 = 0.04;
 
-/// SVG text of the log in a file.
+/// Draws the log in a file as SVG text.
 pub fn figure(path: &Path) -> miette::Result<String> {
     let text = files::read_text(path, Kind::WorldLog)?;
     let table = Table::read(&text).map_err(|error| {
-        let help = "make one with `rollwalk simulate PLAN.json --world-log RUN.csv`; docs/formats/world-log.md describes it";
+        let help = "make a world log with `rollwalk simulate PLAN.json --world-log RUN.csv`; \
+            docs/formats/world-log.md describes the format";
         miette!(help = help, "{}: {error}", path.display())
     })?;
     let figure = Figure { time_s: table.column("time_s").unwrap_or_default(), table };
@@ -41,22 +42,22 @@ impl Figure {
         let way = |name: &str, axis: &str| self.curve(name, self.column(&format!("com_{axis}_m")));
         let panel = |title: &str, curves| (title.to_owned(), curves);
         vec![
-            panel("way of the centre of mass (m)", vec![way("x", "x"), way("y", "y")]),
+            panel("position of the centre of mass (m)", vec![way("x", "x"), way("y", "y")]),
             panel("height of the body (m)", vec![self.curve("z", self.column("base_z_m"))]),
             panel("body (°)", vec![self.curve("heading", turn), self.curve("tilt", tilt)]),
             panel("speed over the ground (m/s)", vec![self.curve("centre of mass", speed)]),
             panel("force along the normal (N)", of_end_effectors("_normal_n")),
             panel("slip (m/s)", of_end_effectors("_slip_m_s")),
-            panel("torque by its limit", self.shares()),
+            panel("torque / limit", self.shares()),
         ]
     }
 
-    /// Column that every table has, or one whose name comes from it.
+    /// Column that every table has, or one derived from the name of such a column.
     fn column(&self, name: &str) -> Vec<f64> {
         self.table.column(name).unwrap_or_else(|| vec![0.0; self.time_s.len()])
     }
 
-    /// Points of a curve; of long runs the least and the greatest of each piece, so that no peak is lost.
+    /// Points of a curve. Long curves are reduced to the minimum and maximum of each piece, so that no peak is lost.
     fn curve(&self, name: &str, values: Vec<f64>) -> Curve {
         let points: Vec<_> = self.time_s.iter().copied().zip(values).collect();
         if points.len() <= POINTS_MAX {
@@ -73,7 +74,7 @@ impl Figure {
         (name.to_owned(), ends.collect())
     }
 
-    /// Heading, whole turns included, and tilt of the body.
+    /// Heading with full turns counted, and tilt of the body.
     fn angles_deg(&self) -> [Vec<f64>; 2] {
         let [w, x, y, z] = ["w", "x", "y", "z"].map(|part| self.column(&format!("base_q{part}")));
         let (mut headings, mut tilts) = (Vec::new(), Vec::new());
@@ -89,7 +90,7 @@ impl Figure {
         [headings, tilts]
     }
 
-    /// Torque by its limit: of the motor that has most to do at the moment, and the mean of all.
+    /// Ratios of motor torque to torque limit: the maximum over all motors at each time, and the mean.
     fn shares(&self) -> Vec<Curve> {
         let motors: Vec<_> = self.table.with_ending("_limit_nm").collect();
         let (mut most, mut sum) = (vec![0.0; self.time_s.len()], vec![0.0; self.time_s.len()]);
@@ -103,7 +104,7 @@ impl Figure {
             }
         }
         let mean = sum.iter().map(|sum| sum / motors.len().max(1) as f64).collect();
-        vec![self.curve("hardest motor", most), self.curve("mean", mean)]
+        vec![self.curve("most loaded motor", most), self.curve("mean", mean)]
     }
 
     /// Start times of motions, s, with their names if there is room.

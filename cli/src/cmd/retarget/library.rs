@@ -1,4 +1,4 @@
-//! Corrects every motion of a library, into a folder from which the library is built again.
+//! Correction of all motions of a library. Writes a folder from which the library can be built again.
 
 use super::{Args, Corrected, STEADIER, falls, on};
 use crate::played::ratios;
@@ -11,8 +11,9 @@ use rollwalk_terminal::planning::{Planned, plan_motions};
 use rollwalk_terminal::{Exit, interrupt};
 use toml_edit::{DocumentMut, Item, Value, value};
 
-/// Names in the folder.
+/// Name of the library file in the folder.
 const LIBRARY: &str = "library.toml";
+/// Name of the robot file in the folder.
 const ROBOT: &str = "robot.toml";
 
 /// Plans and corrects the motions, and writes the folder.
@@ -34,7 +35,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if let Some(failed) = planned.iter().find(|of| of.plan.solve.status != Status::Converged) {
         let (name, status) = (&failed.plan.motion.name, failed.plan.solve.status);
         return Err(miette!(
-            help = "`rollwalk plan` writes its plan, and `rollwalk report` shows where it fails",
+            help = "write the plan with `rollwalk plan`, and find where it fails with `rollwalk \
+                report`",
             "the plan of `{name}` does not hold: {status}"
         ));
     }
@@ -62,7 +64,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             all.iter().map(|(plan, corrected)| corrected.document(plan)).collect();
         output::print_json(&documents)?;
     } else {
-        let mut rows = vec![["motion", "before", "after", "moved by"].map(str::to_owned).to_vec()];
+        let mut rows =
+            vec![["motion", "before", "after", "correction"].map(str::to_owned).to_vec()];
         for (plan, corrected) in &all {
             let moved = match &corrected.found {
                 Some(found) if *corrected.better(plan) == found.plan => {
@@ -90,14 +93,17 @@ fn plan_file(motion: &str) -> String {
     format!("{}.json", file_name(motion))
 }
 
-/// Names of the plans' files, of which no two are one.
+/// Names of the plan files.
+///
+/// # Errors
+/// Returns an error if two plans would have the same file name.
 fn plan_files(library: &Library) -> miette::Result<Vec<String>> {
     let motions = &library.file.motions;
     let files: Vec<_> = motions.iter().map(|motion| plan_file(&motion.name)).collect();
     for (number, file) in files.iter().enumerate() {
         if let Some(earlier) = files[..number].iter().position(|known| known == file) {
             return Err(miette!(
-                help = "give one of them a name that differs in more than spaces and signs",
+                help = "rename one of the motions: file names contain letters and digits only",
                 "{}: the plans of `{}` and `{}` would both be {file}",
                 library.text.path,
                 motions[earlier].name,
@@ -108,7 +114,7 @@ fn plan_files(library: &Library) -> miette::Result<Vec<String>> {
     Ok(files)
 }
 
-/// Puts a value in the place of what a key has, with the comments there.
+/// Replaces the value of a key, and keeps its comments.
 fn replace(document: &mut DocumentMut, key: &str, new: impl Into<Value>) {
     let mut new = new.into();
     if let Some(old) = document.get(key).and_then(Item::as_value) {
@@ -117,7 +123,7 @@ fn replace(document: &mut DocumentMut, key: &str, new: impl Into<Value>) {
     document[key] = Item::Value(new);
 }
 
-/// The library file with plans in place of motion files, everything else as it was written.
+/// Library file with plans in place of motion files; everything else is kept as written.
 fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
     let text = &library.text;
     let mut document: DocumentMut = text.text.parse().into_diagnostic()?;

@@ -1,4 +1,4 @@
-//! `rollwalk retarget`: corrects the setpoints of a plan, or of all motions of a library, for a robot that gives way.
+//! `rollwalk retarget`: corrects the set-points of a plan, or of all motions of a library, for a robot with soft servos.
 
 mod library;
 mod plan;
@@ -15,16 +15,17 @@ use rollwalk_terminal::{Exit, interrupt};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Find setpoints with which a robot with soft servos follows its plan.
+/// Find set-points with which a robot with soft servos follows its plan.
 ///
-/// Servos with small gains give way under the robot's weight: its feet come late and low, and it falls behind its plan. This
-/// adds a smooth curve to the setpoints of each joint (`joint_correction_rad` of the samples), found by simulating the robot on
-/// level ground with derivatives, so that its centre of mass goes where the plan says (thesis 4.7.2). The motion itself stays
-/// as it was planned. Prints what becomes of the plan before and after; the exit code is 3 if it does not hold afterwards.
+/// Servos with small gains yield under the robot's weight: its feet land late and low, and it falls behind its plan. This
+/// command adds a smooth curve to the set-points of each joint (`joint_correction_rad` of the samples), so that the centre of
+/// mass follows the plan (thesis 4.7.2). The curve is found by simulating the robot on level ground with derivatives. The
+/// motion itself stays as planned. The command prints the simulation results before and after; the exit code is 3 if the
+/// corrected plan fails its checks.
 ///
-/// Of a library file every motion is planned and corrected. The output is then a folder with the plans, the robot file and a
-/// library file that names them; `rollwalk library build` plans its transitions, which lead from one motion's corrections to
-/// the next one's.
+/// For a library file every motion is planned and corrected. The output is then a folder with the plans, the robot file and a
+/// library file that names them. `rollwalk library build` plans its transitions, which blend the corrections of one motion into
+/// those of the next.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -38,22 +39,22 @@ pub struct Args {
     /// Plan (JSON) or library file (TOML).
     #[arg(value_name = "PLAN.json|LIBRARY.toml")]
     input: PathBuf,
-    /// Robot file (TOML): the plan's robot with other gains or torque limits of its drives, or softer feet.
+    /// Robot file (TOML): the plan's robot with other gains or torque limits of its drives, or with softer feet.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
-    /// Corrected plan to write; for a library a folder, made if it is missing.
+    /// Output file for the corrected plan; for a library a folder, created if it is missing.
     #[arg(short, long, value_name = "FILE.json|DIR")]
     output: PathBuf,
-    /// Leave the planned torques out: drives without feed-forward.
+    /// Simulate drives without feed-forward of the planned torques.
     #[arg(long)]
     no_feed_forward: bool,
-    /// Knots of the curve of each joint over the motion.
+    /// Number of knots in the curve of each joint.
     #[arg(long, value_name = "COUNT", default_value_t = Options::default().knots as u32, value_parser = clap::value_parser!(u32).range(5..=60))]
     knots: u32,
-    /// Periods that are simulated of a motion that repeats.
+    /// Number of simulated periods of a periodic motion.
     #[arg(long, value_name = "COUNT", default_value_t = Options::default().cycles as u32, value_parser = clap::value_parser!(u32).range(1..=20))]
     cycles: u32,
-    /// Most iterations.
+    /// Maximum number of iterations.
     #[arg(long, value_name = "COUNT", default_value_t = Options::default().iterations as u32, value_parser = clap::value_parser!(u32).range(1..=100))]
     iterations: u32,
     /// Print as JSON.
@@ -70,7 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// A plan with its corrections, and what becomes of it without and with them.
+/// Plan with its corrections, and the results of simulating it without and with them.
 struct Corrected {
     /// Corrections; `None` if the robot falls with the uncorrected plan.
     found: Option<Retargeted>,
@@ -82,7 +83,7 @@ struct Corrected {
 #[derive(Serialize)]
 struct Document<'a> {
     motion: &'a str,
-    /// Objective at the beginning and after each iteration.
+    /// Objective at the start and after each iteration.
     costs: &'a [f64],
     rollouts: usize,
     largest_correction_rad: f64,
@@ -92,7 +93,7 @@ struct Document<'a> {
 }
 
 impl Corrected {
-    /// Corrects a plan; none after Ctrl-C.
+    /// Corrects a plan; returns `None` after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
         let options = Options {
@@ -121,7 +122,7 @@ impl Corrected {
         Ok((!interrupt::requested()).then_some(Self { found, before, after }))
     }
 
-    /// The plan that comes nearer to where it says: with its corrections, unless it came nearer without.
+    /// Returns the corrected plan, or the uncorrected one if that is closer to its goals.
     fn better<'a>(&'a self, plan: &'a Plan) -> &'a Plan {
         let found = self.found.as_ref().filter(|_| off(&self.after) <= off(&self.before));
         found.map_or(plan, |found| &found.plan)
@@ -145,7 +146,7 @@ impl Corrected {
     }
 }
 
-/// Largest relative error of a run's way against its plan; infinite after a fall.
+/// Maximum relative error of the displacement in a run; infinite after a fall.
 fn off(outcome: &Outcome) -> f64 {
     if outcome.fell_at_s.is_some() {
         return f64::INFINITY;
@@ -153,23 +154,24 @@ fn off(outcome: &Outcome) -> f64 {
     (0..3).filter_map(|of| outcome.ratio(of)).map(|ratio| (ratio - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Message for a plan with which the robot falls uncorrected.
+/// Message about a plan with which the uncorrected robot falls.
 fn falls(plan: &Plan) -> String {
     format!(
-        "{} falls with its plan as it is, so that nothing can be learned of it",
+        "{} falls with the uncorrected plan, so there is no gradient to follow",
         plan.robot.name
     )
 }
 
-const STEADIER: &str = "stiffer servos, feed-forward, or a slower motion keep it on its feet";
+const STEADIER: &str = "use stiffer servos, feed-forward or a slower motion";
 
-/// The plan for a robot with other drives or feet.
+/// Replaces the robot of a plan by one with other drives or feet.
 fn on(plan: Plan, robot: Robot, path: &Path) -> miette::Result<Plan> {
     let name = path.display().to_string();
     let plan = Plan { robot, ..plan };
     plan.validate(&name).map_err(|error| {
         miette!(
-            help = "give the robot file of the plan with other gains or limits of its drives; for another robot, plan again",
+            help = "give the robot file of the plan, changed only in gains or limits of its \
+                drives; for another robot, plan again",
             "the plan does not fit {name}: {error}"
         )
     })?;

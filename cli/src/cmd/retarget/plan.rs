@@ -1,4 +1,4 @@
-//! Corrects one plan.
+//! Correction of a single plan.
 
 use super::{Args, Corrected, STEADIER, falls, on};
 use crate::played::ratios;
@@ -34,7 +34,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 
 fn describe(plan: &Plan, found: &Retargeted, corrected: &Corrected) -> String {
     format!(
-        "{} of {}\nbefore: {}\nafter:  {}\nobjective {:.4} to {:.6} in {} iterations, {} rollouts; setpoints moved by {:.3} rad at most",
+        "{} of {}\nbefore: {}\nafter:  {}\nobjective {:.4} to {:.6} in {} iterations, {} rollouts; \
+         setpoints moved by at most {:.3} rad",
         plan.motion.name,
         plan.robot.name,
         ratios(&corrected.before),

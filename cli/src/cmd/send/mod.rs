@@ -1,4 +1,4 @@
-//! `rollwalk send`: motions by code or name, one after the other.
+//! `rollwalk send`: plays motions by code or name, one after the other.
 
 mod play;
 mod wanted;
@@ -14,20 +14,20 @@ use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
 use rollwalk_terminal::{Exit, interrupt, output};
 use wanted::{Chosen, Wanted, choose};
 
-/// Maximum time of a return to SAFE, µs; at a small part of the planned speed it takes long.
+/// Maximum time of a return to SAFE, µs. A return at a small fraction of the planned speed is slow.
 const HOME_US: u64 = 30_000_000;
 
 /// Play motions by command code or name.
 ///
-/// With --arm this program arms the robot, plays every motion in turn, returns the robot to SAFE and disarms it; Ctrl-C
-/// returns it to SAFE, too. Meanwhile this program is the robot's host and sends the heartbeat, so it is refused while
-/// another program is the host.
+/// With --arm this program arms the robot, plays every motion in turn, returns the robot to SAFE and disarms it; Ctrl-C also
+/// returns it to SAFE. Meanwhile this program is the robot's host and sends the heartbeat, so it is refused while another
+/// program is the host.
 ///
-/// Without --arm another program, such as `rollwalk console`, must have armed the robot and keep it armed. This program
-/// then waits for the end of every motion but the last, and ends when the last has begun.
+/// Without --arm another program, such as `rollwalk console`, must have armed the robot and must keep it armed. This program
+/// then waits for the end of every motion but the last, and exits when the final one has begun.
 ///
-/// A motion is played once, or has the seconds after its colon: a loop goes on for so long and completes its round, one that
-/// ends then rests. Without --arm the last motion loops until another one is commanded.
+/// A motion is played once, or for the number of seconds after its colon: a loop repeats for that time and completes its cycle;
+/// a finite motion then rests until the time is over. Without --arm the last motion loops until another one is commanded.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -44,18 +44,18 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     names: NamesArgs,
-    /// Arm first; at the end return to SAFE and disarm.
+    /// Arm first; return to SAFE and disarm at the end.
     #[arg(long)]
     arm: bool,
-    /// Part of the planned speed, 1/64 to 1.
+    /// Fraction of the planned speed, 1/64 to 1.
     #[arg(long, value_name = "PART", default_value = "1", value_parser = speed)]
     speed: i8,
 }
 
-/// 64ths of the planned speed.
+/// Parses a fraction of the planned speed, as 64ths.
 fn speed(text: &str) -> Result<i8, String> {
     let part = text.parse().ok().filter(|part: &f64| (1.0 / 64.0..=1.0).contains(part));
-    let part = part.ok_or("a part of the planned speed is a number from 0.016 (1/64) to 1")?;
+    let part = part.ok_or("give a fraction of the planned speed from 0.016 (1/64) to 1")?;
     Ok((part * 64.0).round() as i8)
 }
 
@@ -63,14 +63,14 @@ fn speed(text: &str) -> Result<i8, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     if let (false, Some(last)) = (args.arm, args.motions.last().filter(|last| last.has_seconds())) {
         return Err(miette!(
-            help = "leave its seconds out, or add the motion that follows",
-            "`{last}`: without --arm this program ends before its last motion does"
+            help = "leave out the seconds of the last motion, or add a motion after it",
+            "`{last}`: without --arm this program ends when the last motion begins"
         ));
     }
     let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
     let library = session.hello().library.ok_or_else(|| {
         miette!(
-            help = "rollwalk flash LIB.rwl --robot ROBOT.toml",
+            help = "flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml",
             "the controller has no motion library"
         )
     })?;
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
 }
 
-/// Arms the robot, plays, and brings it home in any case: after the second step of arming the robot may have torque.
+/// Arms the robot, plays, and always returns it to SAFE, because the robot may have torque after the second step of arming.
 fn arm_and_play(
     session: &mut LiveSession,
     args: &Args,
@@ -132,14 +132,15 @@ fn arm_and_play(
     match home {
         Ok(()) => Ok(exit),
         Err(error) => {
-            let report = args.link.explain(&error).wrap_err("the robot was not brought home");
+            let report =
+                args.link.explain(&error).wrap_err("the robot did not return to SAFE and disarm");
             output::say_report(&report);
             Ok(Exit::NotDone)
         }
     }
 }
 
-/// The state that the robot was in when a wait ended because it could no longer succeed.
+/// State of the robot when a wait ended early because it could no longer succeed.
 fn elsewhere(error: &SessionError) -> Option<State> {
     match error {
         SessionError::WentElsewhere { status, .. } => Some(status.state),
@@ -147,15 +148,14 @@ fn elsewhere(error: &SessionError) -> Option<State> {
     }
 }
 
-/// Stays connected until a stopped robot is disarmed: leaving earlier would add a lost host to its faults. The error
-/// names the fault that stopped it.
+/// Stays connected until a stopped robot is disarmed. Leaving earlier would add a lost host to its faults.
 fn see_down(session: &mut LiveSession) {
     if session.wait_for_state(State::Disarmed, HOME_US).is_ok() {
-        output::say("another program has disarmed it");
+        output::say("another program has disarmed the robot");
     }
 }
 
-/// Back to SAFE, and torque off. DISARM does both, from every state: RETURN is refused while the robot aligns.
+/// Returns to SAFE and turns torque off. DISARM does both from every state; RETURN is refused while the robot aligns.
 fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     if let Some(status) = session.status() {
         output::say(format_args!(
@@ -168,7 +168,7 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     while let Err(SessionError::TookTooLong { status, .. }) = &home
         && is_on_its_way(status)
     {
-        output::say("the robot is still on its way home");
+        output::say("the robot is still returning to SAFE");
         home = session.wait_for_state(State::Disarmed, HOME_US);
     }
     if home.is_ok() {
@@ -177,7 +177,8 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     home
 }
 
-/// True if the robot becomes disarmed without a command: it returns to SAFE, or is damped or without torque and has no fault.
+/// True if the robot becomes disarmed without a command: it returns to SAFE, or it has no fault and is damped or without
+/// torque.
 fn is_on_its_way(status: &Status) -> bool {
     let lets_down = matches!(status.state, State::Damped | State::TorqueOff);
     status.state == State::Returning || lets_down && status.faults.is_empty()

@@ -1,4 +1,4 @@
-//! Plays motions one after the other and waits for each.
+//! Playing of motions one after the other, each until its end.
 
 use super::wanted::Chosen;
 use rollwalk_bus::link::LinkBus;
@@ -11,25 +11,25 @@ use rollwalk_terminal::{interrupt, output};
 
 /// Maximum wait for a motion to start, beyond the controller's estimate, µs.
 const SLACK_US: u64 = 5_000_000;
-/// Longest interval between checks for Ctrl-C while a motion plays, s.
+/// Maximum interval between checks for Ctrl-C while a motion plays, s.
 const PORTION_S: f64 = 0.1;
-/// Time without a status after which the controller counts as silent, s: many times `STATUS_PERIOD_MS`, because a busy computer
+/// Time without a status after which the controller counts as silent, s. Many times `STATUS_PERIOD_MS`, because a busy computer
 /// reads late.
 const SILENT_S: f64 = 2.0;
-/// Statuses of a robot that rests elsewhere, after which a motion that was selected is not played any more: 2 s of them.
+/// Number of statuses of a robot at rest in another motion (2 s) after which a selected motion is given up.
 const RESTING: u32 = 2000 / STATUS_PERIOD_MS;
-/// Lead time before the end of a loop at which the next motion is requested, s; longer than a status and a command take.
+/// Lead time before the end of a loop at which the next motion is requested, s. Longer than a status and a command take.
 const LEAD_S: f64 = 0.25;
-/// The same in frames: the controller has to know before it looks ahead to the first frame of another round.
+/// Lead time in frames. The request must arrive before the controller looks ahead to the first frame of another cycle.
 const LEAD_FRAMES: f64 = 4.0;
-/// Tolerance on the requested number of rounds: with rounds of 1.6 s, 3.21 s is two rounds and not three.
+/// Tolerance on the requested number of cycles: with cycles of 1.6 s, 3.21 s is two cycles, not three.
 const ROUNDS_TOLERANCE: f64 = 0.01;
 
-/// Plays all motions, one after the other, and waits for the end of each. If another program is the host, this one ends when
-/// the last motion has begun.
+/// Plays all motions in order and waits for the end of each. If another program is the host, returns when the last motion has
+/// begun.
 ///
 /// # Errors
-/// Errors of the session, or the robot has stopped.
+/// Returns an error of the session, or an error if the robot has stopped.
 pub fn play(
     session: &mut LiveSession,
     speed_64ths: i8,
@@ -71,7 +71,7 @@ pub fn play(
     Ok(())
 }
 
-/// Waits until the motion is played.
+/// Waits until the motion has begun.
 fn wait_for(
     session: &mut LiveSession,
     chosen: &Chosen,
@@ -94,7 +94,7 @@ fn wait_for(
     })
 }
 
-/// Waits until a motion that ends has ended; gives a loop its time, to the end of the round in which it is over.
+/// Waits for the end of a finite motion. A loop plays for its requested time and then to the end of its cycle.
 fn finish(
     session: &mut LiveSession,
     chosen: &Chosen,
@@ -140,26 +140,27 @@ fn finish(
     )
 }
 
-/// Playback of a loop, in seconds at the speed at which it is played.
+/// Playback of a loop, in seconds at the actual playback speed.
 struct Loop {
-    /// Duration of a round.
+    /// Duration of a cycle.
     round_s: f64,
-    /// Position, of all rounds since the first that was seen.
+    /// Position, counted over all cycles since the first that was observed.
     position_s: f64,
-    /// Position of the end of the round in which the wanted time is over.
+    /// Position of the end of the cycle in which the requested time is over.
     end_s: f64,
 }
 
 impl Loop {
-    /// A loop that is at `at_s` of a round. One that `played_before` is wanted from there on, another one from its beginning.
+    /// Creates a loop that is at `at_s` within a cycle. If the loop `played_before`, the requested time starts there; otherwise
+    /// it starts at the beginning of the cycle.
     fn new(round_s: f64, at_s: f64, wanted_s: f64, played_before: bool) -> Self {
         let begun_s = if played_before { at_s } else { 0.0 };
         let rounds = ((begun_s + wanted_s) / round_s - ROUNDS_TOLERANCE).ceil();
         Self { round_s, position_s: at_s, end_s: rounds * round_s }
     }
 
-    /// Time has passed on this clock, and the controller says where in the round it is. Its clock is the one that counts, and
-    /// is off by less than half a round between two looks.
+    /// Advances by the time on this computer's clock, and corrects to the position that the controller reports. The two clocks
+    /// differ by less than half a cycle between calls.
     fn pass(&mut self, passed_s: f64, at_s: Option<f64>) {
         self.position_s += passed_s;
         if let Some(at_s) = at_s {
@@ -183,7 +184,8 @@ impl Pauses {
         let is_paused = status.is_some_and(|status| status.state == State::Paused);
         if is_paused && !self.0 {
             output::say(
-                "paused by another program; `rollwalk resume` lets it go on, `rollwalk return` brings it home",
+                "paused by another program; type `rollwalk resume` to continue, or `rollwalk \
+                 return` to return to SAFE",
             );
         }
         self.0 = is_paused;
@@ -191,19 +193,19 @@ impl Pauses {
     }
 }
 
-/// Waits for statuses of the controller: detects pauses and silence.
+/// Reader of the controller's statuses that detects pauses and silence.
 #[derive(Default)]
 struct Hearing {
     pauses: Pauses,
-    /// Time since the last status, s.
+    /// Time since the previous status, s.
     silent_s: f64,
 }
 
 impl Hearing {
-    /// Waits for the next status, and returns it and for how long the robot played, s; pauses do not count.
+    /// Waits for the next status. Also returns the playing time during the wait, s; pauses are not counted.
     ///
     /// # Errors
-    /// Errors of the session, or the controller is silent.
+    /// Returns an error of the session, or an error if the controller is silent.
     fn next(
         &mut self,
         session: &mut LiveSession,
@@ -222,8 +224,7 @@ impl Hearing {
     }
 }
 
-/// Waits for a status. Time spent paused does not count towards the timeout: a paused robot must not move because of
-/// one.
+/// Waits for a status. Paused time does not count towards the timeout, because a timeout would make a paused robot move.
 fn wait_also_while_paused(
     session: &mut LiveSession,
     what: &str,
@@ -247,7 +248,7 @@ fn wait_also_while_paused(
     }
 }
 
-/// Lets the robot play for a duration, pauses not counted.
+/// Waits while the robot plays for a duration; pauses are not counted.
 fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionError> {
     let mut left_s = duration_s;
     run_while(session, None, |_, passed_s| {
@@ -256,10 +257,11 @@ fn run_for(session: &mut LiveSession, duration_s: f64) -> Result<(), SessionErro
     })
 }
 
-/// Lets the robot play while time is left: `left_s` is given a new status, if there is one, and how long the robot played since
-/// the last call, pauses not counted. Ends early on Ctrl-C, when the robot stops by itself, and when the controller is silent.
-/// A motion that `repeats`, by its node, does not end by itself: a robot that leaves it was sent home, or elsewhere, by another
-/// program.
+/// Waits while the robot plays, until `left_s` returns 0 or less.
+///
+/// `left_s` receives the new status, if any, and the playing time since its previous call, without pauses. The wait ends early
+/// on Ctrl-C, if the robot stops by itself, and if the controller is silent. `repeats` is the node of a loop, which does not
+/// end by itself: a robot that leaves it was commanded by another program.
 fn run_while(
     session: &mut LiveSession,
     repeats: Option<usize>,
@@ -301,7 +303,8 @@ fn micros(seconds: f64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Round in which a loop is left, if the controller's clock runs at `rate` of this one and what it says is `old_s` old.
+    /// Returns the cycle in which a loop is left, if the controller's clock runs at `rate` times this one and its reports are
+    /// `old_s` old.
     fn left_in_round(wanted_s: f64, at_s: f64, rate: f64, old_s: f64, lead_s: f64) -> f64 {
         let round_s = 1.6;
         let mut playing = Loop::new(round_s, at_s, wanted_s, false);

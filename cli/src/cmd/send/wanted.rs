@@ -1,11 +1,11 @@
-//! Requested motions, and their entries in the library of the controller.
+//! Motions that the user requests, and their entries in the controller's library.
 
 use miette::miette;
 use rollwalk_host::catalog::{Catalog, Motion};
 use std::fmt;
 use std::str::FromStr;
 
-/// A motion that is asked for.
+/// Requested motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
     motion: String,
@@ -33,12 +33,16 @@ impl FromStr for Wanted {
             None => (text, None),
             Some((motion, seconds)) => {
                 let parsed = seconds.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
-                let wrong = || format!("`{seconds}` is no number of seconds, as in walk:10");
+                let wrong = || {
+                    format!(
+                        "`{seconds}` is not a duration in s: give seconds above 0, as in walk:10"
+                    )
+                };
                 (motion, Some(parsed.ok_or_else(wrong)?))
             }
         };
         if motion.is_empty() {
-            return Err("which motion? A code or a name, as in walk:10".into());
+            return Err("the motion is missing: give a code or a name, as in walk:10".into());
         }
         Ok(Self { motion: motion.into(), seconds })
     }
@@ -47,7 +51,7 @@ impl FromStr for Wanted {
 /// A motion to be played.
 pub struct Chosen<'a> {
     pub code: u8,
-    /// Requested playing time, s, if there is one.
+    /// Requested playing time, s.
     pub seconds: Option<f64>,
     /// Index and entry of the motion in the catalogue, if known.
     pub motion: Option<(usize, &'a Motion)>,
@@ -59,11 +63,11 @@ impl Chosen<'_> {
     }
 }
 
-/// The motion that is meant. With a catalog that is of the controller's own library, a code that it does not have is
-/// refused here, before anything moves.
+/// Returns the requested motion. If the catalogue is that of the controller's library, an unknown code is refused here, before
+/// the robot moves.
 ///
 /// # Errors
-/// There is none: with those that there are.
+/// Returns an error with the available motions if the requested one does not exist.
 pub fn choose<'a>(
     wanted: &Wanted,
     catalog: Option<&'a Catalog>,
@@ -76,7 +80,7 @@ pub fn choose<'a>(
         return match catalog.filter(|_| is_its_own && motion.is_none()) {
             None => Ok(Chosen { code, seconds: *seconds, motion }),
             Some(catalog) => Err(miette!(
-                help = format!("it has {}", codes(catalog)),
+                help = format!("give one of {}", codes(catalog)),
                 "the library of {} has no motion with code {code}",
                 catalog.robot
             )),
@@ -84,20 +88,20 @@ pub fn choose<'a>(
     }
     let Some(catalog) = catalog else {
         return Err(miette!(
-            help = "name the library, --library LIB.rwl, or give the motion's code",
-            "`{text}`: the names of the controller's library are not known on this computer"
+            help = "give the library with --library LIB.rwl, or the code of the motion",
+            "`{text}`: the motion names of the controller's library are unknown on this computer"
         ));
     };
     let found = motions().find(|(_, motion)| motion.name == *text);
     match found.map(|found| (found, found.1.code)) {
         Some((motion, Some(code))) => Ok(Chosen { code, seconds: *seconds, motion: Some(motion) }),
-        Some((_, None)) => {
-            Err(miette!("`{text}` has no command code: it is played on the way only"))
-        }
+        Some((_, None)) => Err(miette!(
+            "`{text}` has no command code: it is played only on the way to other motions"
+        )),
         None => {
             let names: Vec<_> = catalog.motions.iter().map(|motion| motion.name.as_str()).collect();
             Err(miette!(
-                help = format!("it has {}", names.join(", ")),
+                help = format!("give one of {}", names.join(", ")),
                 "the library of {} has no motion `{text}`",
                 catalog.robot
             ))
@@ -105,7 +109,7 @@ pub fn choose<'a>(
     }
 }
 
-/// Codes with what they play.
+/// List of the command codes and their motions.
 fn codes(catalog: &Catalog) -> String {
     let known = |motion: &Motion| Some(format!("{} ({})", motion.code?, motion.name));
     catalog.motions.iter().filter_map(known).collect::<Vec<_>>().join(", ")

@@ -1,4 +1,4 @@
-//! A motion library behind the firmware: a tour over its motion graph, and what became of each motion.
+//! Simulation of a motion library behind the firmware: a tour over its motion graph, with the results of each motion.
 
 use super::Args;
 use crate::planned::{self, Judged};
@@ -18,10 +18,10 @@ struct Document {
     robot: String,
     /// Simulated time, s.
     session_s: f64,
-    /// Motions and transitions, in the order in which they were played.
+    /// Motions and transitions in the order of playing.
     travels: Vec<Row>,
     falls: Vec<FallRow>,
-    /// Reason for an early end of the tour.
+    /// Reason why the tour ended early.
     stopped: Option<String>,
 }
 
@@ -33,7 +33,7 @@ struct Row {
     way: Way,
     #[serde(flatten)]
     totals: Totals,
-    /// Against its plan; null where the library was not built on this computer.
+    /// Comparison with the plan; null if the library was not built on this computer.
     plan: Option<Judged>,
 }
 
@@ -50,23 +50,23 @@ impl From<&Fall> for FallRow {
     }
 }
 
-/// Plays the library of the command line.
+/// Simulates the library of the command line.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.rate.is_some() {
         return Err(miette!(
-            help = "leave it out, or simulate a plan",
-            "--rate is for plans: with a library the world is behind the firmware, and has a rate of its own"
+            help = "leave out this option, or simulate a plan",
+            "--rate is for plans: a library is simulated with the firmware at a fixed rate"
         ));
     }
     if args.tracking {
         return Err(miette!(
-            help = "leave it out, or simulate a plan",
-            "--tracking is for plans: a library is played by the firmware, whose servos see their own angles only"
+            help = "leave out this option, or simulate a plan",
+            "--tracking is for plans: the firmware plays a library without feedback of the body"
         ));
     }
     if args.mass != 1.0 || args.friction.is_some() || args.contact_stiffness != 1.0 {
         return Err(miette!(
-            help = "leave them out, or simulate a plan",
+            help = "leave out these options, or simulate a plan",
             "--mass, --friction and --contact-stiffness are for plans"
         ));
     }
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 impl Document {
-    /// Motions that do not come where their plans do, and do not say that they need feedback.
+    /// Motions that miss the goals of their plans, except those that need feedback.
     fn missed(&self) -> impl Iterator<Item = (&str, &str)> {
         self.travels.iter().filter_map(|Row { name, plan, .. }| {
             let plan = plan.as_ref().filter(|plan| !plan.needs_feedback)?;
@@ -181,7 +181,8 @@ fn describe(document: &Document) -> String {
         text += &format!("\n{name} does not hold in simulation: {miss}");
     }
     if document.travels.iter().all(|row| row.plan.is_none()) {
-        text += "\nwithout a verdict on its motions: their plans are known where `rollwalk library build` made the library";
+        text += "\nno verdict on the motions: their plans are known only on the computer where \
+            `rollwalk library build` made the library";
     }
     text
 }

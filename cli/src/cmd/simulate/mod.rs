@@ -1,4 +1,4 @@
-//! `rollwalk simulate`: a plan by itself, or a library behind the firmware, on the simulated ground.
+//! `rollwalk simulate`: simulates a plan alone, or a library behind the firmware, on the ground.
 
 mod library;
 mod plan;
@@ -10,15 +10,15 @@ use std::path::PathBuf;
 
 /// Play a plan or a motion library on the simulated ground.
 ///
-/// A plan (JSON) plays open loop, without bus and controller: the servos of the robot file play it, with the planned torques on
-/// top, on rigid ground with the friction of the robot file. What becomes of it is compared with the plan: a motion holds in
-/// simulation if the robot stays on its feet and comes to 0.95 to 1.05 of every goal, on the mean of its periods after the
-/// first one and on that of the last three; the exit code is 3 if it does not.
+/// A plan (JSON) plays in open loop, without bus and controller: the servos of the robot file play it, with the planned torques
+/// as feed-forward, on rigid ground with the friction of the robot file. The result is compared with the plan. The motion
+/// passes if the robot does not fall and reaches 95 % to 105 % of every goal, both in the mean of its periods after the first
+/// and in the mean of the last three; otherwise the exit code is 3.
 ///
-/// A motion library (LIB.rwl) plays as on the robot: it is flashed to the firmware over the simulated bus, and every
-/// transition of its motion graph is played. The table tells the way of each motion, and what that is of its plan where the
-/// library was built on this computer; the exit code is 3 if the robot falls or is stopped, or if a motion does not come where
-/// its plan does. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
+/// A motion library (LIB.rwl) plays as on the robot: it is transferred to the firmware over the simulated bus, and every
+/// transition of its motion graph is played. The table lists the displacement of each motion, and its ratio to the plan if the
+/// library was built on this computer. The exit code is 3 if the robot falls or is stopped, or if a motion misses a goal of its
+/// plan. On Ctrl-C the robot returns to SAFE and is disarmed, and the table lists the motions played so far.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
@@ -34,37 +34,38 @@ pub struct Args {
     /// Plan (JSON) or motion library.
     #[arg(value_name = "PLAN.json|LIB.rwl")]
     what: PathBuf,
-    /// Robot file (TOML) of the robot that a library is for; without it the robots that ship with rollwalk are tried.
+    /// Robot file (TOML) of a library's robot; without it the robots that ship with rollwalk are tried.
     #[arg(long, value_name = "ROBOT.toml")]
     robot: Option<PathBuf>,
-    /// Periods of a motion that repeats.
+    /// Number of periods of a periodic motion.
     #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     cycles: u32,
-    /// Leave the planned torques out: the servos' own only.
+    /// Simulate servos without feed-forward of the planned torques.
     #[arg(long)]
     no_feed_forward: bool,
-    /// Let a controller of the whole body track a plan: it sees the robot at each step, and tells its motors torques.
+    /// Track a plan with a whole-body controller, which reads the robot's state at each step and commands torques to its
+    /// motors.
     #[arg(long, conflicts_with = "no_feed_forward")]
     tracking: bool,
-    /// Masses of the simulated robot over those of the plan's.
+    /// Ratio of the masses of the simulated robot to those of the plan's robot.
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     mass: f64,
-    /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's].
+    /// Coefficient of friction of all feet, wheels and blades of the simulated robot [default: those of the plan's robot].
     #[arg(long, value_name = "COEFFICIENT", value_parser = ratio)]
     friction: Option<f64>,
-    /// Stiffness of contacts with the ground over the usual one.
+    /// Ratio of the stiffness of ground contacts to the normal one.
     #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = ratio)]
     contact_stiffness: f64,
-    /// Time from a measurement to the setpoints that answer it, ms, with --tracking.
+    /// Delay from a measurement to the set-points that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
-    /// Estimate the state from an IMU, encoders and contacts with noise, instead of giving the controller the true state; with
-    /// --tracking and on level ground only.
+    /// Estimate the state from a noisy IMU, encoders and contacts, instead of giving the controller the true state; only with
+    /// --tracking and on level ground.
     #[arg(long, requires = "tracking", conflicts_with_all = ["slope", "terrain"])]
     estimate: bool,
     #[command(flatten)]
     ground: GroundArgs,
-    /// Steps of the simulation of a plan per second [default: 480, with --tracking 500]; with a library they are 240.
+    /// Simulation steps per second for a plan [default: 480, with --tracking 500]; a library uses 240.
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(30..=10_000))]
     rate: Option<u32>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! A plan without bus and controller, compared with what becomes of it.
+//! Simulation of a plan without bus and controller, compared with the plan.
 
 use super::Args;
 use crate::cmd::control;
@@ -22,12 +22,12 @@ struct Document<'a> {
     outcome: &'a Outcome,
 }
 
-/// Plays the plan of the command line.
+/// Simulates the plan of the command line.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.robot.is_some() {
         return Err(miette!(
-            help = "leave it out",
-            "--robot is for libraries: a plan has its robot with it"
+            help = "leave out --robot",
+            "--robot is for libraries: a plan contains its robot"
         ));
     }
     let plan = inputs::plan(&args.what)?;
@@ -40,8 +40,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let tick_ms = 1e3 / f64::from(rate_hz);
     if args.delay_ms > 0.0 && args.delay_ms < 0.5 * tick_ms {
         return Err(miette!(
-            help = format!("resolve it by --rate {:.0}", (1e3 / args.delay_ms).ceil()),
-            "--delay-ms {} is less than half of a tick of {tick_ms:.1} ms, and would be no delay",
+            help = format!("resolve the delay with --rate {:.0}", (1e3 / args.delay_ms).ceil()),
+            "--delay-ms {} is less than half of a tick of {tick_ms:.1} ms, and would have no \
+             effect",
             args.delay_ms
         ));
     }
@@ -63,7 +64,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.tracking
         && let Err(unfit) = control::check(&plan.robot)
     {
-        output::say_warnings(&[format!("on the robot this is not possible: {unfit}")]);
+        output::say_warnings(&[format!("not possible on the real robot: {unfit}")]);
     }
     interrupt::listen();
     let bar = ProgressBar::new(1000).with_style(
@@ -101,7 +102,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })
 }
 
-/// A table of periods, and the rest in words.
+/// Formats a table of periods, and the other results as sentences.
 fn describe(plan: &Plan, outcome: &Outcome) -> String {
     const NAMES: [(&str, &str); 3] = [("forward", "m"), ("left", "m"), ("turn", "rad")];
     let mut text = format!("{} of {}\n", plan.motion.name, plan.robot.name);
@@ -117,7 +118,7 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     }
     for (of, (name, _)) in NAMES.iter().enumerate() {
         if let Some(ratio) = outcome.ratio(of) {
-            let _ = writeln!(text, "{name}: {ratio:.3} of the plan on the mean");
+            let _ = writeln!(text, "{name}: {ratio:.3} of the plan on average");
         }
     }
     let &Outcome { time_s, totals, iterations, iterations_max, .. } = outcome;
@@ -129,18 +130,19 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
     );
     let _ = writeln!(
         text,
-        "solved with {iterations:.2} iterations a step, at most {iterations_max}; {} steps in parts",
+        "solved with {iterations:.2} iterations a step, at most {iterations_max}; {} steps \
+         subdivided",
         outcome.subdivided
     );
     if outcome.untracked > 0 {
         let _ = writeln!(
             text,
-            "in {} steps it was not tracked; the servos got the setpoints of the plan in open loop",
+            "not tracked in {} steps; the servos received the setpoints of the plan in open loop",
             outcome.untracked
         );
     }
     if let Some(time_s) = outcome.stopped_at_s {
-        let _ = writeln!(text, "it lost track, and was brought to a stop from {time_s:.2} s on");
+        let _ = writeln!(text, "tracking failed, and the robot was stopped from {time_s:.2} s on");
     }
     let _ = match outcome.miss() {
         None => writeln!(text, "holds in simulation"),

@@ -1,5 +1,4 @@
-//! Edits that the user has not saved yet, kept from one start of the studio to the next: a file of the user's state for each
-//! set of files.
+//! Unsaved edits, kept from one start of the studio to the next. Each set of files has its own file in the user's state.
 
 use directories::ProjectDirs;
 use rollwalk_protocol::crc::file_digest;
@@ -8,27 +7,27 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Most bytes of what is kept: documents with their history.
+/// Maximum size of the stored edits, bytes: documents with their history.
 const BYTES_MAX: u64 = 16 << 20;
 
-/// Edits of some files, and the file of the user's state that keeps them.
+/// Edits of a set of files, and the path of the file that stores them.
 pub struct Edits {
     place: PathBuf,
     files: Vec<PathBuf>,
 }
 
-/// The file of the edits.
+/// Content of the file with the edits.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// Absolute paths of the files that were opened.
+    /// Absolute paths of the opened files.
     files: Vec<PathBuf>,
-    /// Digest of the files as they were then.
+    /// Digest of the opened files when the edits were stored.
     digest: u32,
-    /// Documents and history of the page, in its own form.
+    /// Documents and history, in the format of the page.
     page: String,
 }
 
-/// Edits that were kept.
+/// Stored edits.
 #[derive(Debug, Serialize)]
 pub struct Found {
     /// Documents and history of the page.
@@ -37,14 +36,14 @@ pub struct Found {
     is_current: bool,
 }
 
-/// The folder of the user's state; `None` where the user has none.
+/// Folder in the user's state; `None` if the user has no state folder.
 pub fn folder() -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
     Some(folders.state_dir().unwrap_or(folders.data_local_dir()).join("studio"))
 }
 
 impl Edits {
-    /// Edits of the files that the user named; without files, of those that ship.
+    /// Edits of the files that the user named; an empty list stands for the shipped files.
     pub fn of(paths: &[PathBuf], folder: &Path) -> Self {
         let here = env::current_dir().unwrap_or_default();
         let whole = |path: &PathBuf| fs::canonicalize(path).unwrap_or_else(|_| here.join(path));
@@ -53,7 +52,7 @@ impl Edits {
         Self { place: folder.join(format!("{name:08x}.json")), files }
     }
 
-    /// The edits that the page kept last; `digest` is that of the files as they are.
+    /// Reads the edits that the page stored most recently; `digest` is that of the current files.
     pub fn kept(&self, digest: u32) -> Option<Found> {
         let is_short = fs::metadata(&self.place).is_ok_and(|found| found.len() <= BYTES_MAX);
         let text = is_short.then(|| fs::read_to_string(&self.place).ok()).flatten()?;
@@ -62,17 +61,20 @@ impl Edits {
         (kept.files == self.files).then_some(Found { page: kept.page, is_current })
     }
 
-    /// Keeps the page's documents and history; `digest` is that of the files as they are.
+    /// Stores the page's documents and history; `digest` is that of the current files.
     ///
     /// # Errors
-    /// Text that is too long, or a refusal of the operating system.
+    /// Returns an error if the text is too long, or if the operating system refuses.
     pub fn keep(&self, page: &str, digest: u32) -> Result<(), String> {
         let failed =
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
         let kept = Kept { files: self.files.clone(), digest, page: page.to_owned() };
         let text = serde_json::to_string(&kept).map_err(|why| failed(why.to_string()))?;
         if text.len() as u64 > BYTES_MAX {
-            return Err(failed(format!("{} bytes are more than {BYTES_MAX}", text.len())));
+            return Err(failed(format!(
+                "{} bytes exceed the limit of {BYTES_MAX} bytes",
+                text.len()
+            )));
         }
         let folder = self.place.parent().map_or(Ok(()), fs::create_dir_all);
         folder.map_err(|why| failed(why.to_string()))?;

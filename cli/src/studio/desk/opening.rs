@@ -1,4 +1,4 @@
-//! The files of the command line, with what they name, and what the page is to show of them first.
+//! Opens the files of the command line and the files that they name, and selects those that the page shows first.
 
 use miette::{Report, miette};
 use rollwalk_terminal::files::{self, Named};
@@ -11,46 +11,46 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use toml_edit::{Document, Item, TableLike};
 
-/// Most files, those that others name included.
+/// Maximum number of open files, including those that other files name.
 const FILES_MAX: usize = 200;
-/// Most files that are looked at: a stranger's library may name any count of them.
+/// Maximum number of files that are examined; an untrusted library may name any number of files.
 const SEEN_MAX: usize = 2 * FILES_MAX;
-/// Most files of a folder that an error lists.
+/// Maximum number of files of a folder that an error lists.
 const LISTED: usize = 4;
-/// Beginning of a library for a controller.
+/// First bytes of a packed library.
 const PACKED: &[u8] = b"ROLLWALK";
 
-/// A file as it was read or written last.
+/// File as it was most recently read or written.
 pub struct Sheet {
-    /// Name in pages: the path, with `/` between folders.
+    /// Name in the page: the path, with `/` between folders.
     pub name: String,
     pub path: PathBuf,
     pub text: String,
-    /// True if the user named this file, or a file beside or above it.
+    /// True if the user named this file, or a file in its folder or in a folder above.
     pub is_users: bool,
 }
 
-/// Files that the page is to show first, by name.
+/// Files that the page shows first, by name.
 #[derive(Debug, Default, Serialize)]
 pub struct Desired {
     pub motion: Option<String>,
     pub library: Option<String>,
-    /// The robot that moves, whichever robot the motion file names.
+    /// Robot that moves, even if the motion file names another robot.
     pub robot: Option<String>,
-    /// Path of that robot for the motion file, which names another one.
+    /// Path of `robot` relative to the motion file, if that names another robot.
     pub robot_in_motion: Option<String>,
-    /// The plan that the motion is planned from.
+    /// Plan from which the motion is planned.
     pub plan: Option<String>,
-    /// The URDF that a robot is made of.
+    /// URDF from which a robot is created.
     pub urdf: Option<String>,
-    /// The side file of the URDF.
+    /// Side file of the URDF.
     pub side: Option<String>,
 }
 
-/// Reads the files that the user named, and the documents that those name.
+/// Reads the files that the user named, and the documents that they name.
 ///
 /// # Errors
-/// A file that the user named cannot be read, or is none that the studio opens.
+/// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.
 pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
     let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
     let (mut sheets, mut desired) = (Vec::<Sheet>::new(), Desired::default());
@@ -120,7 +120,7 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
     Ok((sheets, desired))
 }
 
-/// A file that another one names, if it is a document or a plan.
+/// Reads a file that another file names; returns `None` if it is neither a document nor a plan.
 fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
     // The engine says what is missing, and who names it.
     let read = files::read_by(path, Named::InFile, kind_by_beginning).ok()?;
@@ -133,7 +133,7 @@ fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
     is_ours.then(|| Sheet { name: name_of(path), path: path.to_owned(), text, is_users })
 }
 
-/// Path of a robot as a motion file would name it; `None` if it names this one already.
+/// Path of a robot as a motion file would contain it; `None` if the motion file already names this robot.
 fn named_otherwise(motion: &Sheet, robot: &Path) -> Option<String> {
     let whole = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).ok();
     let named = Mentions::of(&motion.text).robot?;
@@ -146,7 +146,7 @@ fn named_otherwise(motion: &Sheet, robot: &Path) -> Option<String> {
     (named != robot).then(|| up.chain(down).collect::<Vec<_>>().join("/"))
 }
 
-/// The text of a file that the user named.
+/// Text of a file that the user named.
 fn text_of(path: &Path) -> miette::Result<String> {
     if path.is_dir() {
         return Err(is_folder(path));
@@ -154,7 +154,7 @@ fn text_of(path: &Path) -> miette::Result<String> {
     let read = files::read_by(path, Named::ByUser, kind_by_beginning)?;
     if read.1 == Kind::Packed {
         return Err(miette!(
-            help = "open the library file (TOML) that it was built from",
+            help = "open the library file (TOML) from which it was built",
             "{} is a motion library for a controller, which the studio does not open",
             path.display()
         ));
@@ -162,7 +162,7 @@ fn text_of(path: &Path) -> miette::Result<String> {
     Ok(files::text(read, path)?)
 }
 
-/// The kind that bounds the size of a file.
+/// Kind of a file by its first bytes, for the size limit.
 fn kind_by_beginning(start: &[u8]) -> Kind {
     match start.first() {
         Some(b'{') => Kind::Plan,
@@ -188,11 +188,11 @@ fn is_folder(path: &Path) -> Report {
     let files = inner.iter().cloned().chain(below).filter(is_ours);
     let names: Vec<_> = files.take(LISTED).map(|path| path.display().to_string()).collect();
     let help = if names.is_empty() {
-        "name a motion, library, robot or design file (TOML), a URDF or a plan".to_owned()
+        "give a motion, library, robot or design file (TOML), a URDF or a plan".to_owned()
     } else {
-        format!("name a file, such as {}", names.join(", "))
+        format!("give a file, such as {}", names.join(", "))
     };
-    miette!(help = help, "{} is a folder, and the studio opens files", path.display())
+    miette!(help = help, "{} is a folder, but the studio opens files only", path.display())
 }
 
 /// Role of a file that the user named.
@@ -205,7 +205,7 @@ enum Role {
     Plan,
     Urdf,
     Side,
-    /// A document with faults.
+    /// Document with mistakes.
     Other,
 }
 
@@ -233,19 +233,19 @@ fn role(path: &Path, text: &str, mentions: &Mentions, paths: &[PathBuf]) -> miet
     })
 }
 
-/// Name of the motion file that a plan is of: among the files that are open, else one that ships.
+/// Name of the motion file of a plan, among the open files or else the shipped files.
 ///
 /// # Errors
-/// A plan of none of them: it has no motion file in it.
+/// Returns an error if neither contains the motion of the plan.
 fn motion_of(plan: &Sheet, sheets: &[Sheet]) -> miette::Result<String> {
     let value: Value = serde_json::from_str(&plan.text).unwrap_or_default();
     let [motion, robot] =
         ["motion", "robot"].map(|of| value[of]["name"].as_str().unwrap_or_default());
     if motion.is_empty() || robot.is_empty() {
-        let help = "make it again: rollwalk plan MOTION.toml -o PLAN.json";
+        let help = "make the plan again: rollwalk plan MOTION.toml -o PLAN.json";
         return Err(miette!(
             help = help,
-            "{} is damaged: a plan has a motion and a robot",
+            "{} is damaged: the motion or the robot is missing",
             plan.name
         ));
     }
@@ -262,13 +262,14 @@ fn motion_of(plan: &Sheet, sheets: &[Sheet]) -> miette::Result<String> {
     found.map(|(path, _)| path.to_owned()).ok_or_else(|| {
         let path = &plan.name;
         miette!(
-            help = format!("name that file, too: rollwalk studio MOTION.toml {path}"),
-            "{path} is a plan of the motion `{motion}` of the robot `{robot}`, and has no motion file in it"
+            help = format!("give the motion file, too: rollwalk studio MOTION.toml {path}"),
+            "{path} is a plan of motion `{motion}` of robot `{robot}`, but does not contain the \
+             motion file"
         )
     })
 }
 
-/// Folder of a file, without links; `None` if it is not there.
+/// Folder of a file, with links followed; `None` if the file does not exist.
 fn folder_of(path: &Path) -> Option<PathBuf> {
     Some(fs::canonicalize(path).ok()?.parent()?.to_owned())
 }
@@ -278,7 +279,7 @@ fn name_of(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
-/// Kind of a text by its keys, and the files that it names.
+/// Kind of a text according to its keys, and the files that it names.
 #[derive(Default)]
 struct Mentions {
     is_document: bool,

@@ -1,7 +1,8 @@
-//! A bus of this computer for the page: a WebSocket at one end, frames at the other ([`traffic`]).
+//! Relay between the page and a bus of this computer: a WebSocket at one end, frames at the other ([`traffic`]).
 //!
-//! The page is the robot's host, and nothing is added to what it sends. Its heartbeats end with it, and the robot returns to
-//! SAFE by its own timeouts. One page has the bus at a time; it is open only as long.
+//! The page is the robot's host, and the relay adds nothing to its frames. If the page closes, its heartbeats end, and the
+//! robot returns to SAFE by its own timeouts. The bus is open only while a page uses it, and only one page can use it at a
+//! time.
 
 mod traffic;
 
@@ -22,53 +23,55 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-/// Most bytes of a message of the page, and of those that wait for it: it takes nothing any more.
+/// Maximum size of a message of the page, bytes.
 const MESSAGE_MAX: usize = 64 * 1024;
+/// Maximum size of messages that wait for the page, bytes. A page beyond it no longer reads.
 const UNREAD_MAX: usize = 1024 * 1024;
-/// Longest wait for a frame of the bus before the page is looked at, µs; and while frames wait for a busy bus.
+/// Maximum wait for a frame of the bus before messages of the page are read, µs.
 const LOOK_US: u64 = 2_000;
+/// Maximum wait for a frame of the bus while frames wait for a busy bus, µs.
 const BUSY_US: u64 = 200;
-/// Most frames of the bus in one message, so that a busy bus does not keep the page waiting.
+/// Maximum number of bus frames in one message, so that a busy bus does not delay the page.
 const FRAMES_MAX: usize = 64;
-/// Longest time for which a closed port is still in use, until its listening thread notices.
+/// Maximum time for which a closed port stays in use, until its receiving thread ends.
 const CLOSING: Duration = Duration::from_millis(200);
 /// Timeout for a page's answer to a farewell.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Most bytes of a farewell in words (RFC 6455, 5.5).
+/// Maximum length of the reason in a closing frame, bytes (RFC 6455, 5.5).
 const REASON_MAX: usize = 123;
 
-/// The bus that pages may have.
+/// Bus that pages may use.
 pub struct Relay {
     bus: BusName,
     taken: Mutex<()>,
 }
 
-/// Reason for which a page no longer has the bus.
+/// Reason why a page no longer has the bus.
 enum End {
     Gone,
-    /// Refusal, in words: the page never had the bus.
+    /// Refusal with its message; the page never had the bus.
     Refused(String),
-    /// Something is wrong, in words.
+    /// Failure with its message.
     Trouble(String),
 }
 
 impl Relay {
-    /// A relay to a bus that can be opened. Nothing is sent to it.
+    /// Creates a relay to a bus, after checking that it can be opened. Sends nothing.
     ///
     /// # Errors
-    /// It does not exist or cannot be used; the error names the command to type.
+    /// Returns an error if the bus does not exist or cannot be used. The error contains the command to type.
     pub fn new(bus: BusName) -> miette::Result<Self> {
         // This thread goes on to serve: no real-time priority for it.
         open::open(&bus, DEPTH).map_err(cannot_open)?;
         Ok(Self { bus, taken: Mutex::new(()) })
     }
 
-    /// The bus, as the user names it.
+    /// Bus, as the user names it.
     pub fn bus(&self) -> &BusName {
         &self.bus
     }
 
-    /// Serves a page until it goes away. `rest` are bytes that came with its request.
+    /// Serves a page until it closes. `rest` contains bytes that were received with its request.
     pub fn serve(&self, stream: TcpStream, rest: Vec<u8>) {
         let config = WebSocketConfig::default()
             .max_message_size(Some(MESSAGE_MAX))
@@ -78,7 +81,8 @@ impl Relay {
         let Self { bus, .. } = self;
         match self.relay(&mut socket) {
             End::Gone => output::say(format_args!(
-                "the page has left {bus}: without its heartbeats the robot returns to SAFE by itself"
+                "the page has left {bus}: without its heartbeats the robot returns to SAFE \
+                 automatically"
             )),
             End::Refused(why) => farewell(&mut socket, &why),
             End::Trouble(why) => {
@@ -88,7 +92,7 @@ impl Relay {
         }
     }
 
-    /// Serves a page as long as it has the bus.
+    /// Relays frames while a page has the bus.
     fn relay(&self, socket: &mut WebSocket<TcpStream>) -> End {
         let Self { bus, taken } = self;
         let _taken = match taken.try_lock() {
@@ -96,12 +100,12 @@ impl Relay {
             // What a page that panicked left behind is closed.
             Err(TryLockError::Poisoned(taken)) => taken.into_inner(),
             Err(TryLockError::WouldBlock) => {
-                return End::Refused(format!("another page has {bus}: disconnect there"));
+                return End::Refused(format!("another page uses {bus}: disconnect that page"));
             }
         };
         match self.open() {
             Ok(mut live) => {
-                output::say(format_args!("a page has {bus}"));
+                output::say(format_args!("a page uses {bus}"));
                 let Err(end) = pass_on(socket, &mut live, bus);
                 end
             }
@@ -109,7 +113,7 @@ impl Relay {
         }
     }
 
-    /// Opens the bus; once more after a moment if another page has just left it.
+    /// Opens the bus, with a second attempt if another page has just released it.
     fn open(&self) -> Result<Live, OpenError> {
         live(&self.bus).or_else(|_| {
             thread::sleep(CLOSING);
@@ -118,7 +122,7 @@ impl Relay {
     }
 }
 
-/// Passes frames on, and says on the terminal when something is wrong with the bus; ends only by an error.
+/// Passes frames in both directions, and prints problems of the bus on the terminal; ends only with an error.
 fn pass_on(
     socket: &mut WebSocket<TcpStream>,
     bus: &mut Live,
@@ -155,7 +159,7 @@ fn pass_on(
         let complaint = bus.complaint();
         if complaint.is_some() != complains {
             complains = complaint.is_some();
-            output::say(complaint.unwrap_or_else(|| format!("{name}: all is well again")));
+            output::say(complaint.unwrap_or_else(|| format!("{name}: the bus works again")));
         }
         let mut until_us = bus.now_us() + wait_us;
         for _ in 0..FRAMES_MAX {
@@ -171,7 +175,7 @@ fn pass_on(
     }
 }
 
-/// Result of a socket; `None` where it would block.
+/// Result of a socket operation; `None` if it would block.
 fn unless_it_blocks<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, End> {
     match outcome {
         Ok(done) => Ok(Some(done)),
@@ -180,7 +184,7 @@ fn unless_it_blocks<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, End
     }
 }
 
-/// Closes a socket with the reason in words, cut to what a closing frame carries.
+/// Closes a socket with a reason, shortened to the maximum of a closing frame.
 fn farewell(socket: &mut WebSocket<TcpStream>, why: &str) {
     let reason = why[..why.floor_char_boundary(REASON_MAX)].to_owned();
     let frame = CloseFrame { code: CloseCode::Policy, reason: reason.into() };

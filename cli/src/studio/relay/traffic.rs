@@ -1,44 +1,44 @@
-//! Core of the relay, without socket, bus or clock: packets of a page become frames for a bus, and frames become packets.
+//! Core of the relay, without socket, bus or clock: converts packets of a page to frames for a bus, and frames to packets.
 //!
-//! A page sends whole packets of single frames ([`Packet::Link`]), any number in a message. A message with anything else sends
-//! nothing to the bus. Frames wait for a bus that is busy, in order, and not for long: when a dead bus recovers, no heartbeat
-//! or order of a while ago must go out.
+//! A page sends complete packets of single frames ([`Packet::Link`]), any number in a message. If a message contains anything
+//! else, none of it is sent. Frames wait in order for a busy bus, but only for a short time: when a dead bus recovers, old
+//! heartbeats and commands must not be sent.
 
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{Deframer, Packet};
 use std::collections::VecDeque;
 
-/// Most frames that wait for the bus. A page sends its heartbeat, an order, and at most sixteen frames of a message before
-/// the controller answers.
+/// Maximum number of frames that wait for the bus. A page sends its heartbeat, a command, and at most sixteen frames of a
+/// message before the controller answers.
 const WAITING_MAX: usize = 256;
-/// Longest wait of a frame for the bus, µs: two heartbeats.
+/// Maximum waiting time of a frame for the bus, µs: two heartbeats.
 const WAIT_MAX_US: u64 = 100_000;
 
-/// Misuse by a page; pages of the studio never do this.
+/// Misuse by a page; pages of the studio never cause it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misuse {
-    /// Bytes that are no whole packets of single frames.
-    #[error("the page sent bytes that are no packets of frames")]
+    /// Bytes that are not complete packets of single frames.
+    #[error("the page sent bytes that are not packets of frames")]
     NoFrames,
-    /// More frames than a bus carries.
-    #[error("the page sends more than the bus carries")]
+    /// More frames than the bus can carry.
+    #[error("the page sends more frames than the bus can carry")]
     TooMany,
 }
 
 /// Traffic between one page and the bus.
 #[derive(Default)]
 pub struct Traffic {
-    /// Frames for the bus, with the time since which each waits, µs.
+    /// Frames for the bus, each with the start of its wait, µs.
     waiting: VecDeque<(u64, Frame)>,
     /// Packets for the page.
     outgoing: Vec<u8>,
 }
 
 impl Traffic {
-    /// Takes a message of the page, whole or not at all.
+    /// Accepts a message of the page, completely or not at all.
     ///
     /// # Errors
-    /// It is none of our page.
+    /// Returns an error if the message contains anything but packets of single frames, or if too many frames wait.
     pub fn page_sent(&mut self, now_us: u64, message: &[u8]) -> Result<(), Misuse> {
         let mut deframer = Deframer::default();
         let mut frames = Vec::new();
@@ -57,8 +57,8 @@ impl Traffic {
         Ok(())
     }
 
-    /// The next frame for the bus, which stays the next until it is [`sent`](Self::sent). Those that have waited too long are
-    /// dropped.
+    /// Returns the next frame for the bus, which stays the next until [`sent`](Self::sent) is called. Frames that have waited
+    /// too long are dropped.
     pub fn for_bus(&mut self, now_us: u64) -> Option<Frame> {
         while let Some((since_us, frame)) = self.waiting.front() {
             if now_us.saturating_sub(*since_us) <= WAIT_MAX_US {
@@ -69,19 +69,19 @@ impl Traffic {
         None
     }
 
-    /// The bus has taken the next frame.
+    /// Removes the frame that the bus has accepted.
     pub fn sent(&mut self) {
         self.waiting.pop_front();
     }
 
-    /// Takes a frame of the bus.
+    /// Adds a frame of the bus for the page.
     pub fn bus_sent(&mut self, frame: &Frame) {
         if let Some(line) = Packet::Link(*frame).encode() {
             self.outgoing.extend_from_slice(&line);
         }
     }
 
-    /// A message for the page, if there is something to say.
+    /// Returns a message for the page, if frames wait for it.
     pub fn for_page(&mut self) -> Option<Vec<u8>> {
         (!self.outgoing.is_empty()).then(|| std::mem::take(&mut self.outgoing))
     }
@@ -107,7 +107,7 @@ mod tests {
         frames.iter().flat_map(|frame| Packet::Link(*frame).encode().unwrap()).collect()
     }
 
-    /// Everything that would go to the bus now.
+    /// Returns all frames that would be sent to the bus now.
     fn taken(traffic: &mut Traffic, now_us: u64) -> Vec<Frame> {
         std::iter::from_fn(|| {
             let frame = traffic.for_bus(now_us)?;
@@ -163,7 +163,7 @@ mod tests {
             prop_assert!(taken_in.is_ok() || frames.is_empty());
         }
 
-        /// Frames keep their order on a bus that is busy and free by turns, and none is older than its time.
+        /// Checks that frames keep their order on a bus that is alternately busy and free, and that no frame is too old.
         #[test]
         fn nothing_stale_goes_out(
             steps in prop::collection::vec((0_u64..60_000, 0_u16..4, any::<bool>()), 1..100),

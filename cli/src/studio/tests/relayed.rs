@@ -1,4 +1,4 @@
-//! The relay as pages, other sites and other programs meet it. At the robot's end of the bus is this test.
+//! Tests of the relay with pages, other sites and other programs. The test itself is the robot's end of the bus.
 
 use super::{Running, start, start_with};
 use crate::studio::relay::Relay;
@@ -14,11 +14,12 @@ use tungstenite::{Message, WebSocket};
 
 type Page = WebSocket<TcpStream>;
 
-/// Far longer than anything takes, µs, and long enough for what must not come.
+/// Timeout of answers that must arrive, µs; far longer than needed.
 const LONG_US: u64 = 60_000_000;
+/// Wait for frames that must not arrive, µs.
 const SHORT_US: u64 = 50_000;
 
-/// The robot's end of a bus, and a server that relays it.
+/// Robot's end of a bus, and a server that relays the bus.
 struct Bench {
     robot: Live,
     server: Running,
@@ -39,7 +40,7 @@ impl Bench {
         self.server.own_at("link")
     }
 
-    /// A page that has the bus, once the one before has left it.
+    /// Opens a page that gets the bus after the previous page has released it.
     fn next_page(&mut self) -> Page {
         for _ in 0..100 {
             let mut page = self.page();
@@ -68,7 +69,7 @@ fn packets(frames: &[Frame]) -> Message {
     Message::binary(packets.collect::<Vec<u8>>())
 }
 
-/// The words with which a page is sent away.
+/// Returns the reason with which the server closes a page.
 fn farewell(page: &mut Page) -> String {
     loop {
         match page.read() {
@@ -97,7 +98,7 @@ fn one_page_at_a_time_has_the_bus() {
     let mut first = bench.next_page();
     let mut second = bench.page();
     let words = farewell(&mut second);
-    assert!(words.starts_with("another page has sim:"), "{words}");
+    assert!(words.starts_with("another page uses sim:"), "{words}");
     first.send(packets(&[frame(1)])).unwrap();
     assert_eq!(bench.heard_within(LONG_US), Some(frame(1)));
     drop(first);
@@ -115,7 +116,7 @@ fn a_page_that_sends_no_packets_is_sent_away_and_nothing_goes_out() {
     ] {
         let mut page = bench.next_page();
         page.send(bad).unwrap();
-        assert!(farewell(&mut page).contains("no packets of frames"));
+        assert!(farewell(&mut page).contains("not packets of frames"));
         assert_eq!(bench.heard_within(SHORT_US), None);
     }
     // More than a message may have: it is hung up on.
@@ -169,5 +170,11 @@ fn a_bus_that_cannot_be_opened_is_an_error_at_the_start() {
     let socket = Some("/no/such/robot.sock".into());
     let error = Relay::new(BusName::Sim { socket }).err().unwrap();
     assert!(error.to_string().contains("no simulated robot at /no/such/robot.sock"), "{error}");
-    assert!(error.help().unwrap().to_string().starts_with("start one: rollwalk-sim ROBOT.toml"));
+    assert!(
+        error
+            .help()
+            .unwrap()
+            .to_string()
+            .starts_with("start a simulated robot: rollwalk-sim ROBOT.toml")
+    );
 }

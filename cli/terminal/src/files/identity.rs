@@ -1,4 +1,4 @@
-//! Files that this run has read, under any of their names: none of them may be an output.
+//! Identities of the files that this run has read, so that no output overwrites an input, even under another name.
 
 use super::FileError;
 use crate::kind::Kind;
@@ -7,33 +7,33 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// An input. Its handle keeps the file open, so that no other file takes its place.
+/// Input file. The handle keeps the file open, so that no other file can get its identity.
 struct Input {
     handle: Handle,
     path: PathBuf,
     kind: Kind,
 }
 
-/// Inputs of this process. They are global, because readers are all over the program and outputs are checked against all inputs.
+/// Inputs of this process. The list is global, because inputs are read in all parts of the program.
 static INPUTS: Mutex<Vec<Input>> = Mutex::new(Vec::new());
 
 fn inputs() -> MutexGuard<'static, Vec<Input>> {
     INPUTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The shipped files that were read, by the paths that they stand in for.
+/// Paths at which no file exists and a shipped file was read instead.
 static STOOD_IN: Mutex<Vec<(PathBuf, Kind)>> = Mutex::new(Vec::new());
 
 fn stood_in() -> MutexGuard<'static, Vec<(PathBuf, Kind)>> {
     STOOD_IN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Notes that a shipped file is read in place of one that is not there: an output there would take its place in the next run.
+/// Records that a shipped file is read because no file exists at `path`. The next run would read an output at `path` instead.
 pub fn note_shipped(path: &Path, kind: Kind) {
     stood_in().push((path.to_owned(), kind));
 }
 
-/// Notes that a regular file is read.
+/// Records that a regular file is read.
 pub fn note_input(file: File, path: &Path, kind: Kind) {
     // The cache of names is ours, and is brought up to date.
     if kind == Kind::Names {
@@ -47,10 +47,10 @@ pub fn note_input(file: File, path: &Path, kind: Kind) {
     }
 }
 
-/// Refuses an output that is an input.
+/// Refuses an output that is also an input.
 ///
 /// # Errors
-/// It is, under this or another name.
+/// Returns an error if this run has read the file, under this or another name.
 pub fn check_output(output: &Path) -> Result<(), FileError> {
     // What is not there yet was not read, unless a shipped file stood in for it.
     let Ok(handle) = Handle::from_path(output) else {

@@ -1,9 +1,7 @@
-//! Files: the one reader, with a bound for every kind, and the one writer, which never leaves half a file and never
-//! writes over what the run reads.
+//! Reading files with a size limit for each kind, and writing them without leaving half a file or overwriting an input.
 //!
-//! [`read`] and [`read_text`] give the content of a file; [`Output`] is a place to write to, checked before a long run;
-//! [`Lines`] and [`Series`] are files that grow during a run.
-//! Errors name the file and what to do.
+//! [`read`] and [`read_text`] return the content of a file. [`Output`] is a destination, checked before a long run. [`Lines`]
+//! and [`Series`] are files that grow during a run. Errors name the file and the remedy.
 
 mod identity;
 mod read;
@@ -21,7 +19,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// A file that could not be read or written.
+/// File that cannot be read or written.
 #[derive(Debug, Error, Diagnostic)]
 pub enum FileError {
     /// Missing file.
@@ -39,32 +37,32 @@ pub enum FileError {
     Io {
         action: &'static str,
         path: PathBuf,
-        /// Error of the operating system. Not a `source`, which reports would print once more.
+        /// Error of the operating system. Not a `source`, because reports would then print the text twice.
         reason: io::Error,
     },
-    /// The file is not text.
+    /// The file is not UTF-8 text.
     #[error("{} is not a {kind}: it is not UTF-8 text", path.display())]
     NotText {
         /// Expected kind.
         kind: Kind,
         path: PathBuf,
     },
-    /// The file is larger than any of its kind.
+    /// The file exceeds the size limit of its kind.
     #[error(
         "{} has {} bytes; a {kind} has at most {}",
         path.display(),
         bytes.map_or_else(|| format!("more than {}", kind.max_bytes()), |bytes| bytes.to_string()),
         kind.max_bytes()
     )]
-    #[diagnostic(help("is this the right file?"))]
+    #[diagnostic(help("check the path: this file is probably not the intended one"))]
     TooLarge {
         /// Expected kind.
         kind: Kind,
         path: PathBuf,
-        /// Size of the file, if it has one.
+        /// Size of the file, bytes; `None` for a pipe or device.
         bytes: Option<u64>,
     },
-    /// A device, a pipe or a folder, where only a file makes sense.
+    /// The path is a device, a pipe or a folder, but only a regular file is accepted.
     #[error("cannot read {}: it is {found}, not a file with a {kind}", path.display())]
     NotAFile {
         /// Expected kind.
@@ -73,57 +71,57 @@ pub enum FileError {
         path: PathBuf,
         found: &'static str,
     },
-    /// A pipe or device that sends nothing.
-    #[error("cannot read {}: nothing came from it for {seconds} s", path.display())]
-    #[diagnostic(help("a pipe needs a program that writes into it"))]
+    /// A pipe or device sent nothing before the timeout.
+    #[error("cannot read {}: no data arrived for {seconds} s", path.display())]
+    #[diagnostic(help("start a program that writes into the pipe"))]
     Silent {
         path: PathBuf,
-        /// Time without data, s.
+        /// Timeout, s.
         seconds: u64,
     },
     /// The output is a file that the run reads.
     #[error("cannot write {}: it is {}, a {kind} that this run reads", output.display(), input.display())]
-    #[diagnostic(help("write to a file of another name"))]
+    #[diagnostic(help("give another file name for the result"))]
     OverInput {
         output: PathBuf,
-        /// The same file, as it was read.
+        /// Path under which the file was read.
         input: PathBuf,
         kind: Kind,
     },
-    /// The output is a file such as people write.
+    /// The output exists and has the extension of a file that users write.
     #[error(
-        "cannot write {}: it is there already, and by its name it is no result of this command",
+        "cannot write {}: it exists, and its extension is not that of a result of this command",
         output.display()
     )]
-    #[diagnostic(help("write to a file of another name, or remove this one first"))]
+    #[diagnostic(help("give another file name, or remove the existing file first"))]
     OverSource { output: PathBuf },
-    /// The output is a key.
-    #[error("cannot write {}: it is a key, and a key is never overwritten", output.display())]
+    /// The output exists and is a key.
+    #[error("cannot write {}: the file contains a key, and keys are never overwritten", output.display())]
     #[diagnostic(help(
-        "write to a file of another name; or remove this one, if no robot has its key any more"
+        "give another file name, or remove the existing key if no robot uses it any more"
     ))]
     OverKey { output: PathBuf },
-    /// Two outputs are one file.
+    /// Two outputs are the same file.
     #[error("cannot write {} and {}: they are the same file", first.display(), second.display())]
-    #[diagnostic(help("give each its own file"))]
+    #[diagnostic(help("give two different file names"))]
     SameOutput { first: PathBuf, second: PathBuf },
-    /// The folder of an output is not there.
+    /// The folder of an output does not exist.
     #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
-    #[diagnostic(help("make it first: mkdir -p {}", folder.display()))]
+    #[diagnostic(help("make the folder first: mkdir -p {}", folder.display()))]
     NoFolder { path: PathBuf, folder: PathBuf },
-    /// Something else is where the folder of an output should be.
-    #[error("cannot write into {}: it is no folder", path.display())]
+    /// The parent path of an output exists, but is not a folder.
+    #[error("cannot write into {}: it is not a folder", path.display())]
     NotAFolder {
-        /// Path that is no folder.
+        /// Path that is not a folder.
         path: PathBuf,
     },
-    /// The ending of an output's name stands for another format.
+    /// The extension of the output stands for a format that the command cannot write.
     #[error("cannot write {what} as {}: {what} can be written as {}", path.display(), dotted(endings))]
     Ending {
         /// Kind of result to be written.
         what: &'static str,
         path: PathBuf,
-        /// Endings of the formats that there are.
+        /// Extensions of the supported formats.
         endings: &'static [&'static str],
         /// Advice on the requested format.
         #[help]
@@ -131,7 +129,7 @@ pub enum FileError {
     },
 }
 
-/// Endings of names as they are listed.
+/// Formats extensions for a message: `.a, .b or .c`.
 fn dotted(endings: &[&str]) -> String {
     let dotted: Vec<_> = endings.iter().map(|ending| format!(".{ending}")).collect();
     match dotted.split_last() {
@@ -140,10 +138,10 @@ fn dotted(endings: &[&str]) -> String {
     }
 }
 
-/// The ending of an output's name, which must be one of a format that `what` can be written in, or none.
+/// Returns the extension of an output, or `None` if the path has none.
 ///
 /// # Errors
-/// It stands for another format.
+/// Returns an error if the extension is not in `endings`.
 pub fn ending(
     path: &Path,
     what: &'static str,
@@ -153,19 +151,19 @@ pub fn ending(
     let given = given.to_string_lossy().to_lowercase();
     let found = endings.iter().copied().find(|ending| *ending == given);
     let help = match &*given {
-        "pdf" if endings.contains(&"svg") => {
-            Some("write .svg; `rsvg-convert -f pdf`, Inkscape or a browser makes a PDF of it")
-        }
+        "pdf" if endings.contains(&"svg") => Some(
+            "write .svg, and convert it to PDF with `rsvg-convert -f pdf`, Inkscape or a browser",
+        ),
         "webm" | "avi" | "mov" if endings.contains(&"mp4") => {
-            Some("write .mp4, which ffmpeg turns into others")
+            Some("write .mp4, and convert it to other formats with ffmpeg")
         }
-        "gif" | "mp4" if what == "a figure" => Some("add --animate: figures do not move"),
-        "mjcf" if endings.contains(&"xml") => Some("models for MuJoCo end in .xml"),
-        "sdf" if endings.contains(&"urdf") => {
-            Some("write .urdf; Gazebo reads it, and `gz sdf -p FILE.urdf` makes an SDF of it")
-        }
+        "gif" | "mp4" if what == "a figure" => Some("add --animate to write an animation"),
+        "mjcf" if endings.contains(&"xml") => Some("write .xml for MuJoCo"),
+        "sdf" if endings.contains(&"urdf") => Some(
+            "write .urdf: Gazebo reads URDF files, and `gz sdf -p FILE.urdf` converts them to SDF",
+        ),
         "stl" | "obj" | "dae" if endings.contains(&"urdf") => {
-            Some("robots are written with simple solids, not with meshes")
+            Some("write .urdf: robots are exported with simple solids, not with meshes")
         }
         "xlsx" | "ods" if endings.contains(&"csv") => Some("write .csv, which spreadsheets open"),
         _ => None,
@@ -176,7 +174,7 @@ pub fn ending(
     }
 }
 
-/// The name of a file that belongs to another, as `run.2.log` to `run.log`.
+/// Path of another file of a series: `run.2.log` for `run.log` and 2.
 pub fn numbered(path: &Path, number: u32) -> PathBuf {
     let mut ending = OsString::from(number.to_string());
     if let Some(last) = path.extension() {
@@ -186,13 +184,14 @@ pub fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_extension(ending)
 }
 
-/// A name as a file name: every character but letters, digits, `-`, `_` and `.` becomes `_`, and no dot begins it.
+/// Converts a name to a file name. Characters other than letters, digits, `-`, `_` and `.` become `_`; leading dots are
+/// removed.
 pub fn file_name(name: &str) -> String {
     let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     name.chars().map(safe).collect::<String>().trim_start_matches('.').to_owned()
 }
 
-/// The folder that a file lies in.
+/// Folder of a file, `.` for a bare file name.
 pub fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }

@@ -1,4 +1,4 @@
-//! Reading with a bound and errors that help.
+//! Reading with size limits, and errors that suggest a remedy.
 
 use super::{FileError, folder, identity};
 use crate::kind::Kind;
@@ -11,43 +11,45 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Most files beside a missing one that are looked at.
+/// Maximum number of files in the folder of a missing file that are examined for suggestions.
 const NEIGHBOURS_MAX: usize = 1000;
-/// Timeout for a silent pipe.
+/// Timeout of a pipe or device that sends nothing.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Origin of the name of a file that is to be read.
+/// Source of the path of a file that is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Named {
-    /// The user: a pipe makes sense, such as `<(program)` of a shell.
+    /// The user, who may also name a pipe, such as `<(program)` of a shell.
     ByUser,
-    /// Another file, which may come from a stranger: regular files only.
+    /// Another file, which may be untrusted: only regular files are read.
     InFile,
 }
 
-/// The bytes of a file that the user named.
+/// Reads the bytes of a file that the user named.
 pub fn read(path: &Path, kind: Kind) -> miette::Result<Vec<u8>> {
     Ok(read_by(path, Named::ByUser, |_| kind)?.0)
 }
 
-/// The text of a file that the user named.
+/// Reads the text of a file that the user named.
 pub fn read_text(path: &Path, kind: Kind) -> miette::Result<String> {
     Ok(text(read_by(path, Named::ByUser, |_| kind)?, path)?)
 }
 
-/// Turns bytes into text.
+/// Converts bytes to text.
 ///
 /// # Errors
-/// They are not UTF-8.
+/// Returns an error if the bytes are not UTF-8.
 pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileError> {
     String::from_utf8(bytes).map_err(|_| FileError::NotText { kind, path: path.to_owned() })
 }
 
-/// The bytes of a file, no more than its kind has, and the kind, which `kind_of` tells from the beginning. The path of a
-/// shipped file names that file wherever nothing else lies at it.
+/// Reads a file up to the size limit of its kind, and returns its bytes and its kind.
+///
+/// `kind_of` determines the kind from the first bytes. If no file exists at the path of a shipped file, the shipped file is
+/// read.
 ///
 /// # Errors
-/// There is no such file, it is too large, or the operating system refuses.
+/// Returns an error if the file does not exist or is too large, or if the operating system refuses.
 pub fn read_by(
     path: &Path,
     named: Named,
@@ -89,7 +91,7 @@ pub fn read_by(
     stream(path, &kind_of, PATIENCE)
 }
 
-/// Bytes received so far, no more than the kind allows.
+/// Bytes received so far, limited to the maximum size of the kind.
 struct Bounded<'a, K> {
     path: &'a Path,
     kind_of: &'a K,
@@ -121,7 +123,7 @@ impl<'a, K: Fn(&[u8]) -> Kind> Bounded<'a, K> {
     }
 }
 
-/// Reads a pipe or a device, which may never say anything or never end.
+/// Reads a pipe or a device, which may stay silent or never end.
 fn stream(
     path: &Path,
     kind_of: &impl Fn(&[u8]) -> Kind,
@@ -162,7 +164,7 @@ fn stream(
     }
 }
 
-/// Words for a path that is no regular file.
+/// Name of the type of a path that is not a regular file.
 fn word_for(found: FileType) -> &'static str {
     #[cfg(unix)]
     {
@@ -177,8 +179,8 @@ fn word_for(found: FileType) -> &'static str {
     if found.is_dir() { "a folder" } else { "a device" }
 }
 
-/// True if `found` may be the file that was meant by `path`. Keys of all kinds have the same endings; their content tells them
-/// apart.
+/// True if the user may have meant `found` by `path`. Keys of all kinds share their extensions, so their content is compared
+/// instead.
 fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
     let mark = match kind {
         Kind::LinkKey => key_file::LINK,
@@ -192,7 +194,7 @@ fn may_be(found: &Path, path: &Path, kind: Kind) -> bool {
     file.is_ok() && String::from_utf8_lossy(&start).contains(mark)
 }
 
-/// Advice on a missing file: files of the same kind beside it, then the hint of its kind.
+/// Advice on a missing file: names of files of the same kind in its folder, then the hint of the kind.
 fn help(path: &Path, kind: Kind) -> String {
     let (folder, hint) = (folder(path), kind.hint());
     let mut beside: Vec<String> = fs::read_dir(folder)
@@ -216,7 +218,7 @@ fn help(path: &Path, kind: Kind) -> String {
     } else if beside.is_empty() {
         hint.to_owned()
     } else {
-        format!("{} has {}; {hint}", folder.display(), beside.join(", "))
+        format!("{} contains {}; {hint}", folder.display(), beside.join(", "))
     }
 }
 
@@ -237,7 +239,7 @@ mod tests {
         assert!(help.contains("docs/motion-files.md"), "{help}");
     }
 
-    /// Shipped files are found from the folder of these tests, which contains none of them.
+    /// The folder of these tests contains none of the shipped files, so the text must come from the program.
     #[test]
     fn the_path_of_a_shipped_file_names_it_where_nothing_else_lies() {
         let text = read_text(Path::new("robots/agilebot.toml"), Kind::Robot).unwrap();
@@ -247,7 +249,7 @@ mod tests {
         assert!(help.starts_with("robots has agilebot.toml, "), "{help}");
     }
 
-    /// Keys of all kinds end with `.pem`; a list of public keys is no help to those who need the private one.
+    /// Keys of all kinds end with `.pem`, but a missing private key must not suggest public keys.
     #[test]
     fn a_missing_key_names_keys_of_its_kind() {
         let folder = tempfile::tempdir().unwrap();
@@ -314,7 +316,7 @@ mod tests {
         assert_eq!(stream(&pipe, &kind_of, PATIENCE).unwrap().0, b"name = 1");
         writer.join().unwrap().unwrap();
         let error = stream(&pipe, &kind_of, Duration::from_millis(50)).unwrap_err();
-        assert!(error.to_string().contains("nothing came from it"), "{error}");
+        assert!(error.to_string().contains("no data arrived"), "{error}");
         let error = read_by(&pipe, Named::InFile, kind_of).unwrap_err().to_string();
         assert!(error.contains("it is a pipe, not a file"), "{error}");
     }

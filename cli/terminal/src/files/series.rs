@@ -1,4 +1,4 @@
-//! Files that grow during a run, and their bound: a full one is followed by another, and the oldest are removed.
+//! Files that grow during a run. A full file is followed by another, and the oldest files are removed.
 
 use super::{Output, cannot_write, numbered};
 use crate::output;
@@ -10,24 +10,24 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-/// Interval at which a growing file is written to the disk: what a killed program loses at most.
+/// Interval at which a growing file is written to the disk, and so the maximum that a killed program loses.
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// Size at which a file is followed by another, and number of files that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rotation {
-    /// Size of a full file, MB; `None` for files without bound.
+    /// Size of a full file, MB; `None` for no limit.
     megabytes: Option<u64>,
-    /// Files that are kept.
+    /// Number of files that are kept.
     files: usize,
 }
 
 impl Rotation {
-    /// Single file without bound.
+    /// Single file without a size limit.
     pub const OFF: Self = Self { megabytes: None, files: usize::MAX };
 }
 
-/// Ten gigabytes: twelve hours of a robot with twenty motors.
+/// Forty files of 250 MB: twelve hours of a robot with twenty motors.
 impl Default for Rotation {
     fn default() -> Self {
         Self { megabytes: Some(250), files: 40 }
@@ -56,23 +56,24 @@ impl FromStr for Rotation {
             Some((megabytes @ 1..=1_000_000, files @ 2..=10_000)) => {
                 Ok(Self { megabytes: Some(megabytes), files })
             }
-            _ => Err(
-                "megabytes and number of files are given as 250x40: 1 to 1000000 MB, 2 to 10000 files; or `off`"
-                    .into(),
-            ),
+            _ => {
+                Err("give MEGABYTESxFILES, such as 250x40 (1 to 1000000 MB, 2 to 10000 files), or \
+                 `off`"
+                    .into())
+            }
         }
     }
 }
 
-/// Option of commands that write logs.
+/// Options of commands that write logs.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct RotationArgs {
-    /// Size of a full log in MB, which is followed by another (run.log, run.2.log, ...), and how many are kept; or off.
+    /// Size in MB at which a log is continued in a new file (run.log, run.2.log, ...), and number of files to keep; or off.
     #[arg(long, value_name = "MBxFILES", default_value_t)]
     pub rotate: Rotation,
 }
 
-/// Timer for writing a growing file to the disk.
+/// Time of the previous write of a growing file to the disk.
 struct Clock(Instant);
 
 impl Clock {
@@ -85,29 +86,28 @@ impl Clock {
     }
 }
 
-/// The files of a run, one after the other. Files that were there before are left alone, but for the first, which the
-/// user has named.
+/// Files of a run, written one after the other. Existing files are never overwritten, except the first, which the user named.
 pub struct Series {
-    /// The first file, as the user named it.
+    /// First file, as the user named it.
     named: PathBuf,
-    /// The same, links followed.
+    /// First file, with links followed.
     first: PathBuf,
     rotation: Rotation,
-    /// Number of the file that is written.
+    /// Number of the current file.
     number: u32,
-    /// Files of this run, oldest first; the last is written.
+    /// Files of this run, oldest first; the current file is at the back.
     files: VecDeque<PathBuf>,
-    /// The file that is written, for its size.
+    /// Handle of the current file, for reading its size.
     file: File,
     clock: Clock,
     says: bool,
 }
 
 impl Series {
-    /// Begins with the file of `output`: empties or makes it.
+    /// Creates or empties the file of `output`, and starts the series with it.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn begin(output: &Output, rotation: Rotation) -> miette::Result<(Self, BufWriter<File>)> {
         let file = output.create()?;
         let series = Self {
@@ -123,16 +123,16 @@ impl Series {
         Ok((series, file))
     }
 
-    /// True if it is time to flush; then call [`next_file`](Self::next_file).
+    /// True if it is time to flush. The caller then calls [`next_file`](Self::next_file).
     pub fn is_due(&mut self) -> bool {
         self.clock.strikes()
     }
 
-    /// Begins the next file of the series if the present one has reached its size limit; `None` if it has not. Bytes that are
-    /// not flushed yet do not count.
+    /// Starts the next file of the series if the current one has reached its size limit; returns `None` otherwise. Unflushed
+    /// bytes are not counted.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn next_file(&mut self) -> miette::Result<Option<BufWriter<File>>> {
         let named = self.named.clone();
         let failed = |error| cannot_write(&named, error);
@@ -150,7 +150,7 @@ impl Series {
             // Somebody may have moved it away.
             if fs::remove_file(&oldest).is_ok() && std::mem::take(&mut self.says) {
                 output::say(format_args!(
-                    "removed {}, the oldest of {} files: --rotate {} keeps no more",
+                    "removed {}, the oldest of {} files, because of the limit --rotate {}",
                     oldest.display(),
                     self.rotation.files + 1,
                     self.rotation
@@ -160,7 +160,7 @@ impl Series {
         Ok(Some(BufWriter::new(file)))
     }
 
-    /// Makes a file with the next number that is free.
+    /// Creates a file with the next free number.
     fn make(&mut self) -> io::Result<(PathBuf, File)> {
         loop {
             self.number += 1;
@@ -178,7 +178,7 @@ fn copy(path: &Path, file: &File) -> miette::Result<File> {
     file.try_clone().map_err(|error| cannot_write(path, error))
 }
 
-/// A log that grows line by line.
+/// Log that grows line by line.
 pub struct Lines {
     path: PathBuf,
     series: Series,
@@ -188,19 +188,19 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// An empty log.
+    /// Creates an empty log.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn create(output: &Output, rotation: Rotation) -> miette::Result<Self> {
         let (series, file) = Series::begin(output, rotation)?;
         Ok(Self { path: output.path().to_owned(), series, file, heading: None })
     }
 
-    /// A log whose files all begin with this line.
+    /// Creates a log whose files all begin with `heading`.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn with_heading(
         output: &Output,
         rotation: Rotation,
@@ -217,20 +217,20 @@ impl Lines {
         writeln!(self.file, "{heading}").map_err(|error| cannot_write(&self.path, error))
     }
 
-    /// Adds a line.
+    /// Appends a line.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn push(&mut self, line: impl Display) -> miette::Result<()> {
         let written = writeln!(self.file, "{line}");
         written.map_err(|error| cannot_write(&self.path, error))?;
         self.keep()
     }
 
-    /// Writes what waits, once a second.
+    /// Writes buffered lines to the file once a second, and starts the next file if this one is full.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn keep(&mut self) -> miette::Result<()> {
         if self.series.is_due() {
             self.flush()?;
@@ -242,10 +242,10 @@ impl Lines {
         Ok(())
     }
 
-    /// Writes what waits.
+    /// Writes buffered lines to the file.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn flush(&mut self) -> miette::Result<()> {
         self.file.flush().map_err(|error| cannot_write(&self.path, error))
     }
@@ -255,13 +255,13 @@ impl Lines {
 mod tests {
     use super::*;
 
-    /// A series in a folder, full at a megabyte.
+    /// Creates a series in a folder, with a size limit of 1 MB.
     fn series(folder: &Path, files: usize) -> (Series, BufWriter<File>) {
         let output = Output::at(&folder.join("run.log")).unwrap();
         Series::begin(&output, Rotation { megabytes: Some(1), files }).unwrap()
     }
 
-    /// Fills a file, and gives the one that follows.
+    /// Fills a file up to its size limit, and returns the next one.
     fn fill(series: &mut Series, mut file: BufWriter<File>, mark: u8) -> BufWriter<File> {
         file.write_all(&vec![mark; 999_999]).unwrap();
         file.flush().unwrap();

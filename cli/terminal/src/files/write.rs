@@ -1,4 +1,4 @@
-//! Writes output files: replaces a regular file as a whole or not at all, and writes into devices and pipes.
+//! Writing of output files. A regular file is replaced completely or not at all; devices and pipes are written to.
 
 use super::{FileError, folder, identity};
 use crate::output;
@@ -13,14 +13,14 @@ use std::thread;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
-/// Symbolic links that are followed to a file that is not there yet, as many as Linux follows.
+/// Maximum number of symbolic links followed to a file that does not exist yet, the same as on Linux.
 const LINKS_MAX: usize = 40;
 
-/// A place to write to.
+/// Destination of a result.
 ///
-/// A regular file is replaced at once when all has been written, so that an interrupted run leaves the earlier one as
-/// it was; symbolic links to it and its permissions stay. What is no regular file (a device, a pipe) is written to, `-` is
-/// standard output. Files that people write (robots, motions, libraries, URDF) are not replaced by results.
+/// A regular file is replaced in one step after everything is written, so an interrupted run leaves the previous file intact.
+/// Its permissions and symbolic links to it are kept. Devices and pipes are written to directly; `-` is standard output.
+/// Results never replace files that users write (robots, motions, libraries, URDF).
 #[derive(Debug)]
 pub struct Output {
     /// Path as the user named it.
@@ -30,27 +30,27 @@ pub struct Output {
 
 #[derive(Debug)]
 enum Place {
-    /// A regular file, links followed, with its permissions if it is there already.
+    /// Regular file with links followed, and its permissions if it exists.
     File { path: PathBuf, permissions: Option<Permissions> },
-    /// A device or a pipe.
+    /// Device or pipe.
     Stream,
-    /// Standard output, by the name `-` or another.
+    /// Standard output, named `-` or by a device such as `/dev/stdout`.
     StandardOutput,
 }
 
-/// Endings of files that people write.
+/// Extensions of files that users write.
 const SOURCES: [&str; 3] = ["toml", "urdf", "xacro"];
-/// Bytes at the beginning of a file in which a key begins.
+/// Number of bytes at the start of a file that are searched for a key.
 const KEY_START: u64 = 4096;
-/// Timeout for a pipe without a reader.
+/// Timeout of a pipe without a reader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 impl Output {
-    /// Checks that a file can be written, so that a long run does not end with results that have nowhere to go.
+    /// Checks that a file can be written, so that a long run does not fail at its end.
     ///
     /// # Errors
-    /// The path is a file that was read, one that people write, or a folder, lies in no folder, or the operating system
-    /// refuses.
+    /// Returns an error if the path is a folder, a file that this run has read or a file that users write, if its folder does
+    /// not exist, or if the operating system refuses.
     pub fn at(path: &Path) -> Result<Self, FileError> {
         let output = Self::of_source(path)?;
         match &output.place {
@@ -65,10 +65,10 @@ impl Output {
         }
     }
 
-    /// Checks like [`at`](Self::at), for commands whose product is a file that people write on.
+    /// Checks like [`at`](Self::at), but allows replacing a file that users write.
     ///
     /// # Errors
-    /// Errors of [`at`](Self::at), except for files that people write.
+    /// Returns the errors of [`at`](Self::at), except the one about files that users write.
     pub fn of_source(path: &Path) -> Result<Self, FileError> {
         if path == Path::new("-") || is_standard_output(path) {
             return Ok(Self { path: path.to_owned(), place: Place::StandardOutput });
@@ -106,12 +106,12 @@ impl Output {
         Ok(Self { path: path.to_owned(), place })
     }
 
-    /// The path as the user named it.
+    /// Path as the user named it.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The path of the file, links followed; of a device or pipe, its own.
+    /// Path of the file, with links followed. Devices and pipes return their own path.
     pub fn target(&self) -> &Path {
         match &self.place {
             Place::File { path, .. } => path,
@@ -119,10 +119,10 @@ impl Output {
         }
     }
 
-    /// Prints what a run says about its result: on stdout, unless the result is there.
+    /// Prints a comment on the result: to stdout, or to stderr if the result itself is on stdout.
     ///
     /// # Errors
-    /// Standard output is closed.
+    /// Returns an error if standard output is closed.
     pub fn comment(&self, text: &str) -> miette::Result<()> {
         match self.place {
             Place::StandardOutput => {
@@ -136,7 +136,7 @@ impl Output {
     /// Refuses a second output that is the same file.
     ///
     /// # Errors
-    /// It is.
+    /// Returns an error if both outputs are the same file.
     pub fn apart_from(&self, other: &Self) -> Result<(), FileError> {
         let target = |output: &Self| match &output.place {
             Place::File { path, .. } => {
@@ -156,7 +156,7 @@ impl Output {
     /// Writes the whole content.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn write(&self, content: &[u8]) -> miette::Result<()> {
         let attempt = || match &self.place {
             Place::File { path, permissions } => replace(path, permissions.as_ref(), content),
@@ -174,11 +174,12 @@ impl Output {
         attempt().map_err(|reason| cannot_write(&self.path, reason))
     }
 
-    /// Empties the file, or makes it, to grow during a run. The caller must flush it at the end: dropping it ignores
-    /// errors of the last write.
+    /// Creates or empties the file, for writing during a run.
+    ///
+    /// The caller must flush the writer at the end, because dropping it ignores errors of the final write.
     ///
     /// # Errors
-    /// The operating system refuses.
+    /// Returns an error if the operating system refuses.
     pub fn create(&self) -> miette::Result<BufWriter<File>> {
         let file = match &self.place {
             Place::File { path, .. } => File::create(path),
@@ -192,15 +193,15 @@ impl Output {
 /// Writes a file.
 ///
 /// # Errors
-/// Those of [`Output`].
+/// Returns the errors of [`Output::at`] and [`Output::write`].
 pub fn write(path: &Path, content: &[u8]) -> miette::Result<()> {
     Output::at(path)?.write(content)
 }
 
-/// Replaces a file that was read, as its user has asked; links and permissions stay.
+/// Replaces a file that the user wants changed in place. Links and permissions are kept.
 ///
 /// # Errors
-/// The operating system refuses.
+/// Returns an error if the operating system refuses.
 pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
     let attempt = || {
         let target = fs::canonicalize(path)?;
@@ -210,7 +211,7 @@ pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
     attempt().map_err(|reason| cannot_write(path, reason))
 }
 
-/// True if a file is a key: of a link, or in PEM.
+/// True if a file contains a link key or a key in PEM.
 fn is_key(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(KEY_START).read_to_end(&mut start));
@@ -220,14 +221,14 @@ fn is_key(path: &Path) -> bool {
     read.is_ok() && (text.trim_start().starts_with(key_file::LINK) || text.lines().any(is_pem))
 }
 
-/// True if standard output goes to this path, such as `/dev/stdout`.
+/// True if the path is standard output, such as `/dev/stdout`.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
     // A regular file that output is redirected to is one to be replaced.
     path.starts_with("/dev") && path != Path::new("/dev/null") && same(path).unwrap_or(false)
 }
 
-/// Opens a device or a pipe. Opening a pipe waits for its reader, which may never come.
+/// Opens a device or a pipe, with a timeout for a pipe without a reader.
 fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
     let (sender, opened) = sync_channel(1);
     let source = path.to_owned();
@@ -235,27 +236,27 @@ fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
     thread::spawn(move || sender.send(OpenOptions::new().write(true).open(source)));
     opened.recv_timeout(patience).unwrap_or_else(|_| {
         let seconds = patience.as_secs();
-        Err(io::Error::other(format!("no program has read from it for {seconds} s")))
+        Err(io::Error::other(format!("no program opened the pipe for reading within {seconds} s")))
     })
 }
 
-/// Writes a file that only its user may read, and that is not there yet.
+/// Creates a file that only its owner can read.
 ///
 /// # Errors
-/// It exists, or the operating system refuses.
+/// Returns an error if the file exists, or if the operating system refuses.
 pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
     if path == Path::new("-") {
-        return Err(miette!("a key is kept in a file: `-`, standard output, is none"));
+        return Err(miette!("a key cannot be written to standard output (`-`): give a file name"));
     }
     let file = secret_in(folder(path)).and_then(|file| filled(file, content.as_bytes()));
     keep_new(file.map_err(|reason| cannot_write(path, reason))?, path)
 }
 
-/// Writes the two files of a key pair, the secret one readable by its user only: both or, if either exists or cannot be written,
-/// none.
+/// Writes the two files of a key pair, the secret one readable only by its owner. If either file exists or cannot be written,
+/// neither is written.
 ///
 /// # Errors
-/// Errors of [`write_secret`].
+/// Returns the errors of [`write_secret`].
 pub fn write_pair(secret: (&Path, &str), public: (&Path, &str)) -> miette::Result<()> {
     let ((path, content), (public, public_content)) = (secret, public);
     refuse_existing(public)?;
@@ -269,7 +270,7 @@ pub fn write_pair(secret: (&Path, &str), public: (&Path, &str)) -> miette::Resul
     })
 }
 
-/// Gives a file that was written beside `path` its name, unless there is one.
+/// Renames a temporary file to `path`, unless a file exists there.
 fn keep_new(file: NamedTempFile, path: &Path) -> miette::Result<()> {
     file.persist_noclobber(path).map(drop).map_err(|error| match error.error.kind() {
         io::ErrorKind::AlreadyExists => key_exists(path),
@@ -277,39 +278,39 @@ fn keep_new(file: NamedTempFile, path: &Path) -> miette::Result<()> {
     })
 }
 
-/// A file with this content, on the disk.
+/// Writes the content into a file and syncs it to the disk.
 fn filled(mut file: NamedTempFile, content: &[u8]) -> io::Result<NamedTempFile> {
     file.as_file_mut().write_all(content)?;
     file.as_file().sync_all()?;
     Ok(file)
 }
 
-/// Creates a temporary file that only its user may read.
+/// Creates a temporary file that only its owner can read.
 fn secret_in(folder: &Path) -> io::Result<NamedTempFile> {
     let made = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder);
     made.map_err(|error| io::Error::from(error.kind()))
 }
 
-/// Refuses the path of a key where a file is.
+/// Refuses to create a key where a file exists.
 ///
 /// # Errors
-/// There is one.
+/// Returns an error if a file exists at `path`.
 fn refuse_existing(path: &Path) -> miette::Result<()> {
     if path.symlink_metadata().is_ok() { Err(key_exists(path)) } else { Ok(()) }
 }
 
 fn key_exists(path: &Path) -> Report {
     miette!(
-        help = "name another file; or remove this one, if no robot has its key any more",
-        "cannot write {}: it exists, and a key is never overwritten",
+        help = "give another file name, or remove the existing key if no robot uses it any more",
+        "cannot write {}: the file exists, and keys are never overwritten",
         path.display()
     )
 }
 
-/// Makes a folder if it is missing, but not the one that it lies in, and makes sure that files can be written into it.
+/// Creates a folder if it is missing, and checks that files can be written into it. The parent folder must exist.
 ///
 /// # Errors
-/// It cannot be made, or something else is there.
+/// Returns an error if the folder cannot be created or written into, or if `path` is not a folder.
 pub fn make_folder(path: &Path) -> Result<(), FileError> {
     check_folder(folder(path), path)?;
     let made = fs::create_dir(path);
@@ -324,7 +325,7 @@ pub fn make_folder(path: &Path) -> Result<(), FileError> {
     })
 }
 
-/// Refuses to write where there is no folder.
+/// Refuses a folder that does not exist.
 fn check_folder(folder: &Path, output: &Path) -> Result<(), FileError> {
     match fs::metadata(folder) {
         Ok(found) if found.is_dir() => Ok(()),
@@ -341,7 +342,7 @@ pub fn cannot_write(path: &Path, reason: io::Error) -> Report {
     FileError::Io { action: "write", path: path.to_owned(), reason }.into()
 }
 
-/// Target of a link to a file that does not exist.
+/// Follows symbolic links to their final target, which may not exist.
 fn end_of_links(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..LINKS_MAX {
@@ -351,7 +352,7 @@ fn end_of_links(path: &Path) -> PathBuf {
     path
 }
 
-/// Replaces a file by another that was written beside it.
+/// Replaces a file by a temporary file that is written in the same folder.
 fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io::Result<()> {
     let mut temporary = temporary_in(folder(path))?;
     // The file's own errors leave out its random name.
@@ -365,7 +366,7 @@ fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io
     Ok(())
 }
 
-/// Creates a temporary file with the permissions of a new file; its errors leave out the random name.
+/// Creates a temporary file with the permissions of a new file. Errors omit its random name.
 fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rollwalk-");
@@ -375,7 +376,7 @@ fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder).map_err(|error| error.kind().into())
 }
 
-/// Leaves a file with the owner of the one that it replaces, where we may.
+/// Gives a new file the owner of the file that it replaces, if that is permitted.
 #[cfg(unix)]
 fn keep_owner(path: &Path, file: &File) {
     use std::os::unix::fs::{MetadataExt, fchown};
@@ -449,7 +450,8 @@ mod tests {
             for output in [Output::at(&path), Output::of_source(&path)] {
                 let error = output.unwrap_err().to_string();
                 assert!(
-                    error.ends_with(".csv: it is a key, and a key is never overwritten"),
+                    error
+                        .ends_with(".csv: the file contains a key, and keys are never overwritten"),
                     "{error}"
                 );
             }
@@ -527,7 +529,10 @@ mod tests {
         let path = folder.path().join("motion.toml");
         Output::at(&path).unwrap().write(b"new").unwrap();
         let error = Output::at(&path).unwrap_err().to_string();
-        assert!(error.contains("motion.toml: it is there already"), "{error}");
+        assert!(
+            error.contains("motion.toml: it exists, and its extension is not that of a result"),
+            "{error}"
+        );
         Output::of_source(&path).unwrap().write(b"imported").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"imported");
     }
@@ -535,7 +540,7 @@ mod tests {
     #[test]
     fn a_secret_is_never_printed() {
         let error = write_secret(Path::new("-"), "secret").unwrap_err().to_string();
-        assert!(error.contains("a key is kept in a file"), "{error}");
+        assert!(error.contains("a key cannot be written to standard output"), "{error}");
         assert!(!Path::new("-").exists());
     }
 
@@ -607,7 +612,7 @@ mod tests {
             assert_eq!(reader.join().unwrap().unwrap(), "through");
             assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
             let error = open_stream(&pipe, Duration::from_millis(50)).unwrap_err().to_string();
-            assert!(error.contains("no program has read from it"), "{error}");
+            assert!(error.contains("no program opened the pipe"), "{error}");
         }
 
         #[cfg(target_os = "linux")]

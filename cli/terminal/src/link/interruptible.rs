@@ -1,4 +1,4 @@
-//! A link on which Ctrl-C interrupts every wait.
+//! Link on which Ctrl-C interrupts every wait.
 
 use crate::interrupt;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -10,22 +10,22 @@ const CHECK_US: u64 = 50_000;
 
 pub struct Interruptible {
     live: Live,
-    /// True if Ctrl-C is ignored, because the robot returns to SAFE.
+    /// True if Ctrl-C is ignored because the robot is returning to SAFE.
     ignores: bool,
 }
 
 impl Interruptible {
-    /// A link that Ctrl-C ends.
+    /// Wraps a link so that Ctrl-C interrupts its waits.
     pub fn new(live: Live) -> Self {
         Self { live, ignores: false }
     }
 
-    /// Bits per second on the bus, if they are known.
+    /// Bit rate of the bus, bit/s; `None` if unknown.
     pub fn bitrate(&self) -> Option<u32> {
         self.live.bitrate()
     }
 
-    /// Ignores Ctrl-C from here on.
+    /// Ignores Ctrl-C from now on.
     pub fn ignore_interrupts(&mut self) {
         self.ignores = true;
     }

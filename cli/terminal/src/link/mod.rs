@@ -1,5 +1,7 @@
-//! The link to a controller, as commands open it; an operator on it ([`operated`]); the [`names`] of its motions and
-//! channels; and what it takes for [`steering`].
+//! Link to a controller, as commands open it.
+//!
+//! [`operated`] is an operator on a link, [`names`] contains the names of motions and channels, and [`steering`] prepares
+//! continuous steering.
 
 mod interruptible;
 pub mod names;
@@ -20,7 +22,7 @@ use rollwalk_protocol::wire::{CommandResult, Node};
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Maximum number of our frames in flight: enough to keep a bus busy, few enough to keep none stale.
+/// Maximum number of our frames in flight: enough to keep the bus busy, and few enough that no frame becomes stale.
 pub const DEPTH: usize = 3;
 
 /// Environment variable that names the bus.
@@ -32,56 +34,57 @@ pub const BUS_HELP: &str =
 /// Address of a controller: bus, node and link key.
 #[derive(clap::Args)]
 pub struct LinkArgs {
-    /// The bus, with its interface.
+    /// Bus, with its interface.
     #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]
     pub bus: BusName,
-    /// The controller's address, 0 to 14.
+    /// Address of the controller, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
     pub node: Node,
-    /// File with the robot's link key, for a controller that insists on one; `rollwalk keys new` makes it.
+    /// File with the robot's link key, for a controller that requires one; `rollwalk keys new` creates it.
     #[arg(long, value_name = "FILE", env = "ROLLWALK_LINK_KEY")]
     link_key: Option<PathBuf>,
 }
 
 fn node(text: &str) -> Result<Node, String> {
     let number = text.parse().ok().and_then(Node::new);
-    number
-        .ok_or_else(|| "an address is a number from 0 to 14; `rollwalk discover` lists them".into())
+    number.ok_or_else(|| {
+        "give an address from 0 to 14; `rollwalk discover` lists the addresses in use".into()
+    })
 }
 
-/// Report of a bus that cannot be used, with the command to type.
+/// Report of a bus that cannot be opened, with the command to type.
 pub fn cannot_open(error: OpenError) -> Report {
     miette!(help = error.help, "{}", error.what)
 }
 
-/// Opens a bus for this thread, and sends nothing.
+/// Opens a bus for this thread without sending anything.
 ///
 /// # Errors
-/// The bus does not exist or cannot be used; the error names the command to type.
+/// Returns an error if the bus does not exist or cannot be used. The error contains the command to type.
 pub fn live(bus: &BusName) -> Result<Live, OpenError> {
     // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
     priority::raise();
     open::open(bus, DEPTH).map(Live::new)
 }
 
-/// A session on a bus of this computer.
+/// Session on a bus of this computer.
 pub type LiveSession = Session<Interruptible>;
 
-/// Address of a controller, for a command that may do without one.
+/// Address of a controller, for a command that also runs without one.
 #[derive(clap::Args)]
 pub struct MaybeLinkArgs {
     #[arg(long, value_name = "BUS", env = BUS_ENV, help = BUS_HELP)]
     bus: Option<BusName>,
-    /// The controller's address, 0 to 14.
+    /// Address of the controller, 0 to 14.
     #[arg(long, value_name = "N", default_value = "1", value_parser = node)]
     node: Node,
-    /// File with the robot's link key, for a controller that insists on one; `rollwalk keys new` makes it.
+    /// File with the robot's link key, for a controller that requires one; `rollwalk keys new` creates it.
     #[arg(long, value_name = "FILE", env = "ROLLWALK_LINK_KEY")]
     link_key: Option<PathBuf>,
 }
 
 impl MaybeLinkArgs {
-    /// The controller, if there is one.
+    /// Address of the controller; `None` if no bus was given.
     pub fn link(&self) -> Option<LinkArgs> {
         let Self { bus, node, link_key } = self;
         bus.clone().map(|bus| LinkArgs { bus, node: *node, link_key: link_key.clone() })
@@ -89,28 +92,28 @@ impl MaybeLinkArgs {
 }
 
 impl LinkArgs {
-    /// Opens the bus and sends nothing.
+    /// Opens the bus without sending anything.
     ///
     /// # Errors
-    /// As [`live`].
+    /// Returns the errors of [`live`].
     pub fn live(&self) -> Result<Live, OpenError> {
         live(&self.bus)
     }
 
-    /// Opens the bus; Ctrl-C interrupts its waits.
+    /// Opens the bus. Ctrl-C interrupts its waits.
     ///
     /// # Errors
-    /// As [`live`].
+    /// Returns the errors of [`live`].
     pub fn open(&self) -> miette::Result<Interruptible> {
         interrupt::listen();
         let live = self.live().map_err(cannot_open)?;
         Ok(Interruptible::new(live))
     }
 
-    /// The controller, with the link key that was given.
+    /// Controller with the link key that the user gave.
     ///
     /// # Errors
-    /// The file cannot be read, or holds no link key.
+    /// Returns an error if the key file cannot be read or does not contain a link key.
     pub fn peer(&self) -> miette::Result<Peer> {
         let credentials = self.link_key.as_deref().map(keys::credentials).transpose()?;
         Ok(Peer { node: self.node, credentials })
@@ -119,23 +122,24 @@ impl LinkArgs {
     /// Opens the bus and connects to the controller as its only host.
     ///
     /// # Errors
-    /// As [`open`](Self::open); [`Ended`] without an answer, beside another host, with another protocol, or on Ctrl-C.
+    /// Returns the errors of [`open`](Self::open). Returns [`Ended`] if the controller does not answer, has another host or
+    /// uses another protocol version, or after Ctrl-C.
     pub fn connect(&self) -> miette::Result<LiveSession> {
         self.session(Session::connect_alone)
     }
 
-    /// Opens the bus and connects to the controller for single commands, beside its host if it has one.
+    /// Opens the bus and connects to the controller for single commands, even if it has another host.
     ///
     /// # Errors
-    /// As [`connect`](Self::connect), except that another host is no error.
+    /// Returns the errors of [`connect`](Self::connect), except the one about another host.
     pub fn join(&self) -> miette::Result<LiveSession> {
         self.session(Session::join)
     }
 
-    /// Opens the bus and asks the controller for its identity, for commands that need no host.
+    /// Opens the bus and requests the controller's identity, for commands that do not need a session.
     ///
     /// # Errors
-    /// As [`join`](Self::join).
+    /// Returns the errors of [`join`](Self::join).
     pub fn visit(&self) -> miette::Result<LiveSession> {
         self.session(Session::visit_in_pause)
     }
@@ -153,11 +157,11 @@ impl LinkArgs {
         let bus = &self.bus;
         let help = match error {
             SessionError::Silent { what: "heartbeat" | "session", .. } => {
-                format!("rollwalk discover --bus {bus} lists the controllers on it")
+                format!("list the controllers on the bus: rollwalk discover --bus {bus}")
             }
             SessionError::HasHost { .. } => {
-                "end that program first (a console?); `rollwalk estop`, `disarm`, `return`, `pause`, `resume`, `clear` \
-                 and `send` without --arm work beside it"
+                "end the other program first, such as a console; while it runs, use only `rollwalk \
+                 estop`, `disarm`, `return`, `pause`, `resume`, `clear` and `send` without --arm"
                     .into()
             }
             // These messages name the remedy themselves.
@@ -167,23 +171,23 @@ impl LinkArgs {
             | SessionError::Refused { result: CommandResult::AuthenticationRequired, .. } => {
                 return miette!("{error}");
             }
-            _ => format!("rollwalk doctor --bus {bus} says what is wrong and how to clear it"),
+            _ => format!("find the cause and its remedy: rollwalk doctor --bus {bus}"),
         };
         miette!(help = help, "{error}")
     }
 }
 
-/// A command whose session failed, after the failure was reported.
+/// End of a command whose session failed, after the failure was reported.
 #[derive(Debug, Error, Diagnostic)]
 #[error("the session ended")]
 pub struct Ended(pub Exit);
 
-/// Exit code of a command whose session failed. Reports the failure, unless Ctrl-C caused it.
+/// Reports the failure of a session, unless Ctrl-C caused it, and returns the exit code.
 pub fn ended(args: &LinkArgs, error: &SessionError) -> Exit {
     if interrupt::requested() {
         return Exit::Interrupted;
     }
-    let report = args.explain(error).wrap_err("the robot did not do it");
+    let report = args.explain(error).wrap_err("the robot did not execute the command");
     output::say_report(&report);
     Exit::NotDone
 }

@@ -1,5 +1,7 @@
-//! Names of motions and channels of the controller's library: from the user's cache, which every build and flash of a
-//! library fills, or from the library's file. Names of channels also from the robot's file.
+//! Names of the motions and channels of the controller's library.
+//!
+//! Names come from the user's cache, which every build and transfer of a library fills, or from the library file. Channel names
+//! also come from the robot file.
 
 use crate::inputs::Source;
 use crate::kind::Kind;
@@ -18,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// Sources of names.
 #[derive(clap::Args)]
 pub struct NamesArgs {
-    /// Motion library with the names of motions, if not the one built or flashed here.
+    /// Motion library (.rwl) with the names of motions, if it was not built or flashed on this computer.
     #[arg(long, value_name = "LIB.rwl")]
     pub library: Option<PathBuf>,
     /// Robot file (TOML) with the names of joints, if the robot does not ship with rollwalk.
@@ -27,17 +29,17 @@ pub struct NamesArgs {
 }
 
 impl NamesArgs {
-    /// Returns the names of the library with this identity, if they are known.
+    /// Returns the names of the library with this identity; `None` if they are unknown.
     ///
     /// # Errors
-    /// A file that was named is missing or wrong.
+    /// Returns an error if a file that the user named is missing or wrong.
     pub fn find(&self, library: u32) -> miette::Result<Option<Catalog>> {
         let Some(path) = &self.library else { return Ok(kept(library)) };
         let catalog = Packed::read(path, self.robot.as_deref())?.catalog();
         if catalog.library != library {
             output::say(format_args!(
-                "{} is not the controller's library ({:08x}, the controller has {library:08x}): names may \
-                 be wrong",
+                "{} is library {:08x}, but the controller has library {library:08x}: names may be \
+                 wrong",
                 path.display(),
                 catalog.library
             ));
@@ -45,10 +47,10 @@ impl NamesArgs {
         Ok(Some(catalog))
     }
 
-    /// Hash of the configuration of the robot that was named, by itself or with its library.
+    /// Returns the configuration hash of the robot that the user named, directly or by a library.
     ///
     /// # Errors
-    /// A file that was named is missing or wrong.
+    /// Returns an error if a file that the user named is missing or wrong.
     pub fn config_hash(&self) -> miette::Result<Option<u32>> {
         let robot = match (&self.library, &self.robot) {
             (Some(library), robot) => Packed::read(library, robot.as_deref())?.robot,
@@ -58,11 +60,11 @@ impl NamesArgs {
         Ok(Some(robot.controller_config().into_diagnostic()?.hash()))
     }
 
-    /// The robot with this configuration and the solids of its links, for pictures: the one that was named, else one that
-    /// ships with rollwalk.
+    /// Returns the robot with this configuration and the solids of its links, for pictures. The robot is the one that the user
+    /// named, or else one that ships with rollwalk.
     ///
     /// # Errors
-    /// The file that was named is missing or wrong.
+    /// Returns an error if the file that the user named is missing or wrong.
     pub fn robot(&self, config_hash: u32) -> miette::Result<Option<(Robot, Vec<Vec<Solid>>)>> {
         if let Some(path) = &self.robot {
             let (robot, parts) = Source::Disk.robot_and_parts(path)?;
@@ -74,11 +76,11 @@ impl NamesArgs {
         shipped.map(|file| Source::Shipped.robot_and_parts(file)).transpose()
     }
 
-    /// The names for a controller whose identity is known or not: of motions and channels where its
-    /// library is known, otherwise of channels where its robot is.
+    /// Returns the names for a controller. If its library is known, they include motions and channels; if only its robot is
+    /// known, only channels.
     ///
     /// # Errors
-    /// A file that was named is missing or wrong.
+    /// Returns an error if a file that the user named is missing or wrong.
     pub fn look_up(&self, hello: Option<&Hello>) -> miette::Result<Option<Catalog>> {
         let library = hello.and_then(|hello| hello.library);
         if let Some(catalog) = library.map(|library| self.find(library)).transpose()?.flatten() {
@@ -90,7 +92,7 @@ impl NamesArgs {
                 let config_hash = robot.controller_config().into_diagnostic()?.hash();
                 if hello.is_some_and(|hello| hello.config_hash != config_hash) {
                     output::say(format_args!(
-                        "{} is not the controller's robot: names may be wrong",
+                        "{} does not describe the controller's robot: names may be wrong",
                         path.display()
                     ));
                 }
@@ -107,7 +109,7 @@ impl NamesArgs {
     }
 }
 
-/// Caches the names of a library. A cache that cannot be written costs no more than the names.
+/// Caches the names of a library. A failed write is reported, but is not an error.
 pub fn keep(catalog: &Catalog) {
     keep_of(catalog.library, NAMES, catalog);
 }
@@ -117,21 +119,21 @@ pub fn kept(library: u32) -> Option<Catalog> {
     kept_of(library, NAMES).filter(|catalog: &Catalog| catalog.library == library)
 }
 
-/// Ending of the file with the names of a library.
+/// Extension of the cache file with the names of a library.
 const NAMES: &str = "json";
 
-/// Caches what is known of a library, by an ending of its own.
+/// Caches data of a library. `ending` is the extension of the cache file.
 pub fn keep_of(library: u32, ending: &str, what: &impl Serialize) {
     let Some(path) = place(library, ending) else { return };
     let text = serde_json::to_string_pretty(what).unwrap_or_default();
     // A folder that cannot be made is found by the writer.
     let _ = fs::create_dir_all(files::folder(&path));
     if let Err(error) = files::write(&path, text.as_bytes()) {
-        output::say(format_args!("what is known of the library is not kept: {error}"));
+        output::say(format_args!("cannot cache the names of the library: {error}"));
     }
 }
 
-/// Cached data of the library with this identity, by an ending of its own.
+/// Reads cached data of the library with this identity. `ending` is the extension of the cache file.
 pub fn kept_of<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
     let text = files::read_text(&place(library, ending)?, Kind::Names).ok()?;
     serde_json::from_str(&text).ok()

@@ -1,7 +1,7 @@
-//! A bus and the operator on it, in one thread: frames in, frames out, a lost bus opened again.
+//! Bus with an operator on it, in one thread. Sends and receives frames, and reopens a lost bus.
 //!
-//! One thread on purpose: a program that cannot read keys or draw for a quarter of a second sends no heartbeat either, and
-//! the robot returns to SAFE by itself, or halts if it is streamed to.
+//! The single thread is deliberate. A program that cannot read keys or draw for a quarter of a second sends no heartbeat
+//! either; the robot then returns to SAFE by itself, or halts if it is streaming.
 
 use super::LinkArgs;
 use crate::{Exit, output};
@@ -15,43 +15,44 @@ use std::collections::VecDeque;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Longest time for which [`Operated::hear`] listens, µs.
+/// Maximum time that [`Operated::hear`] listens, µs.
 const LISTEN_US: u64 = 10_000;
 /// Interval between attempts to open a lost bus, µs.
 const REOPEN_US: u64 = 1_000_000;
-/// Delay before a full transmit queue is tried again, µs.
+/// Delay before a frame is resent after a full transmit queue, µs.
 const BUSY_US: u64 = 500;
 
-/// An operator on a bus.
+/// Operator on a bus.
 pub struct Operated<'a> {
     link: &'a LinkArgs,
     bus: Option<Live>,
-    /// Commands and the state of the robot.
+    /// Operator: sends commands and tracks the state of the robot.
     pub operator: Operator,
     started: Instant,
     reopen_us: u64,
-    /// Frames received since they were last taken, where a program takes them.
+    /// Frames received since the previous call of [`heard`](Self::heard); `None` before the first call.
     heard: Option<Vec<Frame>>,
 }
 
 impl<'a> Operated<'a> {
-    /// An operator on an open bus.
+    /// Starts an operator on an open bus.
     pub fn new(link: &'a LinkArgs, bus: Live, operator: Operator) -> Self {
         let (bus, started) = (Some(bus), Instant::now());
         Self { link, bus, operator, started, reopen_us: 0, heard: None }
     }
 
-    /// Frames received since the last call, for what the operator does not look at; none before the first call.
+    /// Frames received since the previous call, for data that the operator ignores. The first call returns none and starts the
+    /// collection.
     pub fn heard(&mut self) -> Vec<Frame> {
         self.heard.replace(Vec::new()).unwrap_or_default()
     }
 
-    /// Time since the start, µs: the operator's clock.
+    /// Time since the start, µs; the clock of the operator.
     pub fn now_us(&self) -> u64 {
         us_since(self.started)
     }
 
-    /// Sends all frames that the operator has ready; opens a lost bus again.
+    /// Sends all frames that the operator has ready, and reopens a lost bus.
     pub fn send(&mut self) {
         let now_us = self.now_us();
         let Some(bus) = &mut self.bus else {
@@ -77,7 +78,7 @@ impl<'a> Operated<'a> {
         }
     }
 
-    /// Listens until there is something to do.
+    /// Receives frames until the operator has something to do.
     pub fn hear(&mut self) {
         let now_us = self.now_us();
         let wait_us =
@@ -135,7 +136,7 @@ fn us_since(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-/// Reports how an operator left the robot.
+/// Prints the state in which an operator left the robot, and returns the exit code.
 pub fn farewell(view: &View) -> Exit {
     let Some(status) = view.status else {
         output::say("left; the controller never answered");
@@ -153,20 +154,22 @@ pub fn farewell(view: &View) -> Exit {
             Exit::Ok
         }
         State::TorqueOff | State::EStopped => {
-            output::say(format_args!("left; the robot is {state}: clear it before it is armed"));
+            output::say(format_args!(
+                "left; the robot is {state}: type `rollwalk clear` before arming it"
+            ));
             Exit::Ok
         }
         _ => {
             output::say(format_args!(
-                "left while the robot is {state}: without heartbeat it returns to SAFE by itself, then torque goes \
-                 off, and it has to be cleared before it is armed"
+                "left while the robot is {state}: without heartbeats the robot returns to SAFE and \
+                 switches torque off; type `rollwalk clear` before arming it"
             ));
             Exit::NotDone
         }
     }
 }
 
-/// Prints the messages after the last one that was printed.
+/// Prints the messages that follow the previously printed one.
 pub fn say_new(said: &mut Option<Message>, messages: &VecDeque<Message>) {
     let known = |message: &Message| said.as_ref() == Some(message);
     let next = messages.iter().rposition(known).map_or(0, |last| last + 1);

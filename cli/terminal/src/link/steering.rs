@@ -1,4 +1,4 @@
-//! Inputs of continuous steering: the motion library with its SAFE pose, a gait, and the fastest speeds.
+//! Inputs of continuous steering: the motion library with its SAFE pose, a gait, and the maximum speeds.
 
 use crate::inputs::{self, number_within};
 use crate::output;
@@ -13,22 +13,22 @@ use rollwalk_robot::{Contact, Robot};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Fastest speed of a robot whose gait does not set one, m/s.
+/// Maximum speed of a robot whose gait does not define one, m/s.
 const SPEED_M_S: f64 = 0.2;
 
-/// Options for steering a robot.
+/// Options of steering.
 #[derive(clap::Args)]
 pub struct SteeringArgs {
-    /// Periodic plan (JSON) in whose gait the robot walks while it is steered.
+    /// Periodic plan (JSON) whose gait the robot walks in while it is steered.
     #[arg(long, value_name = "PLAN.json")]
     pub gait: Option<PathBuf>,
-    /// Fastest speed that keys, sticks or velocities of ROS 2 ask for, m/s [default: that of the gait, or 0.2].
+    /// Maximum speed that keys, sticks or velocities of ROS 2 command, m/s [default: mean speed of the gait, or 0.2].
     #[arg(long, value_name = "M/S", value_parser = fast)]
     speed: Option<f64>,
-    /// Fastest turn that they ask for, rad/s.
+    /// Maximum turn rate that keys, sticks or velocities of ROS 2 command, rad/s.
     #[arg(long, value_name = "RAD/S", default_value_t = 0.4, value_parser = fast)]
     turn: f64,
-    /// Longest time to plan, in milliseconds; the best plan so far counts then, if it meets the constraints.
+    /// Time limit of each plan, in milliseconds. At the limit the best plan so far is used if it meets the constraints.
     #[arg(long, value_name = "MS", default_value_t = 90, value_parser = clap::value_parser!(u64).range(10..=200))]
     budget_ms: u64,
 }
@@ -37,21 +37,21 @@ fn fast(text: &str) -> Result<f64, String> {
     number_within(text, 0.01..=20.0)
 }
 
-/// Inputs of steering.
+/// Prepared inputs of steering.
 pub struct Prepared {
-    /// Robot in its SAFE pose, and its gait.
+    /// Robot in its SAFE pose, with its gait.
     pub route: Route,
-    /// Fastest speeds of steering.
+    /// Maximum speeds of steering.
     pub fastest: Fastest,
-    /// Names of the library whose SAFE pose it begins in.
+    /// Names of the library whose SAFE pose the robot starts in.
     pub catalog: Catalog,
 }
 
 impl Prepared {
-    /// Checks that the robot can move: without a gait all end effectors have to roll.
+    /// Checks that the robot can move: without a gait, all end effectors must roll.
     ///
     /// # Errors
-    /// Names of the end effectors that cannot roll, in words.
+    /// Returns a message with the names of the end effectors that cannot roll.
     pub fn check_goes(&self) -> Result<(), String> {
         let Route { robot, gait, .. } = &self.route;
         let stays = |contact: &Contact| !contact.rolls() || contact.rolls_with_link();
@@ -61,21 +61,22 @@ impl Prepared {
             return Ok(());
         }
         Err(format!(
-            "{} cannot drive with all its end effectors on the ground, because these feet, or wheels that are fixed to their links, cannot roll: {}",
+            "{} cannot drive without a gait, because these feet or fixed wheels do not roll: {}",
             robot.name,
             feet.join(", ")
         ))
     }
 }
 
-/// Advice that gives a gait to a robot that does not roll.
-pub const GIVE_GAIT: &str = "--gait PLAN.json gives it a gait: a plan with ends = \"periodic\"";
+/// Advice to give a gait to a robot that does not roll.
+pub const GIVE_GAIT: &str = "give a gait with --gait PLAN.json, a plan with ends = \"periodic\"";
 
 impl SteeringArgs {
-    /// Reads the files.
+    /// Reads the library, the robot and the gait.
     ///
     /// # Errors
-    /// A file is missing or wrong, the gait is of another robot, or no motion of the robot can be planned as it goes.
+    /// Returns an error if a file is missing or wrong, if the gait is of another robot, or if the robot's motion cannot be
+    /// planned.
     pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<Prepared> {
         let packed = Packed::read(library, robot)?;
         let (route, fastest) = self.route(library, &packed)?;
@@ -84,19 +85,19 @@ impl SteeringArgs {
         Ok(Prepared { route, fastest, catalog: packed.catalog() })
     }
 
-    /// Longest time of a plan.
+    /// Time limit of a plan.
     pub fn budget(&self) -> Duration {
         Duration::from_millis(self.budget_ms)
     }
 
-    /// Robot in its SAFE pose, its gait, and its fastest speeds.
+    /// Route with the SAFE pose and the gait, and the maximum speeds.
     fn route(&self, library: &Path, packed: &Packed) -> miette::Result<(Route, Fastest)> {
         let robot = packed.robot.clone();
         let mut pose = [0.0; MAX_CHANNELS];
         packed
             .library()
             .safe_pose_into(&mut pose)
-            .ok_or_else(|| miette!("{}: its SAFE pose cannot be read", library.display()))?;
+            .ok_or_else(|| miette!("cannot read the SAFE pose of {}", library.display()))?;
         let safe_rad =
             pose.iter().take(robot.joints.len()).map(|&angle| f64::from(angle)).collect();
         let plan = self.gait.as_deref().map(inputs::plan).transpose()?;
@@ -115,7 +116,8 @@ fn check_gait(library: &Path, plan: &Plan, robot: &Robot) -> miette::Result<()> 
     if plan.robot != *robot {
         return Err(miette!(
             help = "plan the gait with the robot file that the library was built from",
-            "the gait `{name}` is of robot `{}`, {} is for `{}`, or their files differ",
+            "the gait `{name}` was planned for robot `{}`, but {} is for robot `{}` or another \
+             version of its file",
             plan.robot.name,
             library.display(),
             robot.name
@@ -123,13 +125,13 @@ fn check_gait(library: &Path, plan: &Plan, robot: &Robot) -> miette::Result<()> 
     }
     if let Some(why) = &plan.motion.needs_feedback {
         output::say(format_args!(
-            "warning: `{name}` needs feedback of the whole body ({why}), and is played without"
+            "warning: `{name}` needs whole-body feedback ({why}), but is played without feedback"
         ));
     }
     Ok(())
 }
 
-/// Mean speed of a plan over the ground, if it goes anywhere.
+/// Mean speed of a plan over the ground; `None` if it is at most 0.01 m/s.
 fn mean_speed_m_s(plan: &Plan) -> Option<f64> {
     let [x, y] = plan.end_placement.offset_m;
     let speed_m_s = x.hypot(y) / plan.motion.duration_s;

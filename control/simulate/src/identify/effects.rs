@@ -1,18 +1,18 @@
-//! The mean of what several sources report of one number, when they disagree by more than their deviations say: random effects.
+//! Random-effects mean of a value from several sources that disagree by more than their standard deviations.
 //!
-//! Source k reports the value y with the deviation s. The model behind it: each source measures a number of its own, y ~ N(θ,
-//! s²), and these scatter around the one that is wanted, θ ~ N(μ, τ²). DerSimonian and Laird (1986, Controlled Clinical Trials
-//! 7, 177–188) estimate τ² from Cochran's Q = Σ w (y − m)², with w = 1/s² and m the mean with these weights. Of n sources that
-//! differ by no more than their deviations Q is n − 1 on the average, so that
+//! Source k reports the value y with the standard deviation s. The model assumes that each source measures its own value, y ~
+//! N(θ, s²), and that these values scatter around the true one, θ ~ N(μ, τ²). DerSimonian and Laird (1986, Controlled Clinical
+//! Trials 7, 177–188) estimate τ² from Cochran's Q = Σ w (y − m)², where w = 1/s² and m is the mean with these weights. For n
+//! sources that differ only by their standard deviations, Q is n − 1 on average. Hence
 //!
 //! τ² = max(0, (Q − (n − 1)) / (Σ w − Σ w² / Σ w)),
 //!
-//! and μ is the mean with the weights 1/(s² + τ²), with the variance 1/Σ 1/(s² + τ²).
+//! and μ is the mean with the weights 1/(s² + τ²). Its variance is 1/Σ 1/(s² + τ²).
 //!
-//! Birge's ratio (1932, Phys. Rev. 40, 207) would multiply all deviations by √(Q/(n − 1)) instead. Then the source with the
-//! smallest deviation still decides; with τ² sources that disagree come to count alike.
+//! Birge's ratio (1932, Phys. Rev. 40, 207) would multiply all standard deviations by √(Q/(n − 1)) instead. The source with the
+//! smallest standard deviation would then still dominate, whereas τ² makes the weights of disagreeing sources nearly equal.
 
-/// Value that a source reports, and its standard deviation.
+/// Reported value of a source, and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Report {
     pub value: f64,
@@ -20,25 +20,26 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// True if the report has weight: a report without a deviation has none.
+    /// True if value and standard deviation are finite and the standard deviation is positive. Other reports have no weight.
     pub fn is_known(&self) -> bool {
         self.value.is_finite() && self.deviation.is_finite() && self.deviation > 0.0
     }
 }
 
-/// The mean of several sources.
+/// Mean of several sources.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mean {
     pub value: f64,
-    /// Deviation of one more source's number from it: √(1/Σ 1/(s² + τ²) + τ²), the prediction of Higgins, Thompson and
-    /// Spiegelhalter (2009, J. R. Statist. Soc. A 172, 137–159). That of the mean alone would take errors of a model for
-    /// independent, so that they average out.
+    /// Standard deviation of a further source's value from the mean: √(1/Σ 1/(s² + τ²) + τ²).
+    ///
+    /// This is the prediction of Higgins, Thompson and Spiegelhalter (2009, J. R. Statist. Soc. A 172, 137–159). The standard
+    /// deviation of the mean itself would be too small, because it assumes independent model errors that average out.
     pub deviation: f64,
-    /// τ, deviation between sources beyond their own.
+    /// Standard deviation τ between sources, beyond their own.
     pub between: f64,
 }
 
-/// The mean; none if no source is known.
+/// Mean of the known reports; `None` without known reports.
 pub(super) fn mean(reports: &[Report]) -> Option<Mean> {
     let known: Vec<Report> = reports.iter().filter(|report| report.is_known()).copied().collect();
     if known.is_empty() {
@@ -49,7 +50,7 @@ pub(super) fn mean(reports: &[Report]) -> Option<Mean> {
     Some(Mean { value, deviation: (1.0 / weights).sqrt().hypot(between), between })
 }
 
-/// τ, the deviation between sources beyond their own; 0 of less than two that are known.
+/// Standard deviation τ between sources, beyond their own; 0 for fewer than two known reports.
 pub(super) fn between(reports: &[Report]) -> f64 {
     let known: Vec<Report> = reports.iter().filter(|report| report.is_known()).copied().collect();
     if known.len() < 2 {
@@ -64,7 +65,7 @@ pub(super) fn between(reports: &[Report]) -> f64 {
     ((off - (known.len() - 1) as f64) / own).max(0.0).sqrt()
 }
 
-/// The mean with the weights 1/(s² + τ²), and their sum.
+/// Mean with the weights 1/(s² + τ²), and the sum of the weights.
 fn weighted(known: &[Report], between: f64) -> (f64, f64) {
     let weight = |report: &Report| (report.deviation.powi(2) + between * between).recip();
     let weights: f64 = known.iter().map(weight).sum();

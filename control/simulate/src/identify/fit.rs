@@ -1,5 +1,7 @@
-//! A fit of one run: searches over its first quarter from several starting points, the best of them continued over growing
-//! parts of the run, then a verdict on each number. And other runs, predicted.
+//! Fit of one run, and prediction of other runs.
+//!
+//! The search starts from several points over the first quarter of the run. The best result is continued over growing parts of
+//! the run, then each quantity gets a verdict.
 
 use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
 use super::quality::Quality;
@@ -15,11 +17,11 @@ use std::sync::Arc;
 /// Limits of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Share of the run, at its end, that takes no part, and that is predicted.
+    /// Fraction of the run at its end that is predicted instead of fitted.
     pub held_out: f64,
-    /// Most steps of the run: what comes later is left out.
+    /// Maximum number of steps of the run. Later steps are ignored.
     pub steps_max: usize,
-    /// Most iterations of each search.
+    /// Maximum number of iterations of each search.
     pub iterations: usize,
 }
 
@@ -29,15 +31,18 @@ impl Default for Options {
     }
 }
 
-/// Steps at which measurements are taken, a second: fewest, most, and those of a recording with few rows.
+/// Rates at which measurements are sampled, Hz: minimum, maximum, and the rate for a recording with sparser rows.
 const RATES_HZ: [f64; 3] = [100.0, 300.0, 120.0];
-/// Fewest steps of the world a second: at 120 a foot that lands has an error as large as 3 % of kp.
+/// Minimum simulation rate, steps per second. At 120 Hz the error of a landing foot changes kp by up to 3 %.
 const STEPS_HZ: f64 = 200.0;
 
-/// Fits quantities of a robot to a recording. Calls `goes_on` for each rollout; `false` ends the search.
+/// Fits quantities of a robot to a recording.
+///
+/// Calls `goes_on` before each rollout; `false` ends the search.
 ///
 /// # Errors
-/// Why there is nothing to be found.
+/// Returns an error if a quantity is the mass of a link with a soft foot, if the recording is too short, if the simulated robot
+/// falls at once, or if `goes_on` returns `false`.
 pub fn identify(
     robot: &Robot,
     recording: Recording,
@@ -139,11 +144,12 @@ pub fn identify(
     })
 }
 
-/// Error of a simulated run against another recording, after its first quarter, in which the start of the run is fitted. `None`
-/// if the robot falls. `goes_on` as for [`identify`].
+/// Simulates another recording and returns the error after its first quarter; `None` if the robot falls.
+///
+/// The start of the run is fitted over the first quarter. `goes_on` is called as in [`identify`].
 ///
 /// # Errors
-/// The recording is too short, or the caller ended it.
+/// Returns an error if the recording is too short, or if `goes_on` returns `false`.
 pub fn predict(
     model: &Model,
     recording: Recording,
@@ -160,7 +166,7 @@ pub fn predict(
     Ok(played.map(|played| Quality::of(played.misses(), quarter, replay.steps)))
 }
 
-/// The recording on a grid of steps.
+/// Resamples a recording on a grid of steps.
 pub(super) fn replay(
     recording: Recording,
     file: &Model,

@@ -1,23 +1,23 @@
-//! System identification (thesis 4.7.3): friction, gains of drives and other numbers that a simulation takes from a robot file,
-//! fitted until the simulated run matches the recorded one.
+//! System identification (thesis 4.7.3): fits friction, gains of drives and other parameters of a robot file until the
+//! simulated run matches the recorded one.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
-//! | [`series`] | a number over time |
-//! | [`recording`] | commands of the drives and measurements |
-//! | [`quantity`] | list of the quantities that can be fitted |
-//! | `start` | the state in which the recording begins |
-//! | `rollout` | the simulated run and its residuals |
-//! | [`fit`] | a run fitted, from several starting points over growing parts of it; other runs predicted |
-//! | `search` | its searches, each over a part of the run |
+//! | [`series`] | time series of one value |
+//! | [`recording`] | commands of the drives, and measurements |
+//! | [`quantity`] | quantities that can be fitted |
+//! | `start` | start state of the recording |
+//! | `rollout` | simulated run and its residuals |
+//! | [`fit`] | fit of one run, and prediction of other runs |
+//! | `search` | searches of a fit, each over a part of the run |
 //! | [`outcome`] | progress, results and errors |
-//! | `parts` | how far parts of the run disagree |
-//! | [`together`](mod@together) | several runs, each fitted alone, as one answer |
-//! | `effects` | the mean of what disagrees by more than its deviations |
-//! | [`quality`] | noise of the measurements, and the error of a simulated run against them |
+//! | `parts` | disagreement between parts of a run |
+//! | [`together`](mod@together) | combination of fits to several runs |
+//! | `effects` | mean of values that disagree by more than their standard deviations |
+//! | [`quality`] | noise of the measurements, and error of a simulated run |
 //!
-//! Simulated drives get the recorded commands, with the gains of the model, so a run can be simulated again with other numbers.
-//! Measurements are not fed back: a simulated run that is near the recorded one after seconds got there by itself.
+//! Simulated drives get the recorded commands and use the gains of the model, so that a run can be simulated with other
+//! parameters. Measurements are not fed back: a simulated run stays near the recorded one only if the model is right.
 
 mod effects;
 pub mod fit;

@@ -10,33 +10,34 @@ use thiserror::Error;
 pub struct Stage {
     /// Name of the stage.
     pub what: &'static str,
-    /// Length of the simulated run, s.
+    /// Duration of the simulated run, s.
     pub horizon_s: f64,
-    /// Rollouts so far.
+    /// Number of rollouts so far.
     pub rollouts: usize,
 }
 
 /// Verdict on a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Value differs from that of the file.
+    /// Value that differs from the value of the file.
     Changed,
-    /// Value agrees with that of the file within two standard deviations.
+    /// Value that agrees with the value of the file within two standard deviations.
     Agrees,
-    /// Measurements do not depend on the quantity, or only together with others.
+    /// Quantity that the measurements do not depend on, or only together with others.
     Silent,
-    /// Value is not known well enough.
+    /// Value with too large a standard deviation.
     Vague,
-    /// The search did not come to an end within sensible values.
+    /// Value outside of the sensible range, at which the search ended.
     Absurd,
 }
 
-/// Share of a value above which its deviation is too large to write it down, and deviation of a delay, s.
+/// Ratio of standard deviation to value above which a value is too uncertain for the robot file.
 const VAGUE: f64 = 0.25;
+/// Standard deviation above which a delay is too uncertain, s.
 const VAGUE_DELAY_S: f64 = 5e-3;
-/// Deviations by which a value differs that is another one.
+/// Number of standard deviations from which on a value differs from the value of the file.
 const DIFFERENT: f64 = 2.0;
-/// Change, as a logarithm, beyond which a search has lost its way.
+/// Largest sensible change, as logarithm of the ratio to the value of the file.
 const ABSURD: f64 = 3.0;
 
 impl Verdict {
@@ -63,26 +64,27 @@ impl Verdict {
 pub struct Found {
     /// Quantity that was fitted.
     pub quantity: Quantity,
-    /// Value of the robot file.
+    /// Value in the robot file.
     pub before: f64,
     /// Fitted value, adopted or not.
     pub fitted: f64,
-    /// Standard deviation of noise and of disagreement between parts of the run beyond noise; infinite if the run does not
-    /// determine the quantity.
+    /// Standard deviation due to noise and to disagreement between parts of the run. Infinite if the run does not determine the
+    /// quantity.
     pub deviation: f64,
     /// Verdict on the value.
     pub verdict: Verdict,
 }
 
 impl Found {
-    /// True if the value takes part in the mean of several runs: the run determines it, and the search ended within sensible
-    /// values. A value that is too uncertain for the robot file takes part, with the small weight of its deviation.
+    /// True if the value counts in the mean of several runs: the run determines it, and the search ended in the sensible range.
+    ///
+    /// A value that is too uncertain for the robot file also counts, with the small weight of its standard deviation.
     pub(super) fn is_counted(&self) -> bool {
         self.deviation.is_finite() && self.deviation > 0.0 && self.verdict != Verdict::Absurd
     }
 
-    /// True if a model adopts the value: it differs from the file's, or no file has it and the other quantities need it as it was
-    /// found.
+    /// True if the model adopts the value: it differs from the value of the file, or its kind is auxiliary
+    /// ([`Kind::is_along`]).
     pub(super) fn is_adopted(&self) -> bool {
         self.verdict == Verdict::Changed || self.quantity.kind.is_along()
     }
@@ -91,39 +93,40 @@ impl Found {
 /// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Identified {
-    /// The robot with all quantities that changed.
+    /// Model with all adopted quantities.
     pub model: Model,
     /// Fitted quantities, changed or not.
     pub found: Vec<Found>,
     /// Pairs of quantities that the run hardly separates, with their correlation.
     pub correlated: Vec<(String, String, f64)>,
-    /// Error over the steps of the fit, with the numbers of the file and with the fitted ones; `None` if the robot falls.
+    /// Errors over the fitted steps, with the values of the file and with the fitted values; `None` if the robot falls.
     pub fitted: [Option<Quality>; 2],
-    /// Error over the end of the run, which took no part in the fit.
+    /// Errors over the predicted end of the run, in the order of [`fitted`](Self::fitted).
     pub predicted: [Option<Quality>; 2],
     /// Times at which the fitted part begins, the predicted part begins, and the run ends, s.
     pub times_s: [f64; 3],
-    /// Time over which the robot was fitted, s: less than planned if it falls later.
+    /// Duration of the fitted part of the run, s. Shorter than planned if the simulated robot falls later.
     pub horizon_s: f64,
-    /// Simulated rollouts.
+    /// Number of simulated rollouts.
     pub rollouts: usize,
 }
 
 /// Error of a fit without result.
 #[derive(Debug, Error)]
 pub enum Unfit {
-    /// The robot falls at once.
+    /// Simulated robot that falls at once.
     #[error(
-        "with the numbers of its file the simulated robot falls within {0:.2} s, though the recorded one did not"
+        "with the values of the robot file, the simulated robot falls within {0:.2} s, although \
+         the recorded robot did not fall"
     )]
     Falls(f64),
-    /// The recording is too short.
-    #[error("{0:.2} s are too short for a fit: it takes {SHORTEST_S} s")]
+    /// Recording that is too short.
+    #[error("a run of {0:.2} s is too short for a fit; record at least {SHORTEST_S} s")]
     Short(f64),
-    /// The mass of a link with a soft foot.
+    /// Mass of a link with a soft foot, which cannot be fitted.
     #[error("the mass of {0} cannot be fitted, because its foot is soft")]
     Soft(String),
-    /// The caller ended it.
+    /// End of the search by the caller.
     #[error("interrupted")]
     Ended,
 }

@@ -1,9 +1,10 @@
-//! Parts of a run, each fitted alone: where they disagree by more than noise, the model is wrong.
+//! Fits of separate parts of a run, whose disagreement beyond noise shows errors of the model.
 //!
-//! The Hessian knows how noise moves a parameter. A contact or a drive of another kind moves it, too, one way while a wheel
-//! slips and another way while it rolls, and more measurements do not take that off. So each part is fitted from where it was
-//! measured to begin, and the variance of what they tell beyond their own is that of the model ([`effects`]). It counts in
-//! full: errors of a model do not cancel as noise does. An error that is the same in all parts stays unknown.
+//! The Hessian predicts the effect of noise on a parameter. A contact or a drive of another kind than the modelled one also
+//! changes the parameter, in one direction while a wheel slips and in another while it rolls. More measurements do not remove
+//! this error. Each part is therefore fitted from its measured start. The variance of the results beyond their own variances is
+//! the variance of the model error ([`effects`]). This variance counts in full, because model errors do not cancel as noise
+//! does. An error that is equal in all parts stays unknown.
 
 use super::effects::{self, Report};
 use super::quantity::Model;
@@ -12,13 +13,14 @@ use super::rollout::Replay;
 use super::start::Start;
 use std::sync::Arc;
 
-/// Shortest part, s: in less the beginning, which is free in each, takes most of what was measured.
+/// Duration of the shortest part, s. In a shorter part the free start state would use up most of the measurements.
 const PART_S: f64 = 0.8;
-/// Fewest parts of which a variance says something, and most: longer parts know more.
+/// Minimum number of parts for an estimate of the variance.
 const FEWEST: usize = 3;
+/// Maximum number of parts. Longer parts determine their parameters better.
 const MOST: usize = 6;
 
-/// The first steps of a run in parts; none if they are too few.
+/// Divides the first steps of a run into parts; empty if the steps are too few.
 pub(super) fn of(replay: &Replay, file: &Model, steps: usize) -> Vec<Replay> {
     let count = ((steps as f64 * replay.step_s / PART_S) as usize).min(MOST);
     if count < FEWEST {
@@ -36,7 +38,7 @@ pub(super) fn of(replay: &Replay, file: &Model, steps: usize) -> Vec<Replay> {
     (0..count).map(of).collect()
 }
 
-/// Deviation between parts beyond what noise makes of them; 0 of parts too few to know it.
+/// Standard deviation between parts beyond noise; 0 if fewer than [`FEWEST`] parts are known.
 pub(super) fn spread(parts: &[Report]) -> f64 {
     let known = parts.iter().filter(|part| part.is_known()).count();
     if known < FEWEST { 0.0 } else { effects::between(parts) }

@@ -1,17 +1,17 @@
-//! Noise of what was measured, and how far a simulated run is from it.
+//! Noise of the measurements, and error of a simulated run.
 
 use super::rollout::{Miss, Noise, Signal, centered};
 use std::collections::BTreeMap;
 
-/// Error of a simulated run against the recorded one over some of its steps: root mean square of each signal.
+/// Root-mean-square error of each signal of a simulated run, over some of its steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
-    /// Signals that were measured, and their root mean squares.
+    /// Measured signals and their root-mean-square errors.
     pub rms: Vec<(Signal, f64)>,
 }
 
 impl Quality {
-    /// Error of the residuals after a step, up to another one.
+    /// Errors in the steps `after + 1` to `until`.
     pub(super) fn of(misses: &[Miss], after: usize, until: usize) -> Self {
         let values = centered(misses);
         let rms = Signal::ALL.into_iter().filter_map(|signal| {
@@ -26,20 +26,21 @@ impl Quality {
         Self { rms: rms.collect() }
     }
 
-    /// Root mean square of a signal, if it was measured.
+    /// Root-mean-square error of a signal; `None` if the signal was not measured.
     pub fn of_signal(&self, signal: Signal) -> Option<f64> {
         self.rms.iter().find(|(known, _)| *known == signal).map(|(_, rms)| *rms)
     }
 }
 
-/// Deviations as they stand at the beginning.
+/// Standard deviations at the start of a search.
 pub(super) fn nominal() -> Noise {
     Signal::ALL.map(|signal| signal.noise()[0])
 }
 
-/// Deviations that residuals have. What a model cannot follow lasts: n residuals with a correlation ρ from one to the next tell
-/// as much as n (1 − ρ) / (1 + ρ) that are independent, so that they count as if their deviation were √((1 + ρ) / (1 − ρ))
-/// times as large.
+/// Standard deviations of the residuals, enlarged for the correlation between consecutive residuals.
+///
+/// Model errors persist over several steps. With a correlation ρ from one residual to the next, n residuals contain as much
+/// information as n (1 − ρ) / (1 + ρ) independent ones. Their standard deviation is hence multiplied by √((1 + ρ) / (1 − ρ)).
 pub(super) fn found(misses: &[Miss]) -> Noise {
     let mut last: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     let mut sums = [[0.0_f64; 3]; 6];

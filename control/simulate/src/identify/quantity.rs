@@ -12,22 +12,24 @@ use rollwalk_physics::{Body, Scheme, World};
 use rollwalk_robot::{Actuator, Robot};
 use std::sync::Arc;
 
-/// A robot, and what of it no robot file has.
+/// Robot with the additional parameters of its simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// The robot.
+    /// Robot.
     pub robot: Robot,
-    /// Parameters of its joints and contacts.
+    /// Parameters of joints and contacts.
     pub parameters: Parameters,
-    /// Time that commands take to the drives, s.
+    /// Delay of commands to the drives, s.
     pub delay_s: f64,
 }
 
 impl Model {
-    /// The robot as its file says, stepped and held together so that neither passes for a gain: backward Euler damps a joint at
-    /// 120 Hz as a quarter less of its kd would, and bearings that give way tilt the body by as much as its drives do. Contacts
-    /// do not pull, because a run in which they do jumps with its numbers; they stay as stiff as its weight makes them, also
-    /// when masses change.
+    /// Creates the model of a robot file, with an integrator and joints that do not bias fitted gains.
+    ///
+    /// The numerical damping of backward Euler at 120 Hz would make a fitted kd about 20 % too small, so the model uses BDF2.
+    /// Compliant bearings would tilt the body as much as the drives do, so the model makes them stiffer. Contacts do not pull,
+    /// because a run with pulling contacts is discontinuous in its parameters. The contact stiffness stays at the value for the
+    /// robot's weight even if masses change.
     pub fn new(robot: &Robot) -> Self {
         let mut parameters = Parameters::new(robot);
         parameters.settings.scheme = Scheme::Bdf2;
@@ -37,17 +39,17 @@ impl Model {
     }
 }
 
-/// Stiffness of bearings as a multiple of that of other simulations.
+/// Factor on the bearing stiffness of other simulations.
 const FIRMER: f64 = 30.0;
 
-/// A kind of number.
+/// Kind of a fitted quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Coefficient of friction; end effectors keep their proportions.
+    /// Friction coefficient. The ratios between end effectors are kept.
     Friction,
-    /// Rolling resistance of free wheels at any speed.
+    /// Rolling resistance of free wheels, independent of speed.
     Resistance,
-    /// Increase of the rolling resistance per speed.
+    /// Increase of the rolling resistance with speed.
     Drag,
     /// kp of a drive model.
     PositionGain,
@@ -55,13 +57,13 @@ pub enum Kind {
     SpeedGain,
     /// Rotor inertia of a drive model.
     Armature,
-    /// Masses of links that share a description, with their inertias.
+    /// Masses and inertias of links that share a description.
     Mass,
-    /// Stiffness of contacts along the normal.
+    /// Normal stiffness of contacts.
     Stiffness,
-    /// Friction of contacts that stick, over the velocity with which they creep.
+    /// Ratio of friction to creep velocity of sticking contacts.
     Stick,
-    /// Time that commands take.
+    /// Delay of commands.
     Delay,
 }
 
@@ -73,9 +75,9 @@ struct Facts {
     label: (&'static str, &'static str),
     /// True if the kind is fitted by default.
     by_default: bool,
-    /// Key of the robot file that has it, if one does.
+    /// Key in the robot file; `None` if no robot file has the quantity.
     key: Option<&'static str>,
-    /// Explanation if nothing depends on the quantity.
+    /// Advice for a run that does not determine the quantity.
     silence: &'static str,
 }
 
@@ -110,7 +112,7 @@ const FACTS: [Facts; 10] = [
         label: ("kp", "N·m/rad"),
         by_default: true,
         key: Some("kp_nm_rad"),
-        silence: "its drives are at their limits, or have nothing to do",
+        silence: "its drives are at their limits, or carry no load",
     },
     Facts {
         kind: Kind::SpeedGain,
@@ -134,7 +136,7 @@ const FACTS: [Facts; 10] = [
         label: ("mass", "kg"),
         by_default: false,
         key: Some("mass_kg"),
-        silence: "nothing that was measured depends on it",
+        silence: "no measured value depends on the mass",
     },
     Facts {
         kind: Kind::Stiffness,
@@ -147,7 +149,7 @@ const FACTS: [Facts; 10] = [
     Facts {
         kind: Kind::Stick,
         name: "stick",
-        label: ("friction over creep of contacts that stick", "N·s/m"),
+        label: ("ratio of friction to creep of sticking contacts", "N·s/m"),
         by_default: true,
         key: None,
         silence: "nothing touches the ground",
@@ -158,7 +160,7 @@ const FACTS: [Facts; 10] = [
         label: ("delay of commands", "s"),
         by_default: true,
         key: None,
-        silence: "commands do not change",
+        silence: "the commands do not change",
     },
 ];
 
@@ -187,22 +189,22 @@ impl Kind {
         self.facts().by_default
     }
 
-    /// Key of the robot file that has it, if one does.
+    /// Key in the robot file; `None` if no robot file has the quantity.
     pub fn key(self) -> Option<&'static str> {
         self.facts().key
     }
 
-    /// Explanation if nothing depends on the quantity.
+    /// Advice for a run that does not determine the quantity.
     pub fn silence(self) -> &'static str {
         self.facts().silence
     }
 
-    /// True if the kind is fitted along because others depend on it, and no robot file has it.
+    /// True for an auxiliary kind, which is fitted because other kinds depend on it although no robot file contains it.
     pub fn is_along(self) -> bool {
         self.key().is_none()
     }
 
-    /// Scope of the kind: each drive model, each description of links, or the whole robot.
+    /// Scope of the kind: a drive model, a description of links, or the whole robot.
     pub fn is_of(self) -> Of {
         match self {
             Self::PositionGain | Self::SpeedGain | Self::Armature => Of::Drives,
@@ -212,47 +214,49 @@ impl Kind {
     }
 }
 
-/// Scope of a number.
+/// Scope of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
-    /// A drive model.
+    /// Drives of a model.
     Drives,
-    /// A description of links.
+    /// Links that share a description.
     Links,
-    /// The whole robot.
+    /// Whole robot.
     Robot,
 }
 
-/// Drives or links that the robot file describes once.
+/// Drives or links that share a description in the robot file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
     /// Name in the robot file.
     pub name: String,
-    /// Channels, or links.
+    /// Indices of the channels or links.
     pub members: Vec<usize>,
 }
 
-/// A number that is fitted.
+/// Quantity that is fitted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quantity {
-    /// Kind of the number.
+    /// Kind of the quantity.
     pub kind: Kind,
-    /// Drives or links of the number; `None` for numbers of the whole robot.
+    /// Drives or links of the quantity; `None` for a quantity of the whole robot.
     pub group: Option<Group>,
 }
 
-/// Delay by which a parameter of 1 stands for, s.
+/// Change of the delay for a change of 1 of the search parameter, s.
 const DELAY_S: f64 = 0.05;
 
 impl Quantity {
-    /// Such as `kp.xm540`.
+    /// Name in commands, such as `kp.xm540`.
     pub fn name(&self) -> String {
         let group = self.group.as_ref().map(|group| format!(".{}", group.name));
         format!("{}{}", self.kind.name(), group.unwrap_or_default())
     }
 
-    /// Link with a soft foot, if the quantity is its mass. The rigid part would get another centre of mass, and a rollout has no
-    /// derivative by that.
+    /// Name of a link with a soft foot, if the quantity is its mass.
+    ///
+    /// Such a mass cannot be fitted: it moves the centre of mass of the rigid part, and a rollout has no derivative with
+    /// respect to that.
     pub(super) fn soft_link<'r>(&self, robot: &'r Robot) -> Option<&'r str> {
         let is_soft = |&&link: &&usize| {
             robot.end_effectors.iter().any(|of| of.link == link && of.soft.is_some())
@@ -265,7 +269,7 @@ impl Quantity {
         self.group.as_ref().map_or(&[], |group| &group.members)
     }
 
-    /// Value in a model: the first of several that keep their proportions, or the sum of masses; 0 if the robot has none.
+    /// Value in a model: the sum for masses, the first member for kinds that keep ratios, or 0 if the robot lacks the quantity.
     pub fn value(&self, model: &Model) -> f64 {
         let robot = &model.robot;
         let drive = |of: fn(&Actuator) -> f64| {
@@ -289,7 +293,7 @@ impl Quantity {
         }
     }
 
-    /// Changes it.
+    /// Sets the value in a model.
     pub fn set(&self, model: &mut Model, value: f64) {
         let share = value / self.value(model);
         let robot = &mut model.robot;
@@ -337,22 +341,22 @@ impl Quantity {
         }
     }
 
-    /// The value to which a parameter of the search stands, from that of the file: logarithms, but for the delay.
+    /// Value for a search parameter, relative to the value of the file. The parameter is a logarithm, except for the delay.
     pub(super) fn of_parameter(&self, file: f64, parameter: f64) -> f64 {
         if self.kind == Kind::Delay { file + DELAY_S * parameter } else { file * parameter.exp() }
     }
 
-    /// The parameter of a value.
+    /// Search parameter for a value.
     pub(super) fn to_parameter(&self, file: f64, value: f64) -> f64 {
         if self.kind == Kind::Delay { (value - file) / DELAY_S } else { (value / file).ln() }
     }
 
-    /// Change of the value by the parameter.
+    /// Derivative of the value with respect to the search parameter.
     pub(super) fn by_parameter(&self, value: f64) -> f64 {
         if self.kind == Kind::Delay { DELAY_S } else { value }
     }
 
-    /// Parameters of a rollout that the quantity changes, each with its factor to the derivative by the value.
+    /// Rollout parameters that the quantity changes, each with the factor for the derivative with respect to the value.
     pub(super) fn parameters(
         &self,
         world: &World,
@@ -415,14 +419,14 @@ impl Quantity {
     }
 }
 
-/// Actuators in the order of channels.
+/// Actuators in channel order.
 fn actuators(robot: &mut Robot) -> impl Iterator<Item = &mut Actuator> {
     let joints = robot.joints.iter_mut().map(|joint| &mut joint.actuator);
     let wheels = robot.end_effectors.iter_mut().filter_map(|of| of.contact.actuator_mut());
     joints.chain(wheels)
 }
 
-/// Mass and inertia of bodies, as a share of what they are.
+/// Relative change of the masses and inertias of bodies.
 #[derive(Clone, Debug)]
 struct Heavier {
     bodies: Vec<usize>,

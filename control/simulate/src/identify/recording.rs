@@ -8,35 +8,35 @@ use rollwalk_robot::{Channel, Robot};
 use std::f64::consts::TAU;
 use thiserror::Error;
 
-/// A run.
+/// Recorded run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Begin and end of what is fitted, s.
+    /// Start and end of the fitted span, s.
     pub span_s: [f64; 2],
-    /// Shortest time between two measurements of one thing, s.
+    /// Shortest of the mean intervals between samples of the measured series, s.
     pub interval_s: f64,
-    /// Drives, by channel.
+    /// Drives in channel order.
     pub drives: Vec<Drive>,
-    /// Origin of the body, m.
+    /// Position of the body's origin, m.
     pub position_m: Option<[Series; 3]>,
-    /// World from body: w, x, y, z.
+    /// World-from-body quaternion: w, x, y, z.
     pub orientation: Option<[Series; 4]>,
-    /// Angular velocity of the body in its own axes, rad/s.
+    /// Angular velocity in body axes, rad/s.
     pub gyro_rad_s: Option<[Series; 3]>,
 }
 
-/// A drive and its motor.
+/// Series of a drive and its motor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drive {
-    /// Commanded angle, rad; of wheels it does not matter.
+    /// Commanded angle, rad; ignored for wheels.
     pub target_rad: Series,
     /// Commanded speed, rad/s.
     pub target_rad_s: Series,
     /// Commanded torque, N·m.
     pub feedforward_nm: Series,
-    /// Measured angle, rad; empty if it was not.
+    /// Measured angle, rad; empty if it was not measured.
     pub rad: Series,
-    /// Measured speed, rad/s.
+    /// Measured speed, rad/s; empty if it was not measured.
     pub rad_s: Series,
 }
 
@@ -46,8 +46,8 @@ pub enum TableError {
     /// Table that cannot be read.
     #[error("{0}")]
     Log(#[from] LogError),
-    /// A column is missing.
-    #[error("there is no column `{name}`: {what}")]
+    /// Missing column.
+    #[error("column `{name}` is missing: {what}")]
     Missing {
         /// Name of the column.
         name: String,
@@ -56,45 +56,54 @@ pub enum TableError {
     },
     /// Table with motors of another robot.
     #[error(
-        "it is the run of another robot: it has the motor `{}`, and none of {robot}, such as `{expected}`",
+        "the run is of another robot: the table has the motor `{}`, but no motor of {robot}, such \
+         as `{expected}`",
         Excerpt::start_of(found)
     )]
     OtherRobot {
         /// Name of the robot.
         robot: String,
-        /// A motor of it.
+        /// Motor of the robot.
         expected: String,
-        /// A motor of the table.
+        /// Motor in the table.
         found: String,
     },
-    /// Table in which no motor was measured.
-    #[error("there is no column `{0}_rad` or `{0}_rad_s`, nor any other that has what a motor did")]
+    /// Table without motor measurements.
+    #[error(
+        "no column has the measured angle or speed of a motor, such as `{0}_rad` or \
+        `{0}_rad_s`"
+    )]
     Unmeasured(String),
-    /// Times do not ascend.
-    #[error("row {row}, column `time_s`: {time_s} s does not come after {before_s} s")]
+    /// Times that do not ascend.
+    #[error(
+        "row {row}, column `time_s`: {time_s} s is not later than {before_s} s in the row \
+        above"
+    )]
     Order {
-        /// Counted from 1, below the heading.
+        /// Row below the heading, counted from 1.
         row: usize,
         /// Time of the row, s.
         time_s: f64,
-        /// Time of the row before, s.
+        /// Time of the previous row, s.
         before_s: f64,
     },
-    /// Run without a stretch to fit.
+    /// Run without a span that can be fitted.
     #[error(transparent)]
     Idle(#[from] Idle),
 }
 
-/// The robot is held, fallen or without power all the time, or the wanted part of the run is too short.
+/// Error of a run without a usable span: the robot is held, fallen or without power all the time, or the requested span is too
+/// short.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error(
-    "{span}the robot never stands on its own with its drives on for {SHORTEST_S} s at a stretch",
+    "{span}the robot never stands unsupported with its drives on for {SHORTEST_S} s without \
+     interruption",
     span = within(from_s, to_s)
 )]
 pub struct Idle {
-    /// Time before which nothing was wanted, s.
+    /// Requested start of the span, s.
     pub from_s: Option<f64>,
-    /// Time after which nothing was wanted, s.
+    /// Requested end of the span, s.
     pub to_s: Option<f64>,
 }
 
@@ -107,13 +116,13 @@ fn within(from_s: &Option<f64>, to_s: &Option<f64>) -> String {
     }
 }
 
-/// Times before and after which nothing of a run is wanted, s.
+/// Requested start and end of the span to fit, s; `None` if unrestricted.
 pub type Wanted = [Option<f64>; 2];
 
-/// Shortest run that is worth a fit, s.
+/// Duration of the shortest run that can be fitted, s.
 pub const SHORTEST_S: f64 = 0.5;
 
-/// Names of motors as columns have them, by channel.
+/// Names of the motors in column names, in channel order.
 pub fn motor_names(robot: &Robot) -> Vec<String> {
     let name = |channel| match channel {
         Channel::Joint(joint) => joint.name.clone(),
@@ -122,19 +131,24 @@ pub fn motor_names(robot: &Robot) -> Vec<String> {
     robot.channels().map(name).collect()
 }
 
-/// Names of the columns that a fit reads, by what they are of.
+/// Columns of the flags for a robot that is held or has fallen.
 const FLAGS: [&str; 2] = ["held", "fell"];
+/// Columns of the body position.
 const PLACE: [&str; 3] = ["base_x_m", "base_y_m", "base_z_m"];
+/// Columns of the body orientation.
 const ORIENTATION: [&str; 4] = ["base_qw", "base_qx", "base_qy", "base_qz"];
+/// Columns of the angular velocity.
 const GYRO: [&str; 3] = ["gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"];
+/// Column name endings of a motor.
 const MOTOR: [&str; 6] =
     ["target_rad", "target_rad_s", "feedforward_nm", "rad", "rad_s", "kp_nm_rad"];
 
 impl Recording {
-    /// Reads a log of the simulated world, or any table with some of its columns. Others may hold anything.
+    /// Reads a log of the simulated world, or any table with some of its columns. Other columns are ignored.
     ///
     /// # Errors
-    /// What is wrong or missing in it.
+    /// Returns an error if the table cannot be read, if a time or command column is missing, if times do not ascend, if the
+    /// motors are not those of `robot` or were not measured, or if no span can be fitted.
     pub fn from_text(text: &str, robot: &Robot, wanted_s: Wanted) -> Result<Self, TableError> {
         let names = motor_names(robot);
         let is_read = |column: &str| {
@@ -173,8 +187,8 @@ impl Recording {
         for (name, channel) in names.iter().zip(robot.channels()) {
             let of = |what: &str| series(&format!("{name}_{what}"));
             let (target, what) = match channel {
-                Channel::Joint(_) => ("target_rad", "the angle that its drive was commanded"),
-                Channel::Wheel(..) => ("target_rad_s", "the speed that its drive was commanded"),
+                Channel::Joint(_) => ("target_rad", "the commanded angle of the drive"),
+                Channel::Wheel(..) => ("target_rad_s", "the commanded speed of the drive"),
             };
             if of(target).is_none() {
                 return Err(missing(&format!("{name}_{target}"), what));
@@ -203,7 +217,7 @@ impl Recording {
         Ok(run.cut(&active(table, robot, names, &time_s), wanted_s)?)
     }
 
-    /// A run of a robot whose motors were measured, from everything that is known of it.
+    /// Creates a recording of a robot from its available measurements. Call [`cut`](Self::cut) to select the span to fit.
     pub fn new(
         robot: &Robot,
         mut drives: Vec<Drive>,
@@ -221,11 +235,12 @@ impl Recording {
         Self { span_s: none, interval_s: 0.0, drives, position_m, orientation, gyro_rad_s }
     }
 
-    /// The longest of some stretches of time, as far as they are wanted: such in which the robot stands on its own, with its
-    /// drives on.
+    /// Cuts the recording to the longest of some stretches of time, each limited to the requested span.
+    ///
+    /// In these stretches the robot stands on its own, and its drives are on.
     ///
     /// # Errors
-    /// None is long enough.
+    /// Returns an error if no stretch is at least [`SHORTEST_S`] long, or if nothing was measured in it.
     pub fn cut(mut self, stretches_s: &[[f64; 2]], wanted_s: Wanted) -> Result<Self, Idle> {
         let [from_s, to_s] = wanted_s;
         let wanted = |[begin_s, end_s]: &[f64; 2]| {
@@ -254,14 +269,14 @@ impl Recording {
         Ok(self)
     }
 
-    /// Measured orientation at a time, if there is one within `half_s`.
+    /// Measured orientation at a time; `None` without a measurement within `half_s`.
     pub(super) fn orientation_at(&self, time_s: f64, half_s: f64) -> Option<Matrix3<f64>> {
         let [w, x, y, z] = self.orientation.as_ref()?;
         let at = |series: &Series| series.seen(time_s, half_s);
         Some(rotation([at(w)?, at(x)?, at(y)?, at(z)?]))
     }
 
-    /// Vector of three numbers that are measured together.
+    /// Measured vector at a time; `None` without a measurement within `half_s`.
     pub(super) fn vector_at(
         of: Option<&[Series; 3]>,
         time_s: f64,
@@ -273,7 +288,7 @@ impl Recording {
     }
 }
 
-/// A motor that a table has commands of, if it has none of the robot's.
+/// Name of a commanded motor in a table; `None` if the table has a commanded motor of the robot.
 fn other_motor(table: &Table, names: &[String]) -> Option<String> {
     let commanded = || {
         ["_target_rad", "_target_rad_s"].into_iter().flat_map(|ending| table.with_ending(ending))
@@ -282,13 +297,14 @@ fn other_motor(table: &Table, names: &[String]) -> Option<String> {
     if commanded().any(is_own) { None } else { commanded().next().map(str::to_owned) }
 }
 
-/// A rotation matrix of parts of a quaternion that may have lost its length.
+/// Rotation matrix of a quaternion that may not be normalised.
 pub(super) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let turned = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
     turned.to_rotation_matrix().into_inner()
 }
 
-/// A quaternion and its negative are the same orientation: takes the one that is nearer to that before.
+/// Selects the signs of a series of quaternions so that consecutive ones are close: a quaternion and its negative are the same
+/// rotation.
 fn one_sheet(parts: [Series; 4]) -> [Series; 4] {
     let count = parts.iter().map(|part| part.points().len()).min().unwrap_or(0);
     let mut points: Vec<[[f64; 2]; 4]> = Vec::with_capacity(count);
@@ -305,7 +321,7 @@ fn one_sheet(parts: [Series; 4]) -> [Series; 4] {
     [0, 1, 2, 3].map(|part| Series::new(points.iter().map(|all| (all[part][0], all[part][1]))))
 }
 
-/// The stretches of time in which the robot stands on its own, and all drives of joints are on.
+/// Stretches of time in which the robot stands on its own and the drives of all joints are on.
 fn active(table: &Table, robot: &Robot, names: &[String], time_s: &[f64]) -> Vec<[f64; 2]> {
     let flags = FLAGS.map(|name| table.column(name));
     let joints = names.iter().take(robot.joints.len());
@@ -331,7 +347,7 @@ mod tests {
         Robot::from_toml("car", &std::fs::read_to_string(path).unwrap()).unwrap()
     }
 
-    /// Motors that turn for 6 s at 100 Hz, in a hoist from 2 to 3 s, with columns that are of no use.
+    /// Table of motors that turn for 6 s at 100 Hz, in a hoist from 2 s to 3 s, with additional columns that are ignored.
     fn table(robot: &Robot) -> String {
         let names = motor_names(robot);
         let motors = names.iter().map(|name| format!(",{name}_target_rad_s,{name}_rad"));
@@ -381,7 +397,7 @@ mod tests {
         // One that lacks a motor may be the right one.
         let found = error(&text.replace(&format!("{second}_target_rad_s"), "gone"));
         assert!(
-            found.starts_with(&format!("there is no column `{second}_target_rad_s`")),
+            found.starts_with(&format!("column `{second}_target_rad_s` is missing")),
             "{found}"
         );
     }
@@ -393,6 +409,6 @@ mod tests {
         let name = &motor_names(&robot)[0];
         let word = text.replacen("0,0,rough floor,NaN,1,", "0,0,rough floor,NaN,fast,", 1);
         let error = Recording::from_text(&word, &robot, [None; 2]).unwrap_err().to_string();
-        assert_eq!(error, format!("line 2, column `{name}_target_rad_s`: `fast` is no number"));
+        assert_eq!(error, format!("line 2, column `{name}_target_rad_s`: `fast` is not a number"));
     }
 }

@@ -1,4 +1,4 @@
-//! The run simulated again, and how far it is from what was measured.
+//! Simulation of a recorded run, and its residuals.
 
 use super::quantity::{Model, Quantity};
 use super::recording::Recording;
@@ -23,7 +23,7 @@ pub enum Signal {
     Wheel,
     /// Speed of a motor whose angle was not measured, rad/s.
     Speed,
-    /// Place of the body, m.
+    /// Position of the body, m.
     Position,
     /// Orientation of the body, rad.
     Orientation,
@@ -48,7 +48,7 @@ impl Signal {
         }
     }
 
-    /// Noise that is taken at first, and the least that is ever: of numbers in single precision.
+    /// Initial and smallest standard deviation of the noise. The smallest is that of values in single precision.
     pub(super) fn noise(self) -> [f64; 2] {
         match self {
             Self::Joint | Self::Wheel | Self::Orientation => [2e-3, 1e-4],
@@ -58,27 +58,27 @@ impl Signal {
     }
 }
 
-/// Deviations of what was measured, in the order of [`Signal::ALL`].
+/// Standard deviations of the measurements, in the order of [`Signal::ALL`].
 pub(super) type Noise = [f64; 6];
 
-/// A recording on a grid of steps, ready to be simulated.
+/// Recording on a grid of steps, ready to be simulated.
 #[derive(Clone, Debug)]
 pub(super) struct Replay {
     pub recording: Arc<Recording>,
     pub start: Start,
     pub step_s: f64,
-    /// Steps of the world in each.
+    /// Number of simulation steps per grid step.
     pub parts: usize,
-    /// Steps of the whole recording.
+    /// Number of grid steps of the whole recording.
     pub steps: usize,
     pub ground: Arc<dyn Ground>,
 }
 
-/// A residual, of what and when.
+/// Residual of a measurement.
 #[derive(Clone, Debug)]
 pub(super) struct Miss {
     pub signal: Signal,
-    /// Index among the numbers of the signal.
+    /// Index within the signal, such as the channel or the axis.
     pub number: usize,
     pub step: usize,
     pub residual: Residual,
@@ -88,13 +88,14 @@ pub(super) struct Miss {
 pub(super) struct Played {
     rollout: Rollout,
     misses: Vec<Miss>,
-    /// Indices and factors of the derivatives of each search parameter.
+    /// Derivatives of the rollout that make up each search parameter: indices and factors.
     columns: Vec<Vec<(usize, f64)>>,
 }
 
 impl Replay {
-    /// Simulates the first steps, with derivatives by quantities, and by the start if `by_start`. Returns `None` if the robot
-    /// falls or a step has no solution.
+    /// Simulates the first steps, with derivatives with respect to `quantities`, and to the start state if `by_start` is true.
+    ///
+    /// Returns `None` if the robot falls or a step has no solution.
     pub fn play(
         &self,
         model: &Model,
@@ -147,7 +148,7 @@ impl Replay {
         Some(Played { rollout, misses, columns })
     }
 
-    /// Residuals of all measurements in the first steps, against the rollout.
+    /// Residuals of all measurements in the first steps.
     fn misses(&self, world: &World, model: &Model, rollout: &Rollout, steps: usize) -> Vec<Miss> {
         let recording = &self.recording;
         let joints = model.robot.joints.len();
@@ -208,7 +209,7 @@ impl Replay {
     }
 }
 
-/// Place of a point of the first body, in that body, from a target along an axis.
+/// Residual along an axis between a point of the first body and a target. `in_body` is the point in body coordinates.
 fn origin_residual(
     rollout: &Rollout,
     step: usize,
@@ -229,7 +230,8 @@ impl Played {
         &self.misses
     }
 
-    /// Values in units of their noise, and the derivatives of these by the parameters of the search, a row for each.
+    /// Residuals in units of their noise, and a function that computes their Jacobian with respect to the search parameters.
+    /// Each row is a residual.
     pub fn weighted(self, noise: &Noise) -> (Vec<f64>, impl FnOnce() -> DMatrix<f64> + use<>) {
         let weights: Vec<f64> =
             self.misses.iter().map(|miss| 1.0 / noise[miss.signal as usize]).collect();
@@ -255,7 +257,7 @@ impl Played {
     }
 }
 
-/// Rows of each wheel's angles.
+/// Groups the rows of wheel angles by wheel.
 fn turning(misses: &[Miss]) -> Vec<Vec<usize>> {
     let mut rows: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (row, miss) in misses.iter().enumerate().filter(|(_, miss)| miss.signal == Signal::Wheel) {
@@ -264,7 +266,7 @@ fn turning(misses: &[Miss]) -> Vec<Vec<usize>> {
     rows.into_values().collect()
 }
 
-/// Takes off the mean of each wheel: its encoder counts from anywhere.
+/// Subtracts the mean of each wheel, because the zero of its encoder is unknown.
 fn center(turning: &[Vec<usize>], values: &mut [f64]) {
     for rows in turning {
         let mean = rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len() as f64;
@@ -272,7 +274,7 @@ fn center(turning: &[Vec<usize>], values: &mut [f64]) {
     }
 }
 
-/// Residuals without what wheels count from.
+/// Residuals without the unknown zero of wheel encoders.
 pub(super) fn centered(misses: &[Miss]) -> Vec<f64> {
     let mut values: Vec<f64> = misses.iter().map(|miss| miss.residual.value).collect();
     center(&turning(misses), &mut values);

@@ -1,5 +1,6 @@
-//! The search of one run: Gauss–Newton's method on parts of it, from several starting points at first, and how sure its numbers
-//! are at the end.
+//! Search of a fit to one run, with the standard deviations of its results.
+//!
+//! The search applies the Gauss–Newton method to growing parts of the run, at first from several starting points.
 
 use super::effects::Report;
 use super::outcome::{Found, Stage, Unfit, Verdict};
@@ -10,26 +11,27 @@ use super::rollout::{Noise, Played, Replay};
 use nalgebra::DMatrix;
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty, minimise};
 
-/// Correlation from which two quantities are named.
+/// Correlation above which a pair of quantities is reported.
 const CORRELATED: f64 = 0.95;
-/// Change, as a logarithm, to be expected of a quantity.
+/// Expected change of a quantity, as a logarithm.
 const EXPECTED: f64 = 1.0;
-/// Shares of the coefficient of friction that are tried where nothing slips: what sticks has no derivative.
+/// Factors on the friction coefficient to try if nothing slips. Sticking contacts have no derivative with respect to friction.
 const FRICTIONS: [f64; 6] = [0.75, 0.55, 0.4, 0.3, 0.2, 1.5];
-/// Stiffness and friction of contacts, by those that a simulation has, from which a search begins, too.
+/// Factor on the stiffness and creep friction of contacts for additional starting points.
 const FIRMNESS: f64 = 4.0;
 /// Largest change of a parameter in an iteration.
 const MOST: f64 = 0.3;
-/// Improvement of an iteration that is too small to go on, as a share: a run has some 10,000 residuals, and a deviation of a
-/// parameter changes the objective by a half.
+/// Relative improvement of an iteration below which the search ends.
+///
+/// A run has some 10,000 residuals, and a change of a parameter by its standard deviation changes the objective by ½.
 const TOLERANCE: f64 = 1e-6;
 
-/// Parameters that a search has reached.
+/// Current parameters of a search.
 #[derive(Clone, Debug)]
 pub(super) struct At {
-    /// A parameter for each quantity: 0 is the number of the file.
+    /// Parameter of each quantity: 0 is the value of the file.
     pub quantities: Vec<f64>,
-    /// Parameters of the start.
+    /// Parameters of the start state.
     pub start: Vec<f64>,
 }
 
@@ -40,7 +42,7 @@ pub(super) struct Search<'a, G> {
     noise: Noise,
     pub at: At,
     all: &'a [Quantity],
-    /// Quantities that are fitted.
+    /// Indices of the quantities that are still fitted.
     pub open: Vec<usize>,
     pub rollouts: usize,
     stage: Stage,
@@ -49,7 +51,7 @@ pub(super) struct Search<'a, G> {
 }
 
 impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
-    /// Begins at the numbers of the file and the measured start of the run.
+    /// Creates a search that begins at the values of the file and the measured start state.
     pub fn new(
         replay: &'a Replay,
         file: &'a Model,
@@ -77,7 +79,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         if self.is_ended { Err(Unfit::Ended) } else { Ok(()) }
     }
 
-    /// A rollout, unless the caller has ended the search.
+    /// Simulates a rollout. Returns `None` if the simulated robot falls, a step has no solution, or the caller has ended the
+    /// search.
     pub fn play(
         &mut self,
         model: &Model,
@@ -107,8 +110,8 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         model
     }
 
-    /// Minimises the error over the quantities that are not held, over the initial state, or over both. `None` if the simulated
-    /// robot falls with the present values.
+    /// Minimises the error over the open quantities, the start state, or both. Returns `None` if the simulated robot falls with
+    /// the present values.
     pub fn minimise(
         &mut self,
         what: &'static str,
@@ -161,15 +164,14 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         Some(fit)
     }
 
-    /// Searches the first `steps` of the run once from each of several starting points ([`Self::starts`]), and stays where the
-    /// sum of squares is least.
+    /// Searches the first `steps` of the run from each of several starting points ([`Self::starts`]), and continues from the
+    /// result with the smallest sum of squares.
     ///
-    /// Robot files have neither the stiffness and creep of contacts nor the delay of commands. What is assumed of them at first
-    /// may be wrong by factors, and over such a range the sum of squares has several minima: a single search ends in the one
-    /// that is nearest to its starting point.
+    /// Robot files contain neither the stiffness and creep of contacts nor the delay of commands. Initial assumptions may be
+    /// wrong by large factors, and the sum of squares has several minima over such a range. A single search would end in the
+    /// minimum next to its starting point.
     ///
-    /// Returns the state in which the run begins, fitted with the numbers of the file; none if the robot falls with these
-    /// numbers.
+    /// Returns the start state that is fitted with the values of the file; `None` if the robot falls with these values.
     pub fn begin(&mut self, steps: usize) -> Option<Vec<f64>> {
         let begins = "where the run begins";
         self.minimise(begins, steps, false, true)?;
@@ -192,8 +194,10 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         Some(file)
     }
 
-    /// Starting points of the search: the numbers of the file, contacts [`FIRMNESS`] times as stiff and as firm, and commands
-    /// half a period earlier, in all combinations of those that are fitted.
+    /// Starting points of the search, as all combinations of alternatives for the fitted quantities.
+    ///
+    /// The alternatives are the value of the file, [`FIRMNESS`] times the stiffness and creep friction of contacts, and
+    /// commands that are half a period earlier.
     fn starts(&self) -> Vec<Vec<f64>> {
         let commands = self.replay.recording.drives.iter();
         let interval_s = commands.filter_map(|drive| drive.target_rad.interval_s()).next();
@@ -219,7 +223,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         starts
     }
 
-    /// Tries other coefficients of friction, one of which may slip where that of the file does not.
+    /// Tries other friction coefficients. Contacts may slip with them if they stick with the value of the file.
     pub fn look_for_friction(&mut self, steps: usize) {
         let friction = self.open.iter().find(|&&k| self.all[k].kind == Kind::Friction);
         let Some(&friction) = friction else { return };
@@ -245,7 +249,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    /// Takes what the fit misses for noise.
+    /// Sets the noise to the deviations that the fit leaves.
     pub fn learn_noise(&mut self, steps: usize) {
         let model = self.model(&self.at.quantities);
         let start = self.at.start.clone();
@@ -254,7 +258,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    /// Disagreement of the open parameters between parts of the run, each fitted alone, beyond noise.
+    /// Standard deviation of each open parameter between separately fitted parts of the run, beyond noise.
     pub fn spreads(&mut self, steps: usize) -> Vec<f64> {
         let replays = parts::of(self.replay, self.file, steps);
         let mut reports: Vec<Vec<Report>> = vec![Vec::new(); self.open.len()];
@@ -278,7 +282,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         reports.iter().map(|of| parts::spread(of)).collect()
     }
 
-    /// Judges each open quantity, and returns it by its number.
+    /// Judges each open quantity and returns its index and result.
     pub fn judge(&self, fit: &Fit, spreads: &[f64]) -> Vec<(usize, Found)> {
         let deviations = fit.deviations();
         let of = |(place, &number): (usize, &usize)| {
@@ -294,7 +298,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         self.open.iter().enumerate().map(of).collect()
     }
 
-    /// Pairs of open quantities that the run hardly tells apart.
+    /// Pairs of open quantities that the run hardly separates, with their correlation.
     pub fn correlations(&self, fit: &Fit) -> Vec<(String, String, f64)> {
         let Some(covariance) = inverse(&fit.hessian) else { return Vec::new() };
         let mut pairs = Vec::new();
@@ -311,7 +315,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     }
 }
 
-/// Inverse of a Hessian, without the rows of what nothing depends on.
+/// Inverse of a Hessian, in which parameters without effect get a diagonal of 1. Returns `None` if it is not positive definite.
 fn inverse(hessian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let mut known = hessian.clone();
     for k in 0..known.nrows() {

@@ -1,17 +1,18 @@
-//! Time series of one measured or commanded number. Each has its own times: buses report one motor after the other.
+//! Time series of one measured or commanded value. Each series has its own times, because a bus reports motors one after the
+//! other.
 
-/// Longest gap between two measurements over which one between them is taken, s.
+/// Longest gap between two measurements for an interpolation, s.
 const GAP_S: f64 = 0.1;
 
-/// A number over time, linear between its points.
+/// Value over time, interpolated linearly between points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// Time, s, ascending, and value.
+    /// Points of ascending time, s, and value.
     points: Vec<[f64; 2]>,
 }
 
 impl Series {
-    /// Series of times and values. Skips points that are not finite, or not later than the one before.
+    /// Creates a series of times and values. Skips points that are not finite, or not later than the previous one.
     pub fn new(points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let mut kept: Vec<[f64; 2]> = Vec::new();
         for (time_s, value) in points {
@@ -23,7 +24,7 @@ impl Series {
         Self { points: kept }
     }
 
-    /// The same value at all times.
+    /// Creates a series with a constant value.
     pub fn constant(value: f64) -> Self {
         Self { points: vec![[0.0, value]] }
     }
@@ -33,24 +34,24 @@ impl Series {
         self.points.is_empty()
     }
 
-    /// Times and values.
+    /// Points of time, s, and value.
     pub fn points(&self) -> &[[f64; 2]] {
         &self.points
     }
 
-    /// The points of a stretch of time.
+    /// Keeps the points of an interval of time.
     pub fn between(mut self, [from_s, to_s]: [f64; 2]) -> Self {
         self.points.retain(|point| (from_s..=to_s).contains(&point[0]));
         self
     }
 
-    /// Mean time from one point to the next, s; of one point there is none.
+    /// Mean interval between points, s; `None` for fewer than two points.
     pub fn interval_s(&self) -> Option<f64> {
         let (first, last) = (self.points.first()?, self.points.last()?);
         (self.points.len() > 1).then(|| (last[0] - first[0]) / (self.points.len() - 1) as f64)
     }
 
-    /// Numbers that are known up to a period, such as angles within a turn, as ones that do not jump.
+    /// Removes the jumps of values that are known up to a period, such as angles within a turn.
     pub fn unwrapped(mut self, period: f64) -> Self {
         for k in 1..self.points.len() {
             let last = self.points[k - 1][1];
@@ -60,7 +61,7 @@ impl Series {
         self
     }
 
-    /// Value and slope at a time; before the first point and after the last one those have their values, and 0.
+    /// Value and slope at a time. Before the first and after the final point the value is constant; an empty series is 0.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
         let after = self.points.partition_point(|point| point[0] < time_s);
         match (after.checked_sub(1).map(|before| self.points[before]), self.points.get(after)) {
@@ -74,7 +75,10 @@ impl Series {
         }
     }
 
-    /// Value at a time, if something was measured within `half_s` of it, and no gap is in between.
+    /// Value at a time; `None` without a measurement within `half_s`.
+    ///
+    /// The value is interpolated. If the points before and after the time are more than 0.1 s apart, or one is missing, the
+    /// value of the nearest point is returned.
     pub fn seen(&self, time_s: f64, half_s: f64) -> Option<f64> {
         let after = self.points.partition_point(|point| point[0] < time_s);
         let near = |point: &&[f64; 2]| (point[0] - time_s).abs() <= half_s;
@@ -90,8 +94,10 @@ impl Series {
         }
     }
 
-    /// Value and slope at the beginning of a stretch of time, of the parabola nearest to what was measured in it; `None` if
-    /// that is nothing.
+    /// Value and slope at the beginning of an interval, from the least-squares parabola through its points.
+    ///
+    /// Fewer than 6 points yield the first value and slope 0. Without points in the interval the result is
+    /// [`at(from_s)`](Self::at). Returns `None` for an empty series.
     pub fn beginning(&self, [from_s, to_s]: [f64; 2]) -> Option<[f64; 2]> {
         let within: Vec<&[f64; 2]> =
             self.points.iter().filter(|point| (from_s..=to_s).contains(&point[0])).collect();

@@ -1,4 +1,4 @@
-//! Start of a run: the logged state, and small changes of it that a fit finds.
+//! Start state of a run: the recorded state with small fitted changes.
 
 use super::quantity::Model;
 use super::recording::{Recording, rotation};
@@ -13,45 +13,47 @@ use rollwalk_physics::{System, World};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 
-/// Time after the start of which its state is taken, s.
+/// Duration of the window after the start from which the state is estimated, s.
 const WINDOW_S: f64 = 0.1;
-/// Time over which a spin is a difference, s.
+/// Interval of the finite difference for a spin, s.
 const INSTANT_S: f64 = 1e-3;
-/// Distance from the ground within which the robot is taken to stand, m, and the depth at which its feet and wheels then are.
+/// Distance from the ground within which the robot is assumed to stand, m.
 const NEAR_M: f64 = 0.015;
+/// Penetration depth of the contacts of a standing robot, m.
 const DEPTH_M: f64 = 3e-4;
 
-/// The state at the beginning of a recording.
+/// State at the beginning of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Start {
     pub state: RobotState,
-    /// Measured angles of wheels there, by channel: the simulated ones begin at 0.
+    /// Measured wheel angles at the start, by channel. Simulated wheels start at 0.
     pub wheel_rad: Vec<f64>,
     freedoms: Vec<(Freedom, Deviation)>,
 }
 
-/// A way to begin elsewhere.
+/// Free coordinate of the start state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Freedom {
     Position(Vector3<f64>),
     Rotation(Vector3<f64>),
     Velocity(Vector3<f64>),
     Spin(Vector3<f64>),
-    /// Angle of a joint: feet that stick keep legs as strained as they began.
+    /// Angle of a joint. While feet stick, legs keep the strain of their start.
     Joint(usize),
 }
 
 /// Unit and expected size of a change of the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Deviation {
-    /// Change by a parameter of 1: large, because a step of the search is a share of it.
+    /// Change for a parameter of 1. Large, because the step limit of the search applies to the parameter.
     unit: f64,
-    /// Deviation that is expected.
+    /// Expected standard deviation of the change.
     expected: f64,
 }
 
 impl Start {
-    /// Start from the measurements at the beginning. Without measurements the robot is level, at the origin, at rest.
+    /// Estimates the start state from the first measurements. Without measurements the robot is level, at the origin and at
+    /// rest.
     pub fn of(recording: &Recording, model: &Model) -> Self {
         let robot = &model.robot;
         let [begin_s, _] = recording.span_s;
@@ -103,12 +105,12 @@ impl Start {
         Self { state, wheel_rad, freedoms }
     }
 
-    /// Number of its parameters.
+    /// Number of free coordinates.
     pub fn count(&self) -> usize {
         self.freedoms.len()
     }
 
-    /// Penalties that keep changes near their expected deviations.
+    /// Penalties that keep changes near their expected standard deviation. `first` is the index of the first parameter.
     pub fn penalties(&self, first: usize) -> Vec<Penalty> {
         let of = |(number, (_, deviation)): (usize, &(Freedom, Deviation))| {
             let factors = vec![(first + number, deviation.unit / deviation.expected)];
@@ -117,13 +119,15 @@ impl Start {
         self.freedoms.iter().enumerate().map(of).collect()
     }
 
-    /// The world at the start with such changes.
+    /// Creates the world in the changed start state.
     pub fn world(&self, model: &Model, changes: &[f64], ground: &Arc<dyn Ground>) -> World {
         World::new(&model.robot, ground, &model.parameters, &self.changed(changes))
     }
 
-    /// The changes as parameters. Differences are exact enough, since a beginning is no simulation, and follow its own turns,
-    /// which derivatives along fixed axes do not.
+    /// Free coordinates as parameters of a rollout, with derivatives from finite differences.
+    ///
+    /// The differences are accurate because they involve no simulation step. They include the rotation of the changed state,
+    /// unlike derivatives along fixed axes.
     pub fn parameters(
         &self,
         model: &Model,
@@ -170,10 +174,10 @@ impl Start {
     }
 }
 
-/// Change of a parameter for differences.
+/// Step of the finite differences.
 const DIFFERENCE: f64 = 1e-5;
 
-/// A change of the motions at the beginning.
+/// Derivative of the start motions with respect to a free coordinate.
 #[derive(Clone, Debug)]
 struct Beginning {
     by: Vec<Variation>,
@@ -187,7 +191,7 @@ impl Parameter for Beginning {
     }
 }
 
-/// Free wheels begin as they roll, whether they were measured or not.
+/// Sets the speed of free wheels to rolling without slip, even if their speed was measured.
 fn roll(robot: &Robot, state: &mut RobotState) {
     for (number, of) in robot.end_effectors.iter().enumerate() {
         if of.contact.actuator().is_none() && of.contact.freewheels() {
@@ -197,7 +201,7 @@ fn roll(robot: &Robot, state: &mut RobotState) {
     }
 }
 
-/// Puts a robot that is near to the ground, or whose height was not measured, on it; whether it was.
+/// Places a robot on the ground if it is near the ground or its height was not measured. Returns true if it was placed.
 fn stand(state: &mut RobotState, model: &Model, is_known: bool) -> bool {
     let level: Arc<dyn Ground> = Arc::new(Plane::level());
     let clearance_m = |state: &RobotState| {
@@ -212,7 +216,7 @@ fn stand(state: &mut RobotState, model: &Model, is_known: bool) -> bool {
     stands
 }
 
-/// Freedoms that the start leaves open. Position and heading without measurements are open only if the ground determines them.
+/// Free coordinates of the start state. Horizontal position and heading are free only if they were measured.
 fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom, Deviation)> {
     let height_m = if stands { 1e-3 } else { 1e-2 };
     let has_place = recording.position_m.is_some();
@@ -241,7 +245,7 @@ mod tests {
     use super::*;
     use crate::identify::{Drive, Series};
 
-    /// Length of the recordings, s.
+    /// Duration of the recordings, s.
     const LONG_S: f64 = 1.0;
     /// Height at which the body is far above the ground, m.
     const HIGH_M: f64 = 2.0;
@@ -251,12 +255,12 @@ mod tests {
         Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
     }
 
-    /// Sampled at 100 Hz.
+    /// Samples a function at 100 Hz for 1 s.
     fn series(of: impl Fn(f64) -> f64) -> Series {
         Series::new((0..=100).map(|k| f64::from(k) * 0.01).map(|time_s| (time_s, of(time_s))))
     }
 
-    /// Motors at their nominal angles, and nothing else.
+    /// Recording of motors at their nominal angles, without other measurements.
     fn recording(robot: &Robot) -> Recording {
         let drive = |nominal_rad: f64| Drive {
             target_rad: Series::constant(nominal_rad),

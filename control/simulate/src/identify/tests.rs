@@ -1,4 +1,4 @@
-//! A robot with hidden numbers is simulated, measured with noise, and found again.
+//! Simulates a robot with hidden parameters, adds noise to its measurements, and identifies the parameters.
 
 use super::fit::{Options, identify, predict, replay};
 use super::outcome::Verdict;
@@ -15,8 +15,9 @@ use rollwalk_physics::motor::Law;
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
-/// Duration of a row, s, and steps of the world in it: as many as a fit takes.
+/// Duration of a row, s.
 const STEP_S: f64 = 1.0 / 120.0;
+/// Number of simulation steps in a row, equal to that of a fit.
 const PARTS: usize = 2;
 
 fn agilebot() -> Robot {
@@ -24,7 +25,7 @@ fn agilebot() -> Robot {
     Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// Noise of a seed, of deviation 1.
+/// Noise with standard deviation 1 from a seed.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     let mut uniform = move || {
@@ -35,7 +36,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
     move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
-/// Wheels that are started and reversed so hard that they slip, while all joints swing.
+/// Recording of a robot whose wheels accelerate and reverse so hard that they slip, while all joints swing.
 fn recording(model: &Model, steps: usize, mut noise: impl FnMut() -> f64) -> Recording {
     let robot = &model.robot;
     let level: Arc<dyn Ground> = Arc::new(Plane::level());
@@ -180,7 +181,7 @@ fn parts_of_a_run_begin_where_it_was_measured_then() {
     assert!(parts::of(&replay, &model, 250).is_empty());
 }
 
-/// Joints and wheels that swing gently.
+/// Recording of a robot whose joints and wheels swing gently.
 fn gentle(robot: &Robot) -> Recording {
     let mut recording = recording(&Model::new(robot), 90, || 0.0);
     let wheels = &mut recording.drives[robot.joints.len()..];
@@ -244,7 +245,7 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
     agree(recording, &model, &quantities);
 }
 
-/// Checks the derivatives of a rollout by quantities, and by where it begins.
+/// Checks the derivatives of a rollout with respect to quantities and start state.
 fn agree(recording: Recording, model: &Model, quantities: &[Quantity]) {
     let replay = replay(recording, model, &Options::default()).unwrap();
     let changes = vec![0.05; replay.start.count()];

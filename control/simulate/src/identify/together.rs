@@ -1,36 +1,37 @@
-//! Several runs of one robot, each fitted alone, as one answer.
+//! Combination of fits to several runs of one robot.
 //!
-//! A run in which contacts slip otherwise than with us moves its numbers by more than their deviations say, and the same way in
-//! all of its parts: no estimate from that run sees it. Another motion slips otherwise, so that what motions disagree about
-//! measures it: `effects`.
+//! If contacts of the real robot slip differently from the simulated ones, a run shifts its parameters by more than their
+//! standard deviations. All parts of the run shift alike, so no estimate from this run shows the error. Other motions slip
+//! differently, and their disagreement measures the error (`effects`).
 //!
-//! Means are of the search's parameters: logarithms, but for delays. A deviation is then a share of the value, and of two runs
-//! that are as sure the one with the smaller value does not count for more. Correlations between quantities of a run do not
-//! enter.
+//! Means are taken over search parameters, which are logarithms except for delays. A standard deviation is then relative to the
+//! value: of two runs with equal relative uncertainty, the one with the smaller value does not get more weight. Correlations
+//! between quantities of a run are ignored.
 
 use super::effects::{self, Report};
 use super::outcome::{Found, Identified, Verdict};
 use super::quantity::{Model, Quantity};
 use rollwalk_robot::Robot;
 
-/// Result of several runs together.
+/// Combined result of several runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Together {
-    /// The robot with all quantities that changed.
+    /// Model with all adopted quantities.
     pub model: Model,
     /// Combined quantities.
     pub combined: Vec<Combined>,
 }
 
-/// A quantity from several runs.
+/// Quantity from several runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Combined {
-    /// Value, standard deviation and verdict. If only one run determines the quantity, they are those of that run.
+    /// Value, standard deviation and verdict. If only one run determines the quantity, they are copied from that run.
     pub found: Found,
-    /// Deviation between runs beyond their own, which is part of the deviation. `None` if fewer than two runs determine the
-    /// quantity; then the deviation contains no error of the model.
+    /// Standard deviation between runs beyond their own, which is included in the deviation of [`found`](Self::found).
+    ///
+    /// `None` if fewer than two runs determine the quantity. The deviation then does not include the error of the model.
     pub between: Option<f64>,
-    /// Numbers of the runs that determine the quantity, from 0.
+    /// Indices of the runs that determine the quantity.
     pub runs: Vec<usize>,
 }
 
@@ -78,7 +79,7 @@ fn combine(quantity: &Quantity, before: f64, fits: &[&[Found]]) -> Combined {
     Combined { found, between: Some(mean.between * by), runs }
 }
 
-/// Result for a quantity that no run has.
+/// Result for a quantity that no run contains.
 fn silent(quantity: &Quantity, before: f64) -> Found {
     let (quantity, deviation) = (quantity.clone(), f64::INFINITY);
     Found { quantity, before, fitted: before, deviation, verdict: Verdict::Silent }
@@ -93,7 +94,7 @@ mod tests {
         Quantity { kind, group: None }
     }
 
-    /// Result of a run, with a deviation as a share of the value (of delays, in s).
+    /// Result of a run whose standard deviation is given relative to the value, or in s for a delay.
     fn found(kind: Kind, before: f64, fitted: f64, share: f64) -> Found {
         let quantity = quantity(kind);
         let deviation = share * if kind == Kind::Delay { 1.0 } else { fitted };

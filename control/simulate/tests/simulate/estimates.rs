@@ -1,4 +1,4 @@
-//! The state estimator on shipped motions, with noisy sensors of the simulated world.
+//! Tests of the state estimator on shipped motions, with noisy sensors of the simulated world.
 
 use crate::plan;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -9,24 +9,26 @@ use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_simulate::{Control, Noise, Options, SimulatedSensors, play};
 use rollwalk_tracking::{Estimator, Sensors, Untrusted};
 
-/// Errors of the estimates that are trusted.
+/// Largest errors of the trusted estimates.
 #[derive(Debug, Default)]
 struct Errors {
     count: u32,
     tilt_rad: f64,
     velocity_m_s: f64,
-    /// Largest, horizontal and vertical.
+    /// Horizontal position error, m.
     position_m: f64,
+    /// Vertical position error, m.
     height_m: f64,
     yaw_rad: f64,
-    /// Length of the way of the base.
+    /// Length of the path of the base, m.
     way_m: f64,
-    /// The first error after the alignment, and its time, s.
+    /// First rejected estimate after the alignment, and its time, s.
     untrusted: Option<(Untrusted, f64)>,
 }
 
-/// Plays a plan open loop for two periods, with the noise of MEMS gyros and of encoders, until an estimate must not be used.
-/// A motion that ends begins with a rest, in which the estimator aligns itself; for a periodic motion the start is known.
+/// Plays a plan in open loop for two periods, with the noise of MEMS gyros and encoders, until an estimate is not trusted.
+///
+/// A finite motion begins with a rest, in which the estimator aligns itself. The start of a periodic motion is known.
 fn errors(plan: &Plan, mut change: impl FnMut(f64, &mut Sensors<'_>, &mut [bool])) -> Errors {
     let tree = WholeBody::new(plan).tree().clone();
     let mut sensors = SimulatedSensors::new(tree.clone(), Noise::USUAL, 1);
@@ -74,7 +76,7 @@ fn yaw_rad(state: &State) -> f64 {
     state.world_from_body[(1, 0)].atan2(state.world_from_body[(0, 0)])
 }
 
-/// Turn and shift in the plane from one state to another.
+/// Turn and horizontal shift from one state to another.
 fn between(from: &State, to: &State) -> Isometry3<f64> {
     let yaw_rad = yaw_rad(to) - yaw_rad(from);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
@@ -114,7 +116,7 @@ fn noisy_sensors_give_the_state_of_robots_that_drive_turn_and_trot() {
     }
 }
 
-/// A trot, whose feet land and lift off all the time.
+/// Tests faults on a trot, whose feet touch down and lift off all the time.
 #[test]
 fn faults_are_bridged_or_found() {
     let plan = plan("agilebot", "trot");

@@ -1,4 +1,4 @@
-//! Verdicts do not depend on where the body's frame lies.
+//! Tests that verdicts do not depend on the origin of the body frame.
 
 use crate::{plan_of, robot};
 use nalgebra::{Translation3, Vector3};
@@ -10,11 +10,11 @@ use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
 use rollwalk_simulate::{Control, Options, Outcome, play};
 
-/// Origins of another frame of the body, in the robot file's, m.
+/// Origins of the body frame in the frame of the robot file, m.
 const ORIGINS_M: [[f64; 3]; 4] =
     [[0.0, 0.0, 0.5], [0.0, 0.0, -0.5], [0.5, 0.0, 0.0], [0.0, -0.5, 0.0]];
 
-/// The same robot with the frame of its body elsewhere.
+/// Moves the origin of the body frame of a robot.
 fn with_origin(mut robot: Robot, origin_m: [f64; 3]) -> Robot {
     let origin = Vector3::from(origin_m);
     robot.links[0].com_in_link_m -= origin;
@@ -59,7 +59,7 @@ fn a_robot_stands_on_the_same_feet() {
     }
 }
 
-/// Planned, played, and pushed over.
+/// Plans, plays and pushes the robot over.
 #[test]
 fn a_motion_holds_and_a_push_topples_wherever_the_frame_lies() {
     let run = |plan: &_, push_n: f64| -> Outcome {
@@ -81,7 +81,7 @@ fn a_motion_holds_and_a_push_topples_wherever_the_frame_lies() {
     }
 }
 
-/// Legs that carry nothing: the body sinks, level.
+/// Simulates legs without torque: the body sinks and stays level.
 #[test]
 fn a_robot_whose_legs_give_way_has_fallen_wherever_the_frame_lies() {
     let falls = |mut plan: Plan| {

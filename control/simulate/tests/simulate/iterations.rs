@@ -1,5 +1,4 @@
-//! Steps that the simulator needs for the motions that are hardest to it: impacts, skates that slide, motors at their limits,
-//! free wheels.
+//! Tests the iterations of the simulator on its hardest motions: impacts, sliding skates, motors at their limits, free wheels.
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;

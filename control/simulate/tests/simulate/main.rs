@@ -1,4 +1,4 @@
-//! Plans on the simulated ground: one binary, one module per subject.
+//! Tests of plans on simulated ground, in one binary with a module per subject.
 
 mod estimates;
 mod frames;
@@ -26,12 +26,12 @@ fn robot(name: &str) -> Robot {
     Robot::from_toml(name, &shipped(&format!("robots/{name}"))).unwrap()
 }
 
-/// A shipped motion of a shipped robot, planned.
+/// Plans a shipped motion of a shipped robot.
 fn plan(robot_name: &str, motion: &str) -> Plan {
     plan_of(&robot(robot_name), motion)
 }
 
-/// A shipped motion, planned for a robot.
+/// Plans a shipped motion for a robot.
 fn plan_of(robot: &Robot, motion: &str) -> Plan {
     let motion = Motion::from_toml(motion, &shipped(&format!("motions/{motion}")), robot).unwrap();
     let mut go_on = |_: &_| ControlFlow::Continue(());

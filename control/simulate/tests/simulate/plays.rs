@@ -1,4 +1,4 @@
-//! Shipped motions in the simulated world.
+//! Tests of shipped motions in the simulated world.
 
 use crate::plan;
 use rollwalk_multibody::ground::{Ground, Plane, Profile};
@@ -19,7 +19,10 @@ fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
     play(plan, &options, |_| true).unwrap()
 }
 
-/// MuJoCo finds 1.000, 1.000 and 0.999 (docs/replay.md); penalty friction lets a walking foot slip by some per mille.
+/// Compares achieved displacements with the plan.
+///
+/// MuJoCo yields ratios of 1.000, 1.000 and 0.999 (docs/replay.md). Penalty friction lets a walking foot slip by some per
+/// mille.
 #[test]
 fn a_robot_comes_where_its_plans_say() {
     let drive = on(0.0, &plan("agilebot", "drive_1m"), true);
@@ -63,7 +66,7 @@ fn a_run_can_be_ended_and_tells_how_far_it_is() {
     assert!(seen.len() == 10 && seen.is_sorted() && seen[9] < 0.1, "{seen:?}");
 }
 
-/// A wall in the way stops the wheels, a kerb does not; a soft push is stood, a hard one is not.
+/// Tests obstacles and pushes: a wall stops the wheels, a kerb does not; the robot withstands a soft push, but not a hard one.
 #[test]
 fn terrain_and_pushes_act_on_the_robot() {
     let plan = plan("agilebot", "drive_1m");
@@ -88,7 +91,8 @@ fn terrain_and_pushes_act_on_the_robot() {
     assert!(!wall.holds() && wall.cycles.iter().all(|way| way.forward_m < 0.6), "{wall:?}");
 }
 
-/// The wheels of two legs leave the ground at a time: without feed-forward ANYmal makes half of its turn, with it 0.985.
+/// Tests tracking of a turn of ANYmal that lifts the wheels of two legs at a time. In open loop the robot makes half of the
+/// turn; with feed-forward it makes 0.985 of the turn.
 #[test]
 fn tracked_by_its_whole_body_a_robot_comes_where_its_plan_says() {
     let shoves = Vec::new();
@@ -134,7 +138,8 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
     assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
 }
 
-/// Pushed ahead it stands still until it has recovered; pushed to its side its servos play the plan, whose steps catch it.
+/// Pushes a robot. Pushed forward, it stands still until it has recovered; pushed sideways, its servos play the plan, whose
+/// steps catch it.
 #[test]
 fn a_robot_that_is_pushed_to_its_side_steps_on() {
     let trot = plan("agilebot", "trot");
@@ -151,8 +156,8 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
-/// The tracker does not know that a way is steered by the direction of skates. Tracked to the end they come to half of it, or
-/// less.
+/// Tests a skating robot, whose direction depends on the angle of its skates. The tracker does not model this: tracked to the
+/// end, the robot covers at most half of the planned distance.
 #[test]
 fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let skate = plan("skaterbot", "skate");
@@ -164,7 +169,7 @@ fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     assert!((ratio - 1.0).abs() < 0.05, "{ratio}: {outcome:?}");
 }
 
-/// Stops a robot without a state: it comes to rest on its feet at any moment of its turn.
+/// Removes the sensors at several times of a motion. The robot comes to rest on its feet each time.
 #[test]
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
     let turn = plan("anymal_wheels", "anymal_turn");
@@ -201,7 +206,9 @@ fn a_robot_that_loses_its_sensors_comes_to_rest() {
     }
 }
 
-/// Small motors are misled by the drives' own loops if these get the angle of a state measured 6 ms ago: without a prediction
+/// Tests a delay of set-points, which the tracker compensates by prediction.
+///
+/// The drives' own loops would mislead small motors with the angle of a state measured 6 ms earlier: without prediction
 /// Creature3 covers 3 % of its planned distance.
 #[test]
 fn a_known_delay_of_setpoints_costs_nothing() {

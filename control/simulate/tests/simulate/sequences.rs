@@ -1,4 +1,4 @@
-//! Sequences of plans, tracked with an estimator over a bus that takes time.
+//! Tests of sequences of plans, tracked with an estimator over a bus with latency.
 
 use crate::{ROOT, plan};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -52,7 +52,7 @@ impl Shelf for Files {
     }
 }
 
-/// Plans of a stand, of a way into a gait, of the gait, and of the way back.
+/// Plans of a stand, of the transition into a gait, of the gait, and of the transition back.
 struct Plans {
     stand: Plan,
     into: Plan,
@@ -95,7 +95,7 @@ impl Plans {
         ]
     }
 
-    /// Planned displacement of the body from the plans' samples; independent of the splines.
+    /// Planned displacement of the body, computed from the samples of the plans instead of their splines.
     fn way(&self, cycles: u32) -> Isometry3<f64> {
         let of = |plan: &Plan| {
             let [first, last] = plan.ends().map(planar);
@@ -121,23 +121,23 @@ fn planar(sample: &Sample) -> Isometry3<f64> {
     isometry(x, y, sample.base_yaw_pitch_roll_rad[0])
 }
 
-/// A bus, and a robot on it.
+/// Bus and sensors of a robot.
 #[derive(Clone, Copy, Debug)]
 struct Bus {
     rate_hz: u32,
-    /// Ticks after which setpoints act.
+    /// Delay of set-points, ticks.
     delay: u32,
     /// True if the robot has contact switches.
     switches: bool,
     noise: Noise,
     seed: u64,
-    /// Number of samples of which one is lost.
+    /// Interval at which a sample is lost, in samples; `None` if no sample is lost.
     loses: Option<usize>,
     /// Time at which the IMU fails, s.
     imu_until_s: f64,
 }
 
-/// A bus of some motors, with the noise of a cheap IMU.
+/// Bus with few motors and an IMU with the usual noise.
 const BUS: Bus = Bus {
     rate_hz: 120,
     delay: 2,
@@ -148,26 +148,27 @@ const BUS: Bus = Bus {
     imu_until_s: f64::INFINITY,
 };
 
-/// Steps of the world per second, at least: drives act between ticks.
+/// Minimum simulation rate, steps per second: drives act between ticks.
 const WORLD_HZ: u32 = 480;
-/// Time at which the robot is to begin, and time at which the latency is known, s.
+/// Time at which the robot starts to move, s.
 const GO_S: f64 = 1.5;
+/// Time at which the latency is known, s.
 const MEASURED_S: f64 = 0.7;
-/// Longest run, s: one that was stopped is never over.
+/// Duration of the longest run, s. A stopped sequence never ends.
 const LONGEST_S: f64 = 30.0;
 
 /// Result of a sequence.
 #[derive(Debug, Default, PartialEq)]
 struct Outcome {
     fell_at_s: Option<f64>,
-    /// Displacement from the body at its start to the body at the end.
+    /// Displacement of the body from the start to the end.
     way: Isometry3<f64>,
-    /// The estimate at the end, seen from the reference.
+    /// Deviation of the final estimate from the reference.
     from_reference: Isometry3<f64>,
-    /// Ticks in motion without setpoints of the tracker.
+    /// Number of ticks in motion without set-points of the tracker.
     untracked: u32,
     stopped: bool,
-    /// The plans that were played, in order.
+    /// Indices of the played plans, in order.
     legs: Vec<usize>,
     all_s: f64,
 }
@@ -178,25 +179,25 @@ impl Outcome {
         far(&(planned.inverse() * self.way))
     }
 
-    /// Way along the planned one, as a part of it.
+    /// Component of the displacement along the planned one, as a fraction of the planned one.
     fn ratio(&self, planned: &Isometry3<f64>) -> f64 {
         let planned = planned.translation.vector;
         self.way.translation.vector.dot(&planned) / planned.norm_squared()
     }
 }
 
-/// Length and angle of a motion in the plane, mm and mrad.
+/// Length and angle of a planar displacement, mm and mrad.
 fn far(motion: &Isometry3<f64>) -> [f64; 2] {
     [motion.translation.vector.xy().norm(), motion.rotation.angle()].map(|value| 1e3 * value)
 }
 
-/// Place and heading of a body.
+/// Horizontal position and heading of a body.
 fn place(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
     isometry(position_m.x, position_m.y, heading_rad(rotation))
 }
 
-/// Plays a sequence on a robot that stands where its first plan begins until it is over, or for [`LONGEST_S`]; `each` may act
-/// on it before every tick.
+/// Plays a sequence until it is over, or for [`LONGEST_S`]. The robot stands at the start of the first plan; `each` is called
+/// before every tick.
 fn play(
     plans: &Plans,
     cycles: u32,
@@ -273,10 +274,10 @@ fn play(
     outcome
 }
 
-/// AgileBot's walk.
+/// Plans of AgileBot's walk.
 static WALK: LazyLock<Plans> = LazyLock::new(|| Plans::of("agilebot_library", "walk"));
 
-/// Checks that all plans were played, that all ticks in motion had setpoints, and that the robot ended at its reference.
+/// Checks that all plans were played, that all ticks in motion had set-points, and that the robot ended at its reference.
 fn check(outcome: &Outcome) {
     assert!(outcome.fell_at_s.is_none() && !outcome.stopped, "{outcome:?}");
     assert_eq!((outcome.untracked, &outcome.legs[..]), (0, &[0, 1, 2, 3, 4][..]), "{outcome:?}");
@@ -285,7 +286,7 @@ fn check(outcome: &Outcome) {
     assert!(mm < 20.0 && mrad < 10.0, "{mm} {mrad} {outcome:?}");
 }
 
-/// Follows the plans one after the other if the sensors are exact. Noise lets the estimate drift by less than 3 % along the way.
+/// Plays all plans with exact and with noisy sensors. Noise lets the estimate drift by less than 3 % of the distance.
 #[test]
 fn a_robot_stands_walks_and_stands_on_a_slow_bus() {
     let planned = WALK.way(3);
@@ -310,7 +311,7 @@ fn without_switches_and_all_of_its_samples_a_robot_walks_as_well() {
     assert!(mm < 35.0 && mrad < 20.0, "{mm} {mrad} {outcome:?}");
 }
 
-/// Stops in the second cycle of a hundred, and before the first one.
+/// Stops in the second of a hundred cycles, and before the first one.
 #[test]
 fn a_sequence_ends_early_where_its_plans_can_be_left() {
     let bus = Bus { noise: Noise::default(), ..BUS };
@@ -337,7 +338,7 @@ fn a_robot_whose_imu_fails_comes_to_rest_for_good() {
     assert_eq!(outcome.legs.last(), Some(&2));
 }
 
-/// Robot in motion: its pose cannot be initialised.
+/// Tests a robot in motion, whose pose cannot be initialised.
 #[test]
 fn a_robot_that_was_not_at_rest_does_not_begin() {
     let mut sequence =
@@ -373,18 +374,18 @@ fn plans_that_do_not_follow_each_other_make_no_sequence() {
     };
     assert_eq!(why(&[stand, into, gait, back, stand]), None);
     for (plans, words) in [
-        (&[][..], "without plans"),
-        (&[stand, into, gait], "begins and ends at rest, but `walk` does not"),
+        (&[][..], "has no plans"),
+        (&[stand, into, gait], "must begin and end at rest, but `walk` does not"),
         (&[into, gait, back, stand], "at rest, but `stand to walk` does not"),
-        (&[stand, &other], "`car_drive` is planned for another robot than `stand`"),
-        (&[stand, gait, back, stand], "rad away from the end of `stand`"),
+        (&[stand, &other], "`car_drive` is planned for a different robot from `stand`"),
+        (&[stand, gait, back, stand], "rad away from its angle at the end of `stand`"),
     ] {
         let why = why(plans).unwrap();
         assert!(why.contains(words), "{why}");
     }
 }
 
-/// Runs with and without switches, and with other noise.
+/// Plays both gaits with and without switches, and with different noise.
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn sequences_of_both_gaits_come_where_their_plans_lead() {

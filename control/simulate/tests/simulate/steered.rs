@@ -1,4 +1,4 @@
-//! Robots that are steered in the simulated world.
+//! Tests of robots that are steered in the simulated world.
 
 use crate::{ROOT, plan};
 use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, Steering};

@@ -1,4 +1,4 @@
-//! Verdicts do not depend on the step of the world.
+//! Tests that verdicts do not depend on the simulation step.
 
 use crate::{ROOT, plan, plan_of, robot};
 use rollwalk_planner::motion::Motion;
@@ -10,7 +10,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Plays with the usual step and with half of it.
+/// Plays a plan with the usual simulation step and with half of it.
 fn with_both_steps(plan: &Plan) -> [Outcome; 2] {
     let control = Control::FeedForward;
     let usual_hz = control.usual_rate_hz();
@@ -20,7 +20,7 @@ fn with_both_steps(plan: &Plan) -> [Outcome; 2] {
     })
 }
 
-/// Pace holds in steps of 1/120 s, but not in shorter ones.
+/// Tests gaits with two step sizes. Pace would pass only with steps of 1/120 s.
 #[test]
 fn half_the_step_changes_no_verdict() {
     for (motion, holds) in [("walk", true), ("trot", true), ("pace", false)] {
@@ -55,7 +55,7 @@ fn half_the_step_changes_no_verdict_of_a_shipped_motion() {
     assert!(count > 40, "{count}");
 }
 
-/// Within two tenths of a millisecond this robot turns by 1e-13 rad: its spin was NaN, and the first step had no solution.
+/// Tests a robot that turns by 1e-13 rad within 0.2 ms: rounding must not make its spin NaN.
 #[test]
 fn a_robot_that_hardly_turns_as_it_begins_is_simulated() {
     let robot = robot("agilebot");

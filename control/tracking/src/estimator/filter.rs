@@ -1,9 +1,9 @@
-//! Extended Kalman filter of the rotation, velocity and angular velocity of the base and of the gyro bias.
+//! Extended Kalman filter of rotation, velocity and angular velocity of the base, and of the gyro bias.
 //!
-//! The velocity error is right-invariant: v = Exp(θ) v̂ + v′, where θ is the rotation error in world axes. Yaw is not observable,
-//! and with this error an error of yaw alone changes no predicted measurement, so that linearisation does not make it seem
-//! observable. The error state is θ (world, rad), v′ (world, m/s), the error of the angular velocity and that of the gyro bias
-//! (both body, rad/s):
+//! The velocity error is right-invariant: v = Exp(θ) v̂ + v′, where θ is the rotation error in world axes. Yaw is not
+//! observable. With this error definition a pure yaw error changes no predicted measurement, so that linearisation does not
+//! make yaw seem observable. The error state consists of θ (world, rad), v′ (world, m/s), the error δω of the angular velocity
+//! and the error δb of the gyro bias (both body, rad/s):
 //!
 //! ```text
 //! θ̇ = R δω      v̇′ = g × θ + v̂ × R δω + R noise      δω̇ = noise      δḃ = noise
@@ -21,11 +21,12 @@ const ERRORS: usize = 12;
 
 /// Process noise of the angular velocity, (rad/s²)/√Hz: 0.1 rad/s in a tick of 2 ms, as at touch-down.
 const ANGULAR_ACCELERATION: f64 = 2.2;
-/// Noise of the specific force, (m/s²)/√Hz: 0.5 m/s² at 500 Hz, with vibrations of the robot on top of an accelerometer's own
-/// noise.
+/// Noise of the specific force, (m/s²)/√Hz: 0.5 m/s² at 500 Hz, due to the accelerometer and vibrations of the robot.
 const SPECIFIC_FORCE: f64 = 0.022;
-/// Magnitude of the specific force above which a sample may be wrong, m/s². The filter adds the part above it to the standard
-/// deviation of the velocity, so that contact measurements correct the velocity after a wrong sample.
+/// Specific force above which a sample may be wrong, m/s².
+///
+/// The filter adds the excess to the standard deviation of the velocity, so that contact measurements correct the velocity
+/// after a wrong sample.
 const OUTLIER_M_S2: f64 = 50.0;
 /// Process noise of the velocity without an accelerometer, (m/s²)/√Hz: 5 m/s² at 500 Hz.
 const UNMEASURED_FORCE: f64 = 0.22;
@@ -37,28 +38,28 @@ const GYRO_RAD_S: f64 = 0.02;
 const STILL_RAD_S: f64 = 0.02;
 /// Standard deviations at the start: rotation, rad; velocity, m/s; angular velocity and gyro bias, rad/s.
 const START: [f64; 4] = [0.01, 0.02, 0.1, 0.02];
-/// Squared Mahalanobis distance of a contact's velocity above which its covariance is inflated: the expected value of three
+/// Squared Mahalanobis distance of a contact's velocity above which its covariance is inflated: the expected value in three
 /// dimensions.
 const OUTLIER: f64 = 3.0;
 
-/// Jacobian of a measured vector by the error state.
+/// Jacobian of a measured vector with respect to the error state.
 type MeasurementJacobian = SMatrix<f64, 3, ERRORS>;
 
-/// Estimate and its covariance.
+/// State estimate and its covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct Filter {
     pub world_from_body: Matrix3<f64>,
-    /// Velocity of the base origin in world, m/s.
+    /// Velocity of the base origin in world axes, m/s.
     pub velocity_m_s: Vector3<f64>,
     /// Angular velocity in body axes, rad/s.
     pub rate_rad_s: Vector3<f64>,
-    /// Bias of the gyro in body axes, rad/s.
+    /// Gyro bias in body axes, rad/s.
     pub gyro_bias_rad_s: Vector3<f64>,
     covariance: SMatrix<f64, ERRORS, ERRORS>,
 }
 
 impl Filter {
-    /// Starts from a known state of the base, with the standard deviations of `START`.
+    /// Creates a filter from a known state of the base, with the standard deviations of `START`.
     pub fn new(
         world_from_body: Matrix3<f64>,
         velocity_m_s: Vector3<f64>,
@@ -72,7 +73,7 @@ impl Filter {
         Self { world_from_body, velocity_m_s, rate_rad_s, gyro_bias_rad_s, covariance }
     }
 
-    /// Predicts over a tick from the mean specific force in body axes; without one, at constant velocity.
+    /// Predicts over a tick from the mean specific force in body axes; `None` predicts at constant velocity.
     pub fn predict(&mut self, specific_force_m_s2: Option<Vector3<f64>>, tick_s: f64) {
         let gravity = Vector3::z() * -GRAVITY_M_S2;
         let turn = |share: f64| Rotation3::new(self.rate_rad_s * (share * tick_s)).into_inner();
@@ -114,7 +115,7 @@ impl Filter {
         self.velocity_m_s += acceleration * tick_s;
     }
 
-    /// Corrects by a gyro sample, body axes.
+    /// Corrects the estimate with a gyro sample in body axes.
     pub fn measure_gyro(&mut self, gyro_rad_s: &Vector3<f64>) {
         let mut jacobian = MeasurementJacobian::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, RATE).fill_with_identity();
@@ -123,7 +124,7 @@ impl Filter {
         self.correct(&jacobian, &innovation, &(Matrix3::identity() * GYRO_RAD_S.powi(2)));
     }
 
-    /// Corrects by zero angular velocity.
+    /// Corrects the estimate with zero angular velocity.
     pub fn measure_stillness(&mut self) {
         let mut jacobian = MeasurementJacobian::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, RATE).fill_with_identity();
@@ -131,7 +132,7 @@ impl Filter {
         self.correct(&jacobian, &innovation, &(Matrix3::identity() * STILL_RAD_S.powi(2)));
     }
 
-    /// Corrects by zero velocity of the material at a contact, with the covariance of that velocity.
+    /// Corrects the estimate with zero velocity of the material at a contact, and the covariance of this measurement.
     pub fn measure_contact(&mut self, contact: &Contact, covariance: &Matrix3<f64>) {
         let innovation = -contact.velocity(self);
         let mut jacobian = MeasurementJacobian::zeros();
@@ -177,7 +178,7 @@ impl Filter {
         self.gyro_bias_rad_s += part(BIAS);
     }
 
-    /// Angular velocity in world, rad/s.
+    /// Angular velocity in world axes, rad/s.
     pub fn angular_velocity_rad_s(&self) -> Vector3<f64> {
         self.world_from_body * self.rate_rad_s
     }
@@ -190,7 +191,7 @@ impl Filter {
     }
 }
 
-/// A contact from forward kinematics, world axes.
+/// Contact from forward kinematics, in world axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
     /// Vector from the base origin to the contact, m.
@@ -202,7 +203,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Estimated velocity of the material in world, m/s.
+    /// Estimated velocity of the material in world axes, m/s.
     pub fn velocity(&self, filter: &Filter) -> Vector3<f64> {
         let by_base = filter.velocity_m_s + filter.angular_velocity_rad_s().cross(&self.lever_m);
         by_base + self.by_joints_m_s + self.spin_m_s

@@ -8,17 +8,17 @@ use rollwalk_robot::GRAVITY_M_S2;
 const MEAN_S: f64 = 0.1;
 /// Largest mean speed of a joint or wheel at rest, rad/s: ten standard deviations of encoder noise after filtering.
 const SPEED_RAD_S: f64 = 0.05;
-/// Largest mean gyro at rest, with room for a bias, and largest deviation of a sample from it, with room for noise, rad/s.
+/// Largest mean gyro reading at rest, and largest deviation of a sample from the mean, rad/s. Allows for bias and noise.
 const GYRO_RAD_S: f64 = 0.1;
-/// Largest difference of the mean specific force at rest from gravity, m/s².
+/// Largest difference between the mean specific force at rest and gravity, m/s².
 const FORCE_M_S2: f64 = 0.5;
 
 /// Detector of a robot that stands still, with low-passed sensors.
 #[derive(Clone, Debug)]
 pub struct Rest {
-    /// Mean gyro, body axes, rad/s.
+    /// Mean gyro reading in body axes, rad/s.
     pub gyro_rad_s: Vector3<f64>,
-    /// Mean specific force, body axes, m/s².
+    /// Mean specific force in body axes, m/s².
     pub force_m_s2: Vector3<f64>,
     /// Mean speeds of joints and wheels, rad/s.
     speed_rad_s: Vec<f64>,
@@ -32,7 +32,7 @@ impl Rest {
         Self { gyro_rad_s: zero, force_m_s2: zero, speed_rad_s: vec![0.0; speeds], lasts_s: 0.0 }
     }
 
-    /// Takes in a tick with an IMU; a tick without one changes nothing.
+    /// Adds a tick with an IMU sample. Ticks without a sample are not added.
     pub fn tick(
         &mut self,
         gyro_rad_s: &Vector3<f64>,

@@ -1,4 +1,4 @@
-//! Sensors of robots whose motion is known: at rest, swaying on feet that stand, flying; and broken sensors.
+//! Tests of the estimator with known motions: at rest, swaying on standing feet, in flight; and with broken sensors.
 
 use super::*;
 use fastrand::Rng;
@@ -30,7 +30,7 @@ struct Truth {
 }
 
 impl Truth {
-    /// Robot at rest on all end effectors, with the base turned; without noise.
+    /// Creates a robot at rest on all end effectors, with a rotated base and without noise.
     fn at_rest(name: &str, turn: Vector3<f64>) -> Self {
         let tree = tree(name);
         let mut state = State::nominal(&tree);
@@ -51,7 +51,7 @@ impl Truth {
         self.state.world_from_body.tr_mul(&turning) + self.gyro_bias_rad_s
     }
 
-    /// A tick with the right sensors and even noise, which `change` changes.
+    /// Runs a tick with correct sensors and uniform noise, after `change` has modified them.
     fn tick<'e>(
         &mut self,
         estimator: &'e mut Estimator,
@@ -74,20 +74,20 @@ impl Truth {
         estimator.tick(&sensors, TICK_S)
     }
 
-    /// The verdict of the last of many ticks.
+    /// Runs ticks for some seconds and returns the result of the final one.
     fn ticks(&mut self, estimator: &mut Estimator, seconds: f64) -> Result<(), Untrusted> {
         let count = (seconds / TICK_S).round() as usize;
         (0..count).map(|_| self.tick(estimator, |_| {}).map(|_| ())).last().unwrap_or(Ok(()))
     }
 
-    /// An estimator that has been aligned at rest.
+    /// Creates an estimator that has been aligned at rest.
     fn aligned(&mut self) -> Estimator {
         let mut estimator = Estimator::new(self.tree.clone());
         self.ticks(&mut estimator, 1.0).unwrap();
         estimator
     }
 
-    /// Moves on by a tick, with the base at a velocity and angular velocity in world and the joints and wheels such that all
+    /// Advances the truth by a tick. The base has the given velocities in world axes, and joints and wheels move so that all
     /// contacts stand still.
     fn sway(&mut self, velocity_m_s: Vector3<f64>, turning_rad_s: Vector3<f64>) {
         let last = Vector3::from_column_slice(&self.state.velocity[LINEAR..ANGULAR]);
@@ -165,7 +165,7 @@ fn a_wrong_tilt_comes_right() {
     assert!(off < 1e-3, "{off}");
 }
 
-/// Flight: only the IMU measures the motion.
+/// Tests flight, in which only the IMU measures the motion.
 #[test]
 fn a_constant_rotation_is_integrated() {
     let mut truth = Truth::at_rest("pup", Vector3::new(0.1, 0.0, 0.0));
@@ -184,7 +184,7 @@ fn a_constant_rotation_is_integrated() {
     assert!(velocity_m_s(estimator.state()).norm() < 0.01);
 }
 
-/// Feet stand and the body sways and turns above them; for 20 ms out of 100 ms there is no IMU.
+/// Tests a body that sways and turns above standing feet, without IMU for 20 ms out of every 100 ms.
 #[test]
 fn contacts_bridge_a_short_gap_of_the_imu() {
     for name in ["anymal_wheels", "legbot"] {
@@ -276,7 +276,7 @@ fn a_long_flight_is_an_error() {
     truth.ticks(&mut estimator, 0.3).unwrap();
 }
 
-/// Within half a second, with a robot that stands still.
+/// Tests that a contradiction is detected within half a second on a robot that stands still.
 #[test]
 fn sensors_that_contradict_each_other_are_an_error() {
     let mut truth = Truth::at_rest("anymal_wheels", Vector3::zeros());
@@ -308,7 +308,7 @@ fn sensors_that_contradict_each_other_are_an_error() {
     assert_eq!(verdict, contradiction);
 }
 
-/// A robot that lies on its side, with feet that touch something, is not aligned.
+/// Tests a robot that lies on its side with closed contact switches: the estimator does not align.
 #[test]
 fn what_is_too_steep_to_stand_on_is_no_alignment() {
     let mut truth = Truth::at_rest("anymal_wheels", Vector3::new(0.8, 0.0, 0.0));
@@ -318,7 +318,7 @@ fn what_is_too_steep_to_stand_on_is_no_alignment() {
     assert_eq!(truth.ticks(&mut estimator, 1.0), Err(Untrusted::NotAligned));
 }
 
-/// Puts a number into one of the sensors.
+/// Replaces one sensor reading by a value.
 fn spoil(sensors: &mut Sensors<'_>, at: usize, value: f64, angles: &mut [f64], speeds: &mut [f64]) {
     let imu = [&mut sensors.gyro_rad_s, &mut sensors.accelerometer_m_s2];
     let all = imu.into_iter().flat_map(|of| of.iter_mut().flat_map(|of| of.iter_mut()));
@@ -330,7 +330,7 @@ fn spoil(sensors: &mut Sensors<'_>, at: usize, value: f64, angles: &mut [f64], s
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
-    /// Finite sensor readings give a finite state, trusted or not.
+    /// Tests that finite sensor readings yield a finite state, trusted or not.
     #[test]
     fn whatever_is_measured_the_state_is_finite(
         robot in 0..ROBOTS.len(),
@@ -370,7 +370,8 @@ proptest! {
         }
     }
 
-    /// A number that is none, in any sensor, is an error of its tick, and the next tick is as good as the one before.
+    /// Tests that NaN, infinity or a huge reading of any sensor is an error of its tick only. The next tick is as good as the
+    /// previous one.
     #[test]
     fn what_is_no_number_spoils_one_tick(
         robot in 0..ROBOTS.len(),

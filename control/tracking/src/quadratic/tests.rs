@@ -1,4 +1,4 @@
-//! Against the conditions of Karush, Kuhn and Tucker, and against an interior-point solver.
+//! Tests against the conditions of Karush, Kuhn and Tucker, and against an interior-point solver.
 
 use super::*;
 use clarabel::algebra::CscMatrix;
@@ -8,7 +8,7 @@ use clarabel::solver::{
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// A feasible program from numbers: H = AᵀA + 0.1, and constraints that hold at a given point.
+/// Creates a feasible program from random values: H = AᵀA + 0.1, with constraints that are satisfied at a given point.
 fn program(n: usize, equalities: usize, inequalities: usize, numbers: &[f64]) -> Program {
     let mut numbers = numbers.iter().copied();
     let mut next = || numbers.next().unwrap();
@@ -47,7 +47,7 @@ fn check(program: &Program, solver: &Solver) {
     }
 }
 
-/// The least objective, if the other solver finds it: some of these programs take it more iterations than it has.
+/// Minimum of the objective by Clarabel; `None` if Clarabel reaches its iteration limit.
 fn by_clarabel(program: &Program) -> Option<f64> {
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
@@ -92,7 +92,7 @@ proptest! {
         }
     }
 
-    /// Constraints that say the same, many of which bind in one point.
+    /// Tests duplicate constraints, many of which bind at one point.
     #[test]
     fn degenerate_programs_are_solved(numbers in vec(-1.0..1.0, NUMBERS)) {
         let mut program = program(N, SIZE.0, SIZE.1, &numbers);
@@ -108,7 +108,7 @@ proptest! {
     }
 }
 
-/// min (x − 1)² + (y − 2)² below x + y ≤ 1 is at (0, 1).
+/// Tests min (x − 1)² + (y − 2)² with x + y ≤ 1, whose solution is (0, 1).
 #[test]
 fn a_constraint_that_binds_has_its_price() {
     let mut program = Program::zeros(2, 3);

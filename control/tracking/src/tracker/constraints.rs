@@ -1,4 +1,4 @@
-//! The constraints of a tick: dynamics where no motor is, friction, no pull of the ground, and torques within the motors' limits.
+//! Constraints of a tick: dynamics of degrees of freedom without motors, friction, no pull of the ground, and torque limits.
 
 use super::{Foot, Tracker};
 use crate::quadratic::Program;
@@ -6,11 +6,11 @@ use nalgebra::DMatrix;
 use rollwalk_multibody::JOINTS;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Inequalities of a contact: four sides of the pyramid, and no pull.
+/// Number of inequalities of a contact: four sides of the pyramid, and no pull.
 pub(super) const OF_CONTACT: usize = 5;
 
 impl Tracker {
-    /// M ν̇ + h = Σ Jᵀ f where no motor is.
+    /// Adds the dynamics M ν̇ + h = Σ Jᵀ f of degrees of freedom without motors.
     pub(super) fn keep_dynamics(&mut self) {
         let free = (0..JOINTS).chain(self.free_wheels.iter().copied());
         for (constraint, dof) in free.enumerate() {
@@ -19,7 +19,7 @@ impl Tracker {
         }
     }
 
-    /// Friction, no pull of the ground, and torques within the motors' limits.
+    /// Adds the limits: friction, no pull of the ground, and torque limits of motors.
     pub(super) fn keep_limits(&mut self) {
         let dofs = self.tree.dofs();
         let mut constraint = self.program.equalities;
@@ -55,8 +55,9 @@ impl Tracker {
 }
 
 impl Foot {
-    /// Most force along the ground per normal force, along the way of a wheel or blade and to its side, in a pyramid whose
-    /// sides are at this part of the cone.
+    /// Largest ratios of tangential to normal force, along the travel of a wheel or blade and to its side.
+    ///
+    /// `part` scales the sides of the pyramid relative to the radius of the cone.
     pub(super) fn most(&self, part: f64) -> [f64; 2] {
         // A blade has no cone, but the drag of its glide.
         let along = self.drag.unwrap_or(part * self.friction);
@@ -64,7 +65,7 @@ impl Foot {
     }
 }
 
-/// Writes the torque of a degree of freedom without its bias, times a sign, as the normal of a constraint.
+/// Writes a torque without its bias, times `sign`, as the normal of a constraint.
 fn write_torque(
     program: &mut Program,
     constraint: usize,

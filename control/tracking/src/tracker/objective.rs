@@ -1,4 +1,4 @@
-//! The objective of a tick: what contacts, centre of mass, body, end effectors and joints are to do, as weighted squares.
+//! Objective of a tick: desired motion of contacts, centre of mass, body, end effectors and joints, as weighted squares.
 
 use super::Tracker;
 use crate::contacts::Phase;
@@ -8,11 +8,11 @@ use nalgebra::Vector3;
 use rollwalk_multibody::{ANGULAR, JOINTS, Kinematics, rotation};
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// Depth below the planned ground at which a landing end effector aims, m.
+/// Depth below the planned ground of the target of a landing end effector, m.
 const BELOW_M: f64 = 0.02;
 
 impl Tracker {
-    /// Contacts stay: the material at a contact that rolls or rests keeps still.
+    /// Adds the contact task: the material at a rolling or resting contact stays still.
     pub(super) fn want_contacts(&mut self) {
         let Self { weights, program, row, feet, normal, .. } = self;
         let mut squares = Squares { program };
@@ -29,7 +29,7 @@ impl Tracker {
         }
     }
 
-    /// Centre of mass and body follow the plan.
+    /// Adds the tasks of centre of mass and body, which follow the plan.
     pub(super) fn want_body(&mut self, reference: &Reference) {
         let Self {
             weights, tree, planned, measured, program, jacobian, correction, recovery, ..
@@ -59,7 +59,7 @@ impl Tracker {
         }
     }
 
-    /// Feet in the air follow the plan; wheels on the ground go as fast as it says.
+    /// Adds the tasks of the end effectors: feet in the air follow the plan, wheels on the ground have the planned speed.
     pub(super) fn want_feet(&mut self, reference: &Reference) {
         let Self {
             weights,
@@ -116,7 +116,7 @@ impl Tracker {
         }
     }
 
-    /// Joints stay near the planned posture where nothing else needs them.
+    /// Adds the posture task: joints stay near the planned posture where no other task needs them.
     pub(super) fn want_posture(&mut self, reference: &Reference) {
         let Self { weights, program, ahead, recovery, .. } = self;
         let Feedback { per_s2, per_s } = weights.posture_feedback;
@@ -133,7 +133,7 @@ impl Tracker {
         }
     }
 
-    /// Ground forces stay near the planned ones; of feet in the air they are 0.
+    /// Adds the force task: ground forces stay near the planned ones, and are 0 for feet in the air.
     pub(super) fn want_forces(&mut self, reference: &Reference) {
         let weight_n = self.tree.total_mass_kg() * GRAVITY_M_S2;
         let price = self.weights.force / (weight_n * weight_n);

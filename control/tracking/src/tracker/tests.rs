@@ -1,4 +1,4 @@
-//! Shipped robots at rest, in motion and with bad measurements.
+//! Tests with shipped robots at rest, in motion and with bad measurements.
 
 use super::*;
 use crate::model::Costs;
@@ -23,7 +23,7 @@ fn tracker(name: &str) -> Tracker {
     Tracker::new(tree(name), Weights::default(), TICK_S)
 }
 
-/// Standing on all end effectors, with a part of the weight on each.
+/// Reference of a robot that stands on all end effectors, with an equal fraction of the weight on each.
 fn standing(tree: &Tree) -> Reference {
     let feet = tree.robot().end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
@@ -40,7 +40,7 @@ fn standing(tree: &Tree) -> Reference {
     }
 }
 
-/// Accelerations by forward dynamics of the torques and forces of the last tick, and those that it expected.
+/// Accelerations by forward dynamics of the torques and forces of the previous tick, and accelerations that the tick expected.
 fn accelerations(tracker: &Tracker) -> (DVector<f64>, DVector<f64>) {
     let dofs = tracker.tree.dofs();
     let mut generalised = DVector::zeros(dofs);
@@ -55,7 +55,7 @@ fn accelerations(tracker: &Tracker) -> (DVector<f64>, DVector<f64>) {
     (there, tracker.solver.solution().rows(0, dofs).into_owned())
 }
 
-/// A tracker whose setpoints are the torques alone.
+/// Creates a tracker whose drives have no gains, so that set-points consist of torques only.
 fn without_drives(name: &str) -> Tracker {
     let mut tracker = tracker(name);
     for channel in &mut tracker.channels {
@@ -81,7 +81,7 @@ fn at_rest_the_ground_bears_the_weight_and_nothing_moves() {
     }
 }
 
-/// A stand whose joints and wheels move, tilted and off its place.
+/// State of a standing robot with moving joints and wheels, tilted and displaced.
 fn moving(reference: &Reference) -> State {
     let mut state = reference.state.clone();
     state.world_from_body = Rotation3::new(Vector3::new(0.05, -0.03, 0.1)).into_inner();
@@ -91,7 +91,7 @@ fn moving(reference: &Reference) -> State {
     state
 }
 
-/// Drive and feed-forward add up to the wanted torque if the tick ends as expected.
+/// Tests that drive and feed-forward torque add up to the desired torque if the tick ends as predicted.
 #[test]
 fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     let mut tracker = tracker("anymal_wheels");
@@ -118,8 +118,8 @@ fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     }
 }
 
-/// Setpoints that act later are those for the state then: of a robot that moves evenly, and of one whose last tick wanted it to
-/// brake.
+/// Tests that set-points with latency are computed for the predicted state: with constant velocity, and with braking in the
+/// previous tick.
 #[test]
 fn with_a_latency_a_tick_acts_on_the_state_then() {
     const LATENCY_S: f64 = 0.01;
@@ -146,7 +146,7 @@ fn with_a_latency_a_tick_acts_on_the_state_then() {
     assert_eq!(there.tick(&reference, &ahead, &reference.stands).unwrap(), setpoints);
 }
 
-/// A tracker with the gains of a stand.
+/// Creates a tracker with the gains of a stand.
 fn with_gains(name: &str) -> (Tracker, Reference) {
     let tracker = tracker(name);
     let reference = standing(&tracker.tree);
@@ -195,7 +195,7 @@ fn the_plan_moves_along_with_a_robot_that_is_far_away() {
     assert!(anchor_m.y.abs() < 1e-9 && (0.05..0.15).contains(&left_m), "{anchor_m}");
 }
 
-/// Setpoints do not depend on the robot's position and heading, also with feet in the air and far off its plan.
+/// Tests that set-points do not depend on the robot's position and heading, with feet in the air, and far off its plan.
 #[test]
 fn setpoints_do_not_depend_on_place_and_heading() {
     let elsewhere = Isometry3::new(Vector3::new(3.0, -2.0, 0.0), Vector3::z() * 2.2);
@@ -230,7 +230,7 @@ fn setpoints_do_not_depend_on_place_and_heading() {
     }
 }
 
-/// An end effector that the plan has in the air bears the robot when it touches, and one that does not touch gets no force.
+/// Tests that an end effector that touches early carries the robot, and that one without contact gets no force.
 #[test]
 fn forces_are_where_the_robot_touches() {
     let (mut tracker, mut reference) = with_gains("anymal_wheels");
@@ -246,7 +246,7 @@ fn forces_are_where_the_robot_touches() {
     assert_eq!(tracker.feet[3].phase, Phase::Landing);
 }
 
-/// A robot that is pushed hard brakes with more than a pyramid within the cone has; one that is pushed softly does not.
+/// Tests that a hard push uses more friction than a pyramid within the cone allows, and that a soft push does not.
 #[test]
 fn a_robot_that_recovers_uses_all_friction() {
     for (pushed_m_s, recovers) in [(0.2, false), (1.5, true)] {
@@ -306,8 +306,10 @@ fn bad_measurements_are_an_error_and_leave_no_trace() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// States near the plan, with any feet down, give forces within friction, none that pull, none in the air, and torques within
-    /// limits. Forward dynamics of all of them gives the accelerations that the tick expects.
+    /// Tests states near the plan with any feet on the ground.
+    ///
+    /// Forces obey friction, do not pull and are zero in the air, and torques are within limits. Forward dynamics yields the
+    /// accelerations that the tick expects.
     #[test]
     fn what_a_tick_wants_is_possible(
         robot in 0..ROBOTS.len(),

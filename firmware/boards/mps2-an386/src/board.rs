@@ -1,4 +1,4 @@
-//! The controller on the emulated board: makes the steps that it is asked for, and counts their cost.
+//! Controller on the emulated board: runs the requested steps, and counts their cost.
 
 use crate::cost::Cost;
 use crate::image_keys;
@@ -13,12 +13,12 @@ use rollwalk_protocol::tunnel::{
 use rollwalk_protocol::wire::State;
 use static_cell::StaticCell;
 
-/// The controller with its store.
+/// Controller with its store.
 type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
-/// The controller and its cost.
+/// Controller and its cost.
 pub struct Board {
     controller: &'static mut Core,
     cost: Cost,
@@ -27,7 +27,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// Makes the controller, once, and measures the stack that this takes.
+    /// Creates the controller, and measures the stack that this takes. Returns `None` on a second call.
     pub fn start(peripherals: Peripherals) -> Option<Self> {
         let Stores { libraries, boots } = store::mount()?;
         let store = image_keys::trusting(libraries)?;
@@ -89,8 +89,8 @@ impl Board {
     }
 }
 
-/// Serves serial lines and buses with 29-bit identifiers, as a board that has them would: `cargo xtask sizes` counts
-/// their code.
+/// Serves serial lines and buses with 29-bit identifiers like a board that has them, so that `cargo xtask sizes` includes their
+/// code.
 #[cfg(feature = "every-line")]
 fn every_line(controller: &mut Core, now_us: u64, input: Option<Input>) {
     use core::hint::black_box;

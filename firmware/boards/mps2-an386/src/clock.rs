@@ -1,4 +1,4 @@
-//! Time: timer 0 counts it, SysTick begins the control periods and wakes the processor for them.
+//! Time: timer 0 counts it, and SysTick begins the control periods and wakes the processor for them.
 
 use core::ptr::{read_volatile, write_volatile};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ use rollwalk_protocol::time::divided;
 const HZ: u32 = 25_000_000;
 const COUNTS_PER_US: u16 = (HZ / 1_000_000) as u16;
 
-/// Arm's CMSDK APB timer 0, which counts down.
+/// Control register of timer 0 (Arm CMSDK APB), which counts down.
 const CTRL: *mut u32 = 0x4000_0000 as *mut u32;
 const VALUE: *mut u32 = 0x4000_0004 as *mut u32;
 const RELOAD: *mut u32 = 0x4000_0008 as *mut u32;
@@ -20,14 +20,14 @@ const CTRL_ENABLE: u32 = 1 << 0;
 /// True if a control period has begun that [`Clock::take_period`] has not reported yet.
 static PERIOD_STARTED: AtomicBool = AtomicBool::new(false);
 
-/// The clock. There is one; it is made once, by `main`.
+/// Clock. `main` creates the only one.
 pub struct Clock {
     counts: u64,
     last: u32,
 }
 
 impl Clock {
-    /// Starts it with `control_hz` control periods a second.
+    /// Starts the clock with `control_hz` control periods a second.
     pub fn start(mut systick: SYST, control_hz: u16) -> Self {
         // SAFETY: registers of this board, which nothing else uses.
         unsafe {
@@ -43,7 +43,7 @@ impl Clock {
         Self { counts: 0, last: u32::MAX }
     }
 
-    /// Time since the start, µs. Needs a call every two minutes at least, before the counter wraps.
+    /// Time since the start, µs. Call it at least every two minutes, before the counter wraps.
     pub fn now_us(&mut self) -> u64 {
         // SAFETY: as above.
         let value = unsafe { read_volatile(VALUE) };
@@ -52,7 +52,7 @@ impl Clock {
         divided(self.counts, COUNTS_PER_US)
     }
 
-    /// True if a control period has begun since the last call that returned true.
+    /// Returns true if a control period has begun since the previous call that returned true.
     pub fn take_period(&mut self) -> bool {
         PERIOD_STARTED.swap(false, Ordering::AcqRel)
     }

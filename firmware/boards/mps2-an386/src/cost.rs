@@ -4,20 +4,20 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use rollwalk_protocol::tunnel::Figures;
 
-/// SysTick counts down from here; every measured span must be shorter.
+/// Reload value of SysTick, which counts down. Every measured span must be shorter.
 const RELOAD: u32 = 0x00FF_FFFF;
 
-/// The counter and the figures so far.
+/// Counter, and the figures so far.
 pub struct Cost {
-    /// Runs only during a measurement: an emulated processor that sleeps shall have no timer.
+    /// SysTick, which runs only during a measurement, so that an emulated processor that sleeps has no running timer.
     timer: SYST,
     figures: Figures,
-    /// The period under way.
+    /// Counts of the current period.
     period: u32,
 }
 
 impl Cost {
-    /// Sets the counter up.
+    /// Sets up the counter.
     pub fn new(mut timer: SYST) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
@@ -25,14 +25,14 @@ impl Cost {
         Self { timer, figures: Figures::default(), period: 0 }
     }
 
-    /// Does a part of a control period.
+    /// Runs a part of a control period, and counts its cost.
     pub fn of<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let (done, counts) = self.counted(work);
         self.period = self.period.saturating_add(counts);
         done
     }
 
-    /// Does the tick that begins a control period, and closes the one before.
+    /// Runs the tick that begins a control period, and completes the figures of the previous period.
     pub fn of_tick(&mut self, tick: impl FnOnce()) {
         let ((), counts) = self.counted(tick);
         let figures = &mut self.figures;
@@ -46,7 +46,7 @@ impl Cost {
         self.period = counts;
     }
 
-    /// The figures so far, without the stack.
+    /// Figures so far, without the stack.
     pub fn figures(&self) -> Figures {
         self.figures
     }

@@ -1,8 +1,8 @@
-//! The halt: no frame leaves the board any more, so the actuators' own watchdogs take the torque away.
+//! Halt of the board: no further frame is sent, so the actuators' own watchdogs switch torque off.
 
 use core::panic::PanicInfo;
 
-/// Stops for good. A watchdog that is not fed, or the operator, must reset the board.
+/// Stops until the board is reset, by the operator or by a watchdog that is no longer fed.
 pub fn halt() -> ! {
     cortex_m::interrupt::disable();
     loop {
@@ -10,7 +10,7 @@ pub fn halt() -> ! {
     }
 }
 
-/// Halts after a panic. The symbol check keeps a release from having one.
+/// Halts after a panic. The symbol check proves that a release contains no panic.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     halt()

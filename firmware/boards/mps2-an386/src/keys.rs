@@ -1,7 +1,8 @@
-//! Cost of keys on an emulated Cortex-M4F whose controller insists on them: a command without, with a right and with a wrong
-//! authenticator, and the signature of a short and of a longer library.
+//! Cost of authentication and signatures on an emulated Cortex-M4F whose controller requires keys.
 //!
-//! Writes SysTick's counts of each and the deepest stack to the emulator's console, and ends it. A test program: it may panic.
+//! Measures a command without, with a correct and with a wrong authenticator, and the signature check of a short and of a
+//! longer library. Writes the SysTick counts of each and the deepest stack to the emulator's console, then ends the emulator.
+//! This is a test program, so it may panic.
 #![no_std]
 #![no_main]
 
@@ -36,8 +37,9 @@ type Core = Controller<Signed<store::Libraries>>;
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
 const NONCE: u64 = 7;
-/// Bytes of the short library, as in the firmware's test of OpenSSL's signature, and the additional bytes of the longer one.
+/// Length of the short library, bytes, equal to that in the firmware's test of OpenSSL's signature.
 const SHORT: usize = 100;
+/// Number of additional bytes of the longer library.
 const MORE: usize = 1024;
 const FINGERPRINT: [u8; 8] = [0xFD, 0x11, 0x0D, 0x30, 0x1D, 0x2F, 0x07, 0x7D];
 const SIGNATURE: [u8; 64] = [
@@ -54,7 +56,7 @@ fn main() -> ! {
     exit(SUCCESS)
 }
 
-/// Counts of three commands and two signatures; bytes of stack.
+/// Counts of three commands and two signature checks, and depth of the stack, bytes.
 fn measured() -> Option<[u32; 6]> {
     let mut cost = Cost::new(cortex_m::Peripherals::take()?.SYST);
     let [plain, proven, forged] = commands(&mut cost)?;
@@ -62,7 +64,7 @@ fn measured() -> Option<[u32; 6]> {
     Some([plain, proven, forged, short?, long?, stack::deepest()])
 }
 
-/// Counts of a command without authenticator, with one, and with a wrong one.
+/// Counts of a command without authenticator, with a correct one, and with a wrong one.
 fn commands(cost: &mut Cost) -> Option<[u32; 3]> {
     let settings = Settings::default();
     let Stores { libraries, boots } = store::mount()?;
@@ -99,7 +101,8 @@ fn commands(cost: &mut Cost) -> Option<[u32; 3]> {
     is_right.then_some([plain, proven, forged])
 }
 
-/// Counts of the check of a library's signature at a start, which fails if the library has `more` bytes than were signed.
+/// Counts of the signature check of a library at power-on. The check must fail if the library has `more` bytes than were
+/// signed.
 fn signature(cost: &mut Cost, more: usize) -> Option<u32> {
     let mut file = [7; SHORT + MORE + SIGNATURE_BLOCK_LEN];
     let file = file.get_mut(..SHORT + more + SIGNATURE_BLOCK_LEN)?;
@@ -111,7 +114,7 @@ fn signature(cost: &mut Cost, more: usize) -> Option<u32> {
     ((more == 0) == (store.bytes().len() == SHORT)).then_some(counts)
 }
 
-/// The controller's answer to the last command.
+/// Answer of the controller to the latest command.
 fn answer(controller: &mut Core) -> Option<CommandResult> {
     let frames = core::iter::from_fn(|| controller.poll_link(0));
     let answers = frames.filter_map(|frame| match FromController::decode(&frame) {
@@ -121,7 +124,7 @@ fn answer(controller: &mut Core) -> Option<CommandResult> {
     answers.last()
 }
 
-/// Asks for a session.
+/// Requests a session.
 fn offer(controller: &mut Core, node: Node) -> Option<SessionOffer> {
     let mut endpoint = Endpoint::new(Timing::default());
     endpoint.send(&SessionRequest { nonce: NONCE }.encode()).ok()?;

@@ -1,5 +1,7 @@
-//! UART 0 as a line in real time: an interrupt receives bytes, and bytes are sent as the hardware has room, so that a
-//! host that does not read delays its own frames only.
+//! UART 0 as a line in real time.
+//!
+//! An interrupt receives bytes, and bytes are sent as the hardware has room. A host that does not read therefore delays only
+//! its own frames.
 
 use crate::registers::{
     BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
@@ -19,19 +21,20 @@ use static_cell::StaticCell;
 const CTRL_TX_INTERRUPT: u32 = 1 << 2;
 const INTERRUPT_TX: u32 = 1 << 0;
 
-/// Room for two frames: others wait in the controller, where newer ones replace them.
+/// Length of the transmit queue, bytes: room for two frames. Further frames wait in the controller, where newer ones replace
+/// them.
 const SEND_BYTES: usize = 2 * FRAME_BYTES;
-/// Longest line of the link: `t`, identifier, length, 8 bytes.
+/// Length of the longest line of the link, bytes: `t`, identifier, length, 8 data bytes.
 const FRAME_BYTES: usize = 22;
 
-/// Receive queue: 100 ms at the 10 kB/s that QEMU delivers, because nothing is fetched while a library is checked.
+/// Receive queue for 100 ms at the 10 kB/s that QEMU delivers. Nothing is read from it while a library is checked.
 static RECEIVED: StaticCell<Queue<u8, 1024>> = StaticCell::new();
-/// The interrupt's end of it.
+/// Interrupt's end of the receive queue.
 static WRITER: Mutex<Cell<Option<Producer<'static, u8>>>> = Mutex::new(Cell::new(None));
-/// Bytes found no room there.
+/// True if received bytes did not fit in the queue.
 static LOST: AtomicBool = AtomicBool::new(false);
 
-/// Transmit interrupt of the UART: wakes the processor when there is room again.
+/// Transmit interrupt of the UART, which wakes the processor when there is room again.
 #[derive(Clone, Copy)]
 struct Sent;
 
@@ -48,7 +51,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Switches it on; once.
+    /// Switches the line on. Returns `None` on a second call.
     pub fn new() -> Option<Self> {
         let (writer, received) = RECEIVED.try_init(Queue::new())?.split();
         free(|cs| WRITER.borrow(cs).set(Some(writer)));
@@ -64,12 +67,12 @@ impl Line {
         Some(Self { received, waiting: Deque::new() })
     }
 
-    /// The next byte that was received.
+    /// Returns the next received byte.
     pub fn receive(&mut self) -> Option<u8> {
         self.received.dequeue()
     }
 
-    /// True if bytes were lost since the last call.
+    /// Returns true if bytes were lost since the previous call.
     pub fn has_lost(&mut self) -> bool {
         LOST.swap(false, Ordering::AcqRel)
     }
@@ -79,7 +82,7 @@ impl Line {
         self.room() >= FRAME_BYTES
     }
 
-    /// Sends a line of text if there is room for it, otherwise not.
+    /// Sends a line of text if there is room for it. Otherwise drops it.
     pub fn send(&mut self, text: &Text) {
         if text.len() <= self.room() {
             for &byte in text {
@@ -93,7 +96,7 @@ impl Line {
         SEND_BYTES.saturating_sub(self.waiting.len())
     }
 
-    /// Hands bytes to the hardware while it has room.
+    /// Passes bytes to the hardware while it has room.
     pub fn work(&mut self) {
         while has_room()
             && let Some(byte) = self.waiting.pop_front()
@@ -103,7 +106,7 @@ impl Line {
         }
     }
 
-    /// True if there is work without another interrupt.
+    /// True if there is work that does not depend on another interrupt.
     pub fn is_busy(&self) -> bool {
         self.received.ready() || (!self.waiting.is_empty() && has_room())
     }
@@ -114,7 +117,7 @@ fn has_room() -> bool {
     unsafe { read_volatile(STATE) & STATE_TX_FULL == 0 }
 }
 
-/// The board has no crate of its own that names its interrupts; these two are enabled.
+/// Handles the two enabled interrupts. No crate exists for this board that names its interrupts.
 #[exception]
 unsafe fn DefaultHandler(_number: i16) {
     free(|cs| {

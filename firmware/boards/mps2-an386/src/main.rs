@@ -1,6 +1,6 @@
-//! The controller on an emulated Cortex-M4F, its buses and its time tunnelled over UART 0.
+//! Controller on an emulated Cortex-M4F, with its buses and its time tunnelled over UART 0.
 //!
-//! Answers one packet with one packet ([`rollwalk_protocol::tunnel`]) and does nothing by itself.
+//! The program answers each packet with one packet ([`rollwalk_protocol::tunnel`]) and does nothing between requests.
 #![no_std]
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Keys of the program that measures the cost of keys. They are not secret.
+//! Keys of the program that measures the cost of authentication and signatures. They are not secret.
 
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 
@@ -6,7 +6,7 @@ pub fn link() -> LinkKey {
     LinkKey::new(&[0x42; LINK_KEY_LEN])
 }
 
-/// The public key of the private one whose bytes are 1.
+/// Public key of the private key whose bytes are all 1.
 pub fn library() -> Option<rollwalk_firmware::store::VerifyingKey> {
     let bytes = [
         0x8A, 0x88, 0xE3, 0xDD, 0x74, 0x09, 0xF1, 0x95, 0xFD, 0x52, 0xDB, 0x2D, 0x3C, 0xBA, 0x5D, 0x72, 0xCA,

@@ -15,7 +15,7 @@ pub const CTRL_RX_ENABLE: u32 = 1 << 1;
 pub const CTRL_RX_INTERRUPT: u32 = 1 << 3;
 pub const INTERRUPT_RX: u32 = 1 << 1;
 
-/// The smallest divisor that the hardware takes: 25 MHz / 16.
+/// Smallest divisor that the hardware accepts, for 25 MHz / 16.
 pub const DIVISOR: u32 = 16;
 
 #[derive(Clone, Copy)]

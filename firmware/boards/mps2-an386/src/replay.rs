@@ -1,7 +1,7 @@
-//! The controller on an emulated Cortex-M4F, its requests and the expected answers in the board's memory.
+//! Controller on an emulated Cortex-M4F, with its requests and the expected answers in the board's memory.
 //!
-//! Runs until an answer is not the expected one, reports on the emulator's console and ends it. A test program: it may
-//! panic, and the symbol check of `cargo xtask sizes` must find that.
+//! The program runs until an answer differs from the expected one, reports the result on the emulator's console and ends the
+//! emulator. It is a test program, so it may panic, and the symbol check of `cargo xtask sizes` must find that.
 #![no_std]
 #![no_main]
 
@@ -36,7 +36,7 @@ fn main() -> ! {
     exit(SUCCESS)
 }
 
-/// Answers the requests of the script, each followed by its expected answer; the first answer that is another.
+/// Answers the requests of the script, each followed by its expected answer. Returns the first answer that differs.
 fn replay(board: &mut Board, script: &[u8]) -> Option<Line> {
     let mut deframer = Deframer::default();
     let mut at = 0;
@@ -54,7 +54,7 @@ fn replay(board: &mut Board, script: &[u8]) -> Option<Line> {
     None
 }
 
-/// The script that the emulator has loaded: its length, and its bytes.
+/// Script that the emulator has loaded, as a length followed by that many bytes.
 fn script() -> &'static [u8] {
     unsafe extern "C" {
         // Of the linker script.

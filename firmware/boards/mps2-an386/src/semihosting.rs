@@ -1,12 +1,12 @@
-//! Arm's semihosting calls: a program's output to the emulator's console, and its end.
+//! Arm semihosting calls: output to the emulator's console, and the end of the program.
 
 use core::arch::asm;
 
 const WRITE_BYTE: usize = 0x03;
 const EXIT: usize = 0x18;
-/// `ADP_Stopped_ApplicationExit`: exit code 0.
+/// Exit reason `ADP_Stopped_ApplicationExit`, for exit code 0.
 pub const SUCCESS: usize = 0x2_0026;
-/// `ADP_Stopped_RunTimeErrorUnknown`: exit code 1.
+/// Exit reason `ADP_Stopped_RunTimeErrorUnknown`, for exit code 1.
 pub const FAILURE: usize = 0x2_0023;
 
 /// Writes a byte to the console.

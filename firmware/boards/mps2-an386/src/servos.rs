@@ -1,6 +1,7 @@
-//! Perfect servos of the Rollwalk profile, simulated in the image, because its UART carries the link and no
-//! actuator bus: a joint is at its setpoint and a wheel turns at its setpoint, at once and without torque. This is no
-//! model of a motor.
+//! Ideal servos of the Rollwalk profile, simulated in the image because its UART carries the link and not an actuator bus.
+//!
+//! A joint reaches its set-point at once, a wheel turns at its set-point at once, and neither has a torque. These servos do not
+//! model a motor.
 
 use crate::robot::CHANNELS;
 use rollwalk_protocol::actuator::{
@@ -15,12 +16,12 @@ pub struct Servos([Servo; CHANNELS.len()]);
 struct Servo {
     bus: u8,
     id: u8,
-    /// Measurements of the servo. A wheel's angle stays 0.
+    /// Measurements of the servo. The angle of a wheel stays 0.
     feedback: Feedback,
 }
 
 impl Servos {
-    /// Servos at rest, each within its range, torque off.
+    /// Creates servos at rest, each within its range, with torque off.
     pub fn new() -> Self {
         Self(CHANNELS.map(|Channel { kind, min, max, bus, id, .. }| {
             let position_rad = match kind {
@@ -31,7 +32,7 @@ impl Servos {
         }))
     }
 
-    /// The answer to a frame on a bus.
+    /// Answers a frame on a bus.
     pub fn answer(&mut self, bus: u8, frame: &Frame) -> Option<Frame> {
         let (id, command) = command(frame)?;
         let servo = self.0.iter_mut().find(|servo| (servo.bus, servo.id) == (bus, id))?;
@@ -41,7 +42,7 @@ impl Servos {
     }
 }
 
-/// Command for one of them.
+/// Command for a servo.
 enum Command {
     Control(Control),
     Joint(JointSetpoint),

@@ -1,8 +1,7 @@
-//! The controller on an emulated Cortex-M4F in real time, its link over UART 0 as an SLCAN adapter has it: for
-//! `slcand`, and `rollwalk --bus slcan:`.
+//! Controller on an emulated Cortex-M4F in real time, with its link over UART 0 as an SLCAN adapter, for `slcand` and
+//! `rollwalk --bus slcan:`.
 //!
-//! The board keeps the time, and the loop is that of a real one. Only the servos are simulated, in here
-//! ([`servos`]).
+//! The board keeps the time, and its loop is that of a real board. Only the servos are simulated ([`servos`]).
 #![no_std]
 #![no_main]
 
@@ -29,7 +28,7 @@ use line::Line;
 use servos::Servos;
 use store::{Flash, Stores};
 
-/// The controller with its store.
+/// Controller with its store.
 type Core = Controller<image_keys::Libraries<Flash<{ store::CAPACITY }>>>;
 
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
@@ -58,7 +57,7 @@ fn main() -> ! {
     }
 }
 
-/// The controller and everything around it.
+/// Controller with its servos, line and clock.
 struct Board {
     controller: &'static mut Core,
     servos: Servos,
@@ -68,7 +67,7 @@ struct Board {
 }
 
 impl Board {
-    /// Takes bytes of the host up to the next end of a line; whether there was one.
+    /// Processes bytes from the host up to the next end of a line; returns true if a line ended.
     fn take_in(&mut self) -> bool {
         if self.line.has_lost() {
             self.adapter.lost();
@@ -86,7 +85,7 @@ impl Board {
         false
     }
 
-    /// Runs the control period, and one frame with its answer on each actuator bus; whether there was either.
+    /// Runs a control period that is due, and one frame with its answer on each actuator bus. Returns true if there was either.
     fn drive(&mut self) -> bool {
         let now_us = self.clock.now_us();
         let mut any = false;
@@ -104,7 +103,7 @@ impl Board {
         any
     }
 
-    /// Sends frames to the host while there is room: others wait in the controller, where newer ones replace them.
+    /// Sends frames to the host while there is room. Further frames wait in the controller, where newer ones replace them.
     fn give_out(&mut self) {
         self.line.work();
         while self.line.is_free()
@@ -116,7 +115,8 @@ impl Board {
         }
     }
 
-    /// Sleeps until an interrupt. None is lost between the check and the sleep: a pending one ends it.
+    /// Sleeps until an interrupt. An interrupt between the check and the sleep is not lost: it stays pending and ends the
+    /// sleep.
     fn rest(&mut self) {
         cortex_m::interrupt::free(|_| {
             if !self.line.is_busy() && !self.clock.is_due() {

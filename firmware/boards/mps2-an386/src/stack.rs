@@ -1,10 +1,10 @@
-//! Depth of the stack: memory is painted at the start, and the stack has reached the bytes that lost their paint.
+//! Depth of the stack. Free memory is painted at the start; bytes without the paint were used by the stack.
 
 use core::arch::asm;
 use core::ptr::{read_volatile, write_volatile};
 
 const PAINT: u32 = 0xA5A5_5A5A;
-/// Left alone below the stack pointer while painting: this function's own frame.
+/// Margin below the stack pointer that is not painted, bytes: the frame of the painting function.
 const MARGIN_BYTES: usize = 256;
 
 unsafe extern "C" {
@@ -14,7 +14,7 @@ unsafe extern "C" {
     static mut _stack_start: u32;
 }
 
-/// Paints everything between the static variables and the stack.
+/// Paints the memory between the static variables and the stack.
 pub fn paint() {
     let pointer: usize;
     // SAFETY: reads a register.
@@ -27,7 +27,7 @@ pub fn paint() {
     }
 }
 
-/// Bytes of stack that were ever used.
+/// Largest depth of the stack so far, bytes.
 pub fn deepest() -> u32 {
     let mut word = &raw const __sheap;
     let start = &raw const _stack_start;

@@ -1,5 +1,6 @@
-//! UART 0 for questions and answers: the processor sleeps until a byte is there; an emulator that need not run a
-//! waiting loop is several times faster.
+//! UART 0 for requests and answers.
+//!
+//! The processor sleeps until a byte arrives, because an emulator that does not execute a waiting loop is several times faster.
 
 use crate::registers::{
     BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
@@ -8,11 +9,11 @@ use crate::registers::{
 use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::NVIC;
 
-/// The UART. There is one; it is made once, by `main`.
+/// UART 0. `main` creates the only one.
 pub struct Uart(());
 
 impl Uart {
-    /// Switches it on. Interrupts stay disabled: one that is pending ends a wait, none is taken.
+    /// Switches the UART on. Interrupts stay disabled: a pending one ends a wait without being taken.
     pub fn new() -> Self {
         cortex_m::interrupt::disable();
         // SAFETY: registers of this board, which nothing else uses; no handler will run.

@@ -1,16 +1,15 @@
 //! Classic CAN bus on one FDCAN (RM0440, chapter 44), with the functions that a robot needs.
 //!
-//! The HAL's driver queues frames, and cannot cancel one. Here:
+//! The HAL's driver queues frames and cannot cancel one. This driver differs:
 //!
-//! - **One frame at a time.** A frame goes to the hardware when the one before has left: the choice
-//!   is made as late as possible, and there is no queue of old setpoints. The hardware repeats a
-//!   frame that no node acknowledges until [`Bus::expire`] or [`Bus::cancel`] cancels it. No frame
-//!   from before a loss of motor power is sent after it.
-//! - **Bus-off lasts.** "If the device enters bus-off, it sets the INIT bit of its own, stopping all
-//!   bus activities. Once INIT has been cleared by the CPU, the device waits for 129 occurrences of
-//!   bus-idle" (44.4.13). [`Bus::start`] alone clears it, when an operator has cleared the stop.
-//! - **No interrupts.** The main loop takes frames from the hardware's FIFO of three, which lasts
-//!   for 300 µs of a bus that is full; what is lost is counted.
+//! - **One frame at a time.** A frame is passed to the hardware when the previous one has been sent. The choice of the frame is
+//!   thus made as late as possible, and old set-points do not queue. The hardware repeats an unacknowledged frame until
+//!   [`Bus::expire`] or [`Bus::cancel`] cancels it. No frame from before a loss of motor power is sent after it.
+//! - **Bus-off lasts.** "If the device enters bus-off, it sets the INIT bit of its own, stopping all bus activities. Once INIT
+//!   has been cleared by the CPU, the device waits for 129 occurrences of bus-idle" (44.4.13). Only [`Bus::start`] clears the
+//!   bit, after an operator has cleared the stop.
+//! - **No interrupts.** The main loop reads frames from the hardware's FIFO of three, which lasts for 300 µs of a fully loaded
+//!   bus. Lost frames are counted.
 
 use crate::chip::CRYSTAL_HZ;
 use embassy_stm32::can::{Instance, RxPin, TxPin};
@@ -22,15 +21,15 @@ use embassy_stm32::{Peri, pac};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::{BusReport, BusState};
 
-/// Most time quanta of segments 1 and 2 of a bit (FDCAN_NBTP).
+/// Maximum numbers of time quanta of segments 1 and 2 of a bit (FDCAN_NBTP).
 const MAX_SEGMENTS: (u32, u32) = (256, 128);
 
 /// Flag of a 29-bit identifier, in the first word of an element.
 const EXTENDED: u32 = 1 << 30;
 
-/// Words of a FIFO element or transmit buffer in message RAM (44.3.8, 44.3.9).
+/// Length of a FIFO element or transmit buffer in message RAM, words (44.3.8, 44.3.9).
 const ELEMENT_WORDS: usize = 18;
-/// Number of the FIFO's last element.
+/// Index of the final element of the FIFO.
 const LAST_ELEMENT: u8 = 2;
 /// Bits of all three transmit buffers.
 const ALL_BUFFERS: u32 = 0b111;
@@ -49,7 +48,7 @@ pub const PORTS: [Port; 3] = [
     Port { regs: pac::FDCAN3, ram: pac::FDCANRAM3 },
 ];
 
-/// Takes all of them off their buses, a pending frame included.
+/// Disconnects all FDCANs from their buses. Drops a pending frame.
 pub fn silence() {
     for Port { regs, .. } in PORTS {
         regs.cccr().modify(|w| w.set_init(true));
@@ -68,17 +67,17 @@ pub fn connect<T: Instance>(rx: Peri<'static, impl RxPin<T>>, tx: Peri<'static, 
     core::mem::forget((rx, tx));
 }
 
-/// Times of a bit, in quanta of the crystal's clock.
+/// Lengths of the segments of a bit, in quanta of the crystal's clock.
 #[derive(Clone, Copy)]
 struct Timing {
     segment_1: u32,
-    /// Quanta after the sample point, which is at 87.5 % as in CiA 601-3; also the largest jump of a resynchronisation.
+    /// Quanta after the sample point, which is at 87.5 % as in CiA 601-3. Also limits the jump of a resynchronisation.
     segment_2: u32,
 }
 
 impl Timing {
-    /// Timing for a bit rate; `None` if whole quanta do not make the rate. Robot files have 125 kbit/s to 1 Mbit/s: 192 to 24
-    /// quanta.
+    /// Timing for a bit rate; `None` if the bit is not a whole number of quanta. Robot files permit 125 kbit/s to 1 Mbit/s,
+    /// which are 192 to 24 quanta.
     fn at(bit_rate: u32) -> Option<Self> {
         let quanta = CRYSTAL_HZ.checked_div(bit_rate)?;
         let segment_2 = (quanta + 4) / 8;
@@ -93,13 +92,13 @@ impl Timing {
 pub struct Bus {
     port: Port,
     timing: Timing,
-    /// Time at which the waiting frame was handed to the hardware.
+    /// Time at which the waiting frame was passed to the hardware.
     waits_since_us: u64,
     report: BusReport,
 }
 
 impl Bus {
-    /// Takes part in the bus of a port; `None` for a bit rate that the crystal does not make.
+    /// Joins the bus of a port; `None` if the crystal cannot produce the bit rate.
     pub fn new(port: Port, bit_rate: u32) -> Option<Self> {
         let timing = Timing::at(bit_rate)?;
         let bus = Self { port, timing, waits_since_us: 0, report: BusReport::default() };
@@ -107,8 +106,9 @@ impl Bus {
         Some(bus)
     }
 
-    /// Sets the hardware up and takes part in the bus, after bus-off once 129 times 11 recessive bits
-    /// were seen. What was waiting to be sent is forgotten.
+    /// Sets up the hardware and joins the bus. Drops pending frames.
+    ///
+    /// After bus-off, the hardware joins once it has seen 129 times 11 recessive bits.
     pub fn start(&self) {
         let Port { regs, ram } = self.port;
         let Timing { segment_1, segment_2 } = self.timing;
@@ -148,7 +148,7 @@ impl Bus {
         regs.cccr().modify(|w| w.set_init(false));
     }
 
-    /// The next frame that was received.
+    /// Returns the next received frame.
     pub fn receive(&mut self) -> Option<Frame> {
         let Port { regs, ram } = self.port;
         let fifo = regs.rxfs(0).read();
@@ -183,7 +183,7 @@ impl Bus {
         !regs.cccr().read().init() && regs.txbrp().read().0 & ALL_BUFFERS == 0
     }
 
-    /// Sends a frame, if [`Self::is_free`].
+    /// Sends a frame. Requires [`Self::is_free`].
     pub fn send(&mut self, now_us: u64, frame: &Frame) {
         let Port { regs, ram } = self.port;
         let mut data = [0; 8];
@@ -206,8 +206,8 @@ impl Bus {
         regs.txbar().write(|w| w.set_ar(0, true));
     }
 
-    /// Calls back a frame that has not left. One that is on the wire at this moment is sent to its end,
-    /// and not repeated (44.3.6, "Transmit cancellation").
+    /// Cancels a frame that has not been sent. A frame that is being sent is completed, but not repeated (44.3.6, "Transmit
+    /// cancellation").
     pub fn cancel(&mut self) {
         let regs = self.port.regs;
         let waiting = regs.txbrp().read().0 & ALL_BUFFERS;
@@ -216,14 +216,14 @@ impl Bus {
         }
     }
 
-    /// Calls back a frame that has waited for so long.
+    /// Cancels a frame that has waited for longer than `patience_us`.
     pub fn expire(&mut self, now_us: u64, patience_us: u64) {
         if now_us.saturating_sub(self.waits_since_us) > patience_us {
             self.cancel();
         }
     }
 
-    /// State of the bus; call it once in each control period.
+    /// State of the bus. Call it once in each control period.
     pub fn report(&mut self) -> BusReport {
         let regs = self.port.regs;
         // Reading it forgets the last error (44.4.13): nobody else does.

@@ -1,5 +1,4 @@
-//! The chip itself: clocks, supply, cause of the reset, serial number. Names of registers are the
-//! reference manual's, RM0440.
+//! Chip: clocks, supply, cause of the reset, serial number. Names of registers are those of the reference manual, RM0440.
 
 use embassy_stm32::Peripherals;
 use embassy_stm32::pac;
@@ -7,14 +6,15 @@ use embassy_stm32::rcc;
 use embassy_stm32::time::Hertz;
 use rollwalk_protocol::serial::Reset;
 
-/// The Nucleo's crystal X3. CAN needs a crystal: the RC oscillator is off by up to 1 %.
+/// Frequency of the Nucleo's crystal X3, Hz. CAN needs a crystal: the RC oscillator is off by up to 1 %.
 pub const CRYSTAL_HZ: u32 = 24_000_000;
 pub const CORE_HZ: u32 = 170_000_000;
 /// Threshold of the supply detector, in PWR_CR2: 5 is about 2.8 V.
 const SUPPLY_THRESHOLD: u8 = 5;
 
-/// Switches clocks, ports and the supply detector on. Waits for the crystal, for good if there is none:
-/// nothing is driven then, and nothing sent.
+/// Switches clocks, ports and the supply detector on.
+///
+/// Waits for the crystal, forever if there is none: the board then drives and sends nothing.
 pub fn start(peripherals: &mut Peripherals) {
     // The power interface, before the regulator is told of the speed; SYSCFG for the interrupt of a pin.
     pac::RCC.apb1enr1().modify(|w| w.set_pwren(true));
@@ -61,7 +61,7 @@ pub fn start(peripherals: &mut Peripherals) {
     });
 }
 
-/// True if the supply is below 2.8 V: too low to write flash, or to drive a robot.
+/// True if the supply is below 2.8 V, which is too low to write flash or to drive a robot.
 pub fn supply_is_low() -> bool {
     pac::PWR.sr2().read().pvdo()
 }
@@ -71,7 +71,7 @@ pub fn brown_out_level() -> u8 {
     pac::FLASH.optr().read().bor_lev()
 }
 
-/// Cause of the last reset (RCC_CSR). Clears it, so that the next reset reports its own cause.
+/// Cause of the most recent reset (RCC_CSR). Clears it, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -90,7 +90,7 @@ pub fn take_reset_cause() -> Reset {
     }
 }
 
-/// Identifier of this chip, 48 bits: its unique 96 bits, folded.
+/// Identifier of this chip with 48 bits, folded from its unique 96 bits.
 pub fn uid() -> [u8; 6] {
     let [a, b, c, d, e, f, g, h, i, j, k, l] = embassy_stm32::uid::uid();
     [a ^ g, b ^ h, c ^ i, d ^ j, e ^ k, f ^ l]

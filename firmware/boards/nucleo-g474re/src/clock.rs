@@ -1,9 +1,9 @@
-//! Time: TIM5 counts microseconds, and control periods are counted in them.
+//! Time: TIM5 counts microseconds.
 
 use crate::chip::CORE_HZ;
 use embassy_stm32::pac;
 
-/// Counts microseconds since it was made.
+/// Counter of microseconds since its start.
 pub struct Clock {
     high: u64,
     last: u32,
@@ -22,7 +22,7 @@ impl Clock {
         Self { high: 0, last: 0 }
     }
 
-    /// Present time. Needs a call at least every 71 minutes, before 32 bits wrap.
+    /// Current time, µs. Call it at least every 71 minutes, before 32 bits wrap.
     pub fn now_us(&mut self) -> u64 {
         let low = pac::TIM5.cnt().read();
         if low < self.last {

@@ -1,8 +1,7 @@
-//! The emergency-stop contact: normally closed, from the pin to ground.
+//! Emergency-stop contact: normally closed, from the pin to ground.
 //!
-//! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is
-//! out are the same high level. The level counts in every control period; the interrupt
-//! catches what is shorter.
+//! Only a closed contact allows torque. A pressed button, a broken wire and an unplugged connector all give the high level. The
+//! firmware reads the level in every control period, and an interrupt catches shorter pulses.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m::peripheral::NVIC;
@@ -37,7 +36,7 @@ impl Contact {
         self.pin.is_high()
     }
 
-    /// True if the contact was open since the last call, however briefly.
+    /// Returns true if the contact opened since the previous call, however briefly.
     pub fn take_opened(&self) -> bool {
         // Read first: a swap in every turn of the loop is dearer than a load.
         OPENED.load(Ordering::Relaxed) && OPENED.swap(false, Ordering::Relaxed)

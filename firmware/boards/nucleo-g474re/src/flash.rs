@@ -1,11 +1,12 @@
-//! The flash of libraries, parameters and the count of boots: bank 2, 256 KiB in pages of 2 KiB, written in words of 8
-//! bytes (RM0440, 3.3).
+//! Flash of libraries, parameters and boot counter: bank 2, 256 KiB in pages of 2 KiB, written in words of 8 bytes (RM0440,
+//! 3.3).
 //!
-//! Code runs from bank 1 meanwhile (read-while-write, 3.3.8). Words carry an ECC (3.3.2): one that a
-//! power cut has torn may not be correctable. Loading such a word raises an NMI and goes on with what
-//! the cells hold; the handler notes it, and [`ReadNorFlash::read`] answers with an error. Three things
-//! could hide it, and are seen to: the data cache, the buffer of the last word, and an error before
-//! that was not cleared.
+//! Code runs from bank 1 during a write (read-while-write, 3.3.8). Words have an ECC (3.3.2), but a word torn by a power cut
+//! may not be correctable. Loading such a word raises an NMI and then continues with the content of the cells. The handler
+//! records the error, and [`ReadNorFlash::read`] returns it.
+//!
+//! Three things could hide an uncorrectable word: the data cache, the buffer of the word read before, and an earlier error that
+//! was not cleared. The driver handles all three.
 
 use crate::partition::{Part, Parts};
 use crate::{chip, fault};
@@ -22,8 +23,8 @@ const SIZE: u32 = 256 << 10;
 const WORD: usize = 8;
 const PAGE: usize = 2048;
 
-/// Least that is read at once. A second load of a broken word raises no NMI while the word is still in
-/// the flash's read buffer; the other words of a read this long have displaced it.
+/// Smallest read, bytes. A second load of a broken word raises no NMI while the word is still in the flash's read buffer. The
+/// other words of a read of this length displace it.
 const READ: usize = 4 * WORD;
 
 /// Keys of the control register (3.3.5).
@@ -31,10 +32,10 @@ const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 /// Errors in FLASH_SR, cleared by writing 1: OPERR, PROGERR to FASTERR, RDERR.
 const ERRORS: u32 = 1 << 1 | 0b11_1111_1000 | 1 << 14;
 
-/// Words that could not be corrected since the reset.
+/// Number of uncorrectable words loaded since the reset.
 static BROKEN_WORDS: AtomicU32 = AtomicU32::new(0);
 
-/// Number of loads that found a word that could not be corrected.
+/// Number of uncorrectable words loaded since the reset.
 pub fn broken_words() -> u32 {
     BROKEN_WORDS.load(Ordering::Relaxed)
 }
@@ -49,7 +50,7 @@ unsafe fn NonMaskableInt() {
     }
 }
 
-/// Records a broken word of bank 2, called by the NMI. Returns true if that was the cause.
+/// Records an uncorrectable word of bank 2, in the NMI. Returns true if that was the cause of the NMI.
 fn note_broken_word() -> bool {
     let errors = FLASH.eccr().read();
     let ours = errors.eccd() && errors.bk_ecc() && !errors.sysf_ecc();
@@ -61,15 +62,16 @@ fn note_broken_word() -> bool {
     ours
 }
 
-/// Forgets that a word was corrected: until then no further error would be noticed (3.3.2).
+/// Clears the flag of a corrected word. While it is set, the hardware does not report further errors (3.3.2).
 pub fn forget_corrected() {
     if FLASH.eccr().read().eccc() {
         FLASH.eccr().modify(|w| w.set_eccc(true));
     }
 }
 
-/// The parts, which begin at addresses; to be called once, by `main`. `None` with the option byte DBANK cleared: the flash is
-/// one bank then, and other than described here.
+/// Regions of the flash; the `start` of each is an address. Call it once, in `main`.
+///
+/// Returns `None` if the option byte DBANK is cleared: the flash is then a single bank, with another layout.
 pub fn parts() -> Option<Parts> {
     FLASH.optr().read().dbank().then_some(Parts::of(START, SIZE, PAGE as u32))
 }
@@ -155,7 +157,7 @@ impl MappedFlash for Part {
     }
 }
 
-/// Runs `work` with the data cache off: it must not keep a word that changes (3.3.7, "Programming and caches").
+/// Runs `work` with the data cache off, because the cache must not keep a word that changes (3.3.7, "Programming and caches").
 fn uncached<T>(work: impl FnOnce() -> T) -> T {
     FLASH.acr().modify(|w| w.set_dcen(false));
     let done = work();

@@ -1,8 +1,9 @@
-//! The controller on a NUCLEO-G474RE: FDCAN1 is the link, FDCAN2, FDCAN3 and USART3 are the
-//! actuator buses, the debugger's serial port is a second way to the link.
+//! Controller on a NUCLEO-G474RE. FDCAN1 is the link; FDCAN2, FDCAN3 and USART3 are the actuator buses. The debugger's serial
+//! port is a second port of the link.
 //!
-//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the serial line and note that the emergency-stop
-//! contact opened; everything else is polled in turn. Wiring, flashing and testing: `firmware/boards/nucleo-g474re/README.md`.
+//! A single loop polls everything in turn, and nothing blocks while torque is on. Interrupts only receive bytes of the serial
+//! lines, and record that the emergency-stop contact opened. Wiring, flashing and testing:
+//! `firmware/boards/nucleo-g474re/README.md`.
 #![no_std]
 #![no_main]
 
@@ -53,13 +54,13 @@ use start::{Core, Started};
 use usart::Sender;
 use watchdog::Watchdog;
 
-/// CAN ports for actuators.
+/// Number of CAN ports for actuators.
 const ACTUATOR_PORTS: usize = can::PORTS.len() - 1;
 const LINK_BIT_RATE: u32 = 1_000_000;
-/// Timeout of a link frame that waits for the bus: after a break, an older frame is useless.
+/// Timeout of a link frame that waits for the bus, µs. After an interruption, an older frame is useless.
 const LINK_PATIENCE_US: u64 = 50_000;
 
-/// Takes the buses off.
+/// Disconnects from the buses.
 fn silence() {
     can::silence();
     usart::silence();
@@ -131,38 +132,38 @@ fn main() -> ! {
     board.run()
 }
 
-/// Ports to the host.
+/// Port to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
     Can,
     Serial,
 }
 
-/// A bus of the robot at a port of the board.
+/// Bus of the robot at a port of the board.
 struct ActuatorBus {
     /// Number of the bus in the robot.
     number: u8,
     bus: Bus,
 }
 
-/// The controller and everything around it.
+/// Controller with its buses, ports and timers.
 struct Board {
     controller: &'static mut Core,
     link: Bus,
     actuators: Vec<ActuatorBus, ACTUATOR_PORTS>,
-    /// The servo line, with its number in the robot.
+    /// Servo line, with its bus number in the robot.
     line: Option<(u8, Line<Sender>)>,
     serial: Link<Serial>,
     host: Host<HostPort>,
     contact: Contact,
     light: Output<'static>,
-    /// Torque at the last check.
+    /// Torque at the previous check.
     torque: Torque,
     periods: Periods,
     period_us: u64,
     watchdog: Watchdog,
     report: Report,
-    /// The emergency stop for a link that is off has been made.
+    /// True if the emergency stop for a link in bus-off was raised.
     stopped_for_link: bool,
     clock: Clock,
 }
@@ -181,7 +182,7 @@ impl Board {
         }
     }
 
-    /// Everything that arrived, one frame of each bus at a time: none waits for another.
+    /// Processes received data, one frame of each bus at a time, so that no bus waits for another.
     fn take_in(&mut self) {
         let now_us = self.clock.now_us();
         if self.contact.take_opened() {
@@ -206,7 +207,7 @@ impl Board {
         self.host.pass_on(self.controller, now_us);
     }
 
-    /// Cancels frames that wait on the actuator buses when torque has just been switched off: they are from before.
+    /// Cancels frames that wait on the actuator buses when torque has just been switched off, because they are older than that.
     fn watch_torque(&mut self) {
         let torque = self.controller.state().torque();
         if torque == Torque::Off && self.torque != Torque::Off {
@@ -215,7 +216,7 @@ impl Board {
         self.torque = torque;
     }
 
-    /// Runs a control period, after `missed` ones that went by unnoticed.
+    /// Runs a control period, after `missed` control periods that were skipped.
     fn tick(&mut self, now_us: u64, missed: u64) {
         self.report.missed_periods =
             self.report.missed_periods.saturating_add(u32::try_from(missed).unwrap_or(u32::MAX));
@@ -239,7 +240,7 @@ impl Board {
         self.watchdog.feed();
     }
 
-    /// Watches the actuator buses. A bus that is off stays off until an operator has cleared the stop.
+    /// Checks the actuator buses. A bus in bus-off stays off until an operator has cleared the stop.
     fn watch_actuator_buses(&mut self, now_us: u64) {
         let [_, slots @ ..] = &mut self.report.buses;
         for (ActuatorBus { number, bus }, slot) in self.actuators.iter_mut().zip(slots) {
@@ -252,8 +253,10 @@ impl Board {
         }
     }
 
-    /// Watches the link. With torque on, a bus-off link is a lost host: the robot goes to SAFE. With torque off it is an
-    /// emergency stop, so that it, too, waits for an operator.
+    /// Checks the link for bus-off.
+    ///
+    /// With torque on, bus-off counts as a lost host: the robot goes to SAFE. With torque off it raises an emergency stop, so
+    /// that the link also waits for an operator.
     fn watch_link(&mut self, now_us: u64) {
         self.link.expire(now_us, LINK_PATIENCE_US);
         let [slot, ..] = &mut self.report.buses;
@@ -271,7 +274,7 @@ impl Board {
         }
     }
 
-    /// Sends the next frame on every bus that can take one.
+    /// Sends the next frame on every bus that is free.
     fn give_out(&mut self) {
         let now_us = self.clock.now_us();
         for ActuatorBus { number, bus } in &mut self.actuators {

@@ -1,4 +1,4 @@
-//! LPUART1, which the Nucleo's debugger shows as a serial port: 1 Mbaud, 8N1.
+//! LPUART1, which the Nucleo's debugger presents as a serial port: 1 Mbaud, 8N1.
 
 use crate::chip::CORE_HZ;
 use crate::link::Port;
@@ -12,14 +12,14 @@ use heapless::spsc::Consumer;
 
 const BAUD: u32 = 1_000_000;
 
-/// Receive queue: 5 ms of a line that never rests.
+/// Receive queue for 5 ms of continuous data.
 static RECEIVED: Received<512> = Received::new();
 static WRITER: Writer = Writer::new();
 
 pub struct Serial(Consumer<'static, u8>);
 
 impl Serial {
-    /// Switches it on; once.
+    /// Switches the port on. Returns `None` on a second call.
     pub fn new(
         rx: Peri<'static, impl RxPin<peripherals::LPUART1>>,
         tx: Peri<'static, impl TxPin<peripherals::LPUART1>>,

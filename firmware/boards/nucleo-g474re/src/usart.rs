@@ -1,7 +1,7 @@
-//! A line of serial servos on one wire: USART3 in half duplex (RM0440, 37.5.15).
+//! Half-duplex line of serial servos on USART3 (RM0440, 37.5.15).
 //!
-//! **The wire is never driven high.** A 0 is driven low, a 1 and the rest are the pull-up's: no two ends drive against each
-//! other, and there is no direction to be switched, so that a servo may answer at once.
+//! **The wire is never driven high.** A 0 is driven low; a pull-up produces a 1 and the idle level. Two ends never drive
+//! against each other. No direction must be switched, so a servo may answer at once.
 
 use crate::chip::CORE_HZ;
 use crate::line::{Line, Transmitter};
@@ -12,22 +12,22 @@ use embassy_stm32::pac::{USART3, interrupt};
 use embassy_stm32::usart::TxPin;
 use embassy_stm32::{Peri, peripherals};
 
-/// Least and largest divisor (USART_BRR): 2.6 kbit/s to 10.6 Mbit/s.
+/// Range of the divisor (USART_BRR): 10.6 Mbit/s to 2.6 kbit/s.
 const DIVISORS: core::ops::RangeInclusive<u32> = 16..=0xFFFF;
 
-/// Receive queue: 5 ms at 1 Mbaud.
+/// Receive queue for 5 ms at 1 Mbaud.
 static RECEIVED: Received<512> = Received::new();
 static WRITER: Writer = Writer::new();
 
-/// The sender of the line.
+/// Transmitter of the line.
 pub struct Sender(());
 
-/// Takes it off the wire, in the middle of a byte.
+/// Disconnects from the wire, even in the middle of a byte.
 pub fn silence() {
     USART3.cr1().write(|_| {});
 }
 
-/// Switches the line on; once. `None` for a rate that it does not make.
+/// Switches the line on. Returns `None` if the USART cannot produce the bit rate, or on a second call.
 pub fn start(
     wire: Peri<'static, impl TxPin<peripherals::USART3>>,
     bit_rate: u32,

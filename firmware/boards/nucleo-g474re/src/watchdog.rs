@@ -1,18 +1,19 @@
-//! The independent watchdog, which runs from its own oscillator (RM0440, chapter 35).
+//! Independent watchdog, which runs from its own oscillator (RM0440, chapter 35).
 
 use embassy_stm32::pac::IWDG;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
-/// 32 kHz divided by 16: half a millisecond. The longest that the control loop may stop for is a
-/// library being checked, while disarmed: about half a second for a slot that is full (320
-/// instructions a byte, counted on a host). The actuators' own watchdogs are the fast ones.
+/// Timeout in units of 0.5 ms (32 kHz divided by 16).
+///
+/// The longest stop of the control loop is the check of a library, while disarmed: about half a second for a full slot (320
+/// instructions a byte, counted on a host). The actuators' own watchdogs react faster.
 const TIMEOUT_HALF_MS: u16 = 2000;
 
-/// A watchdog that runs: a second without [`feed`](Self::feed) resets the chip.
+/// Running watchdog: a second without [`feed`](Self::feed) resets the chip.
 pub struct Watchdog(());
 
 impl Watchdog {
-    /// Starts it; nothing but a reset stops it.
+    /// Starts the watchdog. Only a reset stops it.
     pub fn start() -> Self {
         // The order of 35.3.2.
         IWDG.kr().write(|w| w.set_key(Key::START));
@@ -25,7 +26,7 @@ impl Watchdog {
         watchdog
     }
 
-    /// A control period is complete.
+    /// Restarts the timeout. Call it when a control period is complete.
     pub fn feed(&self) {
         IWDG.kr().write(|w| w.set_key(Key::RESET));
     }

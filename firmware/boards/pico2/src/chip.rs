@@ -1,4 +1,4 @@
-//! The chip itself: clocks, resets, pins, cause of the reset, serial number. Names of registers are the RP2350 datasheet's.
+//! Chip: clocks, resets, pins, cause of the reset, serial number. Names of registers are those of the RP2350 datasheet.
 
 use crate::watchdog;
 use embassy_rp::pac::clocks::vals::{
@@ -12,26 +12,28 @@ use embassy_rp::pac::{
 };
 use rollwalk_protocol::serial::Reset;
 
-/// The Pico 2's crystal.
+/// Frequency of the Pico 2's crystal, Hz.
 const CRYSTAL_HZ: u32 = 12_000_000;
-/// Processor, UART and PIO.
+/// Clock of processor, UART and PIO, Hz.
 pub const CORE_HZ: u32 = 150_000_000;
-/// The VCO, within 750 to 1600 MHz (8.6.2), and its two dividers.
+/// Frequency of the system PLL's VCO, Hz, within 750 to 1600 MHz (8.6.2).
 const VCO_HZ: u32 = 1_500_000_000;
+/// Post-dividers of the system PLL.
 const POST_DIVIDERS: (u8, u8) = (5, 2);
 const _: () = assert!(VCO_HZ / (POST_DIVIDERS.0 as u32 * POST_DIVIDERS.1 as u32) == CORE_HZ);
 
-/// Functions of pins (9.4).
+/// Pin function for the UART (9.4).
 pub const FUNCTION_UART: u8 = 2;
 const FUNCTION_SIO: u8 = 5;
 pub const FUNCTION_PIO0: u8 = 6;
 
-/// The same for the 48 MHz of USB.
+/// Frequency of the VCO of the 48 MHz USB PLL, Hz.
 const USB_VCO_HZ: u32 = 1_200_000_000;
 const USB_POST_DIVIDERS: (u8, u8) = (5, 5);
 
-/// Switches clocks and peripherals on. Waits for the crystal, for good if there is none: nothing is driven then, and
-/// nothing sent.
+/// Switches clocks and peripherals on.
+///
+/// Waits for the crystal, forever if there is none: the board then drives and sends nothing.
 pub fn start() {
     XOSC.ctrl().write(|w| w.set_freq_range(CtrlFreqRange::_1_15MHZ));
     // 1 ms, in units of 256 periods (8.2.4).
@@ -91,7 +93,7 @@ pub fn start() {
     });
 }
 
-/// Starts a PLL and waits for it. The order of 8.6.3: dividers of the loop, power, lock, dividers behind it.
+/// Starts a PLL and waits until it has locked. The order is that of 8.6.3: loop divider, power, lock, post-dividers.
 fn lock(pll: Pll, vco_hz: u32, (first, second): (u8, u8)) {
     pll.cs().write(|w| w.set_refdiv(1));
     pll.fbdiv_int().write(|w| w.set_fbdiv_int((vco_hz / CRYSTAL_HZ) as u16));
@@ -116,7 +118,7 @@ fn release(which: impl Fn(&mut embassy_rp::pac::resets::regs::Peripherals)) {
     while RESETS.reset_done().read().0 & mask != mask {}
 }
 
-/// Gives a pin to a peripheral, pulled up; to the processor as an input with [`input`].
+/// Connects a pin to a peripheral, pulled up. [`input`] connects one to the processor.
 pub fn connect<const PIN: usize>(function: u8) {
     const { assert!(PIN < 30) };
     PADS_BANK0.gpio(PIN).write(|w| {
@@ -129,19 +131,19 @@ pub fn connect<const PIN: usize>(function: u8) {
     IO_BANK0.gpio(PIN).ctrl().write(|w| w.set_funcsel(function));
 }
 
-/// A pin as an input of the processor, pulled up.
+/// Makes a pin an input of the processor, pulled up.
 pub fn input<const PIN: usize>() {
     connect::<PIN>(FUNCTION_SIO);
 }
 
-/// A pin as an output of the processor, low.
+/// Makes a pin an output of the processor, at low level.
 pub fn output<const PIN: usize>() {
     connect::<PIN>(FUNCTION_SIO);
     embassy_rp::pac::SIO.gpio_out(0).value_clr().write_value(1 << PIN);
     embassy_rp::pac::SIO.gpio_oe(0).value_set().write_value(1 << PIN);
 }
 
-/// Cause of the last reset. Clears a stopped loop, so that the next reset reports its own cause.
+/// Cause of the most recent reset. Clears the watchdog's record, so that the next reset reports its own cause.
 pub fn take_reset_cause() -> Reset {
     let chip = POWMAN.chip_reset().read();
     if watchdog::take_expired() {
@@ -157,7 +159,7 @@ pub fn take_reset_cause() -> Reset {
     }
 }
 
-/// Identifier of this chip, 48 bits: its 64 bits in the one-time memory (rows 0 to 3), folded.
+/// Identifier of this chip with 48 bits, folded from the 64 bits in its one-time memory (rows 0 to 3).
 pub fn uid() -> [u8; 6] {
     let row = |n: usize| {
         // A row has 16 bits, and 8 of its ECC above them.

@@ -2,7 +2,7 @@
 
 use embassy_rp::pac::TIMER0;
 
-/// Time since the reset, µs. The two halves are read without the latch, which an interrupt could disturb.
+/// Time since the reset, µs. The two halves are read without the latch, because an interrupt could disturb it.
 pub fn now_us() -> u64 {
     loop {
         let high = TIMER0.timerawh().read();

@@ -1,13 +1,13 @@
-//! The emergency-stop contact: normally closed, from GP22 to ground.
+//! Emergency-stop contact: normally closed, from GP22 to ground.
 //!
-//! Closed is the only state that allows torque: a pressed button, a broken wire and a plug that is out are the same high
-//! level. The firmware reads the level in every control period, and the edge that the pin has latched, which catches shorter
+//! Only a closed contact allows torque. A pressed button, a broken wire and an unplugged connector all give the high level. The
+//! firmware reads the level in every control period. It also reads the edge that the pin has latched, which catches shorter
 //! pulses.
 
 use crate::chip;
 use embassy_rp::pac::{IO_BANK0, SIO};
 
-/// GP22, at pin 29 of the board, next to ground at 28.
+/// Pin GP22, at pin 29 of the board, next to ground at 28.
 const PIN: usize = 22;
 
 pub struct Contact(());
@@ -27,7 +27,8 @@ impl Contact {
         SIO.gpio_in(0).read() & 1 << PIN != 0
     }
 
-    /// True if the contact opened since the last call, however briefly: a latched edge, without an interrupt (9.5).
+    /// Returns true if the contact opened since the previous call, however briefly. Reads a latched edge, without an interrupt
+    /// (9.5).
     pub fn take_opened(&self) -> bool {
         let edges = IO_BANK0.intr(PIN / 8);
         let opened = edges.read().edge_high(PIN % 8);

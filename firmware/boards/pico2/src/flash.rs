@@ -1,9 +1,9 @@
-//! The flash of libraries, parameters and the count of boots: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB
-//! and written in pages of 256 bytes.
+//! Flash of libraries, parameters and boot counter: the upper half of the Pico 2's 4 MiB, erased in sectors of 4 KiB and
+//! written in pages of 256 bytes.
 //!
-//! **The program stands still meanwhile**, interrupts included: it runs from the same flash. Erasing a sector takes 45 ms, up to
-//! 400 ms by the data sheet of the flash (W25Q32JV-like), a page 0.4 to 3 ms. The store writes while torque is off only. Messages
-//! of the host in that time are lost, and sent again.
+//! **The program stands still during a write or erase**, interrupts included, because it runs from the same flash. Erasing a
+//! sector takes 45 ms, and up to 400 ms by the data sheet of the flash (W25Q32JV-like); writing a page takes 0.4 to 3 ms. The
+//! store writes only while torque is off. Messages of the host are lost in that time, and the host repeats them.
 
 use crate::partition::{Part, Parts};
 use core::ptr::read_volatile;
@@ -12,13 +12,14 @@ use embassy_rp::peripherals::FLASH;
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rollwalk_firmware::store::MappedFlash;
 
-/// Size of the flash, and the end of the program's part (`memory.x`), bytes.
+/// Size of the flash, bytes.
 const ALL: usize = 4 << 20;
+/// Offset of the end of the program (`memory.x`), bytes.
 const START: usize = 2 << 20;
-/// Least that is written at once: the hardware programs bits, and pages may be filled in pieces.
+/// Smallest write, bytes. The hardware programs single bits, so a page may be written in pieces.
 const WORD: usize = 32;
 
-/// The parts, which begin at offsets in the flash; to be called once, by `main`.
+/// Regions of the flash; the `start` of each is an offset. Call it once, in `main`.
 pub fn parts() -> Parts {
     Parts::of(START as u32, (ALL - START) as u32, ERASE_SIZE as u32)
 }

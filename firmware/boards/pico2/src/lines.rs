@@ -1,9 +1,9 @@
-//! Two lines of serial servos, each on one wire, by PIO0 (RP2350 datasheet, chapter 11): a state machine sends, another
+//! Two half-duplex lines of serial servos on PIO0 (RP2350 datasheet, chapter 11). In each, one state machine sends and another
 //! receives.
 //!
-//! **The wire is never driven high.** A 0 is driven low, a 1 and the rest are the pull-up's: no two ends ever drive against
-//! each other, and there is no direction to be switched, so that a servo may answer at once. A second pin is high while a
-//! byte is sent, for a transceiver where there must be one (RS-485).
+//! **The wire is never driven high.** A 0 is driven low; a pull-up produces a 1 and the idle level. Two ends never drive
+//! against each other. No direction must be switched, so a servo may answer at once. A second pin is high while a byte is sent,
+//! for lines that require a transceiver (RS-485).
 
 use crate::chip::{self, CORE_HZ, FUNCTION_PIO0};
 use crate::line::{Line, Transmitter};
@@ -14,16 +14,16 @@ use embassy_rp::pio::program::pio_asm;
 
 pub const COUNT: usize = 2;
 
-/// Place of the receiver in the memory of the programs; the sender has the first.
+/// Offset of the receiver in the instruction memory. The sender is at offset 0.
 const RECEIVER_AT: u8 = 8;
-/// Cycles of a bit, in both programs.
+/// Number of cycles of a bit, in both programs.
 const CYCLES: u32 = 8;
 
-/// Bytes that a line has received: 5 ms at 1 Mbaud.
+/// Receive queues of the lines, each for 5 ms at 1 Mbaud.
 static RECEIVED: [Received<512>; COUNT] = [const { Received::new() }; COUNT];
 static WRITERS: [Writer; COUNT] = [const { Writer::new() }; COUNT];
 
-/// The sender of a line.
+/// Transmitter of a line.
 pub struct Sender {
     number: usize,
 }
@@ -33,14 +33,14 @@ pub fn silence() {
     RESETS.reset().modify(|w| w.set_pio0(true));
 }
 
-/// The first line, its wire on GP2 and its direction on GP3; once.
+/// Starts the first line, with its wire on GP2 and its direction on GP3. Returns `None` on a second call.
 pub fn first(bit_rate: u32) -> Option<Line<Sender>> {
     chip::connect::<2>(FUNCTION_PIO0);
     chip::connect::<3>(FUNCTION_PIO0);
     start::<0, 1>(0, 2, bit_rate)
 }
 
-/// The second line, its wire on GP4 and its direction on GP5; once.
+/// Starts the second line, with its wire on GP4 and its direction on GP5. Returns `None` on a second call.
 pub fn second(bit_rate: u32) -> Option<Line<Sender>> {
     chip::connect::<4>(FUNCTION_PIO0);
     chip::connect::<5>(FUNCTION_PIO0);
@@ -86,10 +86,10 @@ impl Transmitter for Sender {
     }
 }
 
-/// First and last instruction of a program.
+/// Offsets of the first and the last instruction of a program.
 type Wrap = (u8, u8);
 
-/// Writes both programs; the second line finds them as they are.
+/// Writes both programs. For the second line, they are already there.
 fn load_programs() -> (Wrap, Wrap) {
     // A pin that this drives is low: the value of the output stays 0, and its direction carries the bits.
     let sender = pio_asm!(
@@ -123,7 +123,7 @@ fn load_programs() -> (Wrap, Wrap) {
     (load(&sender.program.code, 0), load(&receiver.program.code, RECEIVER_AT))
 }
 
-/// Writes a program to a place of the memory of 32 instructions.
+/// Writes a program at an offset of the instruction memory, which has 32 instructions.
 fn load(code: &[u16], at: u8) -> Wrap {
     for (place, &word) in (at..32).zip(code) {
         // The targets of jumps, which have the opcode 0, move along.
@@ -182,7 +182,7 @@ fn PIO0_IRQ_0() {
     second.fill(next::<3>);
 }
 
-/// The next byte that a receiver has.
+/// Returns the next byte of a receiver.
 fn next<const SM: usize>() -> Option<u8> {
     let is_empty = PIO0.fstat().read().rxempty() & 1 << SM != 0;
     // Shifted in from above.

@@ -1,6 +1,6 @@
-//! The controller on a Raspberry Pi Pico 2: two lines of serial servos; the link over USB or UART0.
+//! Controller on a Raspberry Pi Pico 2, with two lines of serial servos and the link over USB or UART0.
 //!
-//! One loop, nothing blocks while torque is on. Interrupts only take bytes of the lines; everything else is polled in turn.
+//! A single loop polls everything in turn, and nothing blocks while torque is on. Interrupts only receive bytes of the lines.
 //! Wiring, flashing and testing: `firmware/boards/pico2/README.md`.
 #![no_std]
 #![no_main]
@@ -50,10 +50,10 @@ use uart::Uart;
 use usb::Usb;
 use watchdog::Watchdog;
 
-/// The board's light, lit while torque is on.
+/// Pin of the board's LED, lit while torque is on.
 const LIGHT: usize = 25;
 
-/// Takes the lines off.
+/// Disconnects from the lines.
 fn silence() {
     lines::silence();
 }
@@ -99,21 +99,21 @@ fn main() -> ! {
     board.run()
 }
 
-/// A bus of the robot at a port of the board.
+/// Servo line of the robot at a port of the board.
 struct ActuatorLine {
-    /// Number of the line in the robot.
+    /// Bus number of the line in the robot.
     number: u8,
     line: Line<Sender>,
 }
 
-/// Ports to the host.
+/// Port to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HostPort {
     Usb,
     Uart,
 }
 
-/// The controller and everything around it.
+/// Controller with its lines, ports and timers.
 struct Board {
     controller: &'static mut Core,
     actuators: Vec<ActuatorLine, { lines::COUNT }>,
@@ -121,7 +121,7 @@ struct Board {
     uart: Link<Uart>,
     host: Host<HostPort>,
     contact: Contact,
-    /// Torque at the last check.
+    /// Torque at the previous check.
     torque: Torque,
     periods: Periods,
     watchdog: Watchdog,
@@ -140,7 +140,7 @@ impl Board {
         }
     }
 
-    /// Takes in received bytes, a few of each line at a time, so that no line waits for another.
+    /// Processes received bytes, a few of each line at a time, so that no line waits for another.
     fn take_in(&mut self) {
         let now_us = clock::now_us();
         if self.contact.take_opened() {
@@ -161,7 +161,7 @@ impl Board {
         self.host.pass_on(self.controller, now_us);
     }
 
-    /// Runs a control period, after `missed` ones that went by unnoticed.
+    /// Runs a control period, after `missed` control periods that were skipped.
     fn tick(&mut self, now_us: u64, missed: u64) {
         // While torque is off, flash may be written, and periods are missed for it.
         if self.torque != Torque::Off {
@@ -187,7 +187,7 @@ impl Board {
         self.watchdog.feed();
     }
 
-    /// Sends the next packet on every line that can take one.
+    /// Sends the next packet on every line that is free.
     fn give_out(&mut self) {
         let now_us = clock::now_us();
         for ActuatorLine { number, line } in &mut self.actuators {

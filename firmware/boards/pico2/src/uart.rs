@@ -1,4 +1,4 @@
-//! UART0, a second way to the link: 1 Mbaud, 8N1, to the UART of a debug probe or any adapter of 3.3 V.
+//! UART0 as a second port of the link: 1 Mbaud, 8N1, to the UART of a debug probe or any 3.3 V adapter.
 
 use crate::chip::{self, CORE_HZ};
 use crate::link::Port;
@@ -8,21 +8,22 @@ use embassy_rp::pac::{Interrupt, UART0, interrupt};
 use heapless::spsc::Consumer;
 
 const BAUD: u32 = 1_000_000;
-/// The divisor in 64ths of 16 clocks (RP2350 datasheet, 12.1.7.1).
+/// Baud-rate divisor, in 64ths of 16 clock cycles (RP2350 datasheet, 12.1.7.1).
 const DIVISOR: u32 = CORE_HZ * 4 / BAUD;
 
-/// GP0 and GP1, at pins 1 and 2 of the board.
+/// Transmit pin GP0, at pin 1 of the board.
 const TX: usize = 0;
+/// Receive pin GP1, at pin 2 of the board.
 const RX: usize = 1;
 
-/// Receive queue: 10 ms of a line that never rests.
+/// Receive queue for 10 ms of continuous data.
 static RECEIVED: Received<1024> = Received::new();
 static WRITER: Writer = Writer::new();
 
 pub struct Uart(Consumer<'static, u8>);
 
 impl Uart {
-    /// Switches it on; once.
+    /// Switches the UART on. Returns `None` on a second call.
     pub fn new() -> Option<Self> {
         let received = WRITER.connect(&RECEIVED)?;
         chip::connect::<TX>(chip::FUNCTION_UART);

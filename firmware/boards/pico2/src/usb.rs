@@ -1,7 +1,7 @@
-//! The link's serial port over USB: the hardware's side of [`rollwalk_firmware::hal::usb_serial`] (RP2350 datasheet, 12.7).
+//! Serial port of the link over USB: the hardware side of [`rollwalk_firmware::hal::usb_serial`] (RP2350 datasheet, 12.7).
 //!
-//! Asked in every turn of the loop, without interrupts: while the loop is busy, or stands still for the flash, the
-//! hardware answers the host with NAK, and no byte is lost.
+//! The main loop polls it in every turn, without interrupts. While the loop is busy, or stands still for the flash, the
+//! hardware answers the host with NAK, so no byte is lost.
 
 use crate::link::Port;
 use core::ptr::{read_volatile, write_volatile};
@@ -11,17 +11,17 @@ use embassy_rp::pac::{USB, USB_DPRAM};
 use heapless::Vec;
 use rollwalk_firmware::hal::usb_serial::{BYTES, NOTIFICATIONS, PACKET, Reply, UsbSerial};
 
-/// Places of the buffers in the controller's memory: that of endpoint 0 is fixed.
+/// Offset of the fixed buffer of endpoint 0 in the USB controller's memory.
 const CONTROL: u16 = 0x100;
 const NOTIFICATION_BUFFER: u16 = 0x180;
 const FROM_HOST: u16 = 0x1C0;
 const TO_HOST: u16 = 0x200;
 
-/// Cycles of the processor in which two of the controller pass, so that a buffer's description is there before its
-/// release (12.7.3.7.1).
+/// Number of processor cycles in which at least two cycles of the USB controller pass. A buffer's description must be written
+/// this long before the buffer is released (12.7.3.7.1).
 const SETTLE: u32 = 12;
 
-/// Direction of an endpoint.
+/// Endpoint and direction.
 #[derive(Clone, Copy)]
 enum Pipe {
     ControlIn,
@@ -36,24 +36,25 @@ enum Stage {
     /// Waits for a request.
     Idle,
     Sends(Vec<u8, 80>),
-    /// Receives bytes that are of no consequence.
+    /// Receives bytes to be ignored.
     Receives,
-    /// Has sent the handshake, and takes this address after it.
+    /// Has sent the handshake. Uses this address afterwards.
     Handshake(Option<u8>),
 }
 
 pub struct Usb {
     device: UsbSerial,
     stage: Stage,
-    /// The packet that is being taken in, and how much of it has been.
+    /// Received packet that is being processed.
     received: Vec<u8, PACKET>,
+    /// Number of processed bytes of that packet.
     taken: usize,
-    /// The last packet to the host was full.
+    /// True if the latest packet to the host was full.
     sent_full: bool,
 }
 
 impl Usb {
-    /// Appears on the bus, with the chip's number.
+    /// Connects to the bus. The serial number is that of the chip.
     pub fn new(serial_number: [u8; 6]) -> Self {
         for place in (0..0x100).step_by(4) {
             write_word(place, 0);
@@ -74,7 +75,7 @@ impl Usb {
         Self { device, stage: Stage::Idle, received: Vec::new(), taken: 0, sent_full: false }
     }
 
-    /// Serves the bus; call it in every turn of the loop.
+    /// Serves the bus. Call it in every turn of the main loop.
     pub fn work(&mut self) {
         let status = USB.sie_status().read();
         // These are cleared by writing 1.
@@ -167,14 +168,14 @@ impl Usb {
         }
     }
 
-    /// The handshake of a request: an empty packet, always DATA1.
+    /// Sends the handshake of a request: an empty packet, always DATA1.
     fn shake_hands(&mut self, address: Option<u8>) {
         Pipe::ControlIn.restart(true);
         Pipe::ControlIn.release(0, true);
         self.stage = Stage::Handshake(address);
     }
 
-    /// Switches the endpoints of bytes and notifications on or off.
+    /// Enables or disables the endpoints of data and notifications.
     fn set_in_use(&mut self, in_use: bool) {
         let control = |buffer, kind| {
             let mut control = embassy_rp::pac::usb_dpram::regs::EpControl(0);
@@ -238,7 +239,7 @@ impl Port for Usb {
     }
 }
 
-/// Sends as much as fits a packet, and keeps the rest.
+/// Sends the bytes that fit a packet, and keeps the rest.
 fn send_part(pipe: Pipe, bytes: &mut Vec<u8, 80>) {
     let mut length = 0;
     for (&byte, place) in bytes.iter().zip(CONTROL..CONTROL + PACKET as u16) {
@@ -264,7 +265,7 @@ impl Pipe {
         }
     }
 
-    /// Writes a description anew.
+    /// Overwrites the description of the buffer.
     fn set(self, describe: impl FnOnce(&mut EpBufferControl)) {
         let mut state = EpBufferControl(0);
         describe(&mut state);
@@ -282,7 +283,7 @@ impl Pipe {
         self.state().available(0)
     }
 
-    /// The next packet is DATA1, or DATA0.
+    /// Sets the data toggle of the next packet to DATA1 or DATA0.
     fn restart(self, data1: bool) {
         self.set(|w| w.set_pid(0, !data1));
     }
@@ -293,7 +294,7 @@ impl Pipe {
         self.release(PACKET as u16, false);
     }
 
-    /// Hands the buffer to the controller: with a packet to send, or for one of at most `length` bytes.
+    /// Releases the buffer to the USB controller, with a packet to send or to receive one of at most `length` bytes.
     fn release(self, length: u16, sends: bool) {
         let data1 = !self.state().pid(0);
         let describe = |w: &mut EpBufferControl| {

@@ -70,7 +70,7 @@ fn the_first_library_is_not_rolled_back_to_nothing() {
     assert!(!reboot(store).on_trial());
 }
 
-/// Refusal of the second library must leave the first one in place: it has not played yet, and is the only one.
+/// Refusal of a second library leaves the first one in place, even though the first has not played yet.
 #[test]
 fn the_first_library_outlasts_the_next_transfer() {
     let (a, b) = (library(1, 90), library(2, 100));
@@ -144,7 +144,7 @@ fn what_is_not_what_was_announced_starts_again() {
     assert_eq!(store.bytes(), a);
 }
 
-/// The control loop waits for at most so much: a unit or two, whatever the size of the library.
+/// A call erases one or two units, whatever the size of the library: the control loop waits for it.
 #[test]
 fn a_call_erases_little() {
     let b = library(2, 1200);
@@ -239,7 +239,7 @@ fn unusable_flash_is_refused() {
     assert_eq!(reboot(store).bytes(), full);
 }
 
-/// A flash that reads or writes in units of other sizes.
+/// Flash with other read and write sizes.
 struct Odd<const READ: usize, const WRITE: usize>(RamFlash<[u8; 8 * 4096]>);
 
 impl<const READ: usize, const WRITE: usize> ErrorType for Odd<READ, WRITE> {
@@ -277,7 +277,7 @@ impl<const READ: usize, const WRITE: usize> MappedFlash for Odd<READ, WRITE> {
     }
 }
 
-/// Reasons why neither store can be in such a flash.
+/// Errors of both stores on such a flash.
 fn refused<const READ: usize, const WRITE: usize>() -> [Option<GeometryError>; 2] {
     let blank = || Odd::<READ, WRITE>(RamFlash::new([0xFF; _]));
     [FlashStore::mount(blank(), 3).err(), FlashParameters::mount(blank()).err()]
@@ -293,7 +293,7 @@ fn each_word_size_is_looked_at() {
     assert_eq!(refused::<1, 0>(), word_size);
 }
 
-/// Footers that stay would name a slot whose library is being overwritten.
+/// Footers that remain would refer to a slot whose library is being overwritten.
 #[test]
 fn a_transfer_does_not_begin_over_footers_that_cannot_be_erased() {
     let (a, b, c) = (library(1, 90), library(2, 100), library(3, 90));
@@ -312,7 +312,7 @@ fn a_transfer_does_not_begin_over_footers_that_cannot_be_erased() {
     assert_eq!(reboot(store).bytes(), c);
 }
 
-/// Writes that fail now and then, without a cut: the transfer goes on after another begin.
+/// Occasional writes fail without a power cut: a new transfer continues after each failure.
 #[test]
 fn a_flash_with_bad_days_still_gets_there() {
     let (a, b) = (library(1, 90), library(2, 400));

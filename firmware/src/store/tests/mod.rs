@@ -1,4 +1,4 @@
-//! The flash store on a simulated flash: power cuts everywhere, and everything else.
+//! Tests of the flash store on a simulated flash.
 
 extern crate std;
 
@@ -16,10 +16,10 @@ use rollwalk_protocol::library::{LibrarySpec, MotionSpec, encode, validate};
 
 use super::*;
 
-/// Boots that a trial may take.
+/// Number of boots after which a trial ends.
 const TRIAL_BOOTS: u8 = 3;
 
-/// A robot with one joint.
+/// Configuration of a robot with one joint.
 pub(crate) fn config() -> RobotConfig {
     let joint = Channel {
         kind: ChannelKind::JointPosition,
@@ -35,7 +35,7 @@ pub(crate) fn config() -> RobotConfig {
     RobotConfig { robot: 0, channels: [joint].into_iter().collect() }
 }
 
-/// A valid library of one motion, different for each `seed`.
+/// Builds a valid library of one motion, which differs for each `seed`.
 fn library(seed: u32, frames: usize) -> Vec<u8> {
     let config = config();
     let mut random = seed;
@@ -55,7 +55,7 @@ fn library(seed: u32, frames: usize) -> Vec<u8> {
     bytes
 }
 
-/// Sends a library as the transfer service does, in pieces that fit no word and no unit.
+/// Sends a library like the transfer service, in blocks that are a multiple of neither word nor unit.
 fn send<F: MappedFlash>(store: &mut FlashStore<F>, library: &[u8]) -> Result<(), StoreError> {
     let mut at = store.begin(library.len(), file_digest(library))?;
     while at < library.len() {
@@ -68,7 +68,7 @@ fn send<F: MappedFlash>(store: &mut FlashStore<F>, library: &[u8]) -> Result<(),
     Ok(())
 }
 
-/// Store in `flash` with `library` confirmed.
+/// Creates a store in `flash` with `library` confirmed.
 fn holding<F: MappedFlash>(flash: F, library: &[u8]) -> FlashStore<F> {
     let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
     send(&mut store, library).unwrap();

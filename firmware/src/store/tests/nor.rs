@@ -1,5 +1,7 @@
-//! Simulated NOR flash that loses power: writing only clears bits, erasing sets them, each word is written once
-//! between erases, and a power cut can hit any byte of a write or an erase, with various damage.
+//! Simulated NOR flash with power cuts.
+//!
+//! Writing only clears bits, and erasing sets them. Each word may be written once between erases. A power cut can hit any byte
+//! of a write or an erase, with various damage.
 
 use super::std::vec;
 use super::std::vec::Vec;
@@ -11,22 +13,22 @@ use crate::store::MappedFlash;
 /// Damage of a power cut to the word or erase unit that it hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Torn {
-    /// The bytes before the cut are written or erased, the others unchanged.
+    /// Bytes before the cut are written or erased, the others unchanged.
     Short,
-    /// Random further bits of the word are cleared, or of the unit set.
+    /// Further random bits of the word are cleared, or of the erased unit set.
     SomeBits,
-    /// The word, or all of a unit that was being erased, has random content.
+    /// Word, or whole unit that was being erased, has random content.
     Garbage,
-    /// Random content that cannot be read, as with ECC.
+    /// Word or unit is unreadable, with random content, as on a part with ECC.
     Unreadable,
-    /// The word reads as if it had been written; after the next power cycle it cannot be read.
+    /// Word reads as if it had been written, but cannot be read after the next power cycle.
     Fading,
 }
 
 pub const ALL_TORN: [Torn; 5] =
     [Torn::Short, Torn::SomeBits, Torn::Garbage, Torn::Unreadable, Torn::Fading];
 
-/// Flash with words of `W` bytes and erase units of `E`.
+/// Flash with words of `W` bytes and erase units of `E` bytes.
 #[derive(Clone)]
 pub struct Nor<const W: usize, const E: usize> {
     cells: Vec<u8>,
@@ -35,18 +37,19 @@ pub struct Nor<const W: usize, const E: usize> {
     torn: Torn,
     random: u64,
     powered: bool,
-    /// Bytes that can be written and erased before the power cut.
+    /// Number of bytes that can be written and erased before the power cut; `None` for no cut.
     fuel: Option<usize>,
-    /// Bytes written and erased since [`Self::arm`].
+    /// Number of bytes written and erased since [`Self::arm`].
     pub used: usize,
     pub erases: usize,
     pub writes: usize,
-    /// Counts of power cuts during writes and during erases.
+    /// Number of power cuts during writes.
     pub cut_writes: usize,
+    /// Number of power cuts during erases.
     pub cut_erases: usize,
-    /// Words that were written twice without an erase in between.
+    /// Number of writes to a word that was not erased before.
     pub overwrites: usize,
-    /// Failure rate of writes without a power cut: one in this many.
+    /// Interval of writes that fail without a power cut: one in this many on average.
     pub failing: Option<u64>,
     /// Unit whose erasure fails without a power cut.
     pub worn: Option<usize>,
@@ -91,7 +94,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         self.powered
     }
 
-    /// Restores power, without a further cut until [`Self::arm`].
+    /// Restores power. No further cut happens until [`Self::arm`].
     pub fn power_on(&mut self) {
         self.powered = true;
         self.fuel = None;
@@ -114,7 +117,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         self.spoil(at / W, true);
     }
 
-    /// Makes a word with its content unreadable, or readable again: charge at the edge of what ECC can correct.
+    /// Makes a word unreadable, or readable again with its content. Models charge at the limit of what ECC can correct.
     pub fn hide(&mut self, at: usize, hidden: bool) {
         self.unreadable[at / W] = hidden;
     }
@@ -133,7 +136,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
         self.unreadable[word] = unreadable;
     }
 
-    /// Count of the `len` bytes that are done before the power cut; `None` without a cut.
+    /// Returns how many of `len` bytes are written or erased before the power cut; `None` if there is no cut.
     fn burn(&mut self, len: usize) -> Option<usize> {
         let Some(fuel) = &mut self.fuel else {
             self.used += len;

@@ -1,7 +1,7 @@
-//! The store of parameters: the power fails at every byte of a save, and again in the one that mends
-//! it. Each time the set before or the new one is there, whole.
+//! Tests of the parameter store: power fails at every byte of a save, and again during the recovery. Each time, either the
+//! previous set or the new one must be there, undamaged.
 //!
-//! The harness proves itself: every cut must have come, and planted bugs must be found by one.
+//! The test checks itself: every scheduled cut must happen, and it must find planted bugs.
 
 use proptest::prelude::*;
 
@@ -15,24 +15,24 @@ use crate::store::record::Record;
 use embedded_storage::nor_flash::NorFlash;
 use rollwalk_protocol::crc::crc32c;
 
-/// Interval of the second cuts that are tried, while a first cut is mended. The first of them shifts with the first cut.
+/// Interval of the second cuts, bytes. Their offset shifts with the first cut.
 const SECOND_STEP: usize = 131;
 
-/// A store that does one thing wrong.
+/// Planted bug of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bug {
     None,
-    /// Erases the unit with the newest set when the log turns.
+    /// Erases the unit with the newest set when the log moves to the next unit.
     EraseNewest,
-    /// Two units take turns: enough, if a record that reads well once did so ever after.
+    /// Uses two units in turn. That would suffice if a record that was readable once stayed readable.
     TwoUnits,
-    /// Uses a single place, erased and written again.
+    /// Uses a single location, erased and written again.
     InPlace,
-    /// A set with a wrong checksum is accepted.
+    /// Accepts a set with a wrong checksum.
     BelieveAnything,
 }
 
-/// A set for all 24 channels, every value another one.
+/// Parameter set for all 24 channels, with distinct values.
 fn set(seed: u16) -> ParameterSet {
     let value = |i: u16| f32::from(seed) + f32::from(i) / 128.0;
     let values = (0..24).map(|c| [0, 1, 2].map(|p| value(3 * c + p))).collect();
@@ -40,7 +40,7 @@ fn set(seed: u16) -> ParameterSet {
     ParameterSet { config_hash: 0x1234_5678 ^ u32::from(seed), values, feed_forward }
 }
 
-/// A set that does not check its checksum.
+/// Parameter set that ignores its checksum.
 struct Gullible(ParameterSet);
 
 impl Record<SET_LEN> for Gullible {
@@ -60,7 +60,7 @@ impl Record<SET_LEN> for Gullible {
 struct Report {
     cuts: usize,
     second_cuts: usize,
-    /// Cuts after which the new set was stored although its save was not acknowledged.
+    /// Number of cuts after which the new set was stored although its save was not acknowledged.
     early: usize,
 }
 
@@ -72,7 +72,7 @@ struct Bench<const W: usize, const E: usize> {
 }
 
 impl<const W: usize, const E: usize> Bench<W, E> {
-    /// Saves the new set; returns whether the save was acknowledged.
+    /// Saves the new set; returns the flash, and true if the save was acknowledged.
     fn save(&self, flash: Nor<W, E>) -> (Nor<W, E>, bool) {
         let mut store = FlashParameters::mount(flash).unwrap();
         if self.bug == Bug::EraseNewest {
@@ -91,7 +91,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         (store.into_flash(), saved)
     }
 
-    /// Checks that the set after a reset is the set before or the new one. Returns true for the new one.
+    /// Checks that the set after a reset is the previous or the new one. Returns true if it is the new one.
     fn judge(&self, flash: &Nor<W, E>, saved: bool) -> Result<bool, String> {
         let mut flash = flash.clone();
         let loaded = if self.bug == Bug::BelieveAnything {
@@ -144,7 +144,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(report)
     }
 
-    /// Saves until the power fails after `fuel` bytes; power is back afterwards.
+    /// Saves until the power fails after `fuel` bytes, then restores power.
     fn cut(&self, start: &Nor<W, E>, fuel: usize) -> Nor<W, E> {
         let mut flash = start.clone();
         flash.arm(self.torn, Some(fuel));
@@ -155,7 +155,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 }
 
-/// A flash in which `saves` sets were saved, and the last of them.
+/// Creates a flash in which `saves` sets were saved; returns it with the newest set.
 fn start<const W: usize, const E: usize>(
     units: usize,
     saves: u16,
@@ -167,7 +167,7 @@ fn start<const W: usize, const E: usize>(
     (store.into_flash(), last)
 }
 
-/// Cuts in saves after 0 to `saves` others: so that each unit is erased once.
+/// Cuts power during a save after 0 to `saves` earlier ones, so that each unit is erased once.
 fn torture<const W: usize, const E: usize>(units: usize, saves: u16) {
     for torn in ALL_TORN {
         for i in 0..=saves {
@@ -258,8 +258,8 @@ fn flash_that_cannot_hold_a_set_is_refused() {
     );
 }
 
-/// Flash may fail to read a set at one boot and read it at the next. A set that was saved between the two boots must have the
-/// higher generation, wherever in the log both are.
+/// Flash may fail to read a set at one boot and read it at the next. A set that was saved in between must have the higher
+/// generation, wherever in the log both are.
 #[test]
 fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
     for saves in 1..=20 {
@@ -277,7 +277,7 @@ fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
     }
 }
 
-/// Writes that fail now and then, without a cut: sets whose saving succeeded are there.
+/// Occasional writes fail without a power cut: sets whose save succeeded are there.
 #[test]
 fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
     let mut store = FlashParameters::mount(Nor::<8, 2048>::blank(3)).unwrap();
@@ -293,7 +293,7 @@ fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
 }
 
 proptest! {
-    /// Random content of the flash: no panic, and a set that is saved then is there.
+    /// Random content of the flash must not cause a panic, and a set saved afterwards must be there.
     #[test]
     fn any_flash_can_be_taken_into_use(
         cells in prop::collection::vec(any::<u8>(), 1536),

@@ -1,8 +1,7 @@
-//! The power fails at every byte of every write and erase of a library's life, and once more while
-//! the store recovers. After each cut exactly the old or the new library plays.
+//! Power fails at every byte of every write and erase while a library is received, tried and confirmed, and again during
+//! recovery. After each cut, exactly the old or the new library plays.
 //!
-//! The harness proves itself: every cut must have come, in writes as in erases, and stores with
-//! planted bugs must be found out.
+//! The test checks itself: every scheduled cut must happen, in writes and in erases, and it must find planted bugs.
 
 use super::nor::{ALL_TORN, Nor, Torn};
 use super::std::string::String;
@@ -12,20 +11,20 @@ use crate::store::log::Log;
 use crate::store::record::{Candidate, Image, StoreState};
 use crate::store::slots::{self, LOG_UNITS};
 
-/// Interval of the cuts that are tried: 1, but higher for Miri, which is a hundred times slower.
+/// Interval of the tested cuts, bytes. It is higher for Miri, which is a hundred times slower.
 const EVERY: usize = if cfg!(miri) { 151 } else { 1 };
 
-/// A store that does one thing wrong.
+/// Planted bug of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bug {
     None,
-    /// The record that says "confirmed" is written before the data, and accepted after a reset.
+    /// Writes the record of a confirmed library before the data, and accepts it after a reset.
     RecordBeforeData,
-    /// The new library goes where the confirmed one is.
+    /// Writes the new library to the slot of the confirmed one.
     SlotInUse,
-    /// A unit is noted as written before it is.
+    /// Records a unit as written before writing it.
     NoteBeforeData,
-    /// Erases the unit with the newest record when the log turns.
+    /// Erases the unit with the newest record when the log moves to the next unit.
     EraseNewestRecord,
 }
 
@@ -37,7 +36,7 @@ struct Progress {
     confirmed: bool,
 }
 
-/// Numbers of power cuts, by kind.
+/// Number of power cuts of each kind.
 #[derive(Default, Debug)]
 struct Report {
     cuts: usize,
@@ -65,7 +64,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         store
     }
 
-    /// Sends the new library, activates it, resets, confirms it. Ends where the power does.
+    /// Sends the new library, activates it, resets, and confirms it. Returns the flash as an error if the power fails.
     #[expect(clippy::result_large_err, reason = "the flash comes back either way")]
     fn live(&self, flash: Nor<W, E>, progress: &mut Progress) -> Result<Nor<W, E>, Nor<W, E>> {
         let mut store = self.mount(flash);
@@ -166,7 +165,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(())
     }
 
-    /// Cuts at every byte, and for each of these again at every `second_step`th while recovering.
+    /// Cuts power at every byte. For each cut, cuts again at every `second_step`th byte of the recovery.
     fn run(&self, start: &Nor<W, E>, second_step: usize) -> Result<Report, String> {
         let mut report = Report::default();
         let mut whole = start.clone();
@@ -195,7 +194,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(report)
     }
 
-    /// Goes on after a cut, to the end; and with a second cut on the way.
+    /// Completes the transfer after a cut, first without and then with a second cut.
     fn recover(
         &self,
         flash: &Nor<W, E>,
@@ -237,7 +236,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 }
 
-/// A flash with the old library, whose log is `turn` records further than it needs to be.
+/// Creates a flash with the old library, and with `turn` additional records in the log.
 fn start<const W: usize, const E: usize>(old: &[u8], new: &[u8], turn: usize) -> Nor<W, E> {
     let slot_units = (old.len().max(new.len()) + 64).div_ceil(E);
     let mut store = holding(Nor::blank(LOG_UNITS + 2 * slot_units), old);
@@ -317,7 +316,7 @@ fn scar_5_planted_bugs_are_found() {
     }
 }
 
-/// Bytes that a boot may write and erase: a record, and a unit of the log when that turns.
+/// Largest number of bytes that a boot writes and erases: a record, and a unit when the log moves to the next one.
 const BOOT: usize = 32 + 256;
 
 #[test]

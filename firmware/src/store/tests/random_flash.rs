@@ -1,4 +1,4 @@
-//! Arbitrary content of the flash: the store never panics, and never returns a damaged library.
+//! Arbitrary content of the flash: the store never panics and never returns a damaged library.
 
 use super::nor::Nor;
 use super::*;
@@ -30,7 +30,7 @@ fn survive(cells: Vec<u8>, unreadable: &[u16]) {
     assert_eq!(FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap().bytes(), new);
 }
 
-/// Records, footers and noise, so that the last checks of mounting are reached, too.
+/// Record, footer or noise of 32 bytes, so that the later checks of mounting are reached too.
 fn piece() -> impl Strategy<Value = [u8; 32]> {
     use crate::store::record::{Candidate, Footer, Image, Slot, StoreState};
     let number = || prop_oneof![0..700u32, any::<u32>()];
@@ -77,8 +77,7 @@ proptest! {
         survive(pieces.concat(), &unreadable);
     }
 
-    /// Whatever is overwritten in a good store, the store returns one of its two libraries,
-    /// undamaged, or none.
+    /// A valid store with arbitrary bytes overwritten returns one of its two libraries undamaged, or no library.
     #[test]
     fn damaged_store(damage in proptest::collection::vec((0..UNITS * 256, any::<u8>()), 1..40),
                      unreadable in proptest::collection::vec(any::<u16>(), 0..3)) {

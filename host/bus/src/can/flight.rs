@@ -1,34 +1,34 @@
 //! Frames in flight: those that the kernel has accepted and not yet echoed as transmitted.
 //!
-//! Their number is limited, because a frame in the kernel's queue cannot be superseded by a newer one; a frame that
-//! still waits elsewhere can. The kernel echoes every frame once it is on the bus, which frees its place.
+//! Their number is limited, because a frame in the kernel's queue cannot be replaced by a newer one. The kernel echoes every
+//! transmitted frame, which makes room for another.
 //!
-//! When no echo comes, the interface is stuck: for a moment when an adapter stalls, permanently when no node
-//! acknowledges. Or the driver has dropped the frames and accepts others. To find out, one more frame is tried
-//! although there is no room; only a few times, because all of them are stale when a node acknowledges again.
+//! Without an echo, the interface is stuck: temporarily if an adapter stalls, permanently if no node acknowledges. It is also
+//! possible that the driver has dropped the frames and would accept others. To find out, one more frame is tried although there
+//! is no room. This is done only a few times, because all these frames are stale when a node acknowledges again.
 //!
-//! The frames given up in exchange may be transmitted after all, mostly when a dead bus recovers. Their echoes are
-//! recognised too, so that they are not taken for another node's frames.
+//! For each frame that is tried, the oldest one is given up. Frames that were given up may be transmitted after all, mostly
+//! when a dead bus recovers. Their echoes are recognised too, so that they are not mistaken for another node's frames.
 
 use rollwalk_protocol::can::Frame;
 use std::collections::VecDeque;
 
 /// Time without a transmission after which another frame may be tried, µs.
 const PROBE_US: u64 = 1_000_000;
-/// Most frames tried in this way until one is transmitted.
+/// Maximum number of frames tried in this way until one is transmitted.
 const PROBES: u8 = 2;
 
-/// Frames on their way.
+/// Queue of frames in flight.
 #[derive(Clone, Debug)]
 pub struct Flight {
     depth: usize,
     /// Frames in flight, in the order of transmission.
     frames: VecDeque<Frame>,
-    /// Older frames that no longer count but may still be transmitted.
+    /// Older frames that were given up but may still be transmitted.
     given_up: VecDeque<Frame>,
-    /// Time of the last transmission, or when the first of `frames` was sent.
+    /// Time of the latest transmission, or of sending the first of `frames` if that is later, µs.
     since_us: u64,
-    /// Frames tried since the last transmission.
+    /// Number of frames tried since the latest transmission.
     probes: u8,
 }
 
@@ -49,7 +49,7 @@ impl Flight {
         self.probes < PROBES && self.stuck_us(now_us) > PROBE_US
     }
 
-    /// Records a frame handed to the kernel.
+    /// Records a frame passed to the kernel.
     pub fn took_off(&mut self, now_us: u64, frame: Frame) {
         if self.frames.len() >= self.depth {
             // Taken to be lost, for one that is tried.
@@ -63,8 +63,8 @@ impl Flight {
         self.frames.push_back(frame);
     }
 
-    /// Processes a received frame; returns true if it is the echo of a sent one. Frames are transmitted in order, so older ones
-    /// without an echo are lost.
+    /// Processes a received frame; returns true if it is the echo of a sent one. Frames are transmitted in order, so older
+    /// frames without an echo are lost.
     pub fn landed(&mut self, now_us: u64, frame: &Frame) -> bool {
         let find = |frames: &VecDeque<_>| frames.iter().position(|ours| ours == frame);
         match (find(&self.given_up), find(&self.frames)) {
@@ -85,21 +85,21 @@ impl Flight {
         true
     }
 
-    /// Moves the first `count` frames in flight to those given up.
+    /// Gives up the first `count` frames in flight.
     fn give_up(&mut self, count: usize) {
         self.given_up.extend(self.frames.drain(..count));
         let too_many = self.given_up.len().saturating_sub(self.depth + usize::from(PROBES));
         self.given_up.drain(..too_many);
     }
 
-    /// Forgets all frames: the interface has emptied its queue.
+    /// Drops all frames, because the interface has emptied its queue.
     pub fn clear(&mut self) {
         self.frames.clear();
         self.given_up.clear();
         self.probes = 0;
     }
 
-    /// Time since the last transmission while frames are in flight, µs; otherwise 0.
+    /// Time since the latest transmission while frames are in flight, µs; otherwise 0.
     pub fn stuck_us(&self, now_us: u64) -> u64 {
         if self.frames.is_empty() { 0 } else { now_us.saturating_sub(self.since_us) }
     }

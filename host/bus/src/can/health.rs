@@ -1,23 +1,23 @@
-//! Health of a CAN interface: its state, from the errors that its driver reports, and a sentence that says what to do.
+//! Health of a CAN interface: its error state from the driver's reports, and advice to the user.
 
 use rollwalk_protocol::serial::BusState;
 use socketcan::errors::{CanError, ControllerProblems, ErrorCause, Location, ViolationTypes};
 
-/// State of an interface.
+/// Health of an interface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     state: BusState,
-    /// Damaged frames since the interface was last reported healthy.
+    /// Number of damaged frames since the interface was last reported healthy.
     damaged: u32,
 }
 
 impl Health {
-    /// The error state.
+    /// Error state.
     pub fn state(&self) -> BusState {
         self.state
     }
 
-    /// Takes an error frame of the driver; returns whether the driver has emptied its transmit queue.
+    /// Processes an error frame of the driver; returns true if the driver has emptied its transmit queue.
     pub fn report(&mut self, error: &CanError) -> bool {
         let mut emptied = false;
         for cause in error {
@@ -53,7 +53,7 @@ impl Health {
         }
     }
 
-    /// Records that no frame is transmitted, whether or not the driver reports a cause.
+    /// Records that no frame is transmitted, even if the driver reports no cause.
     pub fn stuck(&mut self) {
         self.no_acknowledgement();
     }
@@ -74,26 +74,28 @@ impl Health {
         }
     }
 
-    /// The fault and the command that helps; `None` without a fault.
+    /// Description of the fault, with the command that helps; `None` without a fault.
     pub fn complaint(&self, interface: &str, bitrate: Option<u32>) -> Option<String> {
         let rate = bitrate.map(|rate| format!(" at {rate} bit/s")).unwrap_or_default();
         let wrong = match self.state {
             BusState::Off => format!(
-                "{interface} is bus-off: after too many errors{rate} it takes no part in the bus any more. \
-                 Look for a wrong bitrate, a short or missing termination, then restart it: \
-                 sudo ip link set {interface} down; sudo ip link set {interface} up"
+                "{interface} is bus-off{rate} after too many errors. Check the bitrate, shorts and \
+                 the termination, then restart the interface: sudo ip link set {interface} down; \
+                 sudo ip link set {interface} up"
             ),
             BusState::NotAcknowledged => format!(
-                "no node acknowledges frames on {interface}{rate}: is the other end powered, connected \
-                 and at the same bitrate? Error counters: ip -details -statistics link show {interface}"
+                "no node acknowledges frames on {interface}{rate}. Check power, cable and bitrate \
+                 of the other end; error counters: ip -details -statistics link show {interface}"
             ),
             BusState::Passive => format!(
-                "{interface} is error-passive{rate}: most of what is sent fails. Check bitrate, \
-                 termination and cable: ip -details -statistics link show {interface}"
+                "{interface} is error-passive{rate}, so most frames fail. Check bitrate, \
+                 termination and cable; error counters: ip -details -statistics link show \
+                 {interface}"
             ),
             BusState::Active if self.damaged > 0 => format!(
-                "{} damaged frames on {interface}{rate}: is this the bitrate of the bus, and is it \
-                 terminated at both ends? ip -details -statistics link show {interface}",
+                "{} damaged frames on {interface}{rate}. Check the bitrate, and the termination at \
+                 both ends of the bus; error counters: ip -details -statistics link show \
+                 {interface}",
                 self.damaged
             ),
             BusState::Active => return None,

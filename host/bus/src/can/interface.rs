@@ -1,4 +1,4 @@
-//! CAN interfaces of this computer: lists them, and opens one that can be used.
+//! CAN interfaces of this computer: lists them, and opens one for use.
 
 use crate::error::OpenError;
 use socketcan::nl::CanState;
@@ -7,11 +7,11 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// `ARPHRD_CAN`: the `type` of a CAN interface.
+/// Value `ARPHRD_CAN` of `type`, for CAN interfaces.
 const TYPE_CAN: &str = "280";
-/// `IFF_UP` in `flags` of a network interface.
+/// Flag `IFF_UP` in `flags` of a network interface.
 const UP: u32 = 1;
-/// Bitrate of the link, unless another is given, bit/s.
+/// Default bitrate of the link, bit/s.
 pub const DEFAULT_BITRATE: u32 = 1_000_000;
 
 /// Names of all CAN interfaces, sorted.
@@ -32,7 +32,7 @@ pub struct Interface {
     pub is_up: bool,
     /// True for `vcan` and `slcan`, which have no network hardware of their own.
     pub is_virtual: bool,
-    /// Bitrate, bit/s; virtual interfaces and some drivers have none.
+    /// Bitrate, bit/s; `None` for virtual interfaces and some drivers.
     pub bitrate: Option<u32>,
     /// True if the controller is bus-off, after too many errors.
     pub is_bus_off: bool,
@@ -53,7 +53,7 @@ impl Interface {
         }
     }
 
-    /// Command that brings it up at this bitrate.
+    /// Command that brings the interface up at this bitrate.
     pub fn set_up(&self, bitrate: u32) -> String {
         set_up(&self.name, self.is_virtual, bitrate)
     }
@@ -62,22 +62,22 @@ impl Interface {
 /// Checks that this kernel has SocketCAN and that this process may use it.
 ///
 /// # Errors
-/// SocketCAN is missing or access is denied; the error has the command that mends it.
+/// Returns an error if SocketCAN is missing or access is denied. The error contains the command that helps.
 pub fn check_support() -> Result<(), OpenError> {
     // All interfaces at once: opens if the kernel knows CAN at all.
     let Err(error) = CanSocket::open_iface(0) else { return Ok(()) };
     Err(match error.raw_os_error() {
         Some(UNKNOWN_FAMILY | UNKNOWN_PROTOCOL) => OpenError {
-            what: "this kernel has no SocketCAN".into(),
-            help: "sudo modprobe can_raw; if there is no such module, this kernel was built \
-                   without it: use a serial: or slcan: bus, or sim"
+            what: "this kernel lacks SocketCAN".into(),
+            help: "load the module with sudo modprobe can_raw; if the kernel does not have this \
+                   module, use a serial: or slcan: bus, or sim"
                 .into(),
         },
         _ => refused("SocketCAN", &error),
     })
 }
 
-/// Opens an interface that is up and has the right bitrate. Also returns the bitrate, if the driver reports it.
+/// Opens an interface, which must be up at the right bitrate. Also returns the bitrate, if the driver reports it.
 pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>), OpenError> {
     let problem = |what: String, help: String| OpenError { what, help };
     let kind = attribute(name, "type");
@@ -86,7 +86,7 @@ pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>)
     }
     if kind != TYPE_CAN {
         return Err(problem(
-            format!("`{name}` is a network interface, but not for CAN"),
+            format!("`{name}` is a network interface, but not a CAN interface"),
             choices(),
         ));
     }
@@ -99,7 +99,7 @@ pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>)
     if let (Some(wanted), Some(actual)) = (bitrate, actual)
         && wanted != actual
     {
-        let what = format!("`{name}` runs at {actual} bit/s, not at {wanted}");
+        let what = format!("`{name}` runs at {actual} bit/s, not at {wanted} bit/s");
         return Err(problem(what, format!("sudo ip link set {name} down; {set_up}")));
     }
     let socket = CanSocket::open(name).map_err(|error| refused(name, &error))?;
@@ -144,28 +144,29 @@ pub fn create_virtual(name: &str) -> String {
     format!("sudo modprobe vcan; sudo ip link add {name} type vcan; sudo ip link set {name} up")
 }
 
-/// `EAFNOSUPPORT` and `EPROTONOSUPPORT` of Linux.
+/// Error number `EAFNOSUPPORT` of Linux.
 const UNKNOWN_FAMILY: i32 = 97;
+/// Error number `EPROTONOSUPPORT` of Linux.
 const UNKNOWN_PROTOCOL: i32 = 93;
 
 fn choices() -> String {
     match list() {
         names if names.is_empty() => {
-            "this computer has no CAN interface: is the adapter plugged in? \
-                                      `ip link` lists interfaces, `sudo dmesg` what its driver says"
+            "this computer has no CAN interface: plug in an adapter; `ip link` lists interfaces, \
+                                      and `sudo dmesg` prints the messages of the driver"
                 .into()
         }
-        names => format!("CAN interfaces of this computer: {}", names.join(", ")),
+        names => format!("give a CAN interface of this computer: {}", names.join(", ")),
     }
 }
 
 fn refused(name: &str, error: &io::Error) -> OpenError {
     let help = if error.kind() == io::ErrorKind::PermissionDenied {
-        "this process may not open CAN sockets: run it outside of its container or sandbox, or \
-         give it the capability NET_RAW"
+        "run this process outside of its container or sandbox, or give it the capability NET_RAW, \
+         which CAN sockets require"
             .into()
     } else {
-        format!("ip -details link show {name}")
+        format!("check the interface: ip -details link show {name}")
     };
     OpenError { what: format!("`{name}` cannot be opened: {error}"), help }
 }
@@ -178,7 +179,10 @@ mod tests {
     fn an_interface_that_is_none_for_can_is_told_apart() {
         // Every Linux has a loopback interface.
         let error = open("lo", None).unwrap_err();
-        assert!(error.what.contains("`lo` is a network interface, but not for CAN"), "{error}");
+        assert!(
+            error.what.contains("`lo` is a network interface, but not a CAN interface"),
+            "{error}"
+        );
         let error = open("nosuchcan7", None).unwrap_err();
         assert!(error.what.contains("no network interface `nosuchcan7`"), "{error}");
         assert!(!error.help.is_empty());

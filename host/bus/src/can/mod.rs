@@ -1,7 +1,7 @@
 //! SocketCAN: a real CAN interface of Linux, or a virtual one.
 //!
-//! `interface` finds and opens it, `flight` keeps the kernel's queue short, `health` makes sense of the
-//! errors that drivers report.
+//! `interface` finds and opens the interface, `flight` keeps the kernel's queue short, and `health` interprets the errors that
+//! drivers report.
 
 mod flight;
 mod health;
@@ -21,8 +21,9 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time without a transmission after which the bus is reported as not acknowledged, µs: for drivers that do not
-/// report it. On a working bus a frame takes a fraction of a millisecond. The interface stays open.
+/// Time without a transmission after which the bus is reported as not acknowledged, µs, for drivers that do not report this.
+///
+/// On a working bus, a frame takes a fraction of a millisecond. The interface stays open.
 const DEAD_US: u64 = 100_000;
 /// Longest wait for a frame before the state of the interface is checked.
 const WAIT: Duration = Duration::from_millis(50);
@@ -44,7 +45,7 @@ struct Condition {
 }
 
 impl Condition {
-    /// True if another frame may be handed to the kernel. False during bus-off: the interface reports its recovery.
+    /// True if another frame may be passed to the kernel. False during bus-off: the interface reports its recovery.
     fn takes(&self, now_us: u64) -> bool {
         let may_try = self.health.state() != BusState::Off && self.flight.may_try(now_us);
         self.flight.has_room() || may_try
@@ -54,7 +55,7 @@ impl Condition {
 /// Opens an interface with at most `depth` frames in flight.
 ///
 /// # Errors
-/// The interface does not exist, is down, or has another bitrate.
+/// Returns an error if the interface does not exist, is down, or has another bitrate.
 pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, OpenError> {
     let (socket, bitrate) = interface::open(name, bitrate)?;
     let condition = Condition {
@@ -71,7 +72,7 @@ pub fn open(name: &str, bitrate: Option<u32>, depth: usize) -> Result<Port, Open
     };
     interface.set_up().map_err(|error| OpenError {
         what: format!("`{name}` cannot be set up: {error}"),
-        help: format!("ip -details link show {name}"),
+        help: format!("check the interface: ip -details link show {name}"),
     })?;
     let interface = Arc::new(interface);
     let outlet = Box::new(CanOutlet(Arc::clone(&interface)));
@@ -95,15 +96,20 @@ impl Shared {
         self.condition.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A call on the socket failed for good.
+    /// Creates the error for a call on the socket that has failed permanently.
     fn gone(&self, error: &io::Error) -> LinkError {
         let name = &self.name;
         let why = match error.kind() {
             io::ErrorKind::NetworkDown => {
-                format!("{name} went down. Bring it up again: sudo ip link set {name} up")
+                format!(
+                    "{name} went down. Bring the interface up again: sudo ip link set {name} up"
+                )
             }
             _ if error.raw_os_error().is_some_and(|code| NO_DEVICE.contains(&code)) => {
-                format!("{name} is gone: was its adapter unplugged? `ip link` lists interfaces")
+                format!(
+                    "{name} no longer exists: plug its adapter in again; `ip link` lists \
+                    interfaces"
+                )
             }
             _ => format!("{name}: {error}"),
         };
@@ -111,9 +117,9 @@ impl Shared {
     }
 }
 
-/// `ENXIO` and `ENODEV` of Linux.
+/// Error numbers `ENXIO` and `ENODEV` of Linux.
 const NO_DEVICE: [i32; 2] = [6, 19];
-/// `ENOBUFS` of Linux: the interface's queue is full.
+/// Error number `ENOBUFS` of Linux: the interface's queue is full.
 const NO_BUFFERS: i32 = 105;
 
 struct CanOutlet(Arc<Shared>);

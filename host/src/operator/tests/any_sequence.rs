@@ -5,18 +5,18 @@ use proptest::prelude::*;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::wire::FromController;
 
-/// A step of a random sequence.
+/// Step of a random sequence.
 #[derive(Clone, Debug)]
 enum Happens {
     Wish(Intent),
     Frame(Frame),
-    /// The last command is answered.
+    /// The latest command is answered.
     Answer(CommandResult, u16),
     Reply,
     Time(u64),
     BusLost,
     BusBack,
-    /// The bus will not take the next command at once.
+    /// The bus refuses the next command once.
     Full,
 }
 
@@ -87,14 +87,15 @@ fn happens() -> impl Strategy<Value = Happens> {
     ]
 }
 
-/// Checks the invariants of every sent frame, in order.
+/// Checks the invariants of all sent frames, in order.
 #[derive(Default)]
 struct Watch {
-    /// Flags: cleared and armed since the last stop was sent or received; `None` without a stop.
+    /// Flags of clearing and arming since the latest stop was sent or received; `None` if there was no stop.
     since_stop: Option<(bool, bool)>,
     held: Option<bool>,
-    /// The last command; `gone` has the ones before it.
+    /// Latest command.
     last: Option<Command>,
+    /// Commands before the latest one.
     gone: Vec<Command>,
 }
 

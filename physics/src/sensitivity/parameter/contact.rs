@@ -1,23 +1,23 @@
-//! Contacts: stiffness and damping, friction, rolling resistance.
+//! Parameters of contacts: stiffness and damping, friction, rolling resistance.
 
 use crate::contact::{Contact, OfContact};
 use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 
-/// A number of contacts. Where they differ they keep their proportions, as the nodes of a soft surface must.
+/// Parameter of several contacts. Unequal contacts keep their proportions, as the nodes of a soft surface require.
 #[derive(Clone, Debug)]
 pub struct Touching {
     contacts: Vec<usize>,
     of: OfContact,
-    /// Ratio of each contact's number to that of the first.
+    /// Ratio of each contact's value to that of the first contact.
     shares: Vec<f64>,
 }
 
 impl Touching {
-    /// Creates a parameter of forces that are contacts. The value is that of the first.
+    /// Creates a parameter of contacts, given by force index. The value of the parameter is that of the first contact.
     ///
     /// # Panics
-    /// A force is not a contact, or there is none.
+    /// If a force is not a contact, or the list is empty.
     pub fn new(system: &System, contacts: impl IntoIterator<Item = usize>, of: OfContact) -> Self {
         let contacts: Vec<usize> = contacts.into_iter().collect();
         let number = |contact: usize| {

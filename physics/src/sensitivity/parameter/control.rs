@@ -1,25 +1,25 @@
-//! Controls: knots of curves that targets of motors follow.
+//! Controls: knots of curves for targets of motors.
 
 use crate::curve::Curve;
 use crate::sensitivity::parameter::targets::target_by;
 use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use std::sync::Arc;
 
-/// Knot of a curve that is added to the target of a motor: angle and speed, [`Law::position_rad`](crate::motor::Law) and
-/// `speed_rad_s`, at the end of each step.
+/// Knot of a curve that is added to a motor's target at the end of each step: angle and speed,
+/// [`Law::position_rad`](crate::motor::Law) and `speed_rad_s`.
 #[derive(Clone, Debug)]
 pub struct Control {
-    /// Force that is the motor.
+    /// Force index of the motor.
     pub motor: usize,
-    /// The curve.
+    /// Curve of the target.
     pub curve: Arc<Curve>,
     /// Index of the knot.
     pub knot: usize,
 }
 
 impl Control {
-    /// Parameters for all knots of the curves of some motors, the first knot of all motors first. In this order targets still to
-    /// come cost nothing.
+    /// Creates parameters for the knots of several motors' curves: the first knot of each motor, then the second. In this
+    /// order, later targets cost nothing.
     pub fn of_all(motors: &[usize], curve: &Arc<Curve>) -> Vec<Box<dyn Parameter>> {
         let of_knot = |knot: usize| {
             motors.iter().map(move |&motor| -> Box<dyn Parameter> {

@@ -1,14 +1,14 @@
-//! Gravity: the tilt of the ground, or of the room.
+//! Gravity, which models a tilt of the ground or of the room.
 
 use crate::force::Wrench;
 use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// Gravity along an axis, m/s².
+/// Component of gravity along an axis, m/s².
 #[derive(Clone, Copy, Debug)]
 pub struct Gravity {
-    /// Unit vector.
+    /// Unit vector of the axis.
     pub axis: Vector3<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Handles: knots of curves that the places of anchors follow.
+//! Handles: knots of curves for positions of anchors.
 
 use crate::anchor::Anchor;
 use crate::curve::Curve;
@@ -7,14 +7,14 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Knot of a curve that is added to the place of an anchor, at the end of each step.
+/// Knot of a curve that is added to the position of an anchor at the end of each step.
 #[derive(Clone, Debug)]
 pub struct Handle {
-    /// Force that is the anchor.
+    /// Force index of the anchor.
     pub anchor: usize,
-    /// Direction in which it moves.
+    /// Direction of the movement.
     pub axis: Vector3<f64>,
-    /// The curve.
+    /// Curve of the position.
     pub curve: Arc<Curve>,
     /// Index of the knot.
     pub knot: usize,

@@ -8,10 +8,10 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// Change of the initial motion of bodies, moved together as one rigid body.
+/// Change of the initial motion of bodies, as one rigid body.
 #[derive(Clone, Debug)]
 pub struct Initial {
-    /// The bodies.
+    /// Indices of the bodies.
     pub bodies: Vec<usize>,
     /// Quantity that changes.
     pub freedom: Freedom,
@@ -19,21 +19,21 @@ pub struct Initial {
     pub axis: Vector3<f64>,
 }
 
-/// A way to begin elsewhere.
+/// Degree of freedom of an initial change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freedom {
-    /// Shifted along the axis, m.
+    /// Shift along the axis, m.
     Position,
-    /// Turned about the axis through the common centre of mass, velocities as well, rad.
+    /// Rotation of poses and velocities about the axis through the common centre of mass, rad.
     Rotation,
-    /// Faster along the axis, m/s.
+    /// Velocity along the axis, m/s.
     Velocity,
-    /// Faster about the axis through the common centre of mass, rad/s.
+    /// Spin about the axis through the common centre of mass, rad/s.
     Spin,
 }
 
 impl Initial {
-    /// Moves the bodies of a system by so much, before its first step.
+    /// Changes the motions of the bodies before the first step.
     pub fn vary(&self, system: &mut System, by: f64) {
         let (along, pivot) = (self.axis * by, self.pivot(system));
         let turn = Increment::new(along).rotation();

@@ -6,21 +6,22 @@ use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 use nalgebra::Matrix3;
 
-/// Mass, or an entry of the inertia, of a body.
+/// Mass of a body, or an entry of its inertia.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyMass {
-    /// The body.
+    /// Index of the body.
     pub body: usize,
     /// Quantity that the parameter changes.
     pub of: OfMass,
 }
 
-/// A number of a body.
+/// Mass parameter of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfMass {
     /// Mass, kg; the inertia stays.
     Mass,
-    /// An entry of the inertia about the centre of mass in body axes, and its mirror image, kg·m²: of a rigid body.
+    /// Row and column of an entry of a rigid body's inertia about the centre of mass, in body axes, kg·m². The mirrored entry
+    /// changes too.
     Inertia(usize, usize),
 }
 

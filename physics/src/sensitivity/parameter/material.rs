@@ -7,25 +7,25 @@ use crate::soft::{Material, Tetrahedron};
 use crate::system::System;
 use std::ops::Range;
 
-/// A number of a soft body's material.
+/// Parameter of a soft body's material.
 #[derive(Clone, Debug)]
 pub struct Softness {
-    /// Forces that are its elements.
+    /// Force indices of the elements.
     pub elements: Range<usize>,
     /// Quantity that the parameter changes.
     pub of: OfMaterial,
 }
 
-/// A number of a material.
+/// Material parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfMaterial {
     /// Shear modulus μ, Pa.
     Mu,
-    /// λ, Pa.
+    /// Lamé parameter λ, Pa.
     Lambda,
     /// Viscosity, Pa·s.
     Viscosity,
-    /// Density, kg/m³: the particles' masses.
+    /// Density, kg/m³, which determines the masses of the particles.
     Density,
 }
 
@@ -40,7 +40,7 @@ impl OfMaterial {
     }
 }
 
-/// Share of an element's mass that each of its nodes has.
+/// Fraction of an element's mass in each of its nodes.
 const OF_NODE: f64 = 0.25;
 
 impl Parameter for Softness {

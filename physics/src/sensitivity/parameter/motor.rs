@@ -1,20 +1,20 @@
-//! Drives: gains of motors, and their rotors' inertia.
+//! Drives: gains and rotor inertia of motors.
 
 use crate::force::Wrench;
 use crate::motor::Motor;
 use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
 use crate::system::System;
 
-/// A number of motors, the same for all. What steers them from step to step must leave it as it is in their laws.
+/// Parameter with one common value for several motors. Controllers must not change it in the motors' laws during a rollout.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    /// Forces that are the motors.
+    /// Force indices of the motors.
     pub motors: Vec<usize>,
     /// Quantity that the parameter changes.
     pub of: OfMotor,
 }
 
-/// A number of a motor.
+/// Parameter of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfMotor {
     /// Position gain kp, N·m/rad.

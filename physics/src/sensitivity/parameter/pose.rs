@@ -1,4 +1,4 @@
-//! Poses: knots of curves that the place of a hold follows, such as that of a robot's gripper.
+//! Poses: knots of curves for the pose of a hold, such as a robot's gripper.
 
 use crate::curve::Curve;
 use crate::force::Wrench;
@@ -8,23 +8,23 @@ use nalgebra::Vector3;
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
-/// Knot of a curve that is added to a coordinate of a hold's place, at the end of each step.
+/// Knot of a curve that is added to a coordinate of a hold's pose at the end of each step.
 #[derive(Clone, Debug)]
 pub struct Pose {
-    /// Force that is the hold.
+    /// Force index of the hold.
     pub hold: usize,
-    /// Coordinate that the curve is added to.
+    /// Coordinate of the pose.
     pub coordinate: Coordinate,
-    /// The curve.
+    /// Curve of the coordinate.
     pub curve: Arc<Curve>,
     /// Index of the knot.
     pub knot: usize,
 }
 
-/// A coordinate of a place as [`Place::new`](crate::hold::Place::new) has them.
+/// Coordinate of a pose, as in [`Place::new`](crate::hold::Place::new).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
-    /// The position along a direction, m.
+    /// Position along a direction, m.
     Shift(Vector3<f64>),
     /// Yaw, rad.
     Yaw,
@@ -35,7 +35,7 @@ pub enum Coordinate {
 }
 
 impl Pose {
-    /// A knot of curves of position, yaw, pitch and roll.
+    /// Creates parameters for one knot of curves of position, yaw, pitch and roll.
     pub fn of_knot(hold: usize, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>> {
         let shifts = [Vector3::x(), Vector3::y(), Vector3::z()].map(Coordinate::Shift);
         let turns = [Coordinate::Yaw, Coordinate::Pitch, Coordinate::Roll];

@@ -1,4 +1,4 @@
-//! Springs: of joints, cloth, cables, bolts and handles.
+//! Springs of joints, cloth, cables, bolts and handles.
 
 use crate::anchor::Anchor;
 use crate::force::{Force, Wrench};
@@ -9,7 +9,7 @@ use crate::system::System;
 use std::fmt::Debug;
 use std::marker::PhantomData;
 
-/// A number of springs of one kind, the same for all.
+/// Parameter with one common value for several springs of one type.
 #[derive(Clone, Debug)]
 pub struct Elastic<F> {
     forces: Vec<usize>,
@@ -17,18 +17,18 @@ pub struct Elastic<F> {
     kind: PhantomData<F>,
 }
 
-/// A number of a spring.
+/// Parameter of a spring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfSpring {
-    /// Stiffness, N/m; of axes N·m/rad.
+    /// Stiffness, N/m; for parallel axes N·m/rad.
     Stiffness,
-    /// Damping, N·s/m; of axes N·m·s/rad.
+    /// Damping, N·s/m; for parallel axes N·m·s/rad.
     Damping,
 }
 
-/// A kind of spring: [`Spring`], [`Ball`], [`ParallelAxes`] or [`Anchor`].
+/// Spring type: [`Spring`], [`Ball`], [`ParallelAxes`] or [`Anchor`].
 pub trait Springy: Force + Clone {
-    /// Returns a number of the spring. Wrenches are linear in all these numbers.
+    /// Reference to a parameter of the spring. Wrenches are linear in the parameters.
     fn number(&mut self, of: OfSpring) -> &mut f64;
 }
 
@@ -69,7 +69,7 @@ impl Springy for ParallelAxes {
 }
 
 impl<F: Springy> Elastic<F> {
-    /// Creates a parameter of forces of this kind.
+    /// Creates a parameter of springs, given by force index.
     pub fn new(forces: impl IntoIterator<Item = usize>, of: OfSpring) -> Self {
         Self { forces: forces.into_iter().collect(), of, kind: PhantomData }
     }

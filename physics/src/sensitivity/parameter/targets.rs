@@ -1,4 +1,4 @@
-//! Targets of motors that change with a parameter in a way of their own: a delay, a scale, an encoder that is off.
+//! Targets of motors that depend on a parameter, such as a delay, a scale or an encoder offset.
 
 use crate::force::Wrench;
 use crate::motor::Motor;
@@ -6,13 +6,14 @@ use crate::sensitivity::parameter::{Column, Parameter, Solved};
 use std::fmt;
 use std::sync::Arc;
 
-/// Change of motors' targets with a parameter.
+/// Dependence of motors' targets on a parameter.
 #[derive(Clone)]
 pub struct Targets {
-    /// Forces that are the motors.
+    /// Force indices of the motors.
     pub motors: Vec<usize>,
-    /// Derivatives of angle, speed and feed-forward torque that a motor, by its place among `motors`, is to have at the end of
-    /// a step, by the parameter. Of a delay they are minus the slopes of these, of an offset of the encoder −1, 0 and 0.
+    /// Derivatives of target angle, speed and feed-forward torque with respect to the parameter. The arguments are the motor's
+    /// index in `motors` and the time at the end of a step, s. For a delay, the derivatives are minus the rates of the targets;
+    /// for an encoder offset, −1, 0 and 0.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     pub by: Arc<dyn Fn(usize, f64) -> [f64; 3] + Send + Sync>,
 }
@@ -31,7 +32,7 @@ impl Parameter for Targets {
     }
 }
 
-/// Adds what changes of the target of a motor, angle, speed and torque, do.
+/// Adds the derivative for a change of a motor's target angle, speed and torque.
 pub(super) fn target_by(
     solved: &Solved<'_>,
     number: usize,

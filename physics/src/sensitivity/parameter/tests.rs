@@ -24,12 +24,13 @@ use std::sync::Arc;
 
 const FRICTION: Friction = Friction { model: Model::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };
 
-/// A foot that carries a wheel with a motor, springs between them and to a bolt, a skate, and a soft block, all near the ground.
+/// Scene near the ground: a foot that carries a wheel with a motor, springs from the wheel to the foot and to a bolt, a skate,
+/// and a soft block.
 struct Scene {
     system: System,
     motor: usize,
     contacts: [usize; 3],
-    /// A spring, a ball, parallel axes, an anchor.
+    /// Force indices of a spring, a ball joint, parallel axes and an anchor.
     springs: [usize; 4],
     hold: usize,
     elements: std::ops::Range<usize>,
@@ -116,7 +117,7 @@ const LAW: Law = Law {
     line: None,
 };
 
-/// Bodies near where they were put, with random velocities, so that most are in the ground.
+/// Moves bodies randomly near their initial positions, with random velocities, so that most touch the ground.
 fn stir(system: &mut System, places: &[Motion], rng: &mut Rng) {
     let mut random = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
     let stirred = places.iter().map(|motion| Motion {
@@ -159,7 +160,7 @@ fn column(system: &System, trial: &[Displacement], parameter: &dyn Parameter) ->
     all
 }
 
-/// Compares at random states; whether the derivative was ever other than 0.
+/// Compares derivatives with differences at random states. Returns true if any derivative was nonzero.
 fn agrees(
     system: &mut System,
     parameter: &dyn Parameter,

@@ -1,4 +1,4 @@
-//! Design files and their faults.
+//! Tests of design files and their faults.
 
 use super::*;
 use crate::text::RobotText;
@@ -59,27 +59,31 @@ fn faults_say_what_would_be_right() {
         (
             "leg/*_thigh",
             "leg/*_thig",
-            "the robot has no `leg/*_thig` to change; there are *_hip, *_thigh",
+            "the robot has no `leg/*_thig` to change; give one of *_hip, *_thigh",
         ),
         (
             "leg.y",
             "leg",
-            "is \"leg\", without a coordinate; add the coordinate, `leg.x`, `.y` or `.z`",
+            "is \"leg\", without a coordinate; add the coordinate: `leg.x`, `.y` or `.z`",
         ),
         ("min_m = 0.09", "min_m = 0.2", "`max_m` is 0.16, not above `min_m` = 0.2"),
         (
             "min_m = 0.09",
             "min_m = 0.13",
-            "is 0.12 m, outside its bounds 0.13 to 0.16; it is 0.12 m in its file: include it",
+            "is 0.12 m, outside its bounds 0.13 to 0.16; widen the bounds to include 0.12 m, the value in the file",
         ),
         ("min_m = 0.07", "min_rad = 0.07", "unknown key `min_rad`"),
-        ("mount = \"leg.y\"\n", "", "changes nothing; give one of length_of, joint, mount"),
+        ("mount = \"leg.y\"\n", "", "changes nothing; give exactly one of length_of, joint, mount"),
         (
             "mount = \"leg.y\"",
             "length_of = \"leg/*_thigh\"",
-            "changes what `thigh` changes; leave one of them out",
+            "changes the same value as `thigh`; leave out one of the two parameters",
         ),
-        ("min_m = 0.09", "min_m = 0", "`min_m` is 0, and must be above 0; give the least"),
+        (
+            "min_m = 0.09",
+            "min_m = 0",
+            "`min_m` is 0; expected a value above 0; give the smallest value",
+        ),
         ("step_m = 0.001", "step_m = 0", "`step_m` must be at least 0.000001"),
         ("step_m = 0.001", "step_m = 1e-9", "`step_m` must be at least 0.000001"),
         ("weight = 0.5", "weight = -1", "`weight` is -1"),

@@ -1,4 +1,4 @@
-//! The sign of Eq. 2.22, which is wrong as printed.
+//! Test of the sign in Eq. 2.22, which is wrong as printed.
 
 use super::*;
 use crate::designed::NamedText;

@@ -1,4 +1,4 @@
-//! The car of Fig. 2.8, which cannot drive, and the walker of Fig. 2.5, which cannot reach its target.
+//! Tests with the car of Fig. 2.8, which cannot drive, and the walker of Fig. 2.5, which cannot reach its target.
 
 use super::*;
 use rollwalk_planner::motion::{Subject, Target};
@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 use std::fs;
 use std::path::Path;
 
-/// Height above the ground of front wheels that are tilted by 45 degrees, m.
+/// Height of the front wheels above the ground when tilted by 45 degrees, m.
 const HANGS_M: f64 = 0.05 * (1.0 - FRAC_1_SQRT_2);
 
 fn text(path: &str) -> String {
@@ -30,7 +30,7 @@ fn free(name: &str, original: f64, bounds: [f64; 2]) -> Free {
     Free { name: name.into(), original, bounds, unit: 0.01, symbol: "m" }
 }
 
-/// Repairs from some iterations towards a plan that there is not.
+/// Repairs a design from plans that stopped after 40 iterations.
 fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> Made, watch: &mut Watch<'_>) -> Repair {
     let original: Vec<f64> = free.iter().map(|free| free.original).collect();
     let Made { robot, motions } = made(&original);
@@ -46,7 +46,7 @@ fn on(_: Shown<'_>) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// The tilted car with its wheels at these places, mirrored: x, y and z of the front ones and of the rear ones.
+/// Tilted car with mirrored wheels. `places_m` has x, y and z of the front wheels, then of the rear wheels.
 fn car(places_m: &[f64]) -> Made {
     let mut robot = robot("car_tilted");
     for (j, wheel) in robot.end_effectors.iter_mut().enumerate() {
@@ -66,7 +66,7 @@ fn car_with_front(height_m: f64) -> Made {
     car(&places)
 }
 
-/// The plan of a car that was repaired, which drives as far as it should.
+/// Plan of a repaired car. Asserts that the car drives 0.5 m.
 fn driven(repair: &Repair) -> &Plan {
     let Outcome::Feasible(solutions) = &repair.outcome else { panic!("{:?}", repair.outcome) };
     let plan = &solutions[0].plan;
@@ -75,7 +75,7 @@ fn driven(repair: &Repair) -> &Plan {
     plan
 }
 
-/// The plan has converged, with the body level.
+/// Asserts that the plan converged and that the body stays level.
 fn is_level(plan: &Plan) {
     assert_eq!(plan.solve.status, Status::Converged);
     for sample in &plan.samples {
@@ -207,7 +207,8 @@ fn wheels_grow_until_their_motors_are_fast_enough() {
     assert_eq!((names, nearest.at_bounds.len()), (vec!["car_drive"], 1), "{nearest}");
 }
 
-/// Pup on legs of these lengths, m, thighs then shanks, front then rear, with a target for its body.
+/// Pup with given leg lengths and a target for its body. `lengths_m` has thigh and shank of the front legs, then of the rear
+/// legs.
 fn walker(lengths_m: &[f64], up_m: f64) -> Made {
     let mut robot = robot("pup");
     for knee in robot.joints.iter_mut().filter(|joint| joint.name.ends_with("_knee")) {

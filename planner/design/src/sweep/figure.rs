@@ -1,27 +1,31 @@
-//! Figure of a [`Picture`] as SVG. A cross is a point that does not hold.
+//! SVG figure of a [`Picture`]. A cross marks a point whose motion fails the checks.
 
 use super::picture::{Field, Kind, Picture, Values};
 use rollwalk_planner::plot::chart::{
     Axis, COLORS, Cell, Content, Mark, Panel, Scale, Series, page,
 };
 
-/// Largest number of lines and of maps of a figure. More look alike.
+/// Maximum number of lines in a figure. Further lines would be indistinguishable.
 const LINES_MAX: usize = 12;
+/// Maximum number of maps in a figure.
 const MAPS_MAX: usize = 9;
-/// Size of a figure of lines, size of a map and width of the scale beside maps, px.
+/// Width and height of a line figure, px.
 const LINES: [f64; 2] = [720.0, 380.0];
+/// Width and height of a map, px.
 const MAP: [f64; 2] = [420.0, 320.0];
+/// Width of the colour scale beside maps, px.
 const SCALE_WIDTH: f64 = 220.0;
-/// The darkest of [`COLORS`].
+/// Index of the darkest colour in [`COLORS`].
 const INK: usize = COLORS.len() - 1;
-/// Colours from the smallest value to the largest: light to dark in equal steps, also for colour-blind readers (after viridis).
+/// Colours from the smallest to the largest value: light to dark in equal steps, suitable for colour-blind readers (after
+/// viridis).
 const RAMP: [[u8; 3]; 5] =
     [[253, 231, 37], [94, 201, 98], [33, 145, 140], [59, 82, 139], [68, 1, 84]];
 const NOTHING: &str = "#e1e1e1";
-/// Cells of the scale.
+/// Number of cells in the colour scale.
 const STEPS: usize = 64;
 
-/// Draws a figure, as the text of an SVG file.
+/// Draws a figure as SVG text.
 pub fn draw(picture: &Picture) -> String {
     let Picture { title, quantity, kind } = picture;
     let title_without = |more: usize, what: &str| match more {
@@ -51,7 +55,7 @@ pub fn draw(picture: &Picture) -> String {
     }
 }
 
-/// Range of values, never empty.
+/// Range of values, which is never empty.
 fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let bounds = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
     let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], bounds);
@@ -67,7 +71,7 @@ fn facts(values: &[&Values]) -> String {
     if any { "× does not hold".to_owned() } else { String::new() }
 }
 
-/// Values over numbers, or over names: then only dots.
+/// Draws values over a numeric axis as lines with dots, or over names as dots alone.
 fn lines(
     title: String,
     quantity: &str,
@@ -112,7 +116,7 @@ fn panel(title: &str, axis: Axis, content: Content) -> Panel {
     Panel { title: title.to_owned(), axis, shaded: Vec::new(), moments: Vec::new(), content }
 }
 
-/// Maps with one scale for all.
+/// Draws maps with a common colour scale.
 fn maps(
     title: String,
     quantity: &str,
@@ -148,7 +152,7 @@ fn maps(
     page(columns, MAP[1], [title, facts(&fields)])
 }
 
-/// Ends of cells around values, in their order: in the middle between neighbours.
+/// Edges of the cells around values, in the order of the values. Cells meet midway between neighbours.
 fn edges(at: &[f64]) -> Vec<[f64; 2]> {
     let mut sorted = at.to_vec();
     sorted.sort_by(f64::total_cmp);

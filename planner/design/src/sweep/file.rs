@@ -20,7 +20,7 @@
 //! motions = ["../motions/trot.toml", "../motions/walk.toml"]   # in place of the design's
 //! ```
 //!
-//! In place of `design` an axis may have robots, each with its own motions:
+//! Instead of `design`, an axis may list robots with their own motions:
 //! `robots = [{ name = "two", robot = "…", motions = ["…"] }]`.
 
 use crate::catalog::Catalog;
@@ -28,27 +28,28 @@ use crate::designed::{Designed, NamedText};
 use crate::parameter::{Kind, Place};
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
-/// Most axes, and most points of a sweep.
+/// Maximum number of axes.
 const AXES_MAX: usize = 12;
+/// Maximum number of points in a sweep.
 const POINTS_MAX: usize = 10_000_000;
-/// Most values of an axis.
+/// Maximum number of values on an axis.
 const VALUES_MAX: usize = 10_000;
 
-/// A sweep.
+/// Contents of a sweep file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
     /// Name of the sweep.
     pub name: String,
-    /// The design file, relative to the sweep file.
+    /// Path of the design file, relative to the sweep file.
     pub design: Option<String>,
-    /// The axes; never empty.
+    /// Axes; never empty.
     pub axes: Vec<Axis>,
 }
 
-/// An axis.
+/// Axis of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Axis {
-    /// A parameter of the design.
+    /// Parameter of the design.
     Parameter {
         /// Name of the parameter.
         name: String,
@@ -59,7 +60,7 @@ pub enum Axis {
     Servos {
         /// Name of the axis.
         name: String,
-        /// The actuator.
+        /// Name of the actuator.
         actuator: String,
         /// Names of the servos.
         names: Vec<String>,
@@ -68,7 +69,7 @@ pub enum Axis {
     Motions {
         /// Name of the axis.
         name: String,
-        /// The files, relative to the sweep file.
+        /// Paths of the files, relative to the sweep file.
         files: Vec<String>,
     },
     /// Robots with their motions.
@@ -80,19 +81,19 @@ pub enum Axis {
     },
 }
 
-/// A robot of an axis.
+/// Robot of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotChoice {
     /// Name of the choice.
     pub name: String,
-    /// Robot file, relative to the sweep file.
+    /// Path of the robot file, relative to the sweep file.
     pub robot: String,
-    /// The motion files, relative to the sweep file.
+    /// Paths of the motion files, relative to the sweep file.
     pub motions: Vec<String>,
 }
 
 impl Axis {
-    /// Name of the axis: of its column.
+    /// Name of the axis and of its column.
     pub fn name(&self) -> &str {
         match self {
             Self::Parameter { name, .. }
@@ -102,7 +103,7 @@ impl Axis {
         }
     }
 
-    /// Number of its points.
+    /// Number of points on the axis.
     pub fn len(&self) -> usize {
         match self {
             Self::Parameter { values, .. } => values.len(),
@@ -112,7 +113,7 @@ impl Axis {
         }
     }
 
-    /// True if the axis has no points, which no sweep file allows.
+    /// Returns true if the axis has no points. Sweep files allow no such axis.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -129,17 +130,17 @@ impl Axis {
 }
 
 impl Sweep {
-    /// Reads a sweep file. `file_name` is for messages only.
+    /// Parses a sweep file. `file_name` appears in messages only.
     ///
     /// # Errors
-    /// Everything that is wrong with the file itself.
+    /// Returns every fault of the sweep file itself.
     pub fn from_toml(file_name: &str, text: &str) -> Result<Self, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let sweep = sweep(&document);
         document.finish(sweep)
     }
 
-    /// Reads a sweep file, and checks it against its design and a catalogue.
+    /// Parses a sweep file, and checks it against its design and a catalogue.
     pub(super) fn checked(
         file: &NamedText,
         design: Option<&Designed>,
@@ -155,21 +156,30 @@ impl Sweep {
                         None => {
                             let names: Vec<&str> =
                                 known.iter().map(|of| of.name.as_str()).collect();
-                            let problem = format_args!("is `{name}`, no parameter of the design");
+                            let problem = format_args!(
+                                "is `{name}`, which is not a parameter of \
+                                the design"
+                            );
                             table.fault(
                                 "parameter",
                                 problem,
                                 "unknown",
-                                format!("it has {}", names.join(", ")),
+                                format!("give one of {}", names.join(", ")),
                             );
                         }
                         Some(of) => {
                             if let Some(out) =
                                 values.iter().find(|v| !(of.min..=of.max).contains(v))
                             {
-                                let problem =
-                                    format_args!("`{name}` goes to {out}, outside its bounds");
-                                let help = format!("{} to {} in the design file", of.min, of.max);
+                                let problem = format_args!(
+                                    "`{name}` takes the value {out}, outside its \
+                                        bounds"
+                                );
+                                let help = format!(
+                                    "give values from {} to {}, the bounds in the \
+                                    design file",
+                                    of.min, of.max
+                                );
                                 table.fault("parameter", problem, "outside", help);
                             }
                         }
@@ -179,10 +189,10 @@ impl Sweep {
                     if let Some(name) = names.iter().find(|name| catalog.get(name).is_none()) {
                         let all: Vec<&str> =
                             catalog.servos().iter().map(|of| of.name.as_str()).collect();
-                        let help = format!("it has {}", all.join(", "));
+                        let help = format!("give one of {}", all.join(", "));
                         table.fault(
                             "servos",
-                            format_args!("names `{name}`, not in the catalogue"),
+                            format_args!("contains `{name}`, which is not in the catalogue"),
                             "unknown",
                             help,
                         );
@@ -198,7 +208,7 @@ impl Sweep {
         document.finish(Some(sweep))
     }
 
-    /// The files that it names besides its design.
+    /// Robot files and motion files of the axes.
     pub fn files(&self) -> (Vec<&String>, Vec<&String>) {
         let (mut robots, mut motions) = (Vec::new(), Vec::new());
         for axis in &self.axes {
@@ -214,12 +224,12 @@ impl Sweep {
         (robots, motions)
     }
 
-    /// The axis along which chains go, if there is one of a parameter: the last.
+    /// Index of the last parameter axis, along which chains run. `None` if no axis is a parameter.
     pub fn inner(&self) -> Option<usize> {
         self.axes.iter().rposition(|axis| matches!(axis, Axis::Parameter { .. }))
     }
 
-    /// Points along a chain.
+    /// Number of points in a chain.
     pub fn chain_len(&self) -> usize {
         self.inner().map_or(1, |inner| self.axes[inner].len())
     }
@@ -229,7 +239,7 @@ impl Sweep {
         self.axes.iter().map(Axis::len).product::<usize>() / self.chain_len()
     }
 
-    /// The first point of a chain: a place on every axis, 0 on that along which it goes.
+    /// Indices of a chain's first point, one for each axis. The index on the axis of the chain is 0.
     pub fn start(&self, chain: usize) -> Vec<usize> {
         let (mut rest, mut start) = (chain, vec![0; self.axes.len()]);
         for k in (0..self.axes.len()).rev().filter(|k| Some(*k) != self.inner()) {
@@ -240,7 +250,7 @@ impl Sweep {
     }
 }
 
-/// The speed limit of an actuator.
+/// Parameter for the speed limit of an actuator.
 pub fn speed_of(actuator: &str) -> Place {
     Place {
         kind: Kind::Speed,
@@ -257,7 +267,7 @@ fn sweep(document: &Document<'_>) -> Option<Sweep> {
     let design = if root.has("design") { Some(root.string("design")?) } else { None };
     let tables = root.tables_up_to("axis", AXES_MAX);
     if tables.is_empty() {
-        root.fault("axis", "is missing", "one point", "write [[axis]] tables");
+        root.fault("axis", "is missing", "one point", "write at least one [[axis]] table");
     }
     let axes: Vec<Option<Axis>> = tables.iter().map(axis).collect();
     root.done();
@@ -265,21 +275,26 @@ fn sweep(document: &Document<'_>) -> Option<Sweep> {
     let robots = axes.iter().filter(|axis| matches!(axis, Axis::Robots { .. })).count();
     if robots + usize::from(design.is_some()) != 1 {
         let help = "give `design`, or one [[axis]] with robots that have their own motions";
-        root.fault("design", "and robots: one of them is needed", "which robot?", help);
+        root.fault(
+            "design",
+            "or an axis with robots is required, and not both",
+            "design or robots",
+            help,
+        );
     }
     let points = axes.iter().try_fold(1_usize, |all, axis| all.checked_mul(axis.len()));
     if points.is_none_or(|points| points > POINTS_MAX) {
         root.fault(
             "axis",
-            format_args!("have more than {POINTS_MAX} points"),
+            format_args!("tables give more than {POINTS_MAX} points"),
             "too many",
-            "take fewer values",
+            "give fewer values on the axes",
         );
     }
     for (index, axis) in axes.iter().enumerate() {
         if axes[..index].iter().any(|other| other.name() == axis.name()) {
-            let problem = format_args!("`{}` is there twice", axis.name());
-            tables[index].fault("name", problem, "again", "give each axis a name of its own");
+            let problem = format_args!("is `{}`, the name of an earlier axis", axis.name());
+            tables[index].fault("name", problem, "again", "give each axis its own name");
         }
     }
     Some(Sweep { name: name?, design, axes })
@@ -305,7 +320,7 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
         let strings: Vec<String> =
             table.strings(key)?.into_iter().map(|(text, _)| text.to_owned()).collect();
         if strings.is_empty() {
-            table.fault(key, "is empty", "no point", "give one or more");
+            table.fault(key, "is empty", "no point", "give at least one entry");
         }
         Some(strings)
     };
@@ -318,7 +333,7 @@ fn axis(table: &Table<'_>) -> Option<Axis> {
         let choices = table.tables_up_to("robots", VALUES_MAX);
         if choices.is_empty() {
             let help = "give parameter, servos, motions or robots";
-            table.fault("robots", "is missing", "an axis of what?", help);
+            table.fault("robots", "is missing", "an axis without values", help);
         }
         let choices = choices.iter().map(choice).collect::<Option<_>>();
         Axis::Robots { name, choices: choices? }
@@ -334,7 +349,7 @@ fn choice(table: &Table<'_>) -> Option<RobotChoice> {
     Some(RobotChoice { name: name?, robot: robot?, motions })
 }
 
-/// Values from one to another, rounded to what people write.
+/// Evenly spaced values from `from` to `to`, rounded to nine decimals.
 fn evenly(from: f64, to: f64, points: u32) -> Option<Vec<f64>> {
     let value = |k: u32| from + (to - from) * f64::from(k) / f64::from(points - 1);
     let rounded = |value: f64| (value * 1e9).round() / 1e9;

@@ -1,38 +1,38 @@
-//! Contents of a figure of a sweep: one quantity over the axes, with the points that hold and those that do not.
+//! Contents of a figure of a sweep: one quantity over the axes, and the points whose motions fail the checks.
 //!
-//! The axes decide on the kind of figure. Without a parameter axis, choices stand side by side. With one there is a line for each
-//! combination of choices and motions. With two or more there is a map of the last two for each combination. A field of a map
-//! shows the best point along the parameters before them.
+//! The axes determine the kind of figure. Without a parameter axis, choices stand side by side. With one parameter axis, there
+//! is a line for each combination of choices and motions. With two or more, there is a map of the last two for each
+//! combination. A field of a map shows the best point along the other parameters.
 
 use super::{Axis, Ready, Row};
 use crate::goal::Quantity;
 use rollwalk_planner::sensitivity::Objective;
 use std::path::Path;
 
-/// A figure.
+/// Contents of a figure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Title.
     pub title: String,
-    /// The quantity, with its unit.
+    /// Quantity, with its unit.
     pub quantity: String,
-    /// The rest.
+    /// Axes and values.
     pub kind: Kind,
 }
 
-/// Value at a place of a figure.
+/// Value at one position of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Field {
-    /// The best value of the points there that hold.
+    /// Best value of the points at this position that pass the checks.
     Holds(f64),
-    /// Points, of which none holds.
+    /// Marks a position with points, none of which passes the checks.
     Lost,
-    /// Empty place: motions of other robots.
+    /// Marks a position without points, such as motions of other robots.
     Absent,
 }
 
 impl Field {
-    /// Value of a place that holds.
+    /// Returns the value of a point that passes the checks.
     pub fn value(&self) -> Option<f64> {
         if let Self::Holds(value) = self { Some(*value) } else { None }
     }
@@ -50,31 +50,31 @@ pub enum Kind {
         axis: String,
         /// Labels of the points.
         labels: Vec<String>,
-        /// A name and values for each combination of the other choices.
+        /// Name and values of each combination of the other choices.
         series: Vec<(String, Values)>,
     },
     /// Lines over a parameter.
     Lines {
-        /// The parameter, with its unit.
+        /// Name of the parameter, with its unit.
         x: String,
         /// Values of the parameter.
         at: Vec<f64>,
-        /// A name and values for each combination of choices.
+        /// Name and values of each combination of choices.
         series: Vec<(String, Values)>,
     },
     /// Maps over two parameters.
     Maps {
-        /// The parameters, with their units; the second one is horizontal, because chains go along it.
+        /// Names of the parameters, with their units. The second parameter is horizontal, because chains run along it.
         axes: [String; 2],
         /// Values of the parameters.
         at: [Vec<f64>; 2],
-        /// A name and values for each combination of choices, in rows along the second parameter.
+        /// Name and values of each combination of choices. A row has the values along the second parameter.
         panels: Vec<(String, Vec<Values>)>,
     },
 }
 
 impl Picture {
-    /// Figure of rows of a sweep. Without a given quantity, the figure shows the one that the design's goal minimises first.
+    /// Builds the figure of the rows of a sweep. The default quantity is the first one that the design's goal minimises.
     pub fn of(ready: &Ready, rows: &[&Row], quantity: Option<Quantity>) -> Self {
         let of = quantity.unwrap_or_else(|| preferred(ready, rows));
         let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
@@ -138,7 +138,7 @@ impl Picture {
         let best = if hidden.is_empty() {
             String::new()
         } else {
-            format!(", the best along {}", hidden.join(", "))
+            format!(", best value along {}", hidden.join(", "))
         };
         let unit = if of.unit.is_empty() { String::new() } else { format!(", {}", of.unit) };
         Self {
@@ -149,7 +149,7 @@ impl Picture {
     }
 }
 
-/// Default quantity: the first of the goal, else the cost of transport if a row has one, else the plan cost.
+/// Default quantity: the first one that the goal minimises, else the cost of transport if a row has one, else the plan cost.
 fn preferred(ready: &Ready, rows: &[&Row]) -> Quantity {
     if let Some((objective, _)) = ready.goal().and_then(|goal| goal.minimise.first()) {
         return Quantity::of(*objective);
@@ -160,7 +160,7 @@ fn preferred(ready: &Ready, rows: &[&Row]) -> Quantity {
     if rows.iter().any(is_there) { of } else { Quantity::of(Objective::PlanCost) }
 }
 
-/// A combination of choices and a motion.
+/// Combination of choices and a motion.
 struct Group {
     labels: Vec<String>,
     motion: String,
@@ -175,7 +175,7 @@ impl Group {
     }
 }
 
-/// The combinations that rows have, in their order.
+/// Combinations in the rows, in the order of the rows.
 fn groups(axes: &[Axis], rows: &[&Row], choices: &[usize]) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for with_motion in [true, false] {
@@ -214,7 +214,7 @@ fn values_of(axis: &Axis) -> Vec<f64> {
     }
 }
 
-/// The name of a file without folder and ending; others as they are.
+/// Stem of a TOML file name; other labels stay unchanged.
 fn short(label: &str) -> String {
     let stem = label.strip_suffix(".toml").and_then(|path| Path::new(path).file_name());
     stem.map_or_else(|| label.to_owned(), |stem| stem.to_string_lossy().into_owned())

@@ -1,4 +1,4 @@
-//! Rows of a sweep: a motion at a point.
+//! Rows of a sweep: one motion at one point.
 
 use super::{Axis, Ready};
 use crate::designed::Designed;
@@ -10,29 +10,29 @@ use rollwalk_planner::report::Report;
 use rollwalk_robot::document::DocumentError;
 use serde::{Deserialize, Serialize};
 
-/// A motion at a point.
+/// Result of a motion at a point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
-    /// Number of the point.
+    /// Index of the point.
     pub point: u64,
     /// Label of the point on every axis.
     pub labels: Vec<String>,
-    /// Name of the motion; empty where there is no such robot.
+    /// Name of the motion; empty if the robot is invalid at this point.
     pub motion: String,
     /// Status of the plan.
     pub status: String,
-    /// True if the motion may be played.
+    /// True if the motion is solved and passes the checks.
     pub holds: bool,
-    /// Reason why there is no plan; empty if there is one.
+    /// Reason why there is no plan; empty if there is a plan.
     pub reason: String,
-    /// Iterations of the planner.
+    /// Number of planner iterations.
     pub iterations: u64,
-    /// Values of all quantities, in the order of [`Quantity::ALL`]; absent where a motion has none.
+    /// Values of all quantities, in the order of [`Quantity::ALL`]; `None` if undefined for the motion.
     pub quantities: Vec<Option<f64>>,
 }
 
-/// Computes a chain.
+/// Computes the rows of a chain.
 pub fn chain(ready: &Ready, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
     let sweep = &ready.sweep;
     let start = sweep.start(chain);
@@ -66,7 +66,7 @@ pub fn chain(ready: &Ready, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<R
     Ok(rows)
 }
 
-/// Plans of a point, from those of its neighbour if it has been planned.
+/// Plans a point, starting from the plans of its neighbour if there are any.
 fn planned(
     designed: &Designed,
     axes: &[Axis],

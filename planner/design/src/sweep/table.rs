@@ -1,12 +1,12 @@
-//! Results of sweeps as CSV. The same rows give the same bytes.
+//! Results of sweeps as CSV. Equal rows give equal bytes.
 
 use super::Row;
 use crate::goal::Quantity;
 
-/// The rows as CSV.
+/// Writes the rows as CSV.
 ///
 /// # Errors
-/// None that memory does not give.
+/// If the CSV writer fails. Writing to memory does not fail.
 pub fn csv(axes: &[String], rows: &[&Row]) -> Result<Vec<u8>, csv::Error> {
     let numeric =
         |axis: usize| rows.iter().all(|row: &&Row| row.labels[axis].parse::<f64>().is_ok());

@@ -1,4 +1,4 @@
-//! Sweeps: their order, their chains, their tables, their figures.
+//! Tests of sweeps: order, chains, tables and figures.
 
 use super::picture::Field::{Absent, Holds, Lost};
 use super::picture::{Kind, Picture};
@@ -64,14 +64,19 @@ fn faults_say_what_would_be_right() {
         (
             "front_height",
             "height",
-            "`height`, no parameter of the design",
+            "`height`, which is not a parameter of the design",
             "front_height, rear_height",
         ),
-        ("-0.02", "-0.2", "goes to -0.2, outside its bounds", "-0.07 to -0.01"),
-        ("AX-12A", "AX-12", "`AX-12`, not in the catalogue", "AX-12A"),
+        ("-0.02", "-0.2", "takes the value -0.2, outside its bounds", "-0.07 to -0.01"),
+        ("AX-12A", "AX-12", "`AX-12`, which is not in the catalogue", "AX-12A"),
         ("xm430_drive", "xm430", "no `xm430`", "xm430_drive"),
-        ("name = \"gait\"", "name = \"servo\"", "`servo` is there twice", "a name of its own"),
-        ("design = \"car.toml\"\n", "", "one of them is needed", "give `design`"),
+        (
+            "name = \"gait\"",
+            "name = \"servo\"",
+            "is `servo`, the name of an earlier axis",
+            "its own name",
+        ),
+        ("design = \"car.toml\"\n", "", "or an axis with robots is required", "give `design`"),
         ("values = [-0.0447, -0.02, -0.0446]", "values = []", "`values`", ""),
     ] {
         let error = ready(&SWEEP.replace(from, to)).unwrap_err();
@@ -116,7 +121,7 @@ fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
     assert_eq!(series[1].1, [Lost; 3]);
 }
 
-/// Rows as a sweep would have them, with the point's number as the cost; points in `lost` do not hold.
+/// Rows of a sweep with the index of the point as the cost. Points in `lost` fail the checks.
 fn rows(ready: &Ready, motions: &[&str], lost: &[u64]) -> Vec<Row> {
     let sweep = &ready.sweep;
     let mut rows = Vec::new();

@@ -1,12 +1,12 @@
-//! Numbers of motion files that parameters change: `walk/duration_s`, `reach/target.1.up_m`.
+//! Values of motion files that parameters change: `walk/duration_s`, `reach/target.1.up_m`.
 
 use super::{Nothing, number_of, replace};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-/// A number at a path of keys and, in arrays, places from 1.
+/// Value at a path, which consists of keys and, for arrays, indices from 1.
 ///
 /// # Errors
-/// There is none.
+/// If there is no number at this path.
 pub fn value(document: &DocumentMut, path: &str) -> Result<f64, Nothing> {
     let mut here: &dyn TableLike = document.as_table();
     let mut parts = path.split('.').peekable();
@@ -27,7 +27,7 @@ pub fn value(document: &DocumentMut, path: &str) -> Result<f64, Nothing> {
     Err(no_number(path))
 }
 
-/// Puts another number there, if there is one.
+/// Replaces the number at a path; no effect if there is none.
 pub fn set(document: &mut DocumentMut, path: &str, to: f64) {
     let mut here: Option<&mut dyn TableLike> = Some(document.as_table_mut());
     let mut parts = path.split('.').peekable();
@@ -57,13 +57,13 @@ fn missing(path: &str, part: &str, table: &dyn TableLike) -> Nothing {
     let known: Vec<&str> = table.iter().map(|(key, _)| key).collect();
     Nothing {
         problem: format!("the motion file has no `{part}` for `{path}`"),
-        help: format!("there are {}", known.join(", ")),
+        help: format!("give one of {}", known.join(", ")),
     }
 }
 
 fn no_number(path: &str) -> Nothing {
     Nothing {
-        problem: format!("`{path}` is no number of the motion file"),
+        problem: format!("`{path}` is not a number in the motion file"),
         help: "name a number, such as duration_s, goal.forward_m, or target.1.up_m of the first [[target]]".into(),
     }
 }

@@ -1,17 +1,17 @@
-//! Limbs that get a copy of their template, so that a parameter changes them alone.
+//! Copies of templates, so that a parameter can change some limbs alone.
 
 use super::{Nothing, inner, text_of};
 use crate::parameter::Place;
 use toml_edit::visit_mut::{VisitMut, visit_table_mut};
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
-/// Room between the places of tables, for those that come between them.
+/// Gap between the positions of tables in the file, for tables to be inserted.
 const ROOM: isize = 1 << 20;
 
-/// The templates that a place's limbs have now: one, unless other parameters have split them.
+/// Present templates of a parameter's limbs: one, unless other parameters have split them.
 ///
 /// # Errors
-/// A limb that is not there.
+/// If the robot lacks one of the limbs.
 pub fn templates(document: &mut DocumentMut, place: &Place) -> Result<Vec<String>, Nothing> {
     let limbs = limbs(document);
     let mut templates: Vec<String> = Vec::new();
@@ -20,7 +20,7 @@ pub fn templates(document: &mut DocumentMut, place: &Place) -> Result<Vec<String
             let known: Vec<&str> = limbs.iter().map(|(name, _)| name.as_str()).collect();
             return Err(Nothing {
                 problem: format!("the robot has no limb `{wanted}`"),
-                help: format!("there are {}", known.join(", ")),
+                help: format!("give one of {}", known.join(", ")),
             });
         };
         if !templates.contains(template) {
@@ -30,10 +30,10 @@ pub fn templates(document: &mut DocumentMut, place: &Place) -> Result<Vec<String
     Ok(templates)
 }
 
-/// Gives the limbs of a place templates that no other limb has, and returns these.
+/// Copies templates so that the parameter's limbs share them with no other limb, and returns the names of these templates.
 ///
 /// # Errors
-/// As [`templates`].
+/// If the robot lacks one of the limbs.
 pub fn apart(document: &mut DocumentMut, place: &Place) -> Result<Vec<String>, Nothing> {
     let all = limbs(document);
     let split = |template: String, document: &mut DocumentMut| {
@@ -57,7 +57,7 @@ fn limbs(document: &mut DocumentMut) -> Vec<(String, String)> {
     tables.into_iter().map(both).collect()
 }
 
-/// Copies a template for some limbs, behind itself.
+/// Copies a template for some limbs. The copy follows the original in the file.
 fn copied(document: &mut DocumentMut, template: &str, limbs: &[String]) -> String {
     let Some(all) = document.get_mut("template").and_then(Item::as_table_like_mut) else {
         return template.to_owned();
@@ -94,7 +94,7 @@ fn copied(document: &mut DocumentMut, template: &str, limbs: &[String]) -> Strin
     name
 }
 
-/// Common beginning of the names of limbs, or all names if they have none: `front` of `front_left` and `front_right`.
+/// Common prefix of the names of limbs, or all names if they have none: `front` for `front_left` and `front_right`.
 fn in_common(limbs: &[String]) -> String {
     let first = limbs.first().map_or("", String::as_str);
     let same = |len: &usize| limbs.iter().all(|limb| limb.get(..*len) == first.get(..*len));
@@ -103,7 +103,7 @@ fn in_common(limbs: &[String]) -> String {
     if common.is_empty() { limbs.join("_") } else { common.to_owned() }
 }
 
-/// Changes the places of tables in the file.
+/// Visitor that changes the positions of tables in the file.
 struct Places<F>(F);
 
 impl<F: FnMut(isize) -> isize> VisitMut for Places<F> {

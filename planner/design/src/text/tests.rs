@@ -1,4 +1,4 @@
-//! Numbers of robot files, changed by parameters of every kind.
+//! Tests of parameters of every kind in robot files.
 
 use super::*;
 use crate::catalog::Catalog;
@@ -102,9 +102,9 @@ fn every_kind_sets_what_it_reads_and_leaves_the_rest_of_the_file() {
 fn what_is_not_there_is_named_with_what_is() {
     let found = agilebot().value(&place(Kind::Radius, Some("leg"), "wheel", None)).unwrap_err();
     assert_eq!(found.problem, "the robot has no `leg/wheel` to change");
-    assert_eq!(found.help, "there are *");
+    assert_eq!(found.help, "give one of *");
     let found = agilebot().value(&place(Kind::Speed, None, "xl430", None)).unwrap_err();
-    assert_eq!(found.help, "there are xm430, xm430_drive, xm540");
+    assert_eq!(found.help, "give one of xm430, xm430_drive, xm540");
 }
 
 #[test]

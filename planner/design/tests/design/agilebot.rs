@@ -1,4 +1,4 @@
-//! Designs of AgileBot: changed by hand, keeping its pitch, and optimised.
+//! Tests of AgileBot's design: changed by hand, with its pitch kept, and optimised.
 
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
@@ -24,7 +24,7 @@ fn on(_: &str, _: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// The shipped design, for some of its motions.
+/// Shipped design with some of its motions.
 fn legs(motions: &[&str]) -> Designed {
     let mut design = read("designs/agilebot_legs.toml");
     let list: Vec<String> =
@@ -246,9 +246,14 @@ fn numbers_of_motions_are_parameters_and_parameters_are_goals() {
     assert!(variant.motion_texts[0].contains("forward_m = 0.2\n"), "{}", variant.motion_texts[0]);
     assert!(variant.motion_texts[0].starts_with("# AgileBot trots"), "comments stay");
     for (from, to, problem, help) in [
-        ("trot/goal", "walk/goal", "the design has no motion file `walk`", "there are trot"),
+        (
+            "trot/goal",
+            "walk/goal",
+            "the design has no motion file `walk`",
+            "give one of the motion files trot",
+        ),
         ("goal.forward_m", "goal.way_m", "has no `way_m`", "forward_m, left_m, turn_rad"),
-        ("trot/goal.forward_m", "trot/name", "`name` is no number", "name a number"),
+        ("trot/goal.forward_m", "trot/name", "`name` is not a number", "name a number"),
         ("{ way", "{ road", "`road` is neither a quantity nor a parameter", "way, thigh, shank"),
     ] {
         let error = read_fast(from, to).unwrap_err();

@@ -1,4 +1,4 @@
-//! Robots under design, with their motions: one binary, one module per subject.
+//! Integration tests of designs with their motions: one binary, one module per subject.
 
 mod agilebot;
 mod reference;

@@ -1,4 +1,4 @@
-//! Reference numbers of manual designs: what predictions are worth, and that mirrored parameters do the same.
+//! Reference values of manual designs: accuracy of predictions, and equal effect of mirrored parameters.
 
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::plans::optimal;
@@ -17,7 +17,7 @@ fn on(_: &str, _: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// AgileBot with thighs of some limbs as parameters, for one motion.
+/// Design of AgileBot for one motion, with the thighs of limb pairs as parameters.
 fn thighs(limbs: &[[&str; 2]], motion: &str) -> Designed {
     let parameter = |(k, [one, other]): (usize, &[&str; 2])| {
         format!(
@@ -30,7 +30,7 @@ fn thighs(limbs: &[[&str; 2]], motion: &str) -> Designed {
     Designed::new(&design, read("robots/agilebot.toml"), vec![read(motion)]).unwrap()
 }
 
-/// The optimum of the motion, and how it changes with every parameter.
+/// Optimum of the motion, and its change with respect to every parameter.
 fn linear(designed: &Designed) -> (Optimal, Vec<Change>) {
     let plans = designed.plan(designed.original(), &mut on).unwrap();
     let solution = &plans.solutions[0];

@@ -165,7 +165,11 @@ impl Callback for Negotiation {
                 Ok(answer)
             }
             None => {
-                let mut refusal = ErrorResponse::new(Some("no known subprotocol".to_owned()));
+                let mut refusal = ErrorResponse::new(Some(
+                    "the request names no supported \
+                    subprotocol"
+                        .to_owned(),
+                ));
                 *refusal.status_mut() = StatusCode::BAD_REQUEST;
                 Err(refusal)
             }

@@ -29,7 +29,7 @@ const PLANNED: [f64; 4] = [0.36, 0.53, 0.78, 1.0];
 
 /// A recording that could not be made.
 #[derive(Debug, Error)]
-#[error("cannot make the recording: {0}")]
+#[error("cannot write the recording: {0}")]
 pub struct RecordingError(#[from] McapError);
 
 /// A plan as an MCAP file, from its beginning to its end.

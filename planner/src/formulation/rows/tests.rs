@@ -1,4 +1,4 @@
-//! Columns and the way of derivatives into them.
+//! Columns, and conversion of derivatives to columns.
 
 use super::*;
 use crate::formulation::System;
@@ -12,7 +12,7 @@ fn problem(ends: Ends) -> Problem {
     Problem::new(Model::new(robot), &test_robots::motion(robot, ends), Weights::default())
 }
 
-/// The row that `write` makes about the window `at`, as (column, derivative) pairs.
+/// Returns the row that `write` makes for the window `at`, with its (column, derivative) pairs.
 fn row(
     problem: &Problem,
     at: [usize; 3],
@@ -188,7 +188,7 @@ fn a_placed_sample_has_the_columns_of_its_slot_and_of_the_placement() {
     assert_eq!((entries[0].1, entries[1].1), (0.5, 0.0));
 }
 
-/// A robot with longer links between joints and larger wheels.
+/// Returns the robot with longer links between joints and larger wheels.
 fn edited(robot: &Robot) -> Robot {
     let mut robot = robot.clone();
     for joint in &mut robot.joints {
@@ -198,7 +198,8 @@ fn edited(robot: &Robot) -> Robot {
     robot
 }
 
-/// A system of one robot with all derivatives, by the structure of another; `None` where the structure differs.
+/// Returns the rows of one problem with all derivatives, evaluated with the structure of another. `None` if the structures
+/// differ.
 fn again(before: &Problem, after: &Problem, shift: f64) -> Option<Rows> {
     let unknowns = random_unknowns(&after.model, after.frozen.len(), 4);
     let system = System::new(before);

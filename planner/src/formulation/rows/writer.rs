@@ -1,12 +1,12 @@
-//! The writer of rows: from derivatives with respect to samples to those with respect to unknowns.
+//! Writer of rows: converts derivatives with respect to samples to derivatives with respect to unknowns.
 //!
-//! It takes the way of every derivative once, and then knows its place: the pattern of the rows is constant, and terms
-//! write the same derivatives in the same order at every point. Only rows of placed samples, whose derivatives are
-//! mixed by the placement, take the long way every time.
+//! The first evaluation records the destination of every derivative. Later evaluations reuse it, because the pattern of the
+//! rows is constant and terms write their derivatives in the same order at every point. Only rows of placed samples, whose
+//! derivatives are mixed by the placement, are converted every time.
 //!
-//! Trials of steps need values alone, and of the rows at an accepted point only those that count need derivatives:
-//! [`Wanted`] says which evaluation it is. Rows of an edited robot mostly have the pattern of those before the edit:
-//! [`Wanted::Again`] compares every row and every derivative with it.
+//! Trial steps need values alone. At an accepted point, only rows that contribute to the energy need derivatives. [`Wanted`]
+//! selects the output. Rows of an edited robot mostly have the pattern of those before the edit: [`Wanted::Again`] compares
+//! every row and every derivative with it.
 
 mod ground;
 
@@ -20,16 +20,15 @@ use nalgebra::Vector3;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The pattern of a system's rows, known after their first evaluation.
+/// Pattern of a system's rows, set by their first evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct Pattern {
     columns: Arc<[usize]>,
-    /// End of the entries of every row.
+    /// End index of the entries of every row.
     ends: Vec<usize>,
-    /// Range of each row in `places`; `None` for a row that uses a sample with a placement, whose derivatives have no fixed
-    /// places.
+    /// Range of each row in `places`. `None` for a row with a placed sample, whose derivatives have no fixed destinations.
     of_rows: Vec<Option<Range<usize>>>,
-    /// Places of the derivatives of these rows, in the order in which terms write them.
+    /// Destinations of the derivatives of these rows, in the order in which terms write them.
     places: Vec<DerivativePlace>,
 }
 
@@ -44,16 +43,16 @@ struct DerivativePlace {
 
 const NOWHERE: u32 = u32::MAX;
 
-/// Output of an evaluation. The first evaluation finds the pattern and writes all.
+/// Output of an evaluation. The first evaluation finds the pattern and writes everything.
 #[derive(Clone, Copy, Debug)]
 pub enum Wanted<'a> {
     /// Values and all derivatives.
     All,
     /// Values alone.
     Values,
-    /// The same, of another problem than that whose pattern is known and whose rows are reused.
+    /// Values alone, for a problem other than the source of the pattern and of the reused rows.
     Again,
-    /// Derivatives of the rows that count with these multipliers, at the point whose values are known.
+    /// Derivatives of the rows that contribute to the energy with these multipliers, at a point whose values are known.
     Derivatives(&'a [f64]),
 }
 
@@ -66,19 +65,24 @@ pub struct RowWriter<'a> {
     rows: Vec<Row>,
     derivatives: Vec<f64>,
     wanted: Wanted<'a>,
-    /// The pattern if it is known, else that of the rows so far, whose columns are in `columns_found`.
+    /// Known pattern. If `None`, `found` contains the pattern of the rows so far.
     known: Option<&'a Pattern>,
     found: Pattern,
+    /// Columns of `found`.
     columns_found: Vec<usize>,
-    /// Index of the row under construction, of its first entry and of the next derivative with a known place.
+    /// Index of the row under construction.
     row: usize,
+    /// Index of the first entry of the row under construction.
     start: usize,
+    /// Index of the next derivative with a known destination.
     place: usize,
-    /// Count of entries of the row under construction, and whether its derivatives are wanted and have known places.
+    /// Number of entries of the row under construction.
     entries: usize,
+    /// True if the derivatives of the row under construction are requested.
     differentiates: bool,
+    /// True if the derivatives of the row under construction have known destinations.
     is_direct: bool,
-    /// True if all rows so far match the known pattern. Rows after a mismatch are not written.
+    /// True if all rows so far match the known pattern. After a mismatch, no more rows are written.
     fits: bool,
     family: Family,
     at: [usize; 3],
@@ -86,22 +90,26 @@ pub struct RowWriter<'a> {
     level: f64,
     role: Role,
     given: Option<Given>,
-    /// Derivatives of the row under construction: a dense gradient for each sample of the window, the indices of
-    /// entries that were written, and for each entry whether it was written.
+    /// Derivatives of the row under construction: a dense gradient for each sample of the window.
     gradients: [Vec<f64>; 3],
+    /// Indices of the entries of `gradients` that were written.
     written: [Vec<usize>; 3],
+    /// Flags of the entries of `gradients` that were written.
     is_written: [Vec<bool>; 3],
-    /// Derivatives of the row under construction in the order of writing, if the pattern is not known.
+    /// Sample and variable of each derivative of the row under construction, in the order of writing, while the pattern is not
+    /// known.
     calls: Vec<(usize, usize)>,
-    /// Position of each column in the row, if it has one; dense scratch memory over all columns.
+    /// Position of each column in the row under construction, or [`NO_POSITION`]; scratch memory over all columns.
     position: Vec<u32>,
 }
 
 const NO_POSITION: u32 = u32::MAX;
 
 impl<'a> RowWriter<'a> {
-    /// Creates a writer for one evaluation. `known` is the pattern that an earlier evaluation has found. `reuse` is an
-    /// earlier result whose memory is reused; with [`Wanted::Derivatives`] it has the values.
+    /// Creates a writer for one evaluation.
+    ///
+    /// `known` is the pattern from an earlier evaluation. The memory of `reuse`, an earlier result, is reused. With
+    /// [`Wanted::Derivatives`], `reuse` contains the values.
     pub fn new(
         problem: &'a Problem,
         columns: &'a Columns,
@@ -153,12 +161,12 @@ impl<'a> RowWriter<'a> {
         writer
     }
 
-    /// True if the finished rows match the known pattern, as far as their derivatives were requested.
+    /// Returns true if the finished rows match the known pattern, as far as their derivatives were requested.
     pub fn fits(&self) -> bool {
         self.fits && self.known.is_none_or(|known| self.row == known.ends.len())
     }
 
-    /// Returns the finished rows, and their pattern if it was not known.
+    /// Returns the finished rows, and their pattern if it was not known before.
     pub fn finish(self) -> (Rows, Option<Pattern>) {
         let Self { rows, derivatives, known, found, columns_found, wanted, .. } = self;
         let differentiated = match wanted {
@@ -182,20 +190,19 @@ impl<'a> RowWriter<'a> {
         self.at = at;
     }
 
-    /// Sets scale and role of the following rows. A row that compares with a limit has that limit as its scale if the
-    /// family's level is a fraction of the limit.
+    /// Sets scale and role of the following rows. If the family's level is a fraction of a limit, `scale` must be that limit.
     pub fn set(&mut self, scale: f64, role: Role) {
         self.scale = scale;
         self.level = self.family.level().at(scale);
         self.role = role;
     }
 
-    /// True if the derivatives of the next row are requested. Otherwise they need not be written.
+    /// Returns true if the derivatives of the next row are requested. Otherwise they may be omitted.
     pub fn differentiates(&self) -> bool {
         self.differentiates
     }
 
-    /// Ends the next row if neither its value nor its derivatives are wanted, and returns whether it has done so.
+    /// Skips the next row if neither its value nor its derivatives are requested. Returns true if the row was skipped.
     pub fn skips_row(&mut self) -> bool {
         let skips = matches!(self.wanted, Wanted::Derivatives(_)) && !self.differentiates;
         if skips {
@@ -242,7 +249,7 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Sets the number that the next row compares with.
+    /// Sets the field that the next row compares with.
     pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
         self.given = Some(Given { field, value, slope });
     }
@@ -296,12 +303,12 @@ impl<'a> RowWriter<'a> {
         self.begin_next_row(end);
     }
 
-    /// End of the entries of the row under construction, whose pattern is known.
+    /// End index of the entries of the row under construction, whose pattern is known.
     fn end(&self) -> usize {
         self.known.and_then(|known| known.ends.get(self.row).copied()).unwrap_or(self.start)
     }
 
-    /// Goes on to the next row after one whose entries end at `end`.
+    /// Starts the next row. `end` is the end index of the previous row's entries.
     fn begin_next_row(&mut self, end: usize) {
         (self.row, self.start, self.entries) = (self.row + 1, end, 0);
         self.begin_row();
@@ -324,8 +331,8 @@ impl<'a> RowWriter<'a> {
         self.place = of_row.as_ref().map_or(0, |of_row| of_row.start);
     }
 
-    /// Takes the derivatives of a row to its entries, and returns their end. If the pattern is not known, it grows by
-    /// the row.
+    /// Converts the derivatives of a row to entries, and returns their end index. Adds the row to the pattern if that is not
+    /// known.
     fn collect(&mut self) -> usize {
         let start = self.start;
         let mut is_direct = true;
@@ -377,7 +384,7 @@ impl<'a> RowWriter<'a> {
         found.of_rows.push(is_direct.then_some(first..found.places.len()));
     }
 
-    /// Converts derivatives with respect to a placed sample to those with respect to its slot and the placement.
+    /// Converts derivatives with respect to a placed sample to derivatives with respect to its slot and the placement.
     fn pull_back(&mut self, lift: Lift, k: usize, written: &mut Vec<usize>, gradient: &mut [f64]) {
         let layout = &self.problem.layout;
         // A turn mixes the horizontal components of a vector, so the pattern needs both.

@@ -1,12 +1,12 @@
-//! Start of the motion at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three rows per
-//! motion, m and rad; without them any plan could be shifted and turned in the ground plane.
+//! Start of the motion at the world's origin, heading along x: x₁ = y₁ = yaw₁ = 0 for the base. Three rows per motion, m and
+//! rad. Without them, any plan could be shifted and turned in the ground plane.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// See the module.
+/// Constraint: start of the base at the origin with heading 0.
 pub struct Anchor;
 
 impl Term for Anchor {

@@ -1,15 +1,15 @@
-//! Contact point of a skate in stance, which stays between the ends of the blade. One inequality row per skate and
-//! sample, m along the blade.
+//! Contact point of a skate in stance, which stays between the ends of the blade. One inequality row per skate and sample, m
+//! along the blade.
 //!
-//! The contact point moves along the blade as its link pitches. Its distance from the blade's middle is R sin θ, with
-//! θ the angle between ρ and the direction m of the middle, seen along the blade: |R t·m| ≤ R sin(L / 2R). The kink
-//! at the middle does no harm, because the row is far from active there.
+//! The contact point moves along the blade as its link pitches. Its distance from the blade's middle is R sin θ. θ is the angle
+//! between ρ and the direction m of the middle, seen along the blade: |R t·m| ≤ R sin(L / 2R). The kink at the middle is
+//! harmless, because the row is far from active there.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: contact point of a skate on its blade.
 pub struct BladeContact;
 
 /// Half-width of the smoothing of Eq. 2.16, m.

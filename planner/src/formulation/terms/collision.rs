@@ -1,5 +1,5 @@
-//! Clearance between end effectors (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair that is not mounted on one
-//! link. One inequality row per pair and sample, m.
+//! Clearance between end effectors (Eq. 2.10): |eʲ − eᵏ| ≥ rʲ + rᵏ + β for every pair on different links. One inequality row
+//! per pair and sample, m.
 //!
 //! The row contains the distance, not its square, so that the residual is a clearance in metres.
 
@@ -7,7 +7,7 @@ use crate::families::{CLEARANCE_M, Family};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: clearance between end effectors.
 pub struct Collision;
 
 /// Half-width of the smoothing of Eq. 2.16, m.

@@ -1,11 +1,11 @@
-//! Height of contact points above the ground (Eq. 2.9), e_z − h(e_x, e_y): 0 in stance, the profile of
-//! [`crate::motion::swing`] in swing. One row an end effector and sample, m.
+//! Height of contact points above the ground (Eq. 2.9), e_z − h(e_x, e_y): 0 in stance, the profile of [`crate::motion::swing`]
+//! in swing. One row per end effector and sample, m.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: height of contact points above the ground.
 pub struct ContactHeight;
 
 impl Term for ContactHeight {

@@ -1,11 +1,10 @@
-//! Contact points agree with the limbs (Eq. 2.14): φ_b(l̂, q) + ρ(α) − e = 0. Three rows an end
-//! effector and sample, m.
+//! Agreement of contact points with the limbs (Eq. 2.14): φ_b(l̂, q) + ρ(α) − e = 0. Three rows per end effector and sample, m.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: agreement of contact points with the limbs.
 pub struct ContactPoint;
 
 impl Term for ContactPoint {

@@ -1,5 +1,5 @@
-//! Derivatives of each term against central differences, on each shipped robot at random poses, with each kind of ends, on level
-//! ground and on waves.
+//! Derivatives of each term against central differences: for each shipped robot at random poses, with each kind of ends, on
+//! level ground and on waves.
 
 use super::link_clearance::FAR_M;
 use crate::families::{Family, FamilySet};
@@ -13,10 +13,10 @@ use rollwalk_multibody::ground::{ElevationMap, HeightField};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
 
-/// Central differences of this step in scaled variables: truncation about step², rounding about
-/// 1e-13/step for residuals of size 1000.
+/// Step of the central differences in scaled variables. Truncation is about step², rounding about 1e-13/step for residuals of
+/// size 1000.
 const STEP: f64 = 1e-5;
-/// Truncation and rounding with a margin, relative to the largest derivative of the row.
+/// Tolerance for truncation and rounding with a margin, relative to the largest derivative of the row.
 const TOLERANCE: f64 = 2e-6;
 
 fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
@@ -60,7 +60,7 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
     }
 }
 
-/// Ground with slopes up to 0.3 that bends in all directions.
+/// Ground with slopes up to 0.3 and curvature in all directions.
 fn waves() -> ElevationMap {
     const SIDE: usize = 61;
     let place = |k: usize| 0.1 * k as f64 - 3.0;
@@ -121,7 +121,7 @@ fn every_term_matches_finite_differences_on_every_robot() {
     }
 }
 
-/// The robots take turns with the kinds of ends, which do not ask the ground.
+/// Checks all robots on waves. Robots alternate between the kinds of ends, because these do not depend on the ground.
 #[test]
 fn every_term_matches_finite_differences_on_waves() {
     let mut seen = vec![0; Family::ALL.len()];
@@ -133,7 +133,7 @@ fn every_term_matches_finite_differences_on_waves() {
     }
 }
 
-/// Terms measure heights from the ground, not from z = 0.
+/// Checks that terms measure heights from the ground, not from z = 0.
 #[test]
 fn no_row_changes_where_ground_and_robot_are_higher() {
     const UP_M: f64 = 0.7;
@@ -160,7 +160,7 @@ fn no_row_changes_where_ground_and_robot_are_higher() {
     }
 }
 
-/// The other shipped robots take turns with the kinds of ends: each is checked once.
+/// Checks each of the other shipped robots with one kind of ends.
 #[test]
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn every_term_matches_finite_differences_on_the_other_shipped_robots() {

@@ -1,10 +1,11 @@
-//! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`Means`]), in world:
-//! m − (A⁺ − A⁻)/h² = 0, m the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows a sample, N·m; they read moments that
-//! are variables, which three more rows define.
+//! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`Means`]), in the world frame: m − (A⁺ − A⁻)/h² = 0.
+//! m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments in them are variables, which three
+//! more rows define.
 //!
-//! A⁻ and A⁺ are the moments that the robot sweeps on the intervals before and after the sample ([`SweptMoment`]): A/h
-//! is the mean angular momentum there. The thesis has one body with the inertia of the nominal pose in its place, which
-//! leaves out what limbs carry: swings missed moments of 5 mm times the weight in a walk and of 41 mm in a flying trot.
+//! A⁻ and A⁺ are the moments that the robot sweeps in the intervals before and after the sample ([`SweptMoment`]): A/h is the
+//! mean angular momentum of the interval. The thesis uses one body with the inertia of the nominal pose instead, which omits
+//! the momentum of the limbs. Swings then missed moments of 5 mm times the weight in a walk and of 41 mm times the weight in a
+//! flying trot.
 //!
 //! [`Means`]: crate::problem::Means
 //! [`SweptMoment`]: rollwalk_multibody::euler::SweptMoment
@@ -15,7 +16,7 @@ use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::BASE_YAW;
 
-/// See the module.
+/// Constraint: angular dynamics about the centre of mass.
 pub struct DynamicsAngular;
 
 impl Term for DynamicsAngular {

@@ -1,6 +1,6 @@
-//! Linear centroidal dynamics (Eq. 2.3): Σ f + M g − M ẍ = 0 in the mean around every sample ([`Means`]): forces
-//! (f₋ + 4f + f₊)/6, ẍ the second difference of the centre of mass. Three rows a sample, N, in world; they read sums of
-//! forces that are variables, which three more rows define.
+//! Linear centroidal dynamics (Eq. 2.3) in the mean around every sample ([`Means`]): Σ f + M g − M ẍ = 0. Forces are means (f₋
+//! + 4f + f₊)/6, and ẍ is the second difference of the centre of mass. Three rows per sample, N, in the world frame. The sums
+//! of forces in them are variables, which three more rows define.
 //!
 //! [`Means`]: crate::problem::Means
 
@@ -10,7 +10,7 @@ use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// See the module.
+/// Constraint: linear dynamics of the centre of mass.
 pub struct DynamicsLinear;
 
 impl Term for DynamicsLinear {

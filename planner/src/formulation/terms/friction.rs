@@ -1,19 +1,19 @@
-//! Coulomb friction and unilateral contact (Eq. 2.5), in stance: f_n ≥ f_min, |f_t| ≤ μ f_n, with f_n = f·n and
-//! f_t = f − f_n n for the normal n of the ground. Two inequality rows an end effector and sample, N.
+//! Coulomb friction and unilateral contact (Eq. 2.5) in stance: f_n ≥ f_min and |f_t| ≤ μ f_n. f_n = f·n and f_t = f − f_n n,
+//! where n is the normal of the ground. Two inequality rows per end effector and sample, N.
 //!
-//! The tip of |f_t| is rounded, s = √(|f_t|² + δ²); the error is at most δ, on the safe side.
-//! Plans use only a fraction of μ and keep a minimum normal force: see [`crate::problem::Weights`].
+//! The tip of |f_t| is rounded, s = √(|f_t|² + δ²); the error is at most δ, on the safe side. Plans use only a fraction of μ
+//! and keep a minimum normal force: see [`crate::problem::Weights`].
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: friction cone of the ground forces.
 pub struct Friction;
 
 /// Half-width of the smoothing of Eq. 2.16 for forces, N.
 const BAND_N: f64 = 0.02;
-/// Rounding of the cone's tip, δ, N.
+/// Rounding δ of the cone's tip, N.
 const TIP_N: f64 = 0.05;
 
 impl Term for Friction {

@@ -1,18 +1,18 @@
-//! Functional objectives (sec. 2.4.1): displacement of the centre of mass, m, and change of heading, rad, over the
-//! motion. One row for each component of the goal.
+//! Functional objectives (sec. 2.4.1): displacement of the centre of mass, m, and change of heading, rad, over the motion. One
+//! row for each component of the goal.
 //!
-//! The thesis weights them by 50 against the other terms and falls short by 0.1–3 %; as constraints they are met
-//! exactly without additional effort.
+//! The thesis weights them by 50 against the other terms and falls short by 0.1–3 %. As constraints, they are met exactly
+//! without additional effort.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::BASE_YAW;
 
-/// Displacement along and to the left of the starting heading; the anchor makes these world x and y.
+/// Constraint: displacement along and to the left of the initial heading. The anchor makes these world x and y.
 pub struct Displacement;
 
-/// Change of heading.
+/// Constraint: change of heading.
 pub struct Turn;
 
 impl Term for Displacement {

@@ -1,9 +1,9 @@
-//! Clearance to the ground: every capsule end, box corner and, of links without shapes, joint origin is above the ground,
-//! by the margin of the robot file unless its link carries an end effector. One inequality row per point and sample, m.
-//! Distances are those to first order, (z − h)/|∇(z − h)|.
+//! Clearance to the ground: every capsule end and box corner is above the ground, and every joint origin of links without
+//! shapes. The margin of the robot file is added, unless the link carries an end effector. One inequality row per point and
+//! sample, m. Distances are of first order, (z − h)/|∇(z − h)|.
 //!
-//! Points and not the lowest one of a link, so that no row has a kink where the lowest changes. As in
-//! [`super::link_clearance`] rows end where there is room.
+//! Every point has a row, not only the lowest one of a link. A row of the lowest point would have a kink where that point
+//! changes. As in [`super::link_clearance`], rows are constant at large distances.
 
 use super::link_clearance::{BAND_M, FAR_M};
 use crate::families::Family;
@@ -12,7 +12,7 @@ use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
-/// See the module.
+/// Constraint: clearance of links to the ground.
 pub struct GroundClearance;
 
 impl Term for GroundClearance {

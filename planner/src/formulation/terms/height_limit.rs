@@ -1,4 +1,4 @@
-//! Limits of the height of the body or the centre of mass above the ground over a span of time (sec. 3.5.2, ducking). One
+//! Limits on the height of the body or the centre of mass above the ground over a span of time (sec. 3.5.2, ducking). One
 //! inequality row for each bound and sample, m.
 
 use crate::families::Family;
@@ -7,7 +7,7 @@ use crate::formulation::{Span, Term, TermInfo};
 use crate::motion::Subject;
 use rollwalk_multibody::euler::BASE_POSITION;
 
-/// See the module.
+/// Constraint: height limits of the motion.
 pub struct HeightBound;
 
 /// Half-width of the smoothing of Eq. 2.16, m.

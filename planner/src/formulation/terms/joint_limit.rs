@@ -5,7 +5,7 @@ use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::JOINTS;
 
-/// See the module.
+/// Constraint: limits of joint angles.
 pub struct JointLimit;
 
 /// Half-width of the smoothing of Eq. 2.16, rad.

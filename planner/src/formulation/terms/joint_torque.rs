@@ -1,18 +1,18 @@
-//! Torque limits of joint motors. One inequality row per joint and sample, N·m: |τ| ≤ u τ_max, u the part of the limit
-//! that plans may use.
+//! Torque limits of joint motors: |τ| ≤ u τ_max, where u is the fraction of the limit that plans may use. One inequality row
+//! per joint and sample, N·m.
 //!
-//! The torque balances the planned ground forces and weight and inertia of everything beyond the joint, its own rotor
+//! The torque balances the planned ground forces and the weight and inertia of everything beyond the joint, its own rotor
 //! included:
 //!
 //! ```text
 //! τ = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ] + I_a q̈
 //! ```
 //!
-//! with w and o the axis and origin of the joint, p the points of what it carries, e and f the contacts beyond it, I_a
-//! the inertia of rotor and gearbox. Accelerations are second differences in the mean around the sample
-//! ([`crate::problem::Means`]), p × p̈ those of the moments that the limb sweeps
-//! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so one row
-//! covers both signs.
+//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, and I_a the
+//! inertia of rotor and gearbox. Accelerations are second differences in the mean around the sample
+//! ([`crate::problem::Means`]); p × p̈ follows from the moments that the limb sweeps
+//! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
+//! both signs.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
@@ -23,7 +23,7 @@ use rollwalk_multibody::euler::{
 };
 use rollwalk_robot::GRAVITY_M_S2;
 
-/// See the module.
+/// Constraint: torque limits of joint motors.
 pub struct JointTorque;
 
 /// Half-width of the smoothing of Eq. 2.16, as a fraction of the limit.
@@ -33,19 +33,19 @@ pub(super) const BAND_FRACTION: f64 = 0.05;
 pub(super) struct Torque<'w> {
     window: &'w Window<'w>,
     joint: usize,
-    /// The torque, N·m.
+    /// Torque, N·m.
     pub value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
-    /// Moment of inertia forces less that of all other forces beyond the joint, about the origin, N·m.
+    /// Moment of inertia forces minus the moment of all other forces beyond the joint, about its origin, N·m.
     moment: Vector3<f64>,
     /// Sum of the ground forces beyond the joint, N.
     ground_force: Vector3<f64>,
-    /// Σ m (p − o) before, at and after the sample, kg·m.
+    /// Sum Σ m (p − o) before, at and after the sample, kg·m.
     arms: [Vector3<f64>; 3],
     /// Bodies that the joint carries, before and after the sample.
     carried: [CarriedPair<'w>; 2],
-    /// Mean of a second derivative over the sum of its samples' differences, 1/s².
+    /// Factor from the sum of the samples' differences to the mean of a second derivative, 1/s².
     per_h2: f64,
 }
 
@@ -163,8 +163,8 @@ impl<'w> Torque<'w> {
         carried.end_effectors.iter().filter(|&&j| self.window.stance(1, j))
     }
 
-    /// Derivative of w·Σ m (p − o) × (p₊ − 2p + p₋) with a turn of what joint `part` carries about an axis `turn`
-    /// through `about`, at sample `k` of the window, the joint's origin held still.
+    /// Derivative of w·Σ m (p − o) × (p₊ − 2p + p₋) with respect to a turn of the links that joint `part` carries. The turn is
+    /// about an axis `turn` through `about`, at sample `k` of the window. The joint's origin is held fixed.
     fn turned(&self, k: usize, part: usize, turn: &Vector3<f64>, about: &Vector3<f64>) -> f64 {
         let model = &self.window.problem.model;
         let [into, out_of] = &self.carried;
@@ -220,7 +220,7 @@ mod tests {
     use crate::{test_plans, test_robots};
     use rollwalk_multibody::euler::Model;
 
-    /// Torque, N·m, of the front left hip of the box of [`test_plans`] for a leg angle and a ground force.
+    /// Torque of the front left hip of the box of [`test_plans`], N·m, for a leg angle and a ground force.
     fn hip_torque_nm(leg_rad: f64, force_n: Vector3<f64>) -> f64 {
         let robot = test_plans::robot();
         let mut motion = test_robots::motion(&robot, Ends::AtRest);

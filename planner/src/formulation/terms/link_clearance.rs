@@ -1,22 +1,21 @@
-//! Clearance between links: d(a, b) ≥ β for every pair of shapes of limbs and body that no joint connects, β the
-//! margin of the robot file. One inequality row per pair and sample, m.
+//! Clearance between links: d(a, b) ≥ β for every pair of shapes of limbs and body that no joint connects. β is the margin of
+//! the robot file. One inequality row per pair and sample, m.
 //!
-//! A distance depends on the joints between the two links alone. Rows end at [`FAR_M`] beyond the margin: most pairs are
-//! further apart, which the spheres around their shapes show, so that they cost hardly anything. Such rows are constant
-//! there, far from counting.
+//! A distance depends only on the joints between the two links. Rows are constant from [`FAR_M`] beyond the margin, where they
+//! do not contribute to the energy. Most pairs are further apart; the bounding spheres of their shapes show this at almost no
+//! cost.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::JOINTS;
 
-/// See the module.
+/// Constraint: clearance between links.
 pub struct LinkClearance;
 
 /// Half-width of the smoothing of Eq. 2.16, m.
 pub(super) const BAND_M: f64 = 0.002;
-/// Distance beyond the margin, m, from which a row says only that there is room: well beyond the smoothing and the
-/// shifts of multipliers.
+/// Distance beyond the margin from which a row is constant, m: well beyond the smoothing and the shifts of multipliers.
 pub(super) const FAR_M: f64 = 0.01;
 
 impl Term for LinkClearance {

@@ -1,17 +1,18 @@
-//! Turn of the link that carries an end effector, from one sample to the next.
+//! Rotation of the link that carries an end effector, from one sample to the next.
 
 use crate::formulation::rows::{RowWriter, Window};
 use crate::problem::state::State;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation;
 
-/// Rotation vector of the link's turn over an interval, in world, rad.
+/// Rotation vector of the link over an interval, in the world frame, rad.
 pub(super) fn link_turn(j: usize, here: &State, after: &State) -> Vector3<f64> {
     let (from, to) = (&here.pose.end_effectors[j], &after.pose.end_effectors[j]);
     rotation::log(&(to.world_from_link * from.world_from_link.transpose()))
 }
 
-/// Adds the derivative of `along`·φ with the link's turn φ over the interval of a window, `along` held constant.
+/// Adds the derivative of `along`·φ to the next row. φ is the link's rotation vector over the interval of a window; `along` is
+/// held constant.
 pub(super) fn d_link_turn(
     window: &Window,
     j: usize,

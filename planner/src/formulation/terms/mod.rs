@@ -1,6 +1,5 @@
-//! Terms of the formulation, one family of residuals per file: residual and exact derivative. Names, units and
-//! tolerances are in [`crate::families`]; [`crate::formulation`] lists the terms, and the tests in `derivatives`
-//! check all of them.
+//! Terms of the formulation: one family of residuals per file, with residual and exact derivative. [`crate::families`] has
+//! names, units and tolerances, and [`crate::formulation`] lists the terms. The tests in `derivatives` check all of them.
 
 mod anchor;
 mod blade_contact;

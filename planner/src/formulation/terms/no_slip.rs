@@ -1,14 +1,17 @@
-//! Rolling without slip (Eq. 2.8) on intervals with both ends in stance: (e₊ − e)/h + ω a × ρ = 0 for wheels,
-//! (e₊ − e)/h − r Ω × n = 0 for feet, spheres that roll with their link's turn Ω on ground with the normal n. Two rows
-//! (x, y) per end effector and interval, m/s: the heights of contact points are the third. For free wheels and blades one end
-//! in stance is enough: they lift off and touch down along their rolling direction, at any speed along it. For feet and driven
-//! wheels, which may be too slow for that, the rows at those intervals are costs.
+//! Rolling without slip (Eq. 2.8) in intervals with both ends in stance. For wheels, (e₊ − e)/h + ω a × ρ = 0. For feet, (e₊ −
+//! e)/h − r Ω × n = 0: spheres that roll with the rotation rate Ω of their link on ground with the normal n. Two rows (x, y)
+//! per end effector and interval, m/s. The heights of contact points are the third component.
 //!
-//! a × ρ = −r t for every tilt, so only the rolling direction matters. It is taken at the middle of the interval, as is n: the
-//! plans slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis. Skates that touch
-//! down or lift off across their rolling direction scrub. With the rows at those intervals their replayed speed rose
-//! from 0.66–0.94 of the planned one to 0.96–1.04. Feet carry force there, too: without the cost a held walk came to
-//! 0.96 of its way and a side step to 1.06, with it both to 1.00.
+//! Free wheels and blades have these rows also in intervals with one end in stance. They lift off and touch down along their
+//! rolling direction, at any speed along it. Feet and driven wheels may be too slow for that, so that their rows in such
+//! intervals are costs.
+//!
+//! a × ρ = −r t for every tilt, so that only the rolling direction matters. Rolling direction and n are taken at the middle of
+//! the interval: plans then slip by 1.5 mm/s, against 2–19 mm/s with the forward Euler rule printed in the thesis.
+//!
+//! Skates that touch down or lift off across their rolling direction scrub. The rows in those intervals raised their replayed
+//! speed from 0.66–0.94 of the planned speed to 0.96–1.04. Feet carry force in those intervals too: without the cost, a held
+//! walk covered 0.96 of its distance and a side step 1.06; with it, both covered 1.00.
 
 use super::link_turn::{d_link_turn, link_turn};
 use crate::families::Family;
@@ -17,10 +20,10 @@ use crate::formulation::{Span, Term, TermInfo};
 use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
 
-/// See the module.
+/// Constraint: rolling and standing without slip.
 pub struct NoSlip;
 
-/// The rows of [`NoSlip`] at lift-off and touch-down of feet and driven wheels, as costs.
+/// Cost: slip of feet and driven wheels at lift-off and touch-down, with the rows of [`NoSlip`].
 pub struct LiftOffSlip;
 
 /// Stance at the ends of an interval.
@@ -38,12 +41,12 @@ fn ends(window: &Window, j: usize) -> Ends {
     }
 }
 
-/// True if end effector `j` glides over the ground: a free wheel or a blade.
+/// Returns true if end effector `j` glides over the ground: a free wheel or a blade.
 fn glides(window: &Window, j: usize) -> bool {
     window.problem.model.robot().end_effectors[j].contact.drag().is_some()
 }
 
-/// Writes the slip of end effector `j`.
+/// Writes the slip rows of end effector `j`.
 fn slip(window: &Window, j: usize, out: &mut RowWriter) {
     let problem = window.problem;
     let ee = &problem.layout.end_effectors[j];
@@ -139,8 +142,8 @@ mod tests {
     use rollwalk_multibody::euler::{BASE_YAW, Model};
     use rollwalk_robot::Contact;
 
-    /// Largest slip, m/s, of a foot on the body that pitches and rolls at (0.3, 0.2) rad/s while it moves by
-    /// `forward_m` and `left_m` per second.
+    /// Largest slip of a foot, m/s. The foot is on a body that pitches and rolls at (0.3, 0.2) rad/s while it moves by
+    /// `forward_m_s` and `left_m_s`.
     fn worst(forward_m_s: f64, left_m_s: f64) -> f64 {
         let mut robot = test_robots::all().swap_remove(0);
         robot.end_effectors.truncate(1);

@@ -5,18 +5,18 @@ use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
-/// Pull of ground forces towards an even share of the weight among the feet in stance, in units of Mg/n. It
-/// determines whether soft servos can play a plan.
+/// Cost: differences of ground forces from an even share of the weight among the stance feet, in units of Mg/n. Without this
+/// cost, soft servos could not play the plan.
 pub struct EvenForce;
 
-/// Pull of joints towards the motion's posture, and of the body towards level at the matching height above the ground.
+/// Cost: differences of joints from the motion's posture, and of the body from level at the matching height above the ground.
 pub struct Posture;
 
-/// Pull of wheel speeds towards zero (rim speed, m/s). Held wheels have no row: their speed follows from their links.
+/// Cost: wheel speeds (rim speed, m/s). Held wheels have no row, because their speed follows from their links.
 pub struct WheelEffort;
 
-/// Smoothness of wheel speeds (difference of rim speed between intervals, m/s), also at start and stop. Held wheels
-/// have no row: their speed follows from their links.
+/// Cost: changes of wheel speeds (difference of rim speed between intervals, m/s), also at start and stop. Held wheels have no
+/// row, because their speed follows from their links.
 pub struct WheelSmoothness;
 
 impl Term for EvenForce {
@@ -127,7 +127,7 @@ mod tests {
     use crate::test_robots;
     use rollwalk_multibody::euler::{JOINTS, Model};
 
-    /// Cost of the same smooth motion, sampled at a number of points.
+    /// Cost of one smooth motion with a given number of samples.
     fn cost(samples: usize) -> f64 {
         let robot = &test_robots::all()[0];
         let motion = Motion {

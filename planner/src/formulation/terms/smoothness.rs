@@ -5,7 +5,7 @@ use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Cost: second differences of base and joints.
 pub struct Smoothness;
 
 impl Term for Smoothness {

@@ -1,14 +1,14 @@
-//! Steering: velocity of the body's origin over the ground, along and to the left of its heading, m/s, and rate of its
-//! heading, rad/s, against the wanted ones. Three cost rows an interval of a horizon.
+//! Steering: deviation of the body from the requested velocity. The components are the velocity of the body's origin over the
+//! ground, along its heading and to the left, m/s, and the yaw rate, rad/s. Three cost rows per interval of a horizon.
 //!
-//! In an interval the heading is that of its middle: R_z(−ψ) (p₊ − p)/h with ψ = (yaw + yaw₊)/2.
+//! The heading is that at the middle of the interval: R_z(−ψ) (p₊ − p)/h with ψ = (yaw + yaw₊)/2.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// See the module.
+/// Cost: deviation from the requested velocity.
 pub struct Steering;
 
 impl Term for Steering {

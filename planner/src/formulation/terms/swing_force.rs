@@ -4,7 +4,7 @@ use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: ground forces in swing.
 pub struct SwingForce;
 
 impl Term for SwingForce {

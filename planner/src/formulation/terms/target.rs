@@ -1,9 +1,8 @@
-//! Choreography (sec. 2.4.1): positions and velocities of the centre of mass, the body or an end effector
-//! and the body's heading at chosen times. One equality row for each component that a target names, m,
-//! m/s and rad, from the parabola through the three samples around its time. Upwards positions are heights above the ground,
-//! and velocities those of the world.
+//! Choreography (sec. 2.4.1): positions and velocities of the centre of mass, the body or an end effector, and the body's
+//! heading, at chosen times. One equality row for each component of a target, m, m/s and rad, from the parabola through the
+//! three samples around its time. Upward positions are heights above the ground; upward velocities are relative to the world.
 //!
-//! The height of an end effector has no row here: it scales the profile of [`crate::motion::swing`].
+//! A height target of an end effector has no row, because it scales the profile of [`crate::motion::swing`].
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -12,20 +11,21 @@ use crate::motion::Subject;
 use crate::problem::PlacedTarget;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW};
 
-/// Positions at chosen times.
+/// Constraint: positions at chosen times.
 pub struct TargetPosition;
 
-/// Velocities at chosen times.
+/// Constraint: velocities at chosen times.
 pub struct TargetVelocity;
 
-/// Headings at chosen times.
+/// Constraint: headings at chosen times.
 pub struct TargetHeading;
 
-/// Fields of a target, by coordinate.
+/// Position fields of a target, by coordinate.
 const POSITION: [&str; 3] = ["forward_m", "left_m", "up_m"];
+/// Velocity fields of a target, by coordinate.
 const VELOCITY: [&str; 3] = ["speed_forward_m_s", "speed_left_m_s", "speed_up_m_s"];
 
-/// Targets whose window this is.
+/// Targets in the middle interval of a window.
 fn here<'a>(window: &Window<'a>) -> impl Iterator<Item = &'a PlacedTarget> {
     let middle = window.at[1];
     window.problem.targets.iter().filter(move |placed| placed.middle == middle)
@@ -77,7 +77,7 @@ fn write_height(window: &Window, out: &mut RowWriter, of: Subject, weights: [f64
     out.row_of(of.into(), sum - wanted);
 }
 
-/// First of the three variables that a subject's position is; `None` for the centre of mass.
+/// Index of the first of the three variables with a subject's position. `None` for the centre of mass.
 fn variables(window: &Window, of: Subject) -> Option<usize> {
     match of {
         Subject::Com => None,

@@ -1,9 +1,9 @@
-//! Torque-speed lines of motors. One inequality row per motor and interval, without unit: |τ/τ_stall + q̇/ω₀| ≤ 1. For
-//! joints at the sample that begins the interval, with the mean speed around it; for wheels at the interval's middle.
+//! Torque-speed lines of motors: |τ/τ_stall + q̇/ω₀| ≤ 1. One dimensionless inequality row per motor and interval. Joints use
+//! the torque at the start of the interval and the mean speed around it; wheels use values at the middle of the interval.
 //!
-//! Where a motor drives its load, τ and q̇ have the same sign and this is the line. Where it brakes, the two partly
-//! cancel, and the row holds whenever torque and speed are within their limits, which do not exceed the ends of the
-//! line.
+//! When a motor drives its load, τ and q̇ have the same sign, and the row is the torque-speed line. When the motor brakes, the
+//! two partly cancel. The row is then satisfied whenever torque and speed are within their limits, which do not exceed the ends
+//! of the line.
 
 use super::joint_torque::{BAND_FRACTION, Torque};
 use super::wheel_speed::MotorSpeed;
@@ -13,7 +13,7 @@ use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use rollwalk_multibody::euler::JOINTS;
 
-/// See the module.
+/// Constraint: torque-speed lines of motors.
 pub struct TorqueSpeed;
 
 impl Term for TorqueSpeed {

@@ -1,14 +1,14 @@
-//! Traction of free wheels and blades (Eq. 2.6, with drag): f·t + f_n (c_rr s(v) + c_v v) = 0 in stance,
-//! v = ω r the rolling velocity and s(v) = tanh(v/v₀) its smooth sign. One row a wheel and sample, N.
+//! Traction of free wheels and blades in stance (Eq. 2.6, with drag): f·t + f_n (c_rr s(v) + c_v v) = 0. v = ω r is the rolling
+//! velocity and s(v) = tanh(v/v₀) its smooth sign. One row per wheel and sample, N.
 //!
-//! Without resistance the best plan of a robot on free wheels would glide for ever; with it the robot has to push.
-//! Only the part that grows with speed limits the top speed.
+//! Without resistance, the best plan of a robot on free wheels would glide forever; with it, the robot must push. Only the part
+//! that grows with speed limits the top speed.
 
 use crate::families::{Family, ROLLING_SIGN_WIDTH_M_S};
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: traction of free wheels and blades.
 pub struct Traction;
 
 impl Term for Traction {

@@ -1,12 +1,12 @@
-//! Wheel axes agree with the links that carry them (Eq. 2.13): φ_b(â, q) − a(α) = 0. Three rows a
-//! wheel and sample; the length of the difference is an angle, rad.
+//! Agreement of wheel axes with the links that carry them (Eq. 2.13): φ_b(â, q) − a(α) = 0. Three rows per wheel and sample.
+//! The length of the difference is an angle, rad.
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use crate::problem::state::d_yaw;
 
-/// See the module.
+/// Constraint: agreement of wheel axes with their links.
 pub struct WheelAxis;
 
 impl Term for WheelAxis {

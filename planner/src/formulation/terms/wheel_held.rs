@@ -1,17 +1,17 @@
-//! Welded wheels, and driven wheels that a motion holds still, do not turn relative to the link that
-//! carries them. One equality row a wheel and interval: the motor speed at the rim, m/s.
+//! Welded wheels, and driven wheels that a motion holds still, do not turn relative to their link. One equality row per wheel
+//! and interval: the motor speed at the rim, m/s.
 //!
-//! It takes the place of Eq. 2.15, which compares reference vectors of the link at both ends of the
-//! interval by a cross product. That depends on how the vectors were chosen unless the link turns about
-//! the wheel's axis alone: on a pitched shank it forbids the foot to tilt and to yaw. What must vanish is
-//! the turn about the axis only, ω h + Δα_yaw (v·a) − a·log(R₊Rᵀ), which is what a motor would turn.
+//! The row replaces Eq. 2.15, a cross product of reference vectors of the link at both ends of the interval. That product
+//! depends on the choice of vectors unless the link turns about the wheel's axis alone. On a pitched shank, it forbids the foot
+//! to tilt and to yaw. Only the turn about the axis must vanish, ω h + Δα_yaw (v·a) − a·log(R₊Rᵀ), because a motor would
+//! produce it.
 
 use super::wheel_speed::MotorSpeed;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: wheels that do not turn relative to their link.
 pub struct WheelHeld;
 
 impl Term for WheelHeld {
@@ -45,14 +45,14 @@ mod tests {
 
     const H_S: f64 = 1e-3;
 
-    /// Worst rim speed relative to the link, m/s, of a wheel that is welded to the body with its axis
-    /// along the body's y. The body's attitude is R_z(yaw) R_x(tilt) R_y(spin): spin is by definition what
-    /// ω counts, the turn about the axis relative to the tilting and yawing wheel frame.
+    /// Worst rim speed relative to the link, m/s, of a wheel that is welded to the body with its axis along the body's y. The
+    /// body's attitude is R_z(yaw) R_x(tilt) R_y(spin). Spin is the angle that ω counts: the turn about the axis relative to
+    /// the tilting and yawing wheel frame.
     fn worst(tilt: fn(f64) -> f64, yaw: fn(f64) -> f64, spin: fn(f64) -> f64) -> f64 {
         worst_with(tilt, yaw, spin, 0.0)
     }
 
-    /// The same for a wheel that turns `faster_rad_s` than its link.
+    /// Worst rim speed relative to the link, m/s, of a wheel that turns `faster_rad_s` faster than in [`worst`].
     fn worst_with(
         tilt: fn(f64) -> f64,
         yaw: fn(f64) -> f64,

@@ -1,9 +1,7 @@
-//! Motors of driven wheels stay within their speed. Two inequality rows a driven wheel and interval,
-//! rad/s.
+//! Speed limits of the motors of driven wheels. Two inequality rows per driven wheel and interval, rad/s.
 //!
-//! A motor turns the wheel relative to the link that carries it, so its speed is not ω but
-//! ω + α̇_yaw (v·a) − Ω_link·a, with a at the middle of the interval. The motors of wheels that a motion
-//! holds still stand: see [`super::WheelHeld`].
+//! A motor turns the wheel relative to the link that carries it. Its speed is therefore not ω but ω + α̇_yaw (v·a) − Ω_link·a,
+//! with a at the middle of the interval. Motors of held wheels do not turn: see [`super::WheelHeld`].
 
 use super::joint_speed::BAND_FRACTION;
 use super::link_turn::{d_link_turn, link_turn};
@@ -15,11 +13,10 @@ use crate::problem::state::{ContactFrame, State, d_yaw};
 use crate::problem::variables::WheelVars;
 use nalgebra::Vector3;
 
-/// See the module.
+/// Constraint: speed limits of wheel motors.
 pub struct WheelSpeed;
 
-/// Motor speed of wheel `j` on the interval between two samples, rad/s, about the axis of the robot
-/// file.
+/// Motor speed of wheel `j` in the interval between two samples, about the axis in the robot file, rad/s.
 pub fn motor_speed_rad_s(problem: &Problem, j: usize, here: &State, after: &State) -> f64 {
     let Some(wheel) = problem.layout.end_effectors[j].wheel else { return 0.0 };
     let (axis, _) = middle_axis(wheel, here, after);
@@ -46,12 +43,12 @@ fn middle_axis(wheel: WheelVars, here: &State, after: &State) -> (Vector3<f64>, 
     (frame.axis, frame.d_axis_tilt)
 }
 
-/// The speed of a wheel relative to its link on one interval, with what its derivative needs.
+/// Speed of a wheel relative to its link in one interval, with the values that its derivative needs.
 pub(super) struct MotorSpeed<'w> {
     window: &'w Window<'w>,
     j: usize,
     wheel: WheelVars,
-    /// The speed, rad/s.
+    /// Speed, rad/s.
     pub speed_rad_s: f64,
     axis: Vector3<f64>,
     d_axis_tilt: Vector3<f64>,
@@ -59,7 +56,7 @@ pub(super) struct MotorSpeed<'w> {
 }
 
 impl<'w> MotorSpeed<'w> {
-    /// Computes the speed on the interval of a window; `None` for a foot.
+    /// Computes the speed in the interval of a window; `None` for a foot.
     pub fn new(window: &'w Window<'w>, j: usize) -> Option<Self> {
         let wheel = window.problem.layout.end_effectors[j].wheel?;
         let [_, here, after] = window.states;

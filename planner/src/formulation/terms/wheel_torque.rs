@@ -1,15 +1,15 @@
-//! Motors of driven wheels stay within their torque, also where they hold the wheel still. One
-//! inequality row a driven wheel in stance and sample, N·m: |r f·t| ≤ τ_max, rolling resistance aside.
+//! Torque limits of the motors of driven wheels, also of held wheels: |r f·t| ≤ τ_max, without rolling resistance. One
+//! inequality row per driven wheel in stance and sample, N·m.
 
 use super::joint_torque::BAND_FRACTION;
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 
-/// See the module.
+/// Constraint: torque limits of wheel motors.
 pub struct WheelTorque;
 
-/// Quasi-static torque of a wheel's motor about its axis, N·m: τ a = −ρ × f along a, so τ = r f·t.
+/// Quasi-static torque of a wheel's motor about its axis, N·m: τ = r f·t, from the component of −ρ × f along the axis.
 pub(super) fn torque_nm(window: &Window, k: usize, j: usize) -> f64 {
     if !window.stance(k, j) {
         return 0.0;

@@ -1,4 +1,4 @@
-//! The states one interval outside a motion: copies of its samples, or states of the motions that it joins.
+//! States one interval outside a motion: copies of its samples, or states of the motions that it joins.
 
 use super::Field;
 use crate::families::AGREEMENT;
@@ -9,7 +9,7 @@ use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model};
 use rollwalk_multibody::rotation::yaw_rotation;
 
 impl Plan {
-    /// The states outside belong to the motion as its kind of ends says.
+    /// Checks that the states outside the motion agree with its kind of ends.
     pub(super) fn validate_ends(&self, at: &Field) -> Result<(), PlanError> {
         at.of("end_placement.offset_m").finite(&self.end_placement.offset_m)?;
         at.of("end_placement.yaw_rad").finite(&[self.end_placement.yaw_rad])?;
@@ -49,14 +49,14 @@ impl Plan {
         }
     }
 
-    /// The base of the last sample is that of the first, moved.
+    /// Checks that the base of the final sample is that of the first sample, moved by `end_placement`.
     fn validate_end_placement(
         &self,
         first: &Sample,
         last: &Sample,
         at: &Field,
     ) -> Result<(), PlanError> {
-        let meaning = "that of the first sample, moved by end_placement";
+        let meaning = "as in the first sample, moved by end_placement";
         let at = at.item("samples", self.samples.len() - 1);
         let [x, y, _] = self.end_placement.point(first.base_position_m);
         let [yaw, ..] = last.base_yaw_pitch_roll_rad;
@@ -66,7 +66,7 @@ impl Plan {
     }
 }
 
-/// A state outside the motion.
+/// State outside the motion.
 struct End<'a> {
     plan: &'a Plan,
     state: &'a Sample,
@@ -74,7 +74,7 @@ struct End<'a> {
 }
 
 impl End<'_> {
-    /// Places of the end effectors, their states here and in a sample.
+    /// Iterates over end effectors: path, state here, and state in a sample.
     fn feet<'b>(
         &'b self,
         sample: &'b Sample,
@@ -101,7 +101,7 @@ impl End<'_> {
         Ok(())
     }
 
-    /// Pose, contacts, forces and torques are those of a sample, moved.
+    /// Checks that pose, contacts, forces and torques equal those of a sample moved by `moved`.
     fn copies(&self, sample: &Sample, moved: Placement, meaning: &str) -> Result<(), PlanError> {
         let Self { plan, state, at } = self;
         let near = |name: &str, found: &[f64], expected: &[f64]| {
@@ -127,7 +127,7 @@ impl End<'_> {
         Ok(())
     }
 
-    /// Everything is as in a sample, moved: speeds as well.
+    /// Checks that all values, including speeds, equal those of a sample moved by `moved`.
     fn repeats(&self, sample: &Sample, moved: Placement, meaning: &str) -> Result<(), PlanError> {
         self.copies(sample, moved, meaning)?;
         // A motor speed takes a next state, which only the state before the motion has.
@@ -143,8 +143,8 @@ impl End<'_> {
         Ok(())
     }
 
-    /// Centre of mass, contact points and wheel axes follow from base and joints. In samples these are residuals; in
-    /// the state of another motion they are exact.
+    /// Checks that centre of mass, contact points and wheel axes follow from base and joints. In samples, their differences are
+    /// residuals; in a state of another motion, they are exact.
     fn is_pose_of(&self, model: &Model) -> Result<(), PlanError> {
         let meaning = "by forward kinematics";
         let Self { plan, state, at } = self;

@@ -23,7 +23,7 @@ fn options() -> Options {
     Options { refine: false, ..Options::default() }
 }
 
-/// The length of all links between joints.
+/// Returns the robot with all links between joints longer by `by_m`.
 fn longer(robot: &Robot, by_m: f64) -> Robot {
     let mut robot = robot.clone();
     for joint in robot.joints.iter_mut().filter(|joint| joint.parent != 0) {
@@ -33,7 +33,7 @@ fn longer(robot: &Robot, by_m: f64) -> Robot {
     robot
 }
 
-/// Costs of a plan, from its numbers: those of the energy contain what the multipliers pull.
+/// Costs of a plan, from its samples. The solver's energy also contains terms of the multipliers.
 fn cost(plan: &crate::plan::Plan) -> f64 {
     crate::sensitivity::Objective::PlanCost.of_plan(plan, &options().weights)
 }

@@ -1,4 +1,4 @@
-//! Whole solves of small problems.
+//! Complete solves of small problems.
 
 use super::*;
 use crate::motion::{Ends, Goal, Motion};
@@ -8,7 +8,7 @@ use crate::test_robots;
 use rollwalk_multibody::euler::Model;
 use std::ops::ControlFlow;
 
-/// AgileBot rolls 0.1 m from rest to rest. The penalty is far too low to meet constraints alone.
+/// Solves 0.1 m of rolling of AgileBot, from rest to rest. The penalty alone is far too low to meet the constraints.
 fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
     let robot = &test_robots::all()[0];
     let motion = Motion {

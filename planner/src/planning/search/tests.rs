@@ -1,4 +1,4 @@
-//! Races of solves that end as, and when, the test says, and of real ones.
+//! Races of simulated solves with prescribed outcome and timing, and of real solves.
 
 use super::*;
 use crate::families::Family;
@@ -22,7 +22,7 @@ fn go_on(_: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Runs a race on some threads.
+/// Runs a race on `workers` threads and returns its result.
 fn first_that_decides<T: Send>(
     count: usize,
     workers: usize,
@@ -40,7 +40,7 @@ fn first_that_decides<T: Send>(
     race.finish()
 }
 
-/// Iterates until it is stopped.
+/// Iterates until the callback stops it.
 fn until_stopped(watched: &mut Watched<'_>) -> Ending {
     while watched(&STATE).is_continue() {
         thread::yield_now();

@@ -1,11 +1,11 @@
-//! Placing samples and pulling gradients back.
+//! Placement of samples, and conversion of gradients from placed to stored samples.
 
 use super::*;
 use crate::test_robots::{self, random_unknowns, uniform};
 
 const PLACEMENT: Placement = Placement { offset_m: [0.7, -0.4], yaw_rad: 0.9 };
 
-/// AgileBot, whose wheels have all variables there are, and a random sample of it.
+/// Layout and a random sample of AgileBot, whose wheels have all kinds of variables.
 fn sample() -> (Layout, DVector<f64>) {
     let model = Model::new(&test_robots::all()[0]);
     let vars = random_unknowns(&model, 1, 3).slots.remove(0);

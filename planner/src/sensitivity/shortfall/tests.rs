@@ -1,5 +1,5 @@
-//! Shortfalls of designs that cannot do a motion: the car of thesis 2.5.1 with its tilted front wheels, and a target that is too
-//! high for short legs, against differences of least energies.
+//! Shortfalls of designs that cannot do a motion, compared with differences of least energies. The designs are the car of
+//! thesis 2.5.1 with its tilted front wheels, and short legs below a high target.
 
 use super::*;
 use crate::motion::{Subject, Target};
@@ -26,29 +26,29 @@ fn on(_: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Options of few iterations, for motions without a feasible plan.
+/// Options with few iterations, for motions without a feasible plan.
 fn options() -> Options {
     let mut options = Options { start: Start::Standing, refine: false, ..Options::default() };
     options.settings.iterations = 40;
     options
 }
 
-/// The car with its front wheels higher by so much.
+/// Returns the car with its front wheels higher by `front_m`.
 fn car(front_m: f64) -> Robot {
     let mut robot = robot("car_tilted");
     robot.end_effectors[..2].iter_mut().for_each(|wheel| wheel.center_in_link_m.z += front_m);
     robot
 }
 
-/// Pup with legs that are longer by so much.
+/// Returns Pup with legs longer by `by_m`.
 fn legs(by_m: f64) -> Robot {
     let mut robot = robot("pup");
     robot.end_effectors.iter_mut().for_each(|wheel| wheel.center_in_link_m.z -= by_m);
     robot
 }
 
-/// Compares slopes by one parameter with differences of the least energies at neighbours, central ones of two lengths,
-/// extrapolated.
+/// Compares derivatives with respect to one parameter with central differences of the least energies, extrapolated from two
+/// step lengths.
 fn compare(motion: &Motion, made: fn(f64) -> Robot, lengths: [f64; 2]) -> Shortfall {
     let plan = optimise(&made(0.0), motion, &options(), &mut on);
     let short = Shortfall::of(&plan, &options(), &mut on).unwrap();
@@ -128,7 +128,7 @@ fn a_target_above_the_legs_falls_short_by_what_differences_say() {
     assert_eq!(short.worst().0, Family::TargetPosition);
 }
 
-/// SwizzleBot with wheels larger by so much.
+/// Returns SwizzleBot with the radius of its wheels larger by `by_m`.
 fn swizzling_wheels(by_m: f64) -> Robot {
     let mut robot = robot("swizzlebot");
     robot.end_effectors.iter_mut().for_each(|wheel| wheel.radius_m += by_m);

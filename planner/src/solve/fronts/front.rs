@@ -1,15 +1,15 @@
-//! Fronts: columns that are eliminated together, and what they take over from earlier ones.
+//! Fronts: columns that are eliminated together, and the update matrices from earlier fronts.
 
-/// Columns that are eliminated together. Positions are those in the order of elimination.
+/// Columns that are eliminated together. Positions refer to the order of elimination.
 #[derive(Debug)]
 pub(super) struct Front {
     /// Position of the first pivot.
     pub first: usize,
-    /// Count of pivots.
+    /// Number of pivots.
     pub pivots: usize,
     /// Positions of the later columns that the pivots couple, ascending.
     pub border: Vec<usize>,
-    /// Place of its panel: the columns of its pivots, with as many lines as pivots and border together.
+    /// Offset of the front's panel. The panel has a column for each pivot, and a line for each pivot and border column.
     pub panel: usize,
     /// Earlier fronts whose borders begin in these pivots.
     pub children: Vec<Child>,
@@ -24,7 +24,7 @@ impl Front {
         self.panel..self.panel + self.lines() * self.pivots
     }
 
-    /// Line of a position, if it has one. `before` is the line of a position that is likely just before.
+    /// Returns the line of a position; `None` if the front does not contain it. `before` is a guess of the line just before it.
     pub fn line(&self, at: usize, before: usize) -> Option<usize> {
         if at < self.first + self.pivots {
             return at.checked_sub(self.first);
@@ -37,13 +37,13 @@ impl Front {
     }
 }
 
-/// Child of a front: the lines of its parent that its update matrix is added to.
+/// Child of a front, with the lines of the parent to which its update matrix is added.
 #[derive(Debug)]
 pub(super) struct Child {
     pub front: usize,
-    /// Lines of the parent that its border becomes: its pivots, then its border.
+    /// Lines of the parent for each line of the child's border: pivots of the parent first, then its border.
     pub runs: Vec<Run>,
-    /// Count of the runs of pivots.
+    /// Number of runs that lead to pivots.
     pub of_pivots: usize,
 }
 
@@ -56,17 +56,17 @@ pub(super) struct Run {
 }
 
 impl Child {
-    /// Adds what the child leaves, a lower triangle by columns, to the pivots' columns of its parent.
+    /// Extend-add: scatters the child's update matrix, a lower triangle by columns, into the parent's pivot columns.
     pub fn add_to_pivots(&self, left: &[f64], panel: &mut [f64], lines: usize) {
         self.add(0..self.of_pivots, left, panel, lines, 0);
     }
 
-    /// Adds what the child leaves beyond the pivots of its parent to what the parent leaves.
+    /// Extend-add: scatters the rest of the child's update matrix into the parent's update matrix.
     pub fn add_to_border(&self, left: &[f64], update: &mut [f64], width: usize, pivots: usize) {
         self.add(self.of_pivots..self.runs.len(), left, update, width, pivots);
     }
 
-    /// Adds the columns of some runs to a matrix whose first line and column is line `skipped` of the parent.
+    /// Adds the columns of some runs to a matrix. The first line and column of the matrix is line `skipped` of the parent.
     fn add(
         &self,
         columns: std::ops::Range<usize>,

@@ -1,4 +1,4 @@
-//! The order of elimination, and the fronts that follow from it.
+//! Order of elimination, and the fronts that follow from it.
 
 use super::front::{Child, Front, Run};
 use crate::formulation::rows::{Columns, Role, Row, Rows};
@@ -8,7 +8,7 @@ fn counting<'a>(rows: &'a Rows, counts: &'a [bool]) -> impl Iterator<Item = &'a 
     rows.rows.iter().zip(counts).filter(|(_, counts)| **counts).map(|(row, _)| row)
 }
 
-/// Slot and variable of every column but those of the placement.
+/// Slot and variable of every column; `None` for columns of the placement.
 fn places(columns: &Columns) -> Vec<Option<(usize, usize)>> {
     let mut place = vec![None; columns.count];
     for (slot, of_slot) in columns.of_slot.iter().enumerate() {
@@ -19,11 +19,11 @@ fn places(columns: &Columns) -> Vec<Option<(usize, usize)>> {
     place
 }
 
-/// Variables whose columns are in no equality or cost with such a column of another slot.
+/// Flags of the local variables. No equality or cost contains local columns of two slots.
 pub(in super::super) struct Locals(Vec<bool>);
 
 impl Locals {
-    /// Finds them; rows of a system with any pattern of inequalities have the same.
+    /// Determines the local variables. The result does not depend on the pattern of the inequalities.
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
         let place = places(columns);
         let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
@@ -51,8 +51,8 @@ fn is_inequality(row: &Row) -> bool {
     matches!(row.role, Role::Inequality { .. })
 }
 
-/// Columns by front, in the order of elimination: before each slot the local columns that its columns couple, then the
-/// slot's others; the placement comes last. Local columns are in no row with those of another slot.
+/// Columns of each front, in the order of elimination. Each slot's non-local columns follow the local columns that they couple;
+/// the placement is last. No row contains local columns of two slots.
 pub(super) fn groups(
     rows: &Rows,
     counts: &[bool],
@@ -89,8 +89,8 @@ pub(super) fn groups(
     groups
 }
 
-/// Flags of local columns: those of local variables. If a counting inequality couples local columns of several slots, only those
-/// of one slot stay local; few inequalities count.
+/// Flags of local columns: those of local variables. If a contributing inequality couples local columns of several slots, only
+/// those of one slot remain local. Few inequalities contribute.
 fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
     rows: &'a Rows,
     counts: &'a [bool],
@@ -115,7 +115,7 @@ fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
     local
 }
 
-/// The fronts of groups of columns.
+/// Builds the fronts of groups of columns.
 pub(super) fn fronts(
     rows: &Rows,
     counts: &[bool],
@@ -153,7 +153,7 @@ pub(super) fn fronts(
     fronts
 }
 
-/// Gives every front to the one in whose pivots its border begins.
+/// Assigns every front to its parent, the front whose pivots contain the start of its border.
 fn adopt(fronts: &mut [Front]) {
     for child in 0..fronts.len() {
         let Some(&next) = fronts[child].border.first() else { continue };

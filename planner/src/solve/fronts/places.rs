@@ -1,4 +1,4 @@
-//! Places of rows in the panels: where the products of their derivatives go.
+//! Destinations of rows in the panels, to which the products of their derivatives are added.
 
 use super::front::Front;
 use pulp::NullaryFnOnce;
@@ -9,19 +9,21 @@ pub(in super::super) struct Places {
     /// Entries of the row in the order of elimination.
     entries: Vec<u32>,
     pieces: Vec<Piece>,
-    /// Lines of entries in the fronts of the pieces.
+    /// Runs of entries and lines in the fronts of the pieces.
     runs: Vec<Run>,
 }
 
-/// The entries of a row that are pivots of one front.
+/// Entries of a row that are pivots of one front.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Place of the front's panel, and count of its lines.
+    /// Offset of the front's panel.
     panel: usize,
+    /// Number of lines of the panel.
     stride: usize,
-    /// End of the entries in the order of elimination.
+    /// End index of the piece in `entries`.
     end: usize,
-    /// End of the runs of these and all later entries, which begin where those of the piece before end.
+    /// End index in `runs`. The runs of a piece begin at the end index of the previous piece, and cover its own and all later
+    /// entries.
     runs: usize,
 }
 
@@ -30,13 +32,15 @@ struct Piece {
 struct Run {
     first: u32,
     end: u32,
-    /// Line of the first.
+    /// Line of the first entry.
     line: u32,
 }
 
 impl Places {
-    /// Places of the products of a row with these columns; `None` if it couples columns that no front has together.
-    /// `position` of each column in the order of elimination, `front_of` each position.
+    /// Returns the destinations of the products of a row with these columns. `None` if the row couples columns that no front
+    /// contains together.
+    ///
+    /// `position` contains the position of each column in the order of elimination, and `front_of` the front of each position.
     pub(super) fn of(
         columns: &[usize],
         position: &[usize],
@@ -69,7 +73,7 @@ impl Places {
     }
 }
 
-/// Addition of `factor` times the products of a row's derivatives to the panels. `sorted` is scratch memory.
+/// Operation that adds `factor` times the products of a row's derivatives to the panels. `sorted` is scratch memory.
 pub(super) struct Products<'a> {
     pub places: &'a Places,
     pub derivatives: &'a [f64],

@@ -1,4 +1,4 @@
-//! The factorisation along the timeline against a dense one, for timelines of every shape.
+//! Factorisation along the timeline, compared with a dense one, for timelines of every shape.
 
 use super::*;
 use crate::families::Family;
@@ -7,22 +7,23 @@ use crate::test_robots::uniform;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-/// Shape of a timeline: what the ends of motions make of it.
+/// Shape of a timeline, which depends on the ends of the motion.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     /// The last slot is before the first, and a placement is free.
     Periodic,
     AtRest,
-    /// Slots at both ends are frozen but for their last variables, and a placement is free.
+    /// Slots at both ends are frozen except for their last variables, and a placement is free.
     Transition,
 }
 
 struct Timeline {
     shape: Shape,
     slots: usize,
-    /// Variables of a slot; the last `local` of them are in rows with any of the neighbours, but not with each other
-    /// across slots.
+    /// Number of variables of a slot.
     variables: usize,
+    /// Number of local variables, the last ones of a slot. Rows couple them with any of the neighbours, but not with each other
+    /// across slots.
     local: usize,
 }
 
@@ -46,8 +47,8 @@ impl Timeline {
         Columns { of_slot, placement, count }
     }
 
-    /// Random rows about three consecutive slots, about half of whose columns each has; those at the seam of a
-    /// periodic timeline and at the end of a transition have the placement too.
+    /// Creates random rows about three consecutive slots. Each row contains about half of their columns. Rows at the seam of a
+    /// periodic timeline and at the end of a transition also contain the placement.
     fn rows(&self, columns: &Columns, seed: u64) -> Rows {
         let mut random = uniform(seed);
         let (mut rows, mut of_entries) = (Rows::default(), Vec::new());

@@ -1,4 +1,4 @@
-//! Assembly and steps against dense algebra.
+//! Assembly and steps, compared with dense algebra.
 
 use super::*;
 use crate::test_robots::uniform;
@@ -6,11 +6,11 @@ use nalgebra::{DMatrix, DVector};
 
 const COLUMNS: usize = 9;
 const PENALTY: f64 = 40.0;
-/// A few roundings of sums of a dozen products, relative to numbers of this size.
+/// Tolerance for a few rounding errors in sums of a dozen products, relative to values of this size.
 const ROUNDING: f64 = 1e-12;
 
-/// Random rows of every role over a few columns each, in no order; inequalities below, inside and
-/// above their band; and a shift for each.
+/// Creates random rows of every role over a few columns each, unordered, with a shift for each. Inequalities are below, inside
+/// and above their band.
 fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
     let mut random = uniform(seed);
     let mut rows = Rows::default();
@@ -49,7 +49,7 @@ fn slots(count: usize) -> Columns {
     Columns { of_slot, placement: None, count }
 }
 
-/// Gradient Σ slope·J and matrix Σ curvature·JᵀJ, densely.
+/// Computes the gradient Σ slope·J and the matrix Σ curvature·JᵀJ densely.
 fn dense(rows: &Rows, shifts: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
     let mut gradient = DVector::zeros(COLUMNS);
     let mut matrix = DMatrix::zeros(COLUMNS, COLUMNS);

@@ -1,13 +1,13 @@
-//! Small problems whose optima and their derivatives are known to many digits.
+//! Small problems whose optima and derivatives are known to many digits.
 
 use super::*;
 use crate::families::Family;
 use crate::formulation::rows::{Differentiated, Subject};
 
-/// Values and derivatives of rows at a point.
+/// Function that returns values and derivatives of rows at a point.
 pub type ValuesAt<'a> = &'a dyn Fn(&[f64]) -> Vec<(f64, Vec<f64>)>;
 
-/// A problem of a few unknowns: roles of its rows, and their values and derivatives at a point.
+/// Problem of a few unknowns: roles of its rows, and their values and derivatives.
 pub struct Toy<'a> {
     columns: Columns,
     roles: &'a [Role],
@@ -17,7 +17,7 @@ pub struct Toy<'a> {
 }
 
 impl<'a> Toy<'a> {
-    /// Begins at a base point.
+    /// Creates the problem with a base point.
     pub fn new(base: &[f64], penalty: f64, roles: &'a [Role], rows: ValuesAt<'a>) -> Self {
         let count = base.len();
         let columns =
@@ -62,7 +62,7 @@ impl Residuals for Toy<'_> {
     }
 }
 
-/// min (x − 1)² + (y − 2)² on x² + 4y² = p.
+/// Toy problem: min (x − 1)² + (y − 2)² on x² + 4y² = p.
 fn on_ellipse(p: f64) -> impl Fn(&[f64]) -> Vec<(f64, Vec<f64>)> {
     move |m: &[f64]| {
         vec![

@@ -1,8 +1,7 @@
 //! Dynamixel servos of the X series, Protocol 2.0, on a half-duplex serial line.
 //!
-//! Documents: e-Manual pages `dxl/protocol2`, `dxl/crc`, and those of the servos ([`table`]). Commands
-//! of one kind for many servos go out as one sync write, questions as one sync read, which the
-//! servos answer one after the other.
+//! Documents: e-Manual pages `dxl/protocol2`, `dxl/crc`, and those of the servos ([`table`]). One sync write carries all
+//! commands of one kind. One sync read carries all queries, and the servos answer it one after the other.
 
 use core::f32::consts::TAU;
 use core::fmt::Arguments;
@@ -38,17 +37,17 @@ use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 pub struct Dynamixel {
     /// Model of the servos.
     pub model: Model,
-    /// Bus watchdog while torque is on: 1 to 127 times 20 ms; 0 is none.
+    /// Bus watchdog while torque is on, in steps of 20 ms: 1 to 127, or 0 for no watchdog.
     pub watchdog_20ms: u8,
-    /// Return delay of the servos ("Return Delay Time"), µs. 500 from the factory.
+    /// Return delay of the servos ("Return Delay Time"), µs; 500 µs as delivered.
     pub return_delay_us: u32,
-    /// True if the servos answer all at once ([`FAST_SYNC_READ`]), up to [`MAX_PARTS`] of them. Needs firmware 45 or later; of an
-    /// XL330, 46.
+    /// True to read with [`FAST_SYNC_READ`], which up to [`MAX_PARTS`] servos answer in one packet. Requires firmware 45 or
+    /// later, on an XL330 firmware 46.
     pub reads_fast: bool,
 }
 
-/// Encoding of [`Dynamixel`]. `reads_fast` is a bit of the return delay, far above all delays. Servos without it keep their old
-/// encoding, which the hash of a robot's configuration covers.
+/// Encoding of [`Dynamixel`]. The highest bit of `return_delay_us` is `reads_fast`; delays never reach it. Servos without fast
+/// reads keep their previous encoding, which the hash of a robot's configuration covers.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename = "Dynamixel")]
 struct Encoded {
@@ -82,18 +81,18 @@ impl From<Encoded> for Dynamixel {
 
 /// Bit of an answer's error byte that reports a hardware error.
 const ALERT: u8 = 0x80;
-/// Bytes of the sync write that is longest: gains.
+/// Maximum size of the parameters of a sync write, bytes. The longest one writes gains.
 const MAX_WRITE: usize = 4 + MAX_CHANNELS * 7;
-/// A step of the bus watchdog, ms.
+/// Step of the bus watchdog, ms.
 const WATCHDOG_STEP_MS: u32 = 20;
-/// The bus watchdog, ms: 127 steps at most.
+/// Range of the bus watchdog, ms: up to 127 steps.
 const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
-/// Return Delay Time, µs: 254 steps of 2 at most.
+/// Range of Return Delay Time, µs: up to 254 steps of 2 µs.
 const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
-/// Current, velocity and position.
+/// Size of current, velocity and position, bytes.
 const PRESENT_BYTES: u16 = PART_BYTES as u16;
 
-/// Write of an address range of many servos at once.
+/// Write of one address range of many servos in one packet.
 #[derive(Clone, Debug)]
 pub struct SyncWrite {
     parameters: Vec<u8, MAX_WRITE>,
@@ -101,7 +100,7 @@ pub struct SyncWrite {
 }
 
 impl SyncWrite {
-    /// Empty write: `bytes` from `address` on.
+    /// Creates an empty write of `bytes` bytes from `address` up.
     pub fn new(address: u16, bytes: u16) -> Self {
         let mut parameters = Vec::new();
         let _ = append(&mut parameters, &address.to_le_bytes());
@@ -109,8 +108,8 @@ impl SyncWrite {
         Self { parameters, bytes }
     }
 
-    /// Data for a servo; `false`, and nothing done, when it has another length than announced, there
-    /// is no room, or no such address.
+    /// Adds the data of a servo. Returns false and changes nothing if `data` does not have the length given to [`Self::new`],
+    /// if the packet is full, or if `id` is not an address.
     #[must_use]
     pub fn push(&mut self, id: u8, data: &[u8]) -> bool {
         let room = self.parameters.capacity().saturating_sub(self.parameters.len()) > data.len();
@@ -118,20 +117,20 @@ impl SyncWrite {
         fits && self.parameters.push(id).is_ok() && append(&mut self.parameters, data).is_some()
     }
 
-    /// The packet; `None` when there is nothing to write.
+    /// Builds the packet; `None` if there is no data.
     pub fn packet(&self) -> Option<Packet> {
         let any = self.parameters.len() > 4;
         any.then(|| packet::packet(BROADCAST, SYNC_WRITE, &self.parameters)).flatten()
     }
 }
 
-/// Reads the same `bytes` from `address` on of many servos; they answer in this order. `None` for
-/// more than fit, or none.
+/// Builds a read of `bytes` bytes from `address` up, for the servos `ids`. They answer in this order. `None` if `ids` is empty
+/// or does not fit in a packet.
 pub fn sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
     read_all(SYNC_READ, address, bytes, ids)
 }
 
-/// The same for servos that answer in one packet.
+/// Builds a read like [`sync_read`], which the servos answer in one packet.
 pub fn fast_sync_read(address: u16, bytes: u16, ids: &[u8]) -> Option<Packet> {
     read_all(FAST_SYNC_READ, address, bytes, ids)
 }
@@ -144,27 +143,28 @@ fn read_all(instruction: u8, address: u16, bytes: u16, ids: &[u8]) -> Option<Pac
     (!ids.is_empty()).then(|| packet::packet(BROADCAST, instruction, &parameters)).flatten()
 }
 
-/// Gains of the position controller, in the servo's units: D, I, P from
-/// [`table::POSITION_D_GAIN`] on. `None` above [`table::MAX_GAIN`].
+/// Gains of the position controller in the servo's units: D, I, P, from [`table::POSITION_D_GAIN`] up. `None` if a gain is
+/// above [`table::MAX_GAIN`].
 pub fn position_gains(p: u16, i: u16, d: u16) -> Option<[u8; 6]> {
     let [[d0, d1], [i0, i1], [p0, p1]] = [d, i, p].map(u16::to_le_bytes);
     let fits = [p, i, d].iter().all(|&gain| gain <= table::MAX_GAIN);
     fits.then_some([d0, d1, i0, i1, p0, p1])
 }
 
-/// Largest multiple of 0.01 up to a positive value, for people.
+/// Largest multiple of 0.01 that is not above a positive value, for messages.
 fn hundredths_below(value: f32) -> f32 {
     (value * 100.0) as u32 as f32 / 100.0
 }
 
-/// PWM, as a share of the supply voltage from −1 to 1, for [`table::GOAL_PWM`].
+/// Value of [`table::GOAL_PWM`] for `share`, a fraction of the supply voltage from −1 to 1.
 pub fn goal_pwm(share: f32) -> Option<[u8; 2]> {
     nearest(share / table::PWM_STEP, -table::MAX_PWM, table::MAX_PWM)
         .map(|steps| (steps as i16).to_le_bytes())
 }
 
 impl Dynamixel {
-    /// Value of [`table::GOAL_POSITION`]: at most 256 turns either way. The position mode takes only the turn around 0 rad.
+    /// Value of [`table::GOAL_POSITION`]: at most 256 turns in either direction. The position mode accepts only the turn around
+    /// 0 rad.
     pub fn goal_position(&self, position_rad: f32) -> Option<[u8; 4]> {
         let steps = position_rad * STEPS_PER_TURN / TAU + CENTRE as f32;
         nearest(steps, -1_048_575, 1_048_575).map(i32::to_le_bytes)
@@ -177,7 +177,7 @@ impl Dynamixel {
             .map(i32::to_le_bytes)
     }
 
-    /// The largest torque that a goal current can carry, N·m.
+    /// Largest torque that a goal current can express, N·m.
     pub fn goal_current_max_nm(&self) -> f32 {
         self.model.max_current as f32 * self.model.torque_step_nm
     }
@@ -189,14 +189,15 @@ impl Dynamixel {
             .map(|steps| (steps as i16).to_le_bytes())
     }
 
-    /// Address and feedback of an answer: measurements where it is one to a query, otherwise its faults.
+    /// Decodes address and feedback of an answer; `None` for other messages. The feedback contains faults, and after a query
+    /// measurements.
     pub fn decode(&self, received: &Message) -> Option<(u8, Feedback)> {
         let status = received.status()?;
         let error = status.error | if status.alert { ALERT } else { 0 };
         Some((status.id, self.feedback(error, status.data)))
     }
 
-    /// The same for a part of an answer of many.
+    /// Decodes address and feedback of one part of a combined answer.
     pub fn decode_part(&self, part: &Part) -> (u8, Feedback) {
         (part.id, self.feedback(part.error, &part.data))
     }
@@ -215,7 +216,7 @@ impl Dynamixel {
         feedback
     }
 
-    /// Register writes of an order.
+    /// Register writes that encode an order.
     fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
         super::address(order.id, MAX_ID)?;
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
@@ -283,7 +284,7 @@ impl Dynamixel {
     }
 }
 
-/// A value for an address of [`RANGES`], which has how many of the bytes count.
+/// Value for an address of [`RANGES`]. The range there defines how many of the bytes are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Write {
     address: u16,
@@ -299,7 +300,7 @@ impl Write {
     }
 }
 
-/// Faults of an answer's error byte.
+/// Faults in the error byte of an answer.
 fn faults_of(alert: bool, error: u8) -> Faults {
     let alert = if alert { Faults::OTHER.0 } else { 0 };
     Faults(alert | if error != 0 { Faults::REFUSED.0 } else { 0 })
@@ -351,8 +352,8 @@ impl Codec for Dynamixel {
         self.writes(order).map(|_| ())
     }
 
-    /// Encodes a sync write for each address range, torque switches before setpoints, and last a sync read. A single packet
-    /// carries the setpoints of all servos, so they begin together.
+    /// Encodes orders: a sync write for each address range, torque switches before set-points, and finally a sync read. One
+    /// packet carries the set-points of all servos, so they begin together.
     fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -392,8 +393,8 @@ impl Codec for Dynamixel {
         Ok(())
     }
 
-    /// A sync write of goals, a sync read, and an answer of each servo, every one with as much
-    /// stuffing as there can be.
+    /// Counts a sync write of goals, a sync read, and an answer of each servo, with the maximum byte stuffing. Answers to a
+    /// fast read have no stuffing.
     fn traffic(&self, actuators: u32) -> Traffic {
         const fn packet(parameters: u32) -> u32 {
             10 + parameters + parameters / 3
@@ -414,8 +415,8 @@ impl Codec for Dynamixel {
         let model = *table::MODELS.get(model).unwrap_or(&XM430_W210);
         let watchdog_ms = keys.integer("watchdog_ms", WATCHDOGS_MS);
         if !watchdog_ms.is_multiple_of(WATCHDOG_STEP_MS) {
-            let help = "its unit is 20 ms: give a multiple of that, or 0 for none";
-            keys.refuse("watchdog_ms", "is no whole number of units", "a multiple of 20", help);
+            let help = "give a multiple of 20 ms, or 0 for no watchdog";
+            keys.refuse("watchdog_ms", "is not a multiple of 20 ms", "not a multiple of 20", help);
         }
         let watchdog_20ms = (watchdog_ms / WATCHDOG_STEP_MS) as u8;
         let return_delay_us = keys.integer("return_delay_us", RETURN_DELAYS_US);
@@ -437,11 +438,11 @@ impl Codec for Dynamixel {
         match quantity {
             "speed" => {
                 let most = self.model.max_velocity as f32 * VELOCITY_STEP_RAD_S;
-                report(format_args!("at most {} rad/s", hundredths_below(most)));
+                report(format_args!("give at most {} rad/s", hundredths_below(most)));
             }
             "torque" if self.model.has_current() => {
                 let most = hundredths_below(self.goal_current_max_nm());
-                report(format_args!("at most {most} N·m"));
+                report(format_args!("give at most {most} N·m"));
             }
             _ => {}
         }
@@ -467,7 +468,7 @@ impl SerialCodec for Dynamixel {
     }
 }
 
-/// Address ranges that [`Dynamixel::encode`] writes, the urgent first.
+/// Address ranges that [`Dynamixel::encode`] writes, most urgent first.
 const RANGES: [(u16, u16); 6] = [
     (table::TORQUE_ENABLE, 1),
     (table::BUS_WATCHDOG, 1),

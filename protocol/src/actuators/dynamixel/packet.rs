@@ -1,5 +1,5 @@
-//! Packets of Dynamixel Protocol 2.0: header, address, length, instruction, parameters, CRC-16, with
-//! the byte stuffing that keeps headers out of parameters.
+//! Packets of Dynamixel Protocol 2.0: header, address, length, instruction, parameters, CRC-16. Byte stuffing keeps headers out
+//! of the parameters.
 
 use crc::{CRC_16_UMTS, Crc};
 use heapless::Vec;
@@ -12,34 +12,34 @@ static CRC_16: Crc<u16> = Crc::<u16>::new(&CRC_16_UMTS);
 
 /// Header of every packet.
 pub const HEADER: [u8; 4] = [0xFF, 0xFF, 0xFD, 0x00];
-/// Address of all servos: no answers, but to a ping and to a sync read.
+/// Broadcast address. Servos answer only a ping and a sync read that are sent to it.
 pub const BROADCAST: u8 = 0xFE;
 /// Largest address.
 pub const MAX_ID: u8 = 252;
-/// Bytes before the instruction.
+/// Number of bytes before the instruction.
 pub(super) const BEFORE: usize = 7;
-/// Most parameters of a packet that comes in: all but header, address, length, instruction, CRC.
+/// Maximum number of parameters of a received packet: all bytes but header, address, length, instruction and CRC.
 const MAX_PARAMETERS: usize = MAX_PACKET - BEFORE - 3;
 
 /// Instruction: read from one servo.
 pub const READ: u8 = 0x02;
 /// Instruction: write to one servo.
 pub const WRITE: u8 = 0x03;
-/// Instruction: restart a servo, the only way out of a hardware error.
+/// Instruction: reboot a servo. Nothing else clears a hardware error.
 pub const REBOOT: u8 = 0x08;
-/// Instruction of answers.
+/// Instruction code of an answer.
 pub const STATUS: u8 = 0x55;
 /// Instruction: read the same addresses from many servos.
 pub const SYNC_READ: u8 = 0x82;
-/// Instruction: read the same addresses from many servos, which make one packet of their answers.
+/// Instruction: read the same addresses from many servos, which answer together in one packet.
 pub const FAST_SYNC_READ: u8 = 0x8A;
 /// Instruction: write the same addresses of many servos.
 pub const SYNC_WRITE: u8 = 0x83;
 
-/// A packet whose CRC was right, without its stuffing.
+/// Packet with a valid CRC, without byte stuffing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Address of the servo: the receiver of an instruction, the sender of an answer.
+    /// Address of the servo that receives the instruction or sends the answer.
     pub id: u8,
     /// Instruction code; [`STATUS`] for an answer.
     pub instruction: u8,
@@ -52,7 +52,7 @@ pub fn crc16(bytes: &[u8]) -> u16 {
     CRC_16.checksum(bytes)
 }
 
-/// A packet; `None` when it gets longer than [`MAX_PACKET`], or `id` is no address.
+/// Builds a packet; `None` if it is longer than [`MAX_PACKET`], or if `id` is not an address.
 pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
     if id > MAX_ID && id != BROADCAST {
         return None;
@@ -76,9 +76,11 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
     Some(packet)
 }
 
-/// Removes the next packet from the bytes of a line. Whatever came before, it takes up again at the next
-/// header: bytes that were mistaken for a packet are searched again. A packet that is there in part
-/// is waited for, unless the line `is_silent`: then it is not going to end.
+/// Removes the next packet from the bytes of a line.
+///
+/// Bytes before a header are discarded. If the packet after a header is invalid, only its first byte is discarded, and the
+/// search continues behind it. An incomplete packet stays in the buffer. If the line `is_silent`, the rest is not coming, and
+/// the packet counts as invalid.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     match next(buffer, is_silent, false)? {
         Taken::Message(message) => Some(message),
@@ -86,7 +88,7 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     }
 }
 
-/// Packet or part that [`next`] removed from the buffer.
+/// Packet or part of one that [`next`] removed from the buffer.
 #[expect(
     clippy::large_enum_variant,
     reason = "there are no boxes without alloc, and it is not kept"
@@ -95,12 +97,12 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
 pub enum Taken {
     /// A packet.
     Message(Message),
-    /// A part of an answer to [`FAST_SYNC_READ`].
+    /// Part of an answer to [`FAST_SYNC_READ`], from one servo.
     Part(Part),
 }
 
-/// Removes the next packet, like [`take`]. `with_parts` is true while answers to [`FAST_SYNC_READ`] are expected: the parts are
-/// then returned one by one.
+/// Removes the next packet, as [`take`] does. Set `with_parts` while answers to [`FAST_SYNC_READ`] are expected: their parts
+/// are then returned one by one.
 pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Option<Taken> {
     if is_silent && buffer.bytes().is_empty() {
         buffer.parts = None;
@@ -152,16 +154,16 @@ pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Op
     None
 }
 
-/// Data of a part of an answer to [`FAST_SYNC_READ`], the only ones that we ask for.
+/// Number of data bytes of a part of an answer to [`FAST_SYNC_READ`]. The controller requests no other number.
 pub const PART_BYTES: usize = 10;
-/// A part: error, address, data, CRC.
+/// Length of a part, bytes: error, address, data, CRC.
 const PART: usize = PART_BYTES + 4;
-/// Bytes before the first part.
+/// Number of bytes before the first part.
 const BEFORE_PARTS: usize = BEFORE + 1;
-/// Most servos that can answer in one packet, so that it fits into a buffer.
+/// Maximum number of servos that can answer in one packet, which must fit in a buffer.
 pub const MAX_PARTS: usize = (MAX_PACKET - BEFORE_PARTS) / PART;
 
-/// A servo's part of an answer to [`FAST_SYNC_READ`], whose CRC was right.
+/// Part of an answer to [`FAST_SYNC_READ`], from one servo and with a valid CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Address of the servo.
@@ -172,7 +174,7 @@ pub struct Part {
     pub data: [u8; PART_BYTES],
 }
 
-/// Parts of an answer to [`FAST_SYNC_READ`], if `bytes` begin with such an answer.
+/// Parts of an answer to [`FAST_SYNC_READ`]; `None` if `bytes` do not begin with such an answer.
 fn parts_at(bytes: &[u8]) -> Option<Parts> {
     let [_, _, _, _, BROADCAST, low, high, STATUS, ..] = *bytes else { return None };
     let left = usize::from(u16::from_le_bytes([low, high])).checked_sub(1)?;
@@ -183,9 +185,11 @@ fn parts_at(bytes: &[u8]) -> Option<Parts> {
     Some(Parts { left: parts as u8, crc: crc16(bytes.get(..BEFORE_PARTS)?) })
 }
 
-/// Removes the next part of an answer to [`FAST_SYNC_READ`] as soon as it is complete. A silent servo costs the parts after its
-/// own, and none before. These packets have no stuffing, and the CRC of a part covers all bytes before it. `None` while the part
-/// is incomplete, and after damage, which ends the parts.
+/// Removes the next part of an answer to [`FAST_SYNC_READ`] as soon as it is complete.
+///
+/// If a servo is silent, its own part and the later ones are lost, but no earlier one. These packets have no stuffing, and the
+/// CRC of a part covers all bytes before it. Returns `None` while the part is incomplete, and if its CRC is wrong, which ends
+/// the parts.
 fn take_part(buffer: &mut ReceiveBuffer) -> Option<Part> {
     let Parts { left, crc } = buffer.parts?;
     let (body, sum) = buffer.bytes().get(..PART)?.split_last_chunk()?;
@@ -206,7 +210,7 @@ fn take_part(buffer: &mut ReceiveBuffer) -> Option<Part> {
     part.filter(|_| is_whole)
 }
 
-/// Index of the first header, complete or cut off by the end of the bytes; their count without one.
+/// Index of the first header, complete or cut off by the end of the bytes; `bytes.len()` if there is no header.
 fn header_at(bytes: &[u8]) -> usize {
     let begins = |&at: &usize| bytes.iter().skip(at).zip(HEADER).all(|(&a, b)| a == b);
     (0..bytes.len()).find(begins).unwrap_or(bytes.len())
@@ -235,21 +239,21 @@ fn message(packet: &[u8]) -> Option<Message> {
     Some(message)
 }
 
-/// An answer of a servo.
+/// Answer of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status<'a> {
     /// Address of the servo.
     pub id: u8,
-    /// True if the hardware has an error, which [`HARDWARE_ERROR`](super::table::HARDWARE_ERROR) names.
+    /// True if the hardware has an error; [`HARDWARE_ERROR`](super::table::HARDWARE_ERROR) contains the cause.
     pub alert: bool,
-    /// Error of the instruction: 0 none, 1 failed, 2 unknown, 3 CRC, 4 out of range, 5 too short, 6 beyond a limit, 7 no access.
+    /// Error code: 0 none, 1 failed, 2 unknown instruction, 3 CRC, 4 out of range, 5 too short, 6 beyond a limit, 7 no access.
     pub error: u8,
     /// Data read.
     pub data: &'a [u8],
 }
 
 impl Message {
-    /// Converts an answer; `None` for instructions, among them the controller's own on a line with echo.
+    /// Interprets the message as an answer. `None` for instructions, such as the controller's own on a line with echo.
     pub fn status(&self) -> Option<Status<'_>> {
         let (&error, data) = self.parameters.split_first()?;
         let status = Status { id: self.id, alert: error & 0x80 != 0, error: error & 0x7F, data };

@@ -1,75 +1,78 @@
-//! Control table of Dynamixel's XL, XM and XH servos, which share their addresses and, but for the current of an
-//! XL330, their units.
+//! Control table of Dynamixel's XL, XM and XH servos.
 //!
-//! Document: e-Manual pages `x/xm430-w210`, `x/xl330-m288`, and so on by the names of [`MODELS`]: "Specifications",
-//! "Control Table of EEPROM Area" (Current Limit, Velocity Limit) and "of RAM Area". Multi-byte values are
-//! little-endian, negative ones two's complement.
+//! All models have the same addresses. They have the same units, except for the current of an XL330 and the load of an XL430.
+//!
+//! Document: e-Manual pages `x/xm430-w210`, `x/xl330-m288`, and so on by the names of [`MODELS`]: "Specifications", "Control
+//! Table of EEPROM Area" (Current Limit, Velocity Limit) and "of RAM Area". Multi-byte values are little-endian, negative ones
+//! two's complement.
 
 use core::f32::consts::TAU;
 
 use crate::actuators::named::Named;
 
-/// Bits per second by the values of the baud rate (8), 0 to 7.
+/// Bit rates, bit/s, indexed by the value of the register "Baud Rate" (8).
 pub const BIT_RATES: [u32; 8] =
     [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000];
-/// Operating mode, 1 byte, only while torque is off: 0 current, 1 velocity, 3 position, 4 extended
-/// position, 5 current-based position, 16 PWM.
+/// Operating mode, 1 byte, writable only while torque is off: 0 current, 1 velocity, 3 position, 4 extended position, 5
+/// current-based position, 16 PWM.
 pub const OPERATING_MODE: u16 = 11;
-/// 1 byte: torque on, off.
+/// Torque switch, 1 byte: 0 off, 1 on.
 pub const TORQUE_ENABLE: u16 = 64;
-/// 1 byte: 0 supply voltage, 2 overheated, 3 encoder, 4 electrical shock, 5 overload, as bits.
+/// Hardware error bits, 1 byte: 0 supply voltage, 2 overheated, 3 encoder, 4 electrical shock, 5 overload.
 pub const HARDWARE_ERROR: u16 = 70;
-/// 2 bytes, followed by I gain and P gain of the position controller.
+/// D gain of the position controller, 2 bytes. The I gain and the P gain follow.
 pub const POSITION_D_GAIN: u16 = 80;
-/// 1 byte: 1 to 127 times 20 ms without a packet stop the servo; then it reads −1, and goals cannot
-/// be written until 0 has been.
+/// Timeout without a packet, 1 byte, 1 to 127 steps of 20 ms. After a timeout the servo stops, the register reads −1, and goals
+/// cannot be written until 0 has been written here.
 pub const BUS_WATCHDOG: u16 = 98;
-/// 2 bytes, steps of 0.113 %.
+/// Goal PWM, 2 bytes, steps of 0.113 %.
 pub const GOAL_PWM: u16 = 100;
-/// 2 bytes, steps of 2.69 mA, of an XL330 1 mA. The limit of the current in mode 5. An XL430 has none.
+/// Goal current, 2 bytes, steps of 2.69 mA, or of 1 mA on an XL330. In mode 5 it is the current limit. An XL430 lacks this
+/// register.
 pub const GOAL_CURRENT: u16 = 102;
-/// 4 bytes, steps of 0.229 rev/min.
+/// Goal velocity, 4 bytes, steps of 0.229 rev/min.
 pub const GOAL_VELOCITY: u16 = 104;
-/// 4 bytes, steps of 0.229 rev/min; 0 is no limit.
+/// Velocity limit of position goals, 4 bytes, steps of 0.229 rev/min; 0 for no limit.
 pub const PROFILE_VELOCITY: u16 = 112;
-/// 4 bytes, 4096 steps a turn.
+/// Goal position, 4 bytes, 4096 steps per turn.
 pub const GOAL_POSITION: u16 = 116;
-/// 2 bytes, steps of 2.69 mA, of an XL330 1 mA; of an XL430 load, 0.1 %. Velocity and position follow, 4 bytes each.
+/// Present current, 2 bytes, steps of 2.69 mA, or of 1 mA on an XL330. On an XL430 it is the load in steps of 0.1 %. Velocity
+/// and position follow, 4 bytes each.
 pub const PRESENT_CURRENT: u16 = 126;
-/// 4 bytes, steps of 0.229 rev/min.
+/// Present velocity, 4 bytes, steps of 0.229 rev/min.
 pub const PRESENT_VELOCITY: u16 = 128;
-/// 4 bytes, 4096 steps a turn.
+/// Present position, 4 bytes, 4096 steps per turn.
 pub const PRESENT_POSITION: u16 = 132;
-/// 1 byte, °C.
+/// Present temperature, 1 byte, °C.
 pub const PRESENT_TEMPERATURE: u16 = 146;
 
-/// Steps of position in a turn.
+/// Number of position steps per turn.
 pub const STEPS_PER_TURN: f32 = 4096.0;
-/// Position in the middle of a turn: 0 rad here.
+/// Position in the middle of a turn, steps. This crate maps it to 0 rad.
 pub const CENTRE: i32 = 2048;
-/// A step of velocity, rad/s.
+/// Velocity step, rad/s.
 pub const VELOCITY_STEP_RAD_S: f32 = 0.229 * TAU / 60.0;
-/// A step of PWM, share of the supply voltage.
+/// PWM step, fraction of the supply voltage.
 pub const PWM_STEP: f32 = 1.13e-3;
 /// Largest PWM, steps.
 pub const MAX_PWM: i32 = 885;
 /// Largest gain of the position controller.
 pub const MAX_GAIN: u16 = 16_383;
 
-/// A servo.
+/// Servo model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// Name of the servo.
     pub name: &'static str,
-    /// Model number: the answer to a ping.
+    /// Model number, which the servo returns to a ping.
     pub number: u16,
     /// Largest current, steps; 0 for servos without a current sensor, which have no goal current.
     pub max_current: i32,
-    /// Largest velocity as delivered, steps.
+    /// Factory setting of the largest velocity, steps.
     pub max_velocity: i32,
-    /// Torque of a step of [`PRESENT_CURRENT`] and [`GOAL_CURRENT`], N·m: stall torque over stall current at the
-    /// recommended voltage. An estimate, friction of the gears is in it. Of servos without a current sensor a step is
-    /// 0.1 % of the stall torque, estimated from the voltage at the motor.
+    /// Torque per step of [`PRESENT_CURRENT`] and [`GOAL_CURRENT`], N·m: stall torque divided by stall current, at the
+    /// recommended voltage. This is an estimate that includes the friction of the gears. Servos without a current sensor
+    /// estimate their load from the motor voltage; a step is then 0.1 % of the stall torque.
     pub torque_step_nm: f32,
 }
 
@@ -94,33 +97,34 @@ impl Named for Model {
     }
 }
 
-/// A step of current, A; of XL330 servos 1 mA.
+/// Current step of all servos except the XL330, A.
 const STEP_A: f32 = 2.69e-3;
+/// Current step of the XL330, A.
 const XL330_STEP_A: f32 = 1.0e-3;
 
-/// 0.215 N·m at 1.47 A and 5 V.
+/// Stall torque 0.215 N·m at 1.47 A and 5 V.
 pub const XL330_M077: Model =
     Model::new("XL330-M077", 1190, (1750, 1620), XL330_STEP_A * 0.215 / 1.47);
-/// 0.52 N·m at 1.47 A and 5 V.
+/// Stall torque 0.52 N·m at 1.47 A and 5 V.
 pub const XL330_M288: Model =
     Model::new("XL330-M288", 1200, (1750, 445), XL330_STEP_A * 0.52 / 1.47);
-/// 1.4 N·m at 11.1 V, no current sensor.
+/// Stall torque 1.4 N·m at 11.1 V; no current sensor.
 pub const XL430_W250: Model = Model::new("XL430-W250", 1060, (0, 265), 1.0e-3 * 1.4);
-/// 3.0 N·m at 2.3 A and 12 V.
+/// Stall torque 3.0 N·m at 2.3 A and 12 V.
 pub const XM430_W210: Model = Model::new("XM430-W210", 1030, (1193, 330), STEP_A * 3.0 / 2.3);
-/// 4.1 N·m at 2.3 A and 12 V.
+/// Stall torque 4.1 N·m at 2.3 A and 12 V.
 pub const XM430_W350: Model = Model::new("XM430-W350", 1020, (1193, 200), STEP_A * 4.1 / 2.3);
-/// 7.3 N·m at 4.4 A and 12 V.
+/// Stall torque 7.3 N·m at 4.4 A and 12 V.
 pub const XM540_W150: Model = Model::new("XM540-W150", 1130, (2047, 230), STEP_A * 7.3 / 4.4);
-/// 10.6 N·m at 4.4 A and 12 V.
+/// Stall torque 10.6 N·m at 4.4 A and 12 V.
 pub const XM540_W270: Model = Model::new("XM540-W270", 1120, (2047, 128), STEP_A * 10.6 / 4.4);
-/// 2.5 N·m at 1.3 A and 12 V.
+/// Stall torque 2.5 N·m at 1.3 A and 12 V.
 pub const XH430_W210: Model = Model::new("XH430-W210", 1010, (648, 230), STEP_A * 2.5 / 1.3);
-/// 3.4 N·m at 1.3 A and 12 V.
+/// Stall torque 3.4 N·m at 1.3 A and 12 V.
 pub const XH430_W350: Model = Model::new("XH430-W350", 1000, (648, 135), STEP_A * 3.4 / 1.3);
-/// 7.1 N·m at 4.9 A and 12 V.
+/// Stall torque 7.1 N·m at 4.9 A and 12 V.
 pub const XH540_W150: Model = Model::new("XH540-W150", 1110, (2047, 300), STEP_A * 7.1 / 4.9);
-/// 9.9 N·m at 4.9 A and 12 V.
+/// Stall torque 9.9 N·m at 4.9 A and 12 V.
 pub const XH540_W270: Model = Model::new("XH540-W270", 1100, (2047, 167), STEP_A * 9.9 / 4.9);
 
 /// Supported models.

@@ -1,7 +1,7 @@
 //! Feetech servos of the STS and SMS series, on a half-duplex serial line.
 //!
-//! Documents: Feetech, "Communication Protocol User Manual" (FT-SCS) and the memory tables ([`table`]). As with Dynamixel
-//! servos, commands of one kind for many servos go out as one sync write, questions as one sync read.
+//! Documents: Feetech, "Communication Protocol User Manual" (FT-SCS) and the memory tables ([`table`]). One sync write carries
+//! all commands of one kind, and one sync read all queries, as for Dynamixel servos.
 
 use core::f32::consts::PI;
 use core::fmt::Arguments;
@@ -34,14 +34,14 @@ pub struct Feetech {
     /// Model of the servos.
     #[serde(with = "named")]
     pub model: Model,
-    /// Return delay of the servos ("Return delay"), µs. 500 from the factory.
+    /// Return delay of the servos ("Return delay"), µs; 500 µs as delivered.
     pub return_delay_us: u32,
 }
 
-/// Return delay, µs: 254 steps of 2 at most.
+/// Range of the return delay, µs: up to 254 steps of 2 µs.
 const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 
-/// Bits of an answer's status: voltage, encoder, temperature, current and load.
+/// Fault bits in the status of an answer: voltage, encoder, temperature, current and load.
 const STATUS: [(u32, Faults); 4] = [
     (1 << 0, Faults::BAD_VOLTAGE),
     (1 << 1, Faults::SENSOR),
@@ -54,18 +54,18 @@ type Range = (u8, u8);
 
 const SWITCH: Range = (table::TORQUE_ENABLE, 1);
 const LIMIT: Range = (table::TORQUE_LIMIT, 2);
-/// Acceleration, position, two bytes in between, velocity.
+/// Acceleration, position, two unused bytes and velocity.
 const MOTION: Range = (table::ACCELERATION, 7);
 const ACCELERATION: Range = (table::ACCELERATION, 1);
-/// Goal of a joint.
+/// Goal position of a joint.
 const POSITION: Range = (table::GOAL_POSITION, 2);
-/// Goal of a wheel.
+/// Goal velocity of a wheel.
 const VELOCITY: Range = (table::GOAL_VELOCITY, 2);
 
-/// Address ranges that [`Feetech::encode`] writes, the urgent first.
+/// Address ranges that [`Feetech::encode`] writes, most urgent first.
 const RANGES: [Range; 6] = [SWITCH, LIMIT, ACCELERATION, MOTION, POSITION, VELOCITY];
 
-/// Values for a range of [`RANGES`], as many bytes of it as that has.
+/// Values for a range of [`RANGES`]. The range defines how many of the bytes are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Write {
     range: Range,
@@ -85,14 +85,14 @@ impl Write {
 /// Register writes of an order, in sequence.
 type Writes = Vec<Write, 3>;
 
-/// A magnitude with its sign in `bit`.
+/// Decodes a magnitude whose sign is in `bit`.
 fn signed(bytes: [u8; 2], bit: u32) -> i32 {
     let value = i32::from(u16::from_le_bytes(bytes));
     let magnitude = value & (1i32.wrapping_shl(bit).wrapping_sub(1));
     if value.wrapping_shr(bit) & 1 == 1 { magnitude.wrapping_neg() } else { magnitude }
 }
 
-/// Steps as a magnitude with its sign in bit 15.
+/// Encodes steps as a magnitude with the sign in bit 15.
 fn steps(value: i32) -> [u8; 2] {
     let sign = if value < 0 { 0x8000 } else { 0 };
     (value.unsigned_abs() as u16 | sign).to_le_bytes()
@@ -110,12 +110,12 @@ impl Feetech {
         nearest(speed_rad_s / STEP_RAD, most.saturating_neg(), most).map(steps)
     }
 
-    /// Value of [`table::TORQUE_LIMIT`], at least 1: a limit of 0 would turn the torque off.
+    /// Value of [`table::TORQUE_LIMIT`], at least 1, since a limit of 0 would switch torque off.
     pub fn torque_limit(&self, torque_nm: f32) -> Option<[u8; 2]> {
         nearest(torque_nm / self.model.stall_torque_nm * 1000.0, 1, 1000).map(steps)
     }
 
-    /// Register writes of an order.
+    /// Register writes that encode an order.
     fn writes(&self, order: &ActuatorCommand) -> Result<Writes, Refusal> {
         super::address(order.id, MAX_ID)?;
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
@@ -159,7 +159,7 @@ impl Feetech {
         })
     }
 
-    /// Address and feedback of an answer.
+    /// Converts an answer to address and feedback.
     pub fn decode(&self, answer: &packet::Answer) -> (u8, Feedback) {
         let [p0, p1, v0, v1, l0, l1, _voltage, temperature] = answer.data;
         let position = signed([p0, p1], 15).wrapping_sub(CENTRE);
@@ -219,7 +219,7 @@ impl Codec for Feetech {
         self.writes(order).map(|_| ())
     }
 
-    /// Encodes a sync write for each range, torque switches before setpoints, and last a sync read.
+    /// Encodes orders: a sync write for each range, torque switches before set-points, and finally a sync read.
     fn encode(
         &self,
         orders: &[ActuatorCommand],
@@ -260,7 +260,7 @@ impl Codec for Feetech {
         Ok(())
     }
 
-    /// Sync writes of joints and of wheels, a sync read, and an answer of each servo.
+    /// Counts the sync writes of joints and wheels, a sync read, and an answer of each servo.
     fn traffic(&self, actuators: u32) -> Traffic {
         // Around parameters and around data.
         const PACKET: u32 = 8;
@@ -285,17 +285,24 @@ impl Codec for Feetech {
 
     fn explain_range(&self, quantity: &'static str, report: &mut dyn FnMut(Arguments<'_>)) {
         match quantity {
-            "position" => report(format_args!("the turn around 0 rad, {} to {PI} rad", -PI)),
+            "position" => report(format_args!(
+                "give an angle within the turn around 0 rad, {} to \
+                {PI} rad",
+                -PI
+            )),
             "speed" => {
-                report(format_args!("at most {} rad/s", self.model.max_velocity as f32 * STEP_RAD));
+                report(format_args!(
+                    "give at most {} rad/s",
+                    self.model.max_velocity as f32 * STEP_RAD
+                ));
             }
-            "torque" => report(format_args!("at most {} N·m", self.model.stall_torque_nm)),
+            "torque" => report(format_args!("give at most {} N·m", self.model.stall_torque_nm)),
             _ => {}
         }
     }
 }
 
-/// A packet for all servos; `None` when only address and count are in it.
+/// Builds a packet for all servos; `None` if its parameters are only an address and a count.
 fn to_all(instruction: u8, parameters: &[u8]) -> Option<Packet> {
     let any = parameters.len() > 2;
     any.then(|| packet::packet(BROADCAST, instruction, parameters)).flatten()

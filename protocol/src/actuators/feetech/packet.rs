@@ -1,11 +1,11 @@
-//! Packets of Feetech's protocol, which are those of Dynamixel Protocol 1.0: header, address, length, instruction or
-//! status, parameters, a sum of 8 bits. Nothing keeps headers out of parameters.
+//! Packets of Feetech's protocol, in the format of Dynamixel Protocol 1.0: header, address, length, instruction or status,
+//! parameters, and an 8-bit checksum. Parameters may contain a header.
 
 use crate::actuators::serial::ReceiveBuffer;
 use crate::actuators::{MAX_PACKET, Packet};
 use crate::packet::append;
 
-/// Address of all servos.
+/// Broadcast address, of all servos.
 pub const BROADCAST: u8 = 0xFE;
 /// Largest address.
 pub const MAX_ID: u8 = 253;
@@ -14,19 +14,19 @@ pub const SYNC_READ: u8 = 0x82;
 /// Instruction: write the same addresses of many servos.
 pub const SYNC_WRITE: u8 = 0x83;
 
-/// Data of the only answers that we ask for.
+/// Number of data bytes of an answer. The controller requests no other number.
 pub const ANSWER_BYTES: usize = 8;
-/// The length that they give: status, data, sum.
+/// Length field of an answer: status, data, checksum.
 const ANSWER_LENGTH: u8 = ANSWER_BYTES as u8 + 2;
-/// Bytes up to the length.
+/// Number of bytes up to and including the length field.
 const BEFORE: usize = 4;
 
-/// The complement of the sum of all bytes from the address on.
+/// Checksum: complement of the sum of all bytes from the address on.
 pub fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// A packet; `None` when it gets longer than [`MAX_PACKET`].
+/// Builds a packet; `None` if it is longer than [`MAX_PACKET`].
 pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
     let mut packet = Packet::new();
     let length = u8::try_from(parameters.len().saturating_add(2)).ok()?;
@@ -37,7 +37,7 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
     Some(packet)
 }
 
-/// An answer to a question for [`ANSWER_BYTES`].
+/// Answer to a query of [`ANSWER_BYTES`] bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// Address of the servo.
@@ -48,10 +48,11 @@ pub struct Answer {
     pub data: [u8; ANSWER_BYTES],
 }
 
-/// Removes the next answer from the bytes of a line, and whatever comes before it. Our own packets come back on a
-/// half-duplex line; they are for all servos. Lengths of neither are no headers, which such a short sum would let
-/// through now and then. A packet that is there in part is waited for, unless the line `is_silent`: then it is not going
-/// to end.
+/// Removes the next answer from the bytes of a line, and all bytes before it.
+///
+/// The controller's own packets come back on a half-duplex line, with the broadcast address; they are dropped. A header
+/// followed by an impossible length is rejected, since an 8-bit checksum alone would sometimes accept it. An incomplete packet
+/// stays in the buffer, unless the line `is_silent`: then the rest is not coming.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
     // Every turn takes bytes away.
     while !buffer.bytes().is_empty() {

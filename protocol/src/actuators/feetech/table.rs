@@ -1,53 +1,53 @@
-//! Memory table of Feetech's STS and SMS servos, which share their addresses and units.
+//! Memory table of Feetech's STS and SMS servos, which share addresses and units.
 //!
-//! Document: Feetech, "Magnetic Encoder STS Servo, Memory Table Analysis", and the same for SMS servos. Values of two
-//! bytes are little-endian; negative ones are a magnitude with a sign bit.
+//! Documents: Feetech, "Magnetic Encoder STS Servo, Memory Table Analysis", and its counterpart for SMS servos. Two-byte values
+//! are little-endian; negative ones are a magnitude with a sign bit.
 
 use core::f32::consts::TAU;
 
 use crate::actuators::named::Named;
 
-/// Operating mode, 1 byte, kept without power: 0 position, 1 speed, 2 PWM, 3 steps.
+/// Operating mode, 1 byte, non-volatile: 0 position, 1 speed, 2 PWM, 3 steps.
 pub const OPERATING_MODE: u8 = 33;
-/// 1 byte: 0 torque off, 1 on.
+/// Torque switch, 1 byte: 0 off, 1 on.
 pub const TORQUE_ENABLE: u8 = 40;
-/// 1 byte, steps of 8.7 °/s²; 0 is the largest.
+/// Acceleration, 1 byte, steps of 8.7 °/s²; 0 for the largest.
 pub const ACCELERATION: u8 = 41;
-/// 2 bytes, 4096 steps a turn, sign in bit 15.
+/// Goal position, 2 bytes, 4096 steps per turn, sign in bit 15.
 pub const GOAL_POSITION: u8 = 42;
-/// 2 bytes, steps a second, sign in bit 15. Of a servo in position mode the largest speed. Between it and the position
-/// are two bytes for PWM, which neither mode looks at.
+/// Goal velocity, 2 bytes, steps/s, sign in bit 15. In position mode it is the largest speed. The two bytes between goal
+/// position and goal velocity are for PWM, and are unused in both modes.
 pub const GOAL_VELOCITY: u8 = 46;
-/// 2 bytes, 0.1 % of the stall torque.
+/// Torque limit, 2 bytes, steps of 0.1 % of the stall torque.
 pub const TORQUE_LIMIT: u8 = 48;
-/// 2 bytes each: position and velocity, sign in bit 15, and load in 0.1 %, sign in bit 10; then a byte of voltage, 0.1 V,
-/// and a byte of temperature, °C.
+/// Present position, 2 bytes, sign in bit 15. These follow: velocity, 2 bytes, sign in bit 15; load, 2 bytes, steps of 0.1 %,
+/// sign in bit 10; voltage, 1 byte, 0.1 V; temperature, 1 byte, °C.
 pub const PRESENT_POSITION: u8 = 56;
 
-/// Position in the middle of a turn: 0 rad here.
+/// Position in the middle of a turn, steps. This crate maps it to 0 rad.
 pub const CENTRE: i32 = 2048;
-/// A step of position, rad; a step a second of velocity, rad/s.
+/// Position step, rad; also the velocity step, rad/s.
 pub const STEP_RAD: f32 = TAU / 4096.0;
-/// Bits per second by the values of the baud rate (6), 0 to 7.
+/// Bit rates, bit/s, indexed by the value of the register "baud rate" (6).
 pub const BIT_RATES: [u32; 8] =
     [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
-/// A kg·cm, in which data sheets give torques, N·m.
+/// Torque of 1 kg·cm, the unit of the data sheets, N·m.
 const KG_CM_NM: f32 = 0.098_066_5;
 
-/// A servo at its voltage.
+/// Servo model at its supply voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Name of the servo, with the maker's code of a variant.
+    /// Name of the servo, with the maker's code of the variant.
     pub name: &'static str,
     /// Speed without load, steps/s.
     pub max_velocity: i32,
-    /// Stall torque, N·m: the reference of [`TORQUE_LIMIT`] and load. The load is the share of the voltage at the motor, so a
-    /// torque computed from it is an estimate.
+    /// Stall torque, N·m: the reference of [`TORQUE_LIMIT`] and of the load. The load is the motor voltage as a fraction of the
+    /// supply, so a torque computed from it is an estimate.
     pub stall_torque_nm: f32,
 }
 
 impl Model {
-    /// Builds a model from its data sheet: rev/min without load and kg·cm at stall.
+    /// Builds a model from its data sheet: no-load speed in rev/min, and stall torque in kg·cm.
     const fn new(name: &'static str, rev_min: f32, kg_cm: f32) -> Self {
         let max_velocity = (rev_min * 4096.0 / 60.0) as i32;
         Self { name, max_velocity, stall_torque_nm: kg_cm * KG_CM_NM }

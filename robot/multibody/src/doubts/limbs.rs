@@ -1,15 +1,15 @@
-//! Joints that move nothing, and a pose in which hardly any foot carries the robot.
+//! Warnings about joints without effect, and about a pose in which few feet carry the robot.
 
 use super::seen::{Doubt, Seen};
 use nalgebra::Vector3;
 
-/// Distance of two axes, or of a contact from an axis, below which they are one, as a share of the robot's size.
+/// Distance between two axes, or of a contact from an axis, below which they coincide, as a fraction of the robot's size.
 const SAME: f64 = 0.003;
-/// Sine of the angle between axes that are parallel.
+/// Sine of the angle between two axes below which they are parallel.
 const PARALLEL: f64 = 0.02;
-/// Share of the mean force below which a contact hardly carries.
+/// Fraction of the mean force below which a contact hardly carries.
 const CARRIES: f64 = 0.25;
-/// Contacts that stand, from which on the shares are doubtful.
+/// Minimum number of standing contacts for a warning about uneven forces.
 const MANY: usize = 4;
 
 pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
@@ -19,7 +19,7 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
     doubts
 }
 
-/// Joints that turn about the axis of the joint before them.
+/// Warnings about joints that turn about the axis of the previous joint.
 fn axes(seen: &Seen<'_>) -> Vec<Doubt> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
     let mut doubts = Vec::new();
@@ -31,14 +31,15 @@ fn axes(seen: &Seen<'_>) -> Vec<Doubt> {
         let apart = frames.link_origins[joint.child] - frames.link_origins[joint.parent];
         let parallel = axis.cross(&frames.joint_axes[after]).norm() < PARALLEL;
         if parallel && is_same(seen, &apart, &axis) {
-            let text = "an axis that is that of the joint before it: the link between them has a length of 0; check `origin_in_parent_m`";
+            let text = "axis coincides with that of the previous joint, so the link between the \
+                two joints has a length of 0; check `origin_in_parent_m`";
             doubts.push(Doubt::of("joint", &joint.name, text.to_owned()));
         }
     }
     doubts
 }
 
-/// Joints that do not move the contact at the end of their limb.
+/// Warnings about joints that do not move the contact at the end of their limb.
 fn ends(seen: &Seen<'_>) -> Vec<Doubt> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
     let mut doubts = Vec::new();
@@ -52,7 +53,8 @@ fn ends(seen: &Seen<'_>) -> Vec<Doubt> {
         // A wheel whose axis is another one is steered by the joint.
         let parallel = across.is_none_or(|across| axis.cross(&across).norm() < PARALLEL);
         if parallel && is_same(seen, &(center - frames.link_origins[end.link]), &axis) {
-            let text = "on the axis of its last joint, which does not move it: the link has a length of 0; check `center_in_link_m`";
+            let text = "contact lies on the axis of the last joint, which therefore does not move \
+                the contact; check `center_in_link_m`";
             doubts.push(Doubt::of("end effector", &end.name, text.to_owned()));
         }
     }
@@ -63,7 +65,7 @@ fn is_same(seen: &Seen<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -> bool {
     axis.cross(apart).norm() < SAME * seen.size_m
 }
 
-/// Contacts that stand and hardly carry: the others are not where legs of the right signs put them.
+/// Warning about standing contacts that hardly carry. A leg with a wrong sign then stands in a wrong position.
 fn loads(seen: &Seen<'_>) -> Option<Doubt> {
     let contacts = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
     let standing: Vec<_> = contacts.filter(|(_, contact)| contact.force_n > 0.0).collect();
@@ -73,7 +75,8 @@ fn loads(seen: &Seen<'_>) -> Option<Doubt> {
     let mean_n = standing.iter().map(|(_, of)| of.force_n).sum::<f64>() / standing.len() as f64;
     let idle = standing.iter().filter(|(_, of)| of.force_n < CARRIES * mean_n);
     let names: Vec<_> = idle.map(|(end, _)| end.name.clone()).collect();
-    let text = "next to no load, because the centre of mass is nearly beyond the other contacts: check the signs of `axis_in_joint` and `nominal_rad` of the joints, \
-                from the body outwards, and the places of heavy parts";
+    let text = "almost no load, because the centre of mass is nearly beyond the other contacts; \
+                check the signs of `axis_in_joint` and `nominal_rad` of the joints, from the body \
+                outwards, and the positions of heavy parts";
     (!names.is_empty()).then(|| Doubt { kind: "end effector", names, text: text.to_owned() })
 }

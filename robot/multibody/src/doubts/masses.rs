@@ -1,20 +1,21 @@
-//! Masses against the room that they fill, inertias against the robot's size.
+//! Warnings about implausible densities and inertias of links.
 
 use super::seen::{Doubt, Seen};
 use rollwalk_robot::Link;
 use std::ops::RangeInclusive;
 
-/// Radii of gyration of links, as a share of the robot's size: 0.03 to 0.37 in robots that were built.
+/// Range of plausible radii of gyration of links, as fractions of the robot's size. Real robots have 0.03 to 0.37.
 const GYRATION: [f64; 2] = [0.003, 0.8];
-/// Radii of gyration, as shares of that size, that a slip of a unit explains.
+/// Usual range of radii of gyration, as fractions of the robot's size. A unit is suggested if its correction leads into this
+/// range.
 const GYRATION_USUAL: RangeInclusive<f64> = 0.03..=0.5;
-/// Densities of links, kg/m³: 100 to 3300 in robots that were built, in the box that has their inertia.
+/// Range of plausible densities of links, kg/m³, for the box with their inertia. Real robots have 100 to 3300.
 const DENSITY: [f64; 2] = [15.0, 25_000.0];
-/// Edges of that box are at least this share of the longest: inertias of thin rods say little about the others.
+/// Smallest edge of the box, as a fraction of the longest edge. The inertia of a thin rod hardly determines its other edges.
 const EDGE_LEAST: f64 = 0.1;
-/// Links with less of the robot's mass are not looked at: many files have light ones with made-up inertias.
+/// Fraction of the robot's mass below which links are not checked. Many files have light links with arbitrary inertias.
 const MASS_LEAST: f64 = 1e-4;
-/// Units in which an inertia may have been given, with their values in kg·m².
+/// Units in which the inertia may have been written, with their values in kg·m².
 const UNITS: [(&str, f64); 5] =
     [("g·m²", 1e-3), ("kg·cm²", 1e-4), ("kg·mm²", 1e-6), ("g·cm²", 1e-7), ("g·mm²", 1e-9)];
 
@@ -31,7 +32,7 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
     links.filter(counts).filter_map(doubt).collect()
 }
 
-/// Largest moment of inertia and radius of gyration.
+/// Largest moment of inertia, kg·m², and its radius of gyration, m.
 fn largest(link: &Link) -> (f64, f64) {
     let inertia = link.inertia_in_link_kg_m2.symmetric_eigenvalues().max();
     (inertia, (inertia / link.mass_kg).sqrt())
@@ -47,23 +48,25 @@ fn inertia(seen: &Seen<'_>, link: &Link) -> Option<String> {
         let slips = UNITS.into_iter().filter(|(_, value)| explains(*value));
         let slips: Vec<_> = slips.map(|(unit, value)| format!("in {unit} by {value:e}")).collect();
         let slip = match slips.is_empty() {
-            true => "check its unit, kg·m²".to_owned(),
-            false => format!("an inertia has to be multiplied, {}", slips.join(", ")),
+            true => "check that the inertia is in kg·m²".to_owned(),
+            false => format!("multiply an inertia {}", slips.join(", ")),
         };
         return Some(format!(
-            "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg, as if it reached {radius_m:.1} m far on a robot of {:.2} m: {slip}",
+            "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg is a radius of gyration of \
+             {radius_m:.1} m on a robot of {:.2} m; {slip}",
             seen.size_m
         ));
     }
     (share < least).then(|| {
         format!(
-            "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg, as if it were a point {:.2} mm wide: check its unit, kg·m²",
+            "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg is a radius of gyration of \
+             only {:.2} mm; check that the inertia is in kg·m²",
             1e3 * radius_m
         )
     })
 }
 
-/// Doubt about the density of the box with the link's mass and inertia.
+/// Warning about the density of the box with the link's mass and inertia.
 fn density(link: &Link) -> Option<String> {
     let moments = link.inertia_in_link_kg_m2.symmetric_eigenvalues();
     let half = 0.5 * moments.sum();
@@ -73,15 +76,16 @@ fn density(link: &Link) -> Option<String> {
     let density = link.mass_kg / volume_m3;
     let [least, most] = DENSITY;
     let slip = if density < least {
-        "far lighter than foam; masses are in kg"
+        "far lighter than foam; give the mass in kg"
     } else if density > most {
-        "heavier than any metal; a mass in g has to be divided by 1000, and a length in m too small makes it so too"
+        "heavier than any metal; divide a mass in g by 1000, and check that the lengths in m are \
+         not too small"
     } else {
         return None;
     };
     let decimals = if density < 10.0 { 2 } else { 0 };
     Some(format!(
-        "{} kg in {:.1} cm³, {density:.decimals$} kg/m³: {slip}",
+        "{} kg in {:.1} cm³ is a density of {density:.decimals$} kg/m³, {slip}",
         link.mass_kg,
         1e6 * volume_m3
     ))

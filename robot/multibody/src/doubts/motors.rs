@@ -1,16 +1,17 @@
-//! Gains and rotor inertias against what the motors move.
+//! Warnings about gains and rotor inertias that do not suit the load of the motors.
 
 use super::seen::{Doubt, Seen};
 use crate::CompositeInertia;
 use rollwalk_robot::Actuator;
 
-/// Rotor inertia of a joint over the largest inertia that it, or a joint before it, carries.
+/// Maximum plausible ratio of a joint's rotor inertia to the largest inertia that the joint, or a joint before it, carries.
 const ARMATURE_OF_LIMB: f64 = 5.0;
-/// The same over the robot's mass times the square of its size: joints that carry next to nothing have more of the former.
+/// Maximum plausible ratio of a joint's rotor inertia to the robot's mass times its squared size. Joints with a very light load
+/// exceed the first ratio alone.
 const ARMATURE_OF_ROBOT: f64 = 0.02;
-/// Largest plausible deflection of a joint as the robot stands, rad. Robots that were built reach 0.09.
+/// Maximum plausible deflection of a joint of the standing robot, rad. Real robots reach 0.09.
 const YIELDS_MAX_RAD: f64 = 0.15;
-/// Steps of the loop in which a drive damps its motor, s: many are shorter, few are longer.
+/// Assumed period of a drive's damping loop, s. Many drives are faster, few are slower.
 const LOOP_S: f64 = 1e-3;
 
 pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
@@ -31,15 +32,17 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
             && armature_kg_m2 > ARMATURE_OF_ROBOT * of_robot_kg_m2
         {
             doubts.push(doubt(format!(
-                "`armature_kg_m2` is {armature_kg_m2}, {:.0} times what the limb itself has: it is the rotor's inertia times the square of the gear ratio; \
-                 g·cm² has to be multiplied by 1e-7, kg·cm² by 1e-4",
+                "`armature_kg_m2` is {armature_kg_m2}, {:.0} times the inertia of the limb; give \
+                 the rotor's inertia times the square of the gear ratio, with g·cm² multiplied by \
+                 1e-7 and kg·cm² by 1e-4",
                 armature_kg_m2 / limb_kg_m2
             )));
         }
         let yields_rad = (seen.standing.torque_nm[index] / motor.kp_nm_rad).abs();
         if yields_rad > YIELDS_MAX_RAD {
             doubts.push(doubt(format!(
-                "`kp_nm_rad` is {}, too soft to carry the robot: it yields by {yields_rad:.2} rad; a value in N·m per degree has to be multiplied by 57.3",
+                "`kp_nm_rad` is {}, too low to carry the robot: the joint yields by \
+                 {yields_rad:.2} rad; multiply a value in N·m per degree by 57.3",
                 motor.kp_nm_rad
             )));
         }
@@ -48,13 +51,14 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
     doubts
 }
 
-/// Damping that a digital loop cannot apply: with I / kd below half of its step the speed grows from step to step.
+/// Warning about unstable damping: a digital loop diverges if I / kd is below half of its period.
 fn damping(motor: &Actuator, inertia_kg_m2: f64) -> Option<String> {
     let kd = motor.kd_nm_s_rad;
     let most = 2.0 * inertia_kg_m2 / LOOP_S;
     (kd > most).then(|| {
         format!(
-            "`kd_nm_s_rad` is {kd}, more than a loop of {:.0} Hz can damp an inertia of {inertia_kg_m2:.1e} kg·m² with: it is stable up to {most:.1}",
+            "`kd_nm_s_rad` is {kd}, unstable in a loop of {:.0} Hz with an inertia of \
+             {inertia_kg_m2:.1e} kg·m²; give at most {most:.1} N·m·s/rad",
             1.0 / LOOP_S
         )
     })

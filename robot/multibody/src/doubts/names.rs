@@ -1,14 +1,14 @@
-//! Places of end effectors against what their names say: front and rear, left and right.
+//! Warnings about end effectors whose positions contradict their names: front and rear, left and right.
 
 use super::seen::{Doubt, Seen};
 
-/// Distance from the middle below which an end effector is neither on one side nor on the other, as a share of the robot's size.
+/// Distance from the middle below which an end effector has no side, as a fraction of the robot's size.
 const MIDDLE: f64 = 0.02;
 
-/// A direction of the body, with the words of names that say it and the opposite.
+/// Direction of the body, with the words in names that denote it or its opposite.
 struct Direction {
     axis: usize,
-    /// Sense of the words.
+    /// Names of the two sides.
     sides: [&'static str; 2],
     words: [&'static [&'static str]; 2],
     key: &'static str,
@@ -39,7 +39,7 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
     DIRECTIONS.iter().filter_map(|direction| swapped(seen, direction)).collect()
 }
 
-/// End effectors on the other side than their names say.
+/// Warning about end effectors on the side opposite to their name.
 fn swapped(seen: &Seen<'_>, direction: &Direction) -> Option<Doubt> {
     let ends = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
     let named: Vec<(&str, bool, f64)> = ends
@@ -63,13 +63,14 @@ fn swapped(seen: &Seen<'_>, direction: &Direction) -> Option<Doubt> {
     let names: Vec<_> = wrong.map(|(name, ..)| (*name).to_owned()).collect();
     let [one, other] = direction.sides;
     let text = format!(
-        "{one} or {other} by name, and on the opposite side by where it stands; {}: check the signs of `origin_in_parent_m`, or change the name",
+        "{one} or {other} according to the name, but positioned on the opposite side ({}); check \
+         the signs of `origin_in_parent_m`, or change the name",
         direction.key
     );
     (!names.is_empty()).then_some(Doubt { kind: "end effector", names, text })
 }
 
-/// Words of a name in lower case: `front_left`, `LF_FOOT`, `frontLeft`, `FL2`.
+/// Words of a name in lower case, from forms such as `front_left`, `LF_FOOT`, `frontLeft` or `FL2`.
 fn words(name: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut before = ' ';

@@ -1,12 +1,12 @@
-//! Robot that is looked at, and a doubt about it.
+//! Checked robot, and a warning about it.
 
 use crate::{Standing, Tree};
 use nalgebra::Vector3;
 use std::fmt;
 
-/// A doubt about something of the robot, or about several things.
+/// Warning about one or several parts of the robot.
 pub(super) struct Doubt {
-    /// `link`, `joint`, `end effector`; of one only.
+    /// Kind of a single part: `link`, `joint` or `end effector`.
     pub kind: &'static str,
     pub names: Vec<String>,
     pub text: String,
@@ -26,11 +26,11 @@ impl fmt::Display for Doubt {
     }
 }
 
-/// A robot as it stands, with its size.
+/// Standing robot with its size.
 pub(super) struct Seen<'a> {
     pub tree: &'a Tree,
     pub standing: &'a Standing,
-    /// Diagonal of the box around origins and centres of mass of all links, and contacts, m.
+    /// Diagonal of the box around contacts, link origins and link centres of mass, m.
     pub size_m: f64,
 }
 
@@ -46,7 +46,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Names in a list, in quotation marks.
+/// List of quoted names.
 fn quoted<'n>(names: impl IntoIterator<Item = &'n str>) -> String {
     let names: Vec<_> = names.into_iter().map(|name| format!("`{name}`")).collect();
     names.join(", ")

@@ -1,4 +1,4 @@
-//! Slips that a reader of robot files lets pass, each with the doubt that names it; robots that were built, without any.
+//! Tests that typical errors in robot files give their warning, and that shipped robots give none.
 
 use super::doubts;
 use crate::{Standing, Tree};
@@ -26,7 +26,7 @@ fn robots_that_ship_raise_none() {
     }
 }
 
-/// A robot of one link on four feet, with its numbers.
+/// Robot file of one link on four feet, with text replacements.
 fn table(changes: &[(&str, &str)]) -> String {
     let mut text = r#"
 name = "table"
@@ -118,42 +118,45 @@ fn a_slip_is_named_with_its_value() {
     let (g_m2, point) = (inertia([3.65, 11.7, 14.4]), inertia([1e-7, 1e-7, 1e-7]));
     let cases: [(Vec<(&str, &str)>, &str); 22] = [
         (vec![(body, &g_mm2)], "link `body`: an inertia of 14400000.000 kg·m²"),
-        (vec![(body, &g_mm2)], ", in g·mm² by 1e-9"),
-        (vec![(body, &kg_mm2)], ", in kg·mm² by 1e-6"),
-        (vec![(body, &g_m2)], ", in g·m² by 1e-3"),
-        (vec![(body, &point)], "as if it were a point 0.26 mm wide"),
+        (vec![(body, &g_mm2)], "; multiply an inertia in g·mm² by 1e-9"),
+        (vec![(body, &kg_mm2)], " in kg·mm² by 1e-6"),
+        (vec![(body, &g_m2)], " in g·m² by 1e-3"),
+        (vec![(body, &point)], "a radius of gyration of only 0.26 mm"),
         (
             vec![("mass_kg = 1.5,", "mass_kg = 0.0015,")],
-            "link `body`: 0.0015 kg in 2880.0 cm³, 0.52 kg/m³",
+            "link `body`: 0.0015 kg in 2880.0 cm³ is a density of 0.52 kg/m³",
         ),
         (
             vec![("mass_kg = 0.15,", "mass_kg = 150,")],
-            "`rear_right_thigh`: 150 kg in 90.0 cm³, 1666667 kg/m³",
+            "`rear_right_thigh`: 150 kg in 90.0 cm³ is a density of 1666667 kg/m³",
         ),
         (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 0.4")], "`armature_kg_m2` is 0.4, "),
         (vec![("armature_kg_m2 = 0.004", "armature_kg_m2 = 4.0")], "`armature_kg_m2` is 4, "),
-        (vec![("kp_nm_rad = 60.0", "kp_nm_rad = 1.1")], "`kp_nm_rad` is 1.1, too soft to carry"),
-        (vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 40")], "`kd_nm_s_rad` is 40, more than a loop"),
+        (vec![("kp_nm_rad = 60.0", "kp_nm_rad = 1.1")], "`kp_nm_rad` is 1.1, too low to carry"),
+        (
+            vec![("kd_nm_s_rad = 0.8", "kd_nm_s_rad = 40")],
+            "`kd_nm_s_rad` is 40, unstable in a loop",
+        ),
         (
             vec![("[0.0, 0.0, -0.10]\naxis_in_joint", "[0.0, 0.0, 0.0]\naxis_in_joint")],
-            "joints `front_left_knee`, `front_right_knee`, `rear_left_knee`, `rear_right_knee`: an axis that is",
+            "joints `front_left_knee`, `front_right_knee`, `rear_left_knee`, `rear_right_knee`: axis coincides with that",
         ),
         (
             vec![("center_in_link_m = [0.0, 0.0, -0.10]", "center_in_link_m = [0.0, 0.01, 0.0]")],
-            "`rear_right`: on the axis of its last joint",
+            "`rear_right`: contact lies on the axis of the last joint",
         ),
-        (vec![("[0.0, 1.0, 0.0] # wheel", "[0.0, 0.3, 1.0]")], "`rear_right`: an axis 52° out"),
+        (vec![("[0.0, 1.0, 0.0] # wheel", "[0.0, 0.3, 1.0]")], "`rear_right`: axis is 52° from"),
         (vec![("radius_m = 0.04", "radius_m = 0.14")], "`front_left`, `rear_left`"),
         (
             vec![("[0.0, 1.0, 0.0] # knee", "[0.0, -1.0, 0.0]")],
-            "`rear_left`, `rear_right`: next to no load",
+            "`rear_left`, `rear_right`: almost no load",
         ),
         (
             vec![
                 ("[0.13, 0.1, 0.0]", "[0.13, -0.1, 0.0]"),
                 ("name = \"front_right\"", "name = \"f\""),
             ],
-            "end effector `front_left`: left or right by name, and on the opposite side",
+            "end effector `front_left`: left or right according to the name, but positioned on the opposite side",
         ),
         (
             vec![
@@ -161,7 +164,7 @@ fn a_slip_is_named_with_its_value() {
                 ("\"rear_left\"", "\"front_left\""),
                 ("\"x\"", "\"rear_left\""),
             ],
-            "`rear_left`, `front_left`: front or rear by name",
+            "`rear_left`, `front_left`: front or rear according to the name",
         ),
         (
             vec![
@@ -169,11 +172,11 @@ fn a_slip_is_named_with_its_value() {
                 ("0.13, -0.1,", "0.13, 0.1,"),
                 ("0.13, 0.2,", "0.13, -0.1,"),
             ],
-            "`rear_left`, `rear_right`: left or right by name",
+            "`rear_left`, `rear_right`: left or right according to the name",
         ),
-        (vec![("\"front_left\"", "\"HR_FOOT\"")], "`HR_FOOT`: front or rear by name"),
-        (vec![("\"front_left\"", "\"footR\"")], "`footR`: left or right by name"),
-        (vec![("\"front_left\"", "\"RF2\"")], "`RF2`: left or right by name"),
+        (vec![("\"front_left\"", "\"HR_FOOT\"")], "`HR_FOOT`: front or rear according to the name"),
+        (vec![("\"front_left\"", "\"footR\"")], "`footR`: left or right according to the name"),
+        (vec![("\"front_left\"", "\"RF2\"")], "`RF2`: left or right according to the name"),
     ];
     for (changes, expected) in cases {
         let found = of(&table(&changes));

@@ -1,11 +1,11 @@
-//! Wheels that lie, and wheels that are inside each other.
+//! Warnings about wheels that lie flat, and about wheels that overlap.
 
 use super::seen::{Doubt, Seen};
 use nalgebra::Vector3;
 
-/// Sine of the angle of an axis out of the horizontal above which a wheel or blade lies rather than stands.
+/// Sine of the angle between an axis and the horizontal above which a wheel or blade lies flat.
 const LIES: f64 = 0.6;
-/// Width of a wheel, as a share of its radius: the least that tyres have.
+/// Assumed width of a wheel, as a fraction of its radius. Tyres are at least as wide.
 const WIDTH: f64 = 0.2;
 
 pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
@@ -25,7 +25,8 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
         .map(|(name, _, axis, _)| {
             let out = axis.z.abs().min(1.0).asin().to_degrees();
             let text = format!(
-                "an axis {out:.0}° out of the horizontal in the nominal pose: a wheel that rolls ahead has `axis_in_link = [0, 1, 0]` where the link's y is lateral"
+                "axis is {out:.0}° from the horizontal in the nominal pose; give a wheel that \
+                 rolls forward `axis_in_link = [0, 1, 0]` if y of the link is lateral"
             );
             Doubt::of("end effector", name, text)
         })
@@ -38,7 +39,9 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
             let thin = WIDTH * radius_m.min(*other_radius_m);
             if across < radius_m + other_radius_m && along < thin {
                 let text = format!(
-                    "overlap: their centres are {across:.3} m apart, their radii {other_radius_m} m and {radius_m} m; check `radius_m` and where they are mounted"
+                    "wheels overlap, with centres {across:.3} m apart and radii of \
+                     {other_radius_m} m and {radius_m} m; check `radius_m` and the mounting \
+                     positions"
                 );
                 let names = [*other, *name].map(str::to_owned).to_vec();
                 doubts.push(Doubt { kind: "end effector", names, text });

@@ -1,8 +1,8 @@
 //! Forward kinematics in the optimiser's coordinates, with derivatives.
 //!
-//! A point x on a link moves by w_k × (x − o_k) per radian of the degree of freedom k above it, a
-//! vector a by w_k × a, where w_k is the axis and o_k the origin of k in world. The base's yaw, pitch
-//! and roll are three such axes through the base origin; its position moves everything alike.
+//! A point x on a link moves by w_k × (x − o_k) per radian of a degree of freedom k above the link; a vector a moves by w_k ×
+//! a. Here w_k is the axis of k, and o_k its origin, in world axes. The base's yaw, pitch and roll are three such axes through
+//! the base origin. The position of the base translates all points equally.
 
 use super::{BASE_YAW, EndEffectorPose, Model, Pose};
 use crate::rotation;
@@ -10,7 +10,7 @@ use nalgebra::{DVector, Vector3};
 use rollwalk_robot::EndEffector;
 
 impl Pose {
-    /// Computes the derivatives, if they are not known yet.
+    /// Computes the derivatives unless they exist.
     pub fn differentiate(&mut self, model: &Model) {
         if !self.d_com.is_empty() {
             return;
@@ -41,14 +41,14 @@ impl Pose {
 }
 
 impl Model {
-    /// Forward kinematics with derivatives at `q`.
+    /// Computes the forward kinematics with derivatives at `q`.
     pub fn pose(&self, q: &DVector<f64>) -> Pose {
         let mut pose = self.pose_values(q);
         pose.differentiate(self);
         pose
     }
 
-    /// Forward kinematics at `q` without derivatives: their columns are empty until [`Pose::differentiate`].
+    /// Computes the forward kinematics at `q`. The vectors of derivatives stay empty until [`Pose::differentiate`].
     pub fn pose_values(&self, q: &DVector<f64>) -> Pose {
         let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
         let frames = self.frames(q);

@@ -1,9 +1,9 @@
-//! The robot in the coordinates of the trajectory optimiser: `q` = base position (m), base yaw, pitch,
-//! roll (rad, R = R_z·R_y·R_x), joint angles (rad).
+//! Robot in the coordinates of the trajectory optimiser: `q` = base position (m), base yaw, pitch, roll (rad, R = R_z·R_y·R_x),
+//! joint angles (rad).
 //!
-//! Follows Pinocchio's split: an immutable [`Model`] made once per robot, and a [`Pose`] with exact first
-//! derivatives computed from `q`. A pose has the [`crate::Frames`] of its links; this module adds the turn of the base by
-//! three angles in place of an angular velocity.
+//! The split follows Pinocchio: an immutable [`Model`], built once per robot, and a [`Pose`] with exact first derivatives for
+//! each `q`. A pose contains the [`crate::Frames`] of its links. This module adds the rotation of the base by three angles
+//! instead of an angular velocity.
 
 mod forward;
 mod model;

@@ -1,4 +1,4 @@
-//! A robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
+//! Robot prepared for the optimiser: nominal pose, second moments of links, chains of degrees of freedom.
 
 use super::{BASE_POSITION, BASE_YAW, JOINTS};
 use crate::clearance::Clearance;
@@ -6,7 +6,7 @@ use crate::{Configuration, Frames, Tree, rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_robot::{EndEffector, Link, Robot};
 
-/// A robot prepared for the optimiser, computed once.
+/// Robot prepared for the optimiser, computed once.
 #[derive(Clone, Debug)]
 pub struct Model {
     tree: Tree,
@@ -17,23 +17,23 @@ pub struct Model {
     clearance: Clearance,
 }
 
-/// The part of the robot that a joint moves, and the joints that move it.
+/// Subtree that a joint moves, and the joints that move it.
 #[derive(Clone, Debug)]
 pub struct Carried {
-    /// Mass of all links beyond the joint, kg.
+    /// Mass of the links beyond the joint, kg.
     pub mass_kg: f64,
-    /// Joints between the base and this one, base first, itself excluded.
+    /// Joints between the base and this joint, base first.
     pub above: Vec<usize>,
-    /// Joints beyond this one.
+    /// Joints beyond this joint.
     pub below: Vec<usize>,
-    /// End effectors beyond this one.
+    /// End effectors beyond this joint.
     pub end_effectors: Vec<usize>,
 }
 
-/// The degrees of freedom that move an end effector: the six of the base, then the joints of its limb.
+/// Degrees of freedom that move an end effector: the six of the base, then the joints of its limb.
 #[derive(Clone, Debug)]
 pub struct Chain {
-    /// Indices into `q`, ascending from the base.
+    /// Indices in `q`, ascending from the base.
     pub dofs: Vec<usize>,
 }
 
@@ -59,7 +59,7 @@ impl Model {
         model
     }
 
-    /// The tree below the coordinates: wheels turn with their links, no armature.
+    /// Tree of the robot. Wheels turn with their links, and joints have no armature.
     pub fn tree(&self) -> &Tree {
         &self.tree
     }
@@ -84,14 +84,13 @@ impl Model {
         &self.second_moments_kg_m2[link]
     }
 
-    /// Nominal configuration: nominal joint angles, level body above the world origin, lowest end
-    /// effector touching the ground.
+    /// Nominal configuration: nominal joint angles, level body above the world origin, lowest end effector touching the ground.
     pub fn nominal_q(&self) -> &DVector<f64> {
         &self.nominal_q
     }
 
-    /// The robot standing with these joint angles, rad: level body above the world origin, lowest end
-    /// effector touching the ground.
+    /// Standing configuration for given joint angles, rad: level body above the world origin, lowest end effector touching the
+    /// ground.
     pub fn standing_q(&self, joint_rad: &[f64]) -> DVector<f64> {
         let mut q = DVector::zeros(self.dofs());
         q.rows_mut(JOINTS, joint_rad.len()).copy_from_slice(joint_rad);
@@ -123,7 +122,7 @@ impl Model {
         &self.chains[index]
     }
 
-    /// The part of the robot beyond joint `index`.
+    /// Subtree beyond joint `index`.
     pub fn carried(&self, index: usize) -> &Carried {
         &self.carried[index]
     }
@@ -133,7 +132,7 @@ impl Model {
         &self.clearance
     }
 
-    /// Wheel axis in the mounting link, `None` for a foot.
+    /// Wheel axis in the mounting link; `None` for a foot.
     pub fn wheel_axis_in_link(&self, index: usize) -> Option<Vector3<f64>> {
         self.robot().end_effectors[index].contact.axis_in_link().copied()
     }
@@ -145,13 +144,13 @@ fn second_moment(link: &Link) -> Matrix3<f64> {
     Matrix3::from_diagonal_element(0.5 * inertia.trace()) - inertia
 }
 
-/// Height of the wheel centre above its lowest point, m: r·sin of the axis's angle to the vertical;
-/// a foot (zero axis) is a sphere.
+/// Height of the wheel centre above its lowest point, m: the radius times the sine of the angle between axis and vertical. A
+/// foot, with axis zero, is a sphere.
 fn drop_to_contact(axis: Vector3<f64>, radius_m: f64) -> f64 {
     radius_m * (1.0 - axis.z * axis.z).max(0.0).sqrt()
 }
 
-/// The part of the robot beyond each joint.
+/// Subtree beyond each joint.
 fn carried(tree: &Tree) -> Vec<Carried> {
     let robot = tree.robot();
     let moves = |joint: usize, link: usize| tree.joints_to_link(link).contains(&joint);

@@ -1,41 +1,40 @@
-//! Angular momentum over an interval between two poses: Σ m r × r₊, r from the centre of mass to every point of the
-//! robot at the beginning and r₊ at the end of the interval, in world, kg·m².
+//! Angular momentum over an interval between two poses: Σ m r × r₊ in world axes, kg·m². The vectors from the centre of mass to
+//! each point of the robot are r at the beginning and r₊ at the end of the interval.
 //!
-//! Over the length h of the interval it is the mean angular momentum about the centre of mass if points move in
-//! straight lines (twice the area that r sweeps, times the mass: Kepler), and rates of change of angular momentum are
-//! differences of it. Limbs count with all that they are, in place of the one body with constant inertia of Eq. 2.4.
+//! Divided by the length h of the interval, this is the mean angular momentum about the centre of mass, if points move in
+//! straight lines (Kepler: twice the area that r sweeps, times the mass). Differences between intervals give the rate of
+//! angular momentum. Limbs count with their full inertia, instead of the single body with constant inertia of Eq. 2.4.
 //!
-//! Everything follows from S = Σ m r r₊ᵀ, of which the moment is the antimetric part. For a rigid link of mass m with
-//! its centre of mass at p, S = m p p₊ᵀ + R J R₊ᵀ, J its second moment Σ m x xᵀ about p in link axes, and a link that
-//! carries others has their sum.
+//! The moment is the antisymmetric part of S = Σ m r r₊ᵀ. A rigid link of mass m with its centre of mass at p has S = m p p₊ᵀ +
+//! R J R₊ᵀ. J is its second moment Σ m x xᵀ about p in link axes. A subtree has the sum of its links.
 
 use super::{JOINTS, Model, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// The moment Σ m r × r₊ with its derivatives.
+/// Moment Σ m r × r₊ with its derivatives.
 #[derive(Clone, Debug)]
 pub struct SweptMoment {
-    /// Σ m r × r₊ in world, kg·m².
+    /// Moment Σ m r × r₊ in world axes, kg·m².
     pub value: Vector3<f64>,
-    /// Derivative with respect to yaw, pitch, roll and joints at the beginning; the base's position changes nothing.
+    /// Derivatives with respect to yaw, pitch, roll and joints at the beginning. The position of the base has no effect.
     pub d_from: Vec<Vector3<f64>>,
-    /// The same at the end.
+    /// Derivatives with respect to yaw, pitch, roll and joints at the end.
     pub d_to: Vec<Vector3<f64>>,
-    /// Σ m r r₊ᵀ of every link with all that it carries, kg·m².
+    /// Matrix Σ m r r₊ᵀ of each link with all links that it carries, kg·m².
     carried: Vec<Matrix3<f64>>,
 }
 
-/// Σ m (w × a) × b from S = Σ m a bᵀ.
+/// Sum Σ m (w × a) × b, from S = Σ m a bᵀ.
 pub fn turned_first(s: &Matrix3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
     s * w - w * s.trace()
 }
 
-/// Σ m a × (w × b) from S = Σ m a bᵀ.
+/// Sum Σ m a × (w × b), from S = Σ m a bᵀ.
 pub fn turned_second(s: &Matrix3<f64>, w: &Vector3<f64>) -> Vector3<f64> {
     w * s.trace() - s.tr_mul(w)
 }
 
-/// Bodies that a joint carries, at both ends of an interval.
+/// Subtrees at both ends of an interval.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedPair<'a> {
     from: &'a Pose,
@@ -43,20 +42,20 @@ pub struct CarriedPair<'a> {
     swept: &'a SweptMoment,
 }
 
-/// Σ m a × b from S = Σ m a bᵀ.
+/// Sum Σ m a × b, from S = Σ m a bᵀ.
 pub fn cross_sum(s: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(s[(1, 2)] - s[(2, 1)], s[(2, 0)] - s[(0, 2)], s[(0, 1)] - s[(1, 0)])
 }
 
 impl Model {
-    /// The moment that the robot sweeps from one pose to another, with derivatives.
+    /// Computes the swept moment between two poses, with derivatives.
     pub fn swept_moment(&self, from: &Pose, to: &Pose) -> SweptMoment {
         let mut swept = self.swept_moment_value(from, to);
         swept.differentiate(self, from, to);
         swept
     }
 
-    /// The moment without derivatives: their columns are empty until [`SweptMoment::differentiate`].
+    /// Computes the swept moment. The vectors of derivatives stay empty until [`SweptMoment::differentiate`].
     pub fn swept_moment_value(&self, from: &Pose, to: &Pose) -> SweptMoment {
         let robot = self.robot();
         let center = |pose: &Pose, l: usize| pose.frames.link_com(self.tree(), l);
@@ -79,7 +78,7 @@ impl Model {
 }
 
 impl SweptMoment {
-    /// Computes the derivatives, if they are not known yet.
+    /// Computes the derivatives unless they exist.
     pub fn differentiate(&mut self, model: &Model, from: &Pose, to: &Pose) {
         if !self.d_from.is_empty() {
             return;
@@ -107,13 +106,13 @@ impl SweptMoment {
 }
 
 impl<'a> CarriedPair<'a> {
-    /// Poses with the moment that the robot sweeps from one to the other.
+    /// Combines two poses and the swept moment between them.
     pub fn new(from: &'a Pose, to: &'a Pose, swept: &'a SweptMoment) -> Self {
         Self { from, to, swept }
     }
 
-    /// Σ m (p − o) (p₊ − o₊)ᵀ of all that joint `joint` carries, with points p, p₊ and origins o at the beginning and
-    /// o₊ at the end of the interval, in world, kg·m².
+    /// Matrix Σ m (p − o) (p₊ − o₊)ᵀ of the subtree beyond joint `joint`, in world axes, kg·m². Points p and origin o belong to
+    /// the beginning of the interval, p₊ and o₊ to its end.
     pub fn about(
         &self,
         model: &Model,

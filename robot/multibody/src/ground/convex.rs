@@ -1,5 +1,5 @@
-//! A profile as convex parts. A wheel at the foot of a step touches the floor and the step; the nearest of both alone
-//! would jump from one to the other.
+//! Profile as convex parts. A wheel at the foot of a step touches both the floor and the step; the nearest point of the whole
+//! profile would jump between them.
 
 use super::{Ground, Surface};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
@@ -7,11 +7,11 @@ use std::sync::Arc;
 
 pub(super) type Flat = Vector2<f64>;
 
-/// Length of the level ground before and after a profile in which the exit of a part is searched, m. A part that never comes out
-/// goes on beneath the ground for half of it.
+/// Length of level ground before and after a profile in which the exit of a part is searched, m. A part without an exit
+/// continues below the ground over half of this length.
 const FAR_M: f64 = 4.0;
 
-/// The surface at a distance from a line or corner in the x-z plane: gap, normal, and its derivative.
+/// Builds the surface of a line or corner in the x-z plane. `bend` is the derivative of the normal.
 pub(super) fn in_plane(gap_m: f64, normal: &Flat, bend: &Matrix2<f64>) -> Surface {
     let curvature = Matrix3::new(
         bend.m11, 0.0, bend.m12, //
@@ -21,13 +21,12 @@ pub(super) fn in_plane(gap_m: f64, normal: &Flat, bend: &Matrix2<f64>) -> Surfac
     Surface::exact(gap_m, Vector3::new(normal.x, 0.0, normal.y), curvature)
 }
 
-/// A convex solid, the same for all y: all that is to the right of a line through its corners, which goes to infinity at
-/// both ends.
+/// Convex solid with equal section for all y: the region to the right of a polyline that extends to infinity at both ends.
 #[derive(Clone, Debug, PartialEq)]
 struct Convex {
-    /// Corners along the line, m.
+    /// Corners of the polyline, m.
     corners: Vec<Flat>,
-    /// Unit direction in which the line comes from its beginning to the first corner, and that in which it leaves the last.
+    /// Unit directions of the infinite first and final segment.
     ends: [Flat; 2],
 }
 
@@ -70,8 +69,8 @@ impl Ground for Convex {
     }
 }
 
-/// Cuts the profile through corners, level before and after them, at its concave corners. Each part goes on along its end
-/// beneath its neighbours, so that no edge of its own shows.
+/// Divides a profile, which is level before and after its corners, at its concave corners. Each part extends below its
+/// neighbours, so that its own edges are hidden.
 pub(super) fn parts(corners: &[[f64; 2]]) -> Vec<Arc<dyn Ground>> {
     let corners: Vec<_> = corners.iter().copied().map(Flat::from).collect();
     let mut directions = vec![Flat::x()];
@@ -98,8 +97,8 @@ pub(super) fn parts(corners: &[[f64; 2]]) -> Vec<Arc<dyn Ground>> {
     begins.zip(ends).map(part).collect()
 }
 
-/// Point at which a part turns straight down after it goes on along a direction beyond a concave corner: half-way to its exit
-/// from beneath its neighbours. A wall turns down at the corner.
+/// Point at which a part turns straight down. Beyond the concave corner `cut`, the part continues along `along` below its
+/// neighbours. The point is half-way to where the part would emerge again. A wall turns down at the corner itself.
 fn beneath(corners: &[Flat], cut: usize, along: Flat) -> Flat {
     let corner = corners[cut];
     if along.x.abs() < 1e-12 {

@@ -14,7 +14,7 @@ pub struct Elevation {
 }
 
 impl Elevation {
-    /// Gradient ν = (−p, −q, 1) of the height above the ground of a point here, z − h(x, y).
+    /// Gradient ν = (−p, −q, 1) of z − h(x, y), the height of a point above the ground.
     pub fn upward(&self) -> Vector3<f64> {
         Vector3::z() - Vector3::new(self.slope.x, self.slope.y, 0.0)
     }
@@ -25,7 +25,7 @@ impl Elevation {
         upward / upward.norm()
     }
 
-    /// Derivative of the normal by x and y, (I − n nᵀ) ∂ν/|ν|, 1/m.
+    /// Derivative of the normal with respect to x and y, (I − n nᵀ) ∂ν/|ν|, 1/m.
     pub fn d_normal(&self) -> Matrix3x2<f64> {
         let upward = self.upward();
         let mut d_upward = Matrix3x2::zeros();
@@ -39,7 +39,7 @@ impl Elevation {
 mod tests {
     use super::*;
 
-    /// h = 0.1 sin 3x cos 2y at (0.3, 0.4).
+    /// Elevation of h = 0.1 sin 3x cos 2y at (0.3, 0.4).
     fn wave() -> Elevation {
         let ((sx, cx), (sy, cy)) = (0.9_f64.sin_cos(), 0.8_f64.sin_cos());
         let bend = [[-0.9 * sx * cy, -0.6 * cx * sy], [-0.6 * cx * sy, -0.4 * sx * cy]];

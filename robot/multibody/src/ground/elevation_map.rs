@@ -1,14 +1,14 @@
-//! Ground as a height over every point of the x-y plane, with its first two derivatives: what the equations of a planner
-//! ask of it. A solid with walls or overhangs has no such height.
+//! Ground as a height over the x-y plane, with its first two derivatives, as the planner requires. A solid with walls or
+//! overhangs has no such height.
 
 use super::{Elevation, HeightField};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Height of the ground over x and y.
+/// Height of the ground over the x-y plane.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ElevationMap {
-    /// Level ground at this height, m.
+    /// Level ground at a height, m.
     Level(f64),
     /// Spline through heights on a grid.
     Field(Arc<HeightField>),
@@ -22,12 +22,13 @@ impl Default for ElevationMap {
 }
 
 impl ElevationMap {
-    /// True for ground of one height everywhere. Rows of an equation then have no derivatives by where a point is.
+    /// Returns true if the ground has constant height. Rows of an equation then have no derivatives with respect to the
+    /// position on the ground.
     pub fn is_level(&self) -> bool {
         matches!(self, Self::Level(_))
     }
 
-    /// Elevation below or above a point.
+    /// Elevation at the x and y of a point.
     pub fn at(&self, point: &Vector3<f64>) -> Elevation {
         match self {
             Self::Level(height_m) => Elevation { height_m: *height_m, ..Elevation::default() },
@@ -43,7 +44,7 @@ impl ElevationMap {
         }
     }
 
-    /// Distance of a point from the ground to first order, (z − h)/|ν|, m, with its gradient.
+    /// First-order distance of a point from the ground, (z − h)/|ν|, m, and its gradient.
     pub fn distance(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
         match self {
             Self::Level(height_m) => (point.z - height_m, Vector3::z()),

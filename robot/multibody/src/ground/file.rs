@@ -1,4 +1,4 @@
-//! Terrain files: a small TOML file becomes a [`Ground`] (docs/terrain-files.md).
+//! Terrain files: TOML files that describe a [`Ground`] (docs/terrain-files.md).
 
 use super::terrain::CORNER_MIN_M;
 use super::{Ground, HeightField, Plane, Profile, Turned};
@@ -6,22 +6,22 @@ use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-/// Steepest slope either way, degrees.
+/// Maximum slope, up or down, degrees.
 pub const SLOPE_MAX_DEG: f64 = 45.0;
-/// Most corners of a profile.
+/// Maximum number of corners in a profile.
 const CORNERS_MAX: usize = 200;
-/// Most heights of a field.
+/// Maximum number of heights in a field.
 const HEIGHTS_MAX: usize = 250_000;
-/// Farthest from the origin that a file may name, m.
+/// Maximum distance of a coordinate from the origin, m.
 const FAR_M: f64 = 1000.0;
 
-/// Highest and lowest ground, m.
+/// Maximum absolute height of the ground, m.
 const HEIGHT_MAX_M: f64 = 10.0;
 
 /// Reader of a kind of terrain.
 type Read = fn(&Table<'_>) -> Option<Arc<dyn Ground>>;
 
-/// The kinds of terrain, each by the table that a file has for it.
+/// Names of the tables for the kinds of terrain, with their readers.
 const KINDS: [(&str, Read); 6] = [
     ("slope", slope),
     ("step", step),
@@ -31,15 +31,15 @@ const KINDS: [(&str, Read); 6] = [
     ("height_field", height_field),
 ];
 
-/// The tables of which a terrain file has one.
+/// Names of the terrain tables. A terrain file contains exactly one of them.
 pub fn kinds() -> impl Iterator<Item = &'static str> {
     KINDS.into_iter().map(|(name, _)| name)
 }
 
-/// Reads and validates a terrain file. `file_name` is for messages only.
+/// Parses and validates a terrain file. `file_name` appears in messages only.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// Returns every fault of the file.
 pub fn from_toml(file_name: &str, text: &str) -> Result<Arc<dyn Ground>, DocumentError> {
     let document = Document::parse(file_name, text)?;
     let ground = ground(&document);
@@ -59,13 +59,13 @@ fn ground(document: &Document<'_>) -> Option<Arc<dyn Ground>> {
         root.fault(
             second,
             format_args!("is a second terrain beside `{first}`"),
-            "one too many",
-            "keep one of them",
+            "second terrain",
+            "keep one of the two terrains",
         );
     }
     let Some((name, read)) = first else {
         let names = KINDS.map(|(name, _)| name);
-        let help = format!("describe it in a table: {}", alternatives("", names));
+        let help = format!("describe the terrain in a table; {}", alternatives("", names));
         document.fault(root.span(), "there is no terrain", "needs a terrain", help);
         return None;
     };
@@ -100,8 +100,8 @@ fn profile(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let z_m = within(table, "z_m", 1..=CORNERS_MAX, HEIGHT_MAX_M);
     let (x_m, z_m) = (x_m?, z_m?);
     if x_m.len() != z_m.len() {
-        let problem = format!("has {} numbers, and `x_m` has {}", z_m.len(), x_m.len());
-        table.fault("z_m", problem, "not as many", "give a height for each x");
+        let problem = format!("has {} numbers, but `x_m` has {}", z_m.len(), x_m.len());
+        table.fault("z_m", problem, "another count", "give a height in `z_m` for each x");
         return None;
     }
     let corners = x_m.into_iter().zip(z_m).map(|(x, z)| [x, z]).collect();
@@ -110,16 +110,16 @@ fn profile(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
         Err(why) => {
             table.fault(
                 "x_m",
-                format_args!("makes no profile: {why}"),
+                format_args!("is not a profile: {why}"),
                 "not a profile",
-                "x goes up; a step is the same x twice",
+                "give x in ascending order, and a step as the same x twice",
             );
             None
         }
     }
 }
 
-/// Random heights from 0 to the greatest, the same for the same seed.
+/// Reads ground with random heights from 0 to `height_m`. Equal seeds give equal heights.
 fn rough(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let height_m = table.number_in("height_m", 0.0..=1.0, "m");
     let spacing_m = table.number_in("spacing_m", 0.01..=10.0, "m");
@@ -129,8 +129,11 @@ fn rough(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let count = 2 * (half_m / spacing_m).ceil() as usize + 1;
     if count < 4 || count * count > HEIGHTS_MAX {
         let problem =
-            format!("is {half_m}: with this spacing that makes {count} heights along each side");
-        let help = format!("from 4 to {} along each side are possible", HEIGHTS_MAX.isqrt());
+            format!("is {half_m} m, which gives {count} heights along each side at this spacing");
+        let help = format!(
+            "choose `half_m` and `spacing_m` for 4 to {} heights along each side",
+            HEIGHTS_MAX.isqrt()
+        );
         table.fault("half_m", problem, "not a field", help);
         return None;
     }
@@ -144,8 +147,8 @@ fn height_field(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let origin_m = table.numbers::<2>("origin_m").filter(|origin_m| {
         let near = origin_m.iter().all(|value| value.abs() <= FAR_M);
         if !near {
-            let help = format!("allowed is -{FAR_M} to {FAR_M} m");
-            table.fault("origin_m", "is far away", "out of range", help);
+            let help = format!("give values from -{FAR_M} to {FAR_M} m");
+            table.fault("origin_m", "is too far away", "out of range", help);
         }
         near
     });
@@ -157,12 +160,12 @@ fn height_field(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let (rows, rest) = (heights_m.len() / across, heights_m.len() % across);
     if rest != 0 {
         let problem =
-            format!("has {} numbers, which are no whole rows of {across}", heights_m.len());
+            format!("has {} numbers, which are not whole rows of {across}", heights_m.len());
         table.fault(
             "heights_m",
             problem,
             "not whole rows",
-            "give `columns` heights along x for each row, rows along y",
+            "give `columns` heights along x for each row, with rows along y",
         );
         return None;
     }
@@ -171,16 +174,16 @@ fn height_field(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
         Err(why) => {
             table.fault(
                 "heights_m",
-                format_args!("makes no height field: {why}"),
+                format_args!("is not a height field: {why}"),
                 "not a field",
-                "four or more heights along each axis",
+                "give four or more heights along each axis",
             );
             None
         }
     }
 }
 
-/// Numbers of which none is farther from 0 than `most`, m.
+/// Reads a list of numbers with absolute values up to `most`, m.
 fn within(
     table: &Table<'_>,
     key: &'static str,
@@ -189,8 +192,8 @@ fn within(
 ) -> Option<Vec<f64>> {
     let numbers = table.list(key, count)?;
     if let Some(far) = numbers.iter().find(|number| number.abs() > most) {
-        let help = format!("allowed is -{most} to {most} m");
-        table.fault(key, format_args!("has {far}"), "out of range", help);
+        let help = format!("give values from -{most} to {most} m");
+        table.fault(key, format_args!("contains {far}"), "out of range", help);
         return None;
     }
     Some(numbers)
@@ -200,7 +203,7 @@ fn coordinate(table: &Table<'_>, key: &'static str) -> Option<f64> {
     table.number_in(key, -FAR_M..=FAR_M, "m")
 }
 
-/// A height that is not 0.
+/// Reads a nonzero height.
 fn height(table: &Table<'_>, key: &'static str) -> Option<f64> {
     let height_m = table.number_in(key, -HEIGHT_MAX_M..=HEIGHT_MAX_M, "m")?;
     if height_m.abs() < CORNER_MIN_M {
@@ -288,12 +291,12 @@ mod tests {
             (
                 "[slope]\nangle_deg = 5\n[step]\nat_x_m = 1\nheight_m = 1",
                 "`step` is a second terrain beside `slope`",
-                "one of them",
+                "one of the two terrains",
             ),
             ("[step]\nat_x_m = 1\nheight_m = 0", "`height_m` is 0", "above or below"),
             ("[step]\nat_x_m = 1\nheight = 1", "`height_m` is missing", "`height_m`"),
-            ("[profile]\nx_m = [0, 1]\nz_m = [0]", "`z_m` has 1 numbers", "for each x"),
-            ("[profile]\nx_m = [1, 0]\nz_m = [0, 0]", "point 1 at x = 0 m", "x goes up"),
+            ("[profile]\nx_m = [0, 1]\nz_m = [0]", "`z_m` has 1 numbers, but", "for each x"),
+            ("[profile]\nx_m = [1, 0]\nz_m = [0, 0]", "point 1 at x = 0 m", "ascending order"),
             ("[profile]\nx_m = []\nz_m = []", "`x_m` must be", "1 to 200"),
             (
                 "[rough]\nheight_m = 0.1\nspacing_m = 0.01\nhalf_m = 50\nseed = 1",
@@ -302,10 +305,14 @@ mod tests {
             ),
             (
                 "[height_field]\norigin_m = [0, 0]\nspacing_m = 1\ncolumns = 5\nheights_m = [0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]",
-                "no whole rows of 5",
+                "not whole rows of 5",
                 "rows along y",
             ),
-            ("[profile]\nx_m = [-1e308, 1e308]\nz_m = [0, 0]", "`x_m` has -1", "-1000 to 1000 m"),
+            (
+                "[profile]\nx_m = [-1e308, 1e308]\nz_m = [0, 0]",
+                "`x_m` contains -1",
+                "-1000 to 1000 m",
+            ),
             ("[profile]\nx_m = [0, 1e-320]\nz_m = [0, 1e-321]", "point 1 at x = ", "same x twice"),
             ("[step]\nat_x_m = 1\nheight_m = 1e-320", "`height_m` is 0.0000", "above or below"),
             ("heading_deg = 200\n[slope]\nangle_deg = 1", "`heading_deg` is 200", "-180 to 180"),

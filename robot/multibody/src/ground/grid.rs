@@ -1,20 +1,20 @@
-//! A solid of any shape as distances on a grid (thesis 4.5.3).
+//! Solid of any shape, as distances on a grid (thesis 4.5.3).
 
 use super::spline::Lattice;
 use super::{FieldError, Ground, Surface};
 use nalgebra::{Matrix3, Vector3};
 
-/// Signed distances at the points of a grid, and a spline through them. Outside of the grid there is nothing more.
+/// Signed distances at the points of a grid, with a spline through them. The space outside the grid is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     lattice: Lattice<3>,
 }
 
 impl Grid {
-    /// Distances, m, negative inside, at `origin` + `spacing_m` (i, j, k), i fastest.
+    /// Creates a solid from signed distances, m, at `origin` + `spacing_m` (i, j, k), with i varying fastest.
     ///
     /// # Errors
-    /// Not four or more finite samples along each axis, or one in the two outermost layers that is not positive.
+    /// If an axis has fewer than four samples, a sample is not finite, or a sample in the two outermost layers is not positive.
     pub fn new(
         origin: Vector3<f64>,
         spacing_m: f64,
@@ -35,10 +35,10 @@ impl Grid {
         Ok(Self { lattice: Lattice::new(origin.into(), spacing_m, counts, distances_m)? })
     }
 
-    /// Samples another ground from `origin` on.
+    /// Samples another ground on a grid that starts at `origin`.
     ///
     /// # Errors
-    /// As [`Grid::new`].
+    /// Returns the errors of [`Grid::new`].
     pub fn of(
         ground: &dyn Ground,
         origin: Vector3<f64>,
@@ -59,7 +59,7 @@ impl Grid {
 }
 
 impl Grid {
-    /// The solid as seen from a point within the lattice.
+    /// Evaluates the solid at a point within the lattice.
     fn within(&self, point: &Vector3<f64>) -> Surface {
         let bases = [0, 1, 2].map(|axis| self.lattice.basis(axis, point[axis]));
         let sum = |orders| self.lattice.sum(&bases, orders);
@@ -125,7 +125,7 @@ mod tests {
         }
     }
 
-    /// Largest errors of gap, normal and curvature at the surface of a ball, on finer and finer grids.
+    /// Tests the largest errors of gap, normal and curvature at the surface of a ball, on successively finer grids.
     #[test]
     fn a_grid_becomes_the_solid_that_it_samples() {
         let errors = |cells| {
@@ -152,7 +152,8 @@ mod tests {
         assert!(fine[0] < 1e-4, "{}", fine[0]);
     }
 
-    /// Rays from the middle cross the boundary of the lattice, a micron on either side; far outside the field is smooth.
+    /// Tests that the field is smooth far outside and at the boundary of the lattice, 1 µm on either side along rays from the
+    /// middle.
     #[test]
     fn gap_and_normal_go_on_across_the_boundary_of_the_lattice() {
         let grid = grid(24);

@@ -4,22 +4,22 @@ use super::{Ground, Surface, parts_of};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use std::sync::Arc;
 
-/// Everything on one side of a plane.
+/// Half-space below a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// A point of the plane, m.
+    /// Point of the plane, m.
     pub point: Vector3<f64>,
     /// Unit normal, out of the ground.
     pub normal: Vector3<f64>,
 }
 
 impl Plane {
-    /// The level plane z = 0.
+    /// Level plane z = 0.
     pub fn level() -> Self {
         Self { point: Vector3::zeros(), normal: Vector3::z() }
     }
 
-    /// A plane through the origin that rises along x by an angle, rad.
+    /// Plane through the origin that rises along x by an angle, rad.
     pub fn rising(angle_rad: f64) -> Self {
         let (sine, cosine) = angle_rad.sin_cos();
         Self { point: Vector3::zeros(), normal: Vector3::new(-sine, 0.0, cosine) }
@@ -37,7 +37,7 @@ impl Ground for Plane {
     }
 }
 
-/// A ball.
+/// Ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Centre, m.
@@ -46,8 +46,8 @@ pub struct Sphere {
     pub radius_m: f64,
 }
 
-/// Distance from a point at `from_nearest` from the nearest point of something thin, whose nearest point does not move
-/// across `free`, the directions in which the distance bends.
+/// Surface of a thin object, such as a point or a line. `from_nearest` is the vector from its nearest point. `free` projects
+/// onto the directions in which the nearest point does not follow.
 fn distance(from_nearest: &Vector3<f64>, free: &Matrix3<f64>) -> Surface {
     // At the thing itself any direction is out.
     let gap_m = from_nearest.norm().max(f64::MIN_POSITIVE);
@@ -66,10 +66,10 @@ impl Ground for Sphere {
     }
 }
 
-/// Points within a radius of a line between two points.
+/// Capsule: all points within a radius of a line segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
-    /// Ends of the line, m.
+    /// Ends of the segment, m.
     pub ends: [Vector3<f64>; 2],
     /// Radius, m.
     pub radius_m: f64,
@@ -93,12 +93,12 @@ impl Ground for Capsule {
     }
 }
 
-/// A box, at any pose.
+/// Box in any pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cuboid {
-    /// World from the box's centre, its axes along the edges.
+    /// Pose of the box's centre in world axes. The axes are parallel to the edges.
     pub world_from_box: Isometry3<f64>,
-    /// Half of each edge, m.
+    /// Half edge lengths, m.
     pub half_m: Vector3<f64>,
 }
 
@@ -129,12 +129,12 @@ impl Ground for Cuboid {
     }
 }
 
-/// A solid grown by a radius all around, which rounds its edges.
+/// Solid that is enlarged by a radius, which rounds its edges.
 #[derive(Clone, Debug)]
 pub struct Rounded {
-    /// Solid that grows.
+    /// Solid to be enlarged.
     pub inner: Arc<dyn Ground>,
-    /// Radius of the growth, m.
+    /// Radius of the enlargement, m.
     pub radius_m: f64,
 }
 
@@ -149,10 +149,10 @@ impl Ground for Rounded {
     }
 }
 
-/// Union of several solids: the nearest one to a point counts. From the outside it is the exact distance.
+/// Union of several solids. The gap is that of the nearest solid, which is the exact distance outside.
 #[derive(Clone, Debug)]
 pub struct Union {
-    /// Solids, at least one.
+    /// Solids; never empty.
     pub parts: Vec<Arc<dyn Ground>>,
 }
 
@@ -199,7 +199,7 @@ mod tests {
         }
     }
 
-    /// A distance is 1-Lipschitz, and the surface is as far below a point as the gap says.
+    /// Tests that distances are 1-Lipschitz, and that the surface lies at the gap along the normal.
     #[test]
     fn the_foot_of_the_normal_is_on_the_surface() {
         let turned = Isometry3::new(Vector3::zeros(), Vector3::new(0.3, -0.2, 0.5));

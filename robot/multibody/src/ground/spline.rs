@@ -1,46 +1,48 @@
-//! Cubic B-splines over regular samples: smooth twice, so that contacts keep continuous derivatives.
+//! Cubic B-splines through regular samples. They have continuous second derivatives, so that contacts have continuous
+//! derivatives.
 
 use std::fmt;
 
-/// Samples that a spline needs along each axis.
+/// Minimum number of samples along each axis.
 pub(super) const LEAST: usize = 4;
 
-/// Reason for which samples are no field.
+/// Reason for which samples are not a valid field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FieldError {
     /// Too few samples.
-    #[error("{count} samples along axis {axis}: a spline needs 4 or more")]
+    #[error("{count} samples along axis {axis}; expected 4 or more")]
     Few {
-        /// Axis.
+        /// Index of the axis.
         axis: usize,
-        /// Samples along it.
+        /// Number of samples along the axis.
         count: usize,
     },
     /// Spacing that is not positive.
-    #[error("spacing_m is {spacing_m}: it must be positive")]
+    #[error("spacing_m is {spacing_m}; expected a value above 0 m")]
     Spacing {
-        /// Distance of samples, m.
+        /// Distance between samples, m.
         spacing_m: f64,
     },
     /// Number of samples that differs from the product of the counts.
-    #[error("{found} samples where the counts ask for {wanted}")]
+    #[error("{found} samples; expected {wanted}, the product of the counts")]
     Length {
-        /// Samples.
+        /// Number of samples.
         found: usize,
         /// Product of the counts.
         wanted: usize,
     },
-    /// A sample that is no number.
-    #[error("sample {index} is {value}: it must be a finite number, in metres")]
+    /// Sample that is not a finite number.
+    #[error("sample {index} is {value}; expected a finite number in m")]
     Value {
         /// Index of the sample.
         index: usize,
         /// Value of the sample.
         value: f64,
     },
-    /// A solid that its grid cuts.
+    /// Solid that extends to the boundary of the grid.
     #[error(
-        "sample {index} at the boundary of the grid is {value} m: solids must lie within, with room around them"
+        "sample {index} near the boundary of the grid is {value} m; enlarge the grid until its two \
+         outermost layers of samples are above 0 m"
     )]
     Cut {
         /// Index of the sample.
@@ -50,28 +52,28 @@ pub enum FieldError {
     },
 }
 
-/// Samples along axes, the first axis fastest.
+/// Spline coefficients on a regular lattice, with the first axis varying fastest.
 #[derive(Clone, PartialEq)]
 pub(super) struct Lattice<const N: usize> {
-    /// Position of the first coefficient, one place before the first sample.
+    /// Position of the first coefficient, one spacing before the first sample.
     pub origin: [f64; N],
     pub spacing_m: f64,
-    /// Coefficients along each axis, two more than samples.
+    /// Number of coefficients along each axis, two more than samples.
     pub counts: [usize; N],
     /// Coefficients of the spline.
     coefficients: Vec<f64>,
 }
 
-/// A cell of a lattice and the splines over it, along one axis.
+/// Cell of a lattice along one axis, and the splines over it.
 #[derive(Clone, Copy)]
 pub(super) struct Basis {
     first: usize,
-    /// The four splines, their first and their second derivatives by the coordinate.
+    /// Values of the four splines, with their first and second derivatives with respect to the coordinate.
     pub weights: [[f64; LEAST]; 3],
 }
 
 impl<const N: usize> fmt::Debug for Lattice<N> {
-    /// Leaves out the coefficients, which are many.
+    /// Prints counts, origin and spacing without the coefficients.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let &Self { origin, spacing_m, counts, .. } = self;
         write!(f, "Lattice {{ {counts:?} from {origin:?} m, {spacing_m} m apart }}")
@@ -120,12 +122,12 @@ impl<const N: usize> Lattice<N> {
         Ok(Self { origin, spacing_m, counts, coefficients })
     }
 
-    /// Coordinates of the first and the last sample along an axis, m, between which the spline is defined.
+    /// Coordinates of the first and the final sample along an axis, m. The spline is defined between them.
     pub fn range(&self, axis: usize) -> [f64; 2] {
         [1, self.counts[axis] - 2].map(|k| self.origin[axis] + self.spacing_m * k as f64)
     }
 
-    /// The splines at a coordinate within the range of an axis.
+    /// Evaluates the splines at a coordinate within the range of an axis.
     pub fn basis(&self, axis: usize, coordinate_m: f64) -> Basis {
         let at = (coordinate_m - self.origin[axis]) / self.spacing_m;
         let cell = (at.floor() as usize).clamp(1, self.counts[axis] - 3);
@@ -148,7 +150,7 @@ impl<const N: usize> Lattice<N> {
         Basis { first: cell - 1, weights }
     }
 
-    /// Sum of the coefficients around a point, weighted along each axis by a derivative of the splines of that order.
+    /// Weighted sum of the coefficients around a point. `orders` has the order of the splines' derivative along each axis.
     pub fn sum(&self, bases: &[Basis; N], orders: [usize; N]) -> f64 {
         let mut sum = 0.0;
         for corner in 0..LEAST.pow(N as u32) {
@@ -166,8 +168,8 @@ impl<const N: usize> Lattice<N> {
     }
 }
 
-/// Turns samples along one axis into the coefficients of the natural spline through them: its second derivative is 0 at both
-/// ends. Of a line, the first and the last place are beyond the samples.
+/// Replaces samples along one axis by the coefficients of the natural spline through them, whose second derivative is 0 at both
+/// ends. The first and the final entry of `line` are beyond the samples.
 fn interpolate(line: &mut [f64]) {
     let last = line.len() - 2;
     // c(k−1) + 4 c(k) + c(k+1) = 6 f(k), and at the ends c = f: elimination from the front.
@@ -184,7 +186,7 @@ fn interpolate(line: &mut [f64]) {
     line[last + 1] = 2.0 * line[last] - line[last - 1];
 }
 
-/// Copies samples into a lattice with one more place at both ends of each axis.
+/// Copies samples into a lattice with one additional entry at both ends of each axis.
 fn padded<const N: usize>(samples: &[f64], counts: [usize; N]) -> Vec<f64> {
     let mut all = vec![0.0; counts.iter().map(|count| count + 2).product()];
     for (number, sample) in samples.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Ground to walk on: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
+//! Terrain: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
 
 use super::convex::{Flat, in_plane, parts};
 use super::spline::Lattice;
@@ -6,49 +6,50 @@ use super::{Elevation, FieldError, Ground, Surface};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use std::sync::Arc;
 
-/// Least distance of two corners, m: nearer ones are one point.
+/// Distance between two corners below which they are one point, m.
 pub(super) const CORNER_MIN_M: f64 = 1e-6;
 
-/// A line of heights along x, the same for all y, level before its first point and after its last one.
+/// Polyline of heights along x, constant in y, and level before its first and after its final point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// x and z of the corners, m.
+    /// Coordinates x and z of the corners, m.
     corners: Vec<[f64; 2]>,
 }
 
-/// Reason for which points are no profile.
+/// Reason for which points are not a valid profile.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// The list of points is empty.
-    #[error("a profile needs a point")]
+    #[error("the profile is empty; give at least one point")]
     Empty,
-    /// A coordinate that is no number.
-    #[error("point {index} is ({x_m}, {z_m}) m: both must be finite numbers")]
+    /// Coordinate that is not a finite number.
+    #[error("point {index} is ({x_m}, {z_m}) m; expected two finite numbers")]
     Value {
         /// Index of the point.
         index: usize,
-        /// Along the profile, m.
+        /// Position along the profile, m.
         x_m: f64,
         /// Height, m.
         z_m: f64,
     },
-    /// An overhang, or the same point twice.
+    /// Overhang or duplicate point.
     #[error(
-        "point {index} at x = {x_m} m is not ahead of the one before: x may not decrease, and steps need a height"
+        "point {index} at x = {x_m} m does not follow the previous point: x must not decrease, and \
+         points at equal x must differ in height"
     )]
     Order {
         /// Index of the point.
         index: usize,
-        /// Along the profile, m.
+        /// Position along the profile, m.
         x_m: f64,
     },
 }
 
 impl Profile {
-    /// Through points of x and z, m; where x stays the ground is vertical.
+    /// Creates a profile through points of x and z, m. Between two points of equal x, the ground is vertical.
     ///
     /// # Errors
-    /// No points, not a number, or x that decreases.
+    /// If there are no points, a coordinate is not finite, a point is repeated, or x decreases.
     pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ProfileError> {
         if corners.is_empty() {
             return Err(ProfileError::Empty);
@@ -67,24 +68,24 @@ impl Profile {
         Ok(Self { corners })
     }
 
-    /// Level ground with a step up, or down for a negative height.
+    /// Creates level ground with a step. A negative height gives a step down.
     ///
     /// # Errors
-    /// Not a number, or no height.
+    /// If a value is not finite, or the height is 0.
     pub fn step(at_x_m: f64, height_m: f64) -> Result<Self, ProfileError> {
         Self::new(vec![[at_x_m, 0.0], [at_x_m, height_m]])
     }
 
-    /// Level ground with a ramp to another height.
+    /// Creates level ground with a ramp to another height.
     ///
     /// # Errors
-    /// Not a number, or no length.
+    /// If a value is not finite, or the ramp has no length.
     pub fn ramp(from_x_m: f64, length_m: f64, height_m: f64) -> Result<Self, ProfileError> {
         Self::new(vec![[from_x_m, 0.0], [from_x_m + length_m, height_m]])
     }
 
-    /// True if a point is below the line. Near a corner the sides of the parts are ambiguous: both parts are as far away as the
-    /// corner. If they meet at less than a right angle, a point in the air can be behind one of them.
+    /// Returns true if a point is below the polyline. The sign of a part's distance is ambiguous near a corner that two parts
+    /// share: if they meet at less than a right angle, a point in the air can be behind one of them.
     fn is_below(&self, at: &Flat) -> bool {
         let ahead = self.corners.partition_point(|corner| corner[0] <= at.x);
         let [behind, ahead] = [ahead.saturating_sub(1), ahead.min(self.corners.len() - 1)];
@@ -142,17 +143,18 @@ impl Ground for Profile {
     }
 }
 
-/// Heights over a rectangle of x and y, and a spline through them; beyond the rectangle they go on as at its edge.
+/// Heights over a rectangle of the x-y plane, with a spline through them. Outside the rectangle, the height at the nearest edge
+/// applies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
     lattice: Lattice<2>,
 }
 
 impl HeightField {
-    /// Heights, m, at `origin_m` + `spacing_m` (i, j), i along x and fastest.
+    /// Creates a field from heights, m, at `origin_m` + `spacing_m` (i, j), with i along x varying fastest.
     ///
     /// # Errors
-    /// Not four or more finite samples along each axis.
+    /// If an axis has fewer than four samples, or a sample is not finite.
     pub fn new(
         origin_m: [f64; 2],
         spacing_m: f64,
@@ -231,7 +233,7 @@ mod tests {
         assert!((at(1.02, 0.05).gap_m + 0.02).abs() < 1e-15, "inside, near the wall");
     }
 
-    /// The nearest of all parts is the profile, from above and just beneath.
+    /// Tests that the nearest of all parts equals the profile, from above and slightly below.
     #[test]
     fn parts_make_up_their_profile() {
         let teeth =
@@ -265,7 +267,7 @@ mod tests {
         }
     }
 
-    /// Stairs whose solid ends in corners of less than a right angle, upwards and downwards.
+    /// Tests stairs whose solid has acute corners, up and down.
     #[test]
     fn the_gap_is_negative_below_the_profile_and_nowhere_else() {
         let stairs =

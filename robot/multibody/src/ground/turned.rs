@@ -4,7 +4,7 @@ use super::{Ground, Surface};
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 
-/// A ground that is turned.
+/// Ground that is turned.
 #[derive(Clone, Debug)]
 pub struct Turned {
     inner: Arc<dyn Ground>,
@@ -12,7 +12,7 @@ pub struct Turned {
 }
 
 impl Turned {
-    /// `inner`, with its x axis pointing along a heading, rad.
+    /// Turns `inner` so that its x axis points along a heading, rad.
     pub fn new(inner: Arc<dyn Ground>, heading_rad: f64) -> Self {
         let world_from_inner = Rotation3::from_axis_angle(&Vector3::z_axis(), heading_rad);
         Self { inner, world_from_inner }

@@ -1,4 +1,4 @@
-//! Mechanisms whose equations stand in textbooks.
+//! Tests against textbook equations of mechanisms.
 
 use crate::robots::body;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3};
@@ -25,7 +25,7 @@ const LC: [f64; 2] = [0.1, 0.15];
 const M: [f64; 2] = [0.7, 0.4];
 const I: [f64; 2] = [0.003, 0.002];
 
-/// Two links in the x-y plane that turn about z, on a body at the origin.
+/// Arm of two links in the x-y plane that turn about z, on a body at the origin.
 fn two_link_arm() -> Robot {
     let mut robot = body(5.0, [0.1, 0.1, 0.1]);
     for k in 0..2 {

@@ -1,4 +1,4 @@
-//! Contact points at the rim: where they are, how they and the material in them move.
+//! Tests of contact points at the rim: position, and velocities of the geometric and the material point.
 
 use crate::jacobians::{assert_near, difference, rate};
 use crate::robots::{State, body, for_random_states};
@@ -122,7 +122,7 @@ fn the_geometric_point_moves_as_its_jacobian_says() {
     });
 }
 
-/// A body 0.1 m above a wheel of 0.05 m with axis +y.
+/// Body 0.1 m above a wheel of 0.05 m radius with axis +y.
 fn unicycle() -> Tree {
     let mut robot = body(2.0, [0.02, 0.03, 0.04]);
     robot.end_effectors.push(EndEffector {

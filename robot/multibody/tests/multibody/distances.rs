@@ -1,4 +1,4 @@
-//! Distances of capsules, boxes and the ground: closed forms, a search over both shapes, finite differences.
+//! Tests of distances between capsules, boxes and the ground: closed forms, a search over both shapes, finite differences.
 
 use crate::robots;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -30,7 +30,7 @@ fn point(capsule: &Capsule, s: f64) -> Vector3<f64> {
     capsule.ends[0] * (1.0 - s) + capsule.ends[1] * s
 }
 
-/// Lowest value of a convex function of a square, by ternary search in both directions.
+/// Minimum of a convex function on the unit square, by ternary search in both directions.
 fn least(value: impl Fn(f64, f64) -> f64) -> f64 {
     let search = |f: &dyn Fn(f64) -> f64| {
         let (mut a, mut b) = (0.0, 1.0);
@@ -43,7 +43,8 @@ fn least(value: impl Fn(f64, f64) -> f64) -> f64 {
     search(&|s| search(&|t| value(s, t)))
 }
 
-/// Largest of the distances from six faces is negative inside; outside it is the distance to the clamped point.
+/// Signed distance of a point from a box. Inside, it is minus the distance to the nearest face; outside, it is the distance to
+/// the clamped point.
 fn to_box(at: &Vector3<f64>, of: &OrientedBox) -> f64 {
     let local = of.world_from_box.transpose() * (at - of.center);
     let clamped = local.zip_map(&of.half_size_m, |x, h| x.clamp(-h, h));
@@ -114,20 +115,20 @@ fn distances_are_the_least_over_both_shapes() {
     }
 }
 
-/// Central difference of `value` along `k`; `None` at a kink, where a smaller step gives another one.
+/// Central difference of `value`; `None` at a kink, where a smaller step gives another result.
 fn difference(value: impl Fn(f64) -> f64) -> Option<f64> {
     let [coarse, fine] = [STEP, 0.25 * STEP].map(|h| (value(h) - value(-h)) / (2.0 * h));
     ((coarse - fine).abs() < 1e-6).then_some(fine)
 }
 
-/// Compares gradients with differences; no more than one in twenty may be at a kink.
+/// Comparison of gradients with differences. At most one in twenty may be at a kink.
 struct Comparison {
     compared: usize,
     kinks: usize,
 }
 
 impl Comparison {
-    /// Moves by `move_by(k, h)` along three directions.
+    /// Compares a gradient with differences along the three axes.
     fn gradient(&mut self, gradient: &Vector3<f64>, value: impl Fn(&Vector3<f64>) -> f64) {
         for k in 0..3 {
             match difference(|h| value(&Vector3::ith(k, h))) {
@@ -181,7 +182,7 @@ fn gradients_are_those_of_finite_differences() {
     check.finish();
 }
 
-/// The lowest of all corners, one by one.
+/// Tests that the height is that of the lowest corner, found by comparing all corners.
 #[test]
 fn heights_are_those_of_the_lowest_points() {
     let mut rng = fastrand::Rng::with_seed(5);
@@ -197,7 +198,7 @@ fn heights_are_those_of_the_lowest_points() {
     }
 }
 
-/// Shipped robots stand with the margin of their file between limbs, to the body and to the ground.
+/// Tests that shipped robots keep the margin of their file in the nominal pose: between limbs, to the body and to the ground.
 #[test]
 fn shipped_robots_stand_clear() {
     for robot in robots::shipped() {

@@ -1,4 +1,4 @@
-//! Mass matrix, bias forces and momentum against each other, against sums over links, and along motions.
+//! Tests of mass matrix, bias forces and momentum: against each other, against sums over links, and along motions.
 
 use crate::robots::{State, all, for_random_states, full_tree};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3, Vector6};
@@ -14,7 +14,7 @@ fn mass_matrix(tree: &Tree, at: &Configuration) -> DMatrix<f64> {
     out
 }
 
-/// τ = M ν̇ + h by Newton and Euler.
+/// Generalised forces τ = M ν̇ + h by the Newton–Euler method.
 fn inverse_dynamics(
     tree: &Tree,
     at: &Configuration,
@@ -176,7 +176,7 @@ impl Flight {
         }
     }
 
-    /// Rates of all entries, without forces.
+    /// Rates of the entries without forces.
     fn rates(&self, tree: &Tree) -> Self {
         let at = self.configuration();
         let still = vec![0.0; tree.dofs()];
@@ -201,7 +201,7 @@ impl Flight {
         }
     }
 
-    /// Step of the classical Runge-Kutta method.
+    /// Advances by one step of the classical Runge–Kutta method.
     fn step(&self, tree: &Tree, time_s: f64) -> Self {
         let k1 = self.rates(tree);
         let k2 = self.plus(&k1, 0.5 * time_s).rates(tree);

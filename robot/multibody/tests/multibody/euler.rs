@@ -1,4 +1,4 @@
-//! The optimiser's coordinates: derivatives against finite differences, and against ν.
+//! Tests of the optimiser's coordinates: derivatives against finite differences, and against ν.
 
 use crate::robots::{all, numbers};
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector3};
@@ -6,7 +6,7 @@ use rollwalk_multibody::euler::{BASE_YAW, Model};
 use rollwalk_multibody::{ANGULAR, CompositeInertia, centroidal_momentum_matrix};
 use rollwalk_robot::Robot;
 
-/// A random configuration: base anywhere, tilted by less than a quarter turn, joints within their limits.
+/// Random configuration: any base position, tilt below a quarter turn, joints within their limits.
 fn random_q(robot: &Robot, seed: u64) -> DVector<f64> {
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut q = numbers(6, 1.0, &mut rng);

@@ -1,12 +1,13 @@
-//! Jacobians and their time derivatives against finite differences.
+//! Tests of Jacobians and their time derivatives against finite differences.
 
 use crate::robots::{State, for_random_states};
 use nalgebra::{Matrix3xX, Vector3};
 use rollwalk_multibody::{Frames, Kinematics, Tree};
 
-/// Central differences over 2e-5 of values up to 10² and third derivatives up to 10³: about 1e-7 from the
-/// step, as much from rounding; more where a wheel lies nearly flat and its contact moves fast.
+/// Step of central differences, m or rad.
 const STEP: f64 = 1e-5;
+/// Accepted relative error. Values up to 10² with third derivatives up to 10³ give about 1e-7 from the step and as much from
+/// rounding. A wheel that lies nearly flat, with a fast contact point, gives more.
 const TOLERANCE: f64 = 1e-6;
 
 fn kinematics(tree: &Tree, state: &State) -> Kinematics {
@@ -15,7 +16,7 @@ fn kinematics(tree: &Tree, state: &State) -> Kinematics {
     kinematics
 }
 
-/// Derivative of a vector along each generalised velocity, by central differences.
+/// Derivative of a vector with respect to each generalised velocity, by central differences.
 pub fn difference(
     tree: &Tree,
     state: &State,
@@ -42,7 +43,7 @@ pub fn assert_near(found: &Matrix3xX<f64>, expected: &Matrix3xX<f64>, what: &str
     assert!(error < TOLERANCE, "{what}: {error}");
 }
 
-/// A point of a link that is nowhere special.
+/// Point of a link without special position.
 const POINT_IN_LINK: Vector3<f64> = Vector3::new(0.03, -0.07, 0.11);
 
 #[test]

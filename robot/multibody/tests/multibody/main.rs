@@ -1,4 +1,4 @@
-//! Checks of kinematics and dynamics: closed forms, finite differences, a second algorithm, MuJoCo.
+//! Tests of kinematics and dynamics: closed forms, finite differences, a second algorithm, MuJoCo.
 
 mod closed_forms;
 mod contacts;

@@ -1,7 +1,7 @@
-//! Robots as MuJoCo models.
+//! MuJoCo models of robots.
 //!
-//! A spinning wheel becomes a body of its own with a hinge. Its mass and inertia are split off its link, so
-//! that link and wheel together are the link of the robot file.
+//! A spinning wheel becomes a separate body with a hinge. Its mass and inertia are subtracted from its link, so that link and
+//! wheel together equal the link of the robot file.
 
 use crate::robots::wheel_mass_kg;
 use nalgebra::{Matrix3, Vector3};
@@ -9,7 +9,7 @@ use rollwalk_multibody::{Tree, Wheel};
 use rollwalk_robot::Robot;
 use std::fmt::Write;
 
-/// The MuJoCo model of a robot with spinning wheels, thin discs, and armature.
+/// MuJoCo model of a robot with armature and spinning wheels, which are thin discs.
 pub fn model(tree: &Tree) -> String {
     let mut out = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" autolimits=\"false\"/>\n<worldbody>\n\
@@ -22,7 +22,7 @@ pub fn model(tree: &Tree) -> String {
     out
 }
 
-/// Inertial properties, wheels and children of a link, up to the end of its body.
+/// Writes inertial properties, wheels and children of a link, up to the end of its body.
 fn link(tree: &Tree, index: usize, out: &mut String) {
     let robot = tree.robot();
     let body = &robot.links[index];
@@ -83,7 +83,7 @@ fn mass_of(robot: &Robot, wheel: &Wheel) -> f64 {
     wheel_mass_kg(robot, &robot.end_effectors[wheel.end_effector])
 }
 
-/// Inertia of a thin disc about its centre: half as much across its axis as about it.
+/// Inertia of a thin disc about its centre. The inertia across its axis is half of the inertia about its axis.
 fn disc(robot: &Robot, wheel: &Wheel) -> Matrix3<f64> {
     let ee = &robot.end_effectors[wheel.end_effector];
     let about = 0.5 * mass_of(robot, wheel) * ee.radius_m.powi(2);

@@ -1,7 +1,7 @@
-//! Results of the crate against MuJoCo, on random states of every shipped robot.
+//! Test of the crate against MuJoCo, on random states of every shipped robot.
 //!
-//! Ignored by default: needs Python with the package `mujoco`, which `cargo xtask test --only multibody` installs.
-//! The comparison is `robot/multibody/tests/compare_with_mujoco.py`.
+//! The test is ignored by default because it needs Python with the package `mujoco`, which `cargo xtask test --only multibody`
+//! installs. `robot/multibody/tests/compare_with_mujoco.py` compares the results.
 
 use crate::mjcf;
 use crate::robots::{State, full_tree, numbers, shipped, vector};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::{env, fs};
 
-/// Random states of each robot, unless the environment says otherwise.
+/// Default number of random states for each robot. The environment variable `MULTIBODY_STATES` overrides it.
 const STATES: usize = 50;
 
 #[test]
@@ -51,7 +51,7 @@ fn compare(files: &[PathBuf]) -> Output {
     Command::new("python3").arg(script).args(files).output().expect("python3 runs")
 }
 
-/// Writes the robot, states and results for them; the MuJoCo model is a part of the file.
+/// Writes a file with a robot, its MuJoCo model, random states, and their results.
 fn write(robot: &Robot, states: usize) -> PathBuf {
     let tree = full_tree(robot);
     let mut rng = fastrand::Rng::with_seed(2024);

@@ -1,4 +1,4 @@
-//! Robots and random states for all checks.
+//! Robots and random states for all tests.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{Configuration, Tree};
@@ -7,7 +7,7 @@ use rollwalk_robot::{Contact, EndEffector, Robot};
 use std::fs;
 use std::path::Path;
 
-/// Robots of the checkout, sorted by file name.
+/// Shipped robots, sorted by file name.
 pub fn shipped() -> Vec<Robot> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shipped/robots");
     let mut paths: Vec<_> =
@@ -23,7 +23,7 @@ pub fn shipped() -> Vec<Robot> {
     paths.iter().map(robot).collect()
 }
 
-/// The shipped robots and, for what none of them has, SwizzleBot on skates.
+/// Shipped robots, and SwizzleBot on skates, which no shipped robot has.
 pub fn all() -> Vec<Robot> {
     let mut robots = shipped();
     let mut skater = robots.iter().find(|robot| robot.name == "swizzlebot").unwrap().clone();
@@ -40,19 +40,19 @@ pub fn all() -> Vec<Robot> {
     robots
 }
 
-/// Mass that the tests take for a wheel, kg: a tenth of its link, shared by the wheels on it.
+/// Assumed mass of a wheel, kg: a tenth of its link, shared by the wheels on the link.
 pub fn wheel_mass_kg(robot: &Robot, wheel: &EndEffector) -> f64 {
     let on_link = robot.end_effectors.iter().filter(|other| other.link == wheel.link).count();
     0.1 * robot.links[wheel.link].mass_kg / on_link as f64
 }
 
-/// The robot with spinning wheels, thin discs, and armature.
+/// Tree of a robot with armature and spinning wheels, which are thin discs.
 pub fn full_tree(robot: &Robot) -> Tree {
     let disc = |wheel: &EndEffector| 0.5 * wheel_mass_kg(robot, wheel) * wheel.radius_m.powi(2);
     Tree::new(robot).with_spinning_wheels(disc).with_armature()
 }
 
-/// A configuration with velocity, acceleration and forces.
+/// Configuration with velocity, acceleration and forces.
 #[derive(Clone, Debug)]
 pub struct State {
     pub base_position_m: Vector3<f64>,
@@ -67,7 +67,7 @@ pub struct State {
 }
 
 impl State {
-    /// A state with joints within their limits and everything else of order 1.
+    /// Random state with joints within their limits, and all other values of order 1.
     pub fn random(tree: &Tree, rng: &mut fastrand::Rng) -> Self {
         let normal = vector(rng);
         Self {
@@ -95,7 +95,7 @@ impl State {
         }
     }
 
-    /// The state after a time with constant ν.
+    /// State after a time with constant ν.
     pub fn after(&self, time_s: f64) -> Self {
         let v = &self.velocity;
         let turn = Rotation3::new(Vector3::new(v[3], v[4], v[5]) * time_s);
@@ -108,18 +108,18 @@ impl State {
         }
     }
 
-    /// The state with another ν.
+    /// State with another ν.
     pub fn with_velocity(&self, velocity: Vec<f64>) -> Self {
         Self { velocity, ..self.clone() }
     }
 }
 
-/// Uniform numbers between ±`size`.
+/// Uniform random numbers between ±`size`.
 pub fn numbers(count: usize, size: f64, rng: &mut fastrand::Rng) -> Vec<f64> {
     (0..count).map(|_| size * (2.0 * rng.f64() - 1.0)).collect()
 }
 
-/// A vector in the cube ±1.
+/// Random vector in the cube ±1.
 pub fn vector(rng: &mut fastrand::Rng) -> Vector3<f64> {
     Vector3::from_vec(numbers(3, 1.0, rng))
 }
@@ -135,7 +135,7 @@ pub fn for_random_states(check: impl Fn(&Tree, &State)) {
     }
 }
 
-/// A one-link robot without joints or end effectors, to be added to.
+/// Robot of one link, without joints or end effectors.
 pub fn body(mass_kg: f64, inertia_kg_m2: [f64; 3]) -> Robot {
     Robot {
         name: "body".into(),

@@ -1,4 +1,4 @@
-//! Standing robots against statics by hand and against inverse dynamics.
+//! Tests of standing robots against manual statics and against inverse dynamics.
 
 use crate::robots::{self, body};
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -8,10 +8,10 @@ use rollwalk_robot::{Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 const THIGH_M: f64 = 0.3;
 const SHANK_M: f64 = 0.25;
 const FOOT_M: f64 = 0.02;
-/// Knee bend: the thigh leans back by this and the shank forward.
+/// Knee bend, rad: the thigh leans back and the shank forward by this angle.
 const LEAN_RAD: f64 = 0.5;
 
-/// A body of 8 kg on massless legs of two joints at these places.
+/// Robot with a body of 8 kg on massless legs of two joints. `feet` has x and y of each leg.
 fn table(feet: &[[f64; 2]], com: Vector3<f64>) -> Robot {
     let mut robot = body(8.0, [0.1, 0.1, 0.1]);
     robot.links[0].com_in_link_m = com;
@@ -121,8 +121,8 @@ fn a_leg_that_is_too_short_hangs() {
     assert_eq!(standing.contacts[0].force_n, 0.0);
 }
 
-/// Second algorithm: bias forces at rest minus the transposed Jacobians times the ground forces. The base is free, so
-/// that its six rows say whether forces and moments balance.
+/// Tests joint torques against a second algorithm: bias forces at rest minus the transposed Jacobians times the ground forces.
+/// The base is free, so that its six rows show whether forces and moments balance.
 #[test]
 fn torques_of_shipped_robots_are_those_of_inverse_dynamics() {
     for robot in robots::shipped() {

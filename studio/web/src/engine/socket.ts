@@ -48,7 +48,7 @@ export function openSocket(address: string, events: Events): Channel {
     } else if (JSON.parse(data).binary === true) header = data;
     else events.answer(data, null);
   };
-  socket.onclose = () => events.broken("the connection to rollwalk was lost; is `rollwalk studio` still running?");
+  socket.onclose = () => events.broken("the connection to rollwalk was lost; check that `rollwalk studio` still runs");
   return {
     send: (json, binary) => {
       send(binary ? JSON.stringify({ ...JSON.parse(json), binary: true }) : json);

@@ -92,7 +92,7 @@ function motionRow(studio: Studio, path: string, graph: Graph, motion: Graph["mo
     name: "safe",
     checked: motion.name === graph.safe,
     "aria-label": `${motion.name} is SAFE`,
-    title: "SAFE: the motion that the robot returns to when in doubt",
+    title: "SAFE: the motion to which the robot returns on Disarm or a lost connection",
     onchange: () => studio.edit({ edit: "text", table: [], key: "safe", value: motion.name }, { path }),
   });
   return h(
@@ -127,7 +127,7 @@ function viaSafe(studio: Studio, path: string, graph: Graph): HTMLElement | null
   return h(
     "div",
     { class: "fields" },
-    seconds(studio, "Between SAFE and each", graph.via_safe_s, (value, how) => studio.edit({ edit: "number", table: ["via_safe"], key: "duration_s", value }, { path, ...how })),
+    seconds(studio, "Between SAFE and each motion", graph.via_safe_s, (value, how) => studio.edit({ edit: "number", table: ["via_safe"], key: "duration_s", value }, { path, ...how })),
   );
 }
 

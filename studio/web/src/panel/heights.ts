@@ -48,7 +48,7 @@ function card(studio: Studio, index: number, updates: (() => void)[]): HTMLEleme
   };
   const of = h(
     "select",
-    { "aria-label": `Height limit ${index + 1}: of what`, onchange: () => set({ of: of.value }) },
+    { "aria-label": `Subject of height limit ${index + 1}`, onchange: () => set({ of: of.value }) },
     ...["body", "com"].map((name) => h("option", { value: name, text: readable(name) })),
   );
   updates.push(() => (of.value = height()?.of ?? "body"));

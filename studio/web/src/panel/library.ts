@@ -23,7 +23,7 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
     const path = studio.documents.libraryPath;
     const { building, built } = library;
     if (!path) {
-      replace(body, h("p", { class: "muted", text: "A library holds the motions of a robot and the transitions between them, for the controller. This project has no library file." }), h("div", { class: "row" }, textButton("New library", "plus", () => void begin()), textButton("Open an example", null, examples)));
+      replace(body, h("p", { class: "muted", text: "A library contains the motions of a robot and the transitions between the motions, for the controller. This project has no library file." }), h("div", { class: "row" }, textButton("New library", "plus", () => void begin()), textButton("Open an example", null, examples)));
     } else if (building) {
       const { progress, parts } = building;
       replace(
@@ -50,7 +50,7 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
         ),
       );
     } else {
-      replace(body, h("p", { class: "muted", text: `${baseName(path)}: plans every motion and transition and puts them into one file for the controller. That takes some seconds; planning here goes on meanwhile.` }), textButton("Build library", null, () => void library.build()));
+      replace(body, h("p", { class: "muted", text: `${baseName(path)}: the build plans every motion and transition and packs them into one file for the controller. The build takes some seconds; you can continue planning meanwhile.` }), textButton("Build library", null, () => void library.build()));
     }
   };
   let path: string | undefined;

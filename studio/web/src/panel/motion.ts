@@ -40,7 +40,7 @@ export function motionPanel(studio: Studio, playback: Playback): HTMLElement {
     digits: 2,
     min: 0.3,
     max: 0.95,
-    hint: "Share of the cycle that each foot stands",
+    hint: "Fraction of the cycle in which each foot is on the ground",
     newGesture: () => studio.newGesture(),
     changed: (value, how) => gait.value !== "own" && studio.edit({ edit: "gait", gait: gait.value, duty: value }, how),
   });
@@ -67,7 +67,7 @@ export function motionPanel(studio: Studio, playback: Playback): HTMLElement {
       "div",
       { class: "fields" },
       number("Duration", ...top("duration_s"), { unit: "s", step: 0.05, digits: 3, min: 0.1, max: 60 }),
-      number("Samples", ...top("samples"), { unit: "", step: 1, digits: 0, min: 6, max: 400, integer: true, hint: "Points of the plan; more of them resolve more and take longer" }),
+      number("Samples", ...top("samples"), { unit: "", step: 1, digits: 0, min: 6, max: 400, integer: true, hint: "Number of points of the plan; more points resolve more detail and take longer" }),
       number("Swing height", ...top("swing_height_m"), { unit: "m", step: 0.002, digits: 3, min: 0.001, max: 1 }),
       h("div", { class: "field" }, h("label", { class: "field-label plain", for: "gait", text: "Gait" }), h("span", { class: "field-box" }, gait)),
       duty.element,

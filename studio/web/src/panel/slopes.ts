@@ -29,7 +29,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   const select = h("select", { "aria-label": "Quantity of the plan" });
   const note = h("p", { class: "muted", "aria-live": "polite" });
   const choice = h("div", { hidden: true }, select, note);
-  const element = h("div", { class: "slopes" }, h("label", { title: "How the plan changes with a small step of each parameter, the motion planned anew" }, box, " What does each change?"), choice);
+  const element = h("div", { class: "slopes" }, h("label", { title: "Change of the plan for a small step of each parameter, with the motion planned again" }, box, " Show the effect of each parameter"), choice);
   let found: { version: number; quantities: SlopesOf[] } | null = null;
   let asked = -1;
   let failed = false;
@@ -56,7 +56,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     if (!kept || kept.version !== studio.version) {
       if (!studio.planning) {
         failed = true;
-        say("Known for plans that hold.");
+        say("Effects are known only for plans that hold.");
         draw();
       }
       return;
@@ -65,7 +65,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     if (asked >= 0) studio.engine.cancel("slopes");
     asked = kept.version;
     failed = false;
-    say("Working it out…");
+    say("Computing the effects…");
     try {
       const files = kept.snapshot.files.map((file) => ({ ...file }));
       const { value } = await studio.engine.request("slopes", { kind: "slopes", files, motion: kept.snapshot.motion }, { binary: kept.solution });
@@ -81,7 +81,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   };
   const state = () => {
     const chosen = found?.quantities.find((one) => one.name === select.value);
-    if (chosen) say(`${amount(chosen.value, chosen.unit)} now. Below: estimates for a small change, the motion planned anew; bars compare them.`);
+    if (chosen) say(`${amount(chosen.value, chosen.unit)} now. Below: estimates for a small change of each parameter, with the motion planned again; bars compare the estimates.`);
   };
   const options = (quantities: SlopesOf[]) => {
     const before = select.value || FIRST;

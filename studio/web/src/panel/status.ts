@@ -73,12 +73,12 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   const { faults, problem, progress, shown } = studio;
   if (faults.length > 0) {
     const title = faults.length === 1 ? "A fault in the file" : `${faults.length} faults in the files`;
-    return { kind: "faults", title, words: "The picture is of the last documents without faults." };
+    return { kind: "faults", title, words: "The picture shows the last documents without faults." };
   }
   if (problem) return { kind: "problem", title: problem.message, words: problem.help };
   if (studio.planning && !(studio.dragging && shown)) {
     if (progress?.refused) {
-      const words = `${progress.refused.words} Other starts and numbers that work are tried; Stop keeps the previous plan.`;
+      const words = `${progress.refused.words} The solver tries other starts and feasible values; Stop keeps the previous plan.`;
       return { kind: "refused", title: "Not met yet", words };
     }
     const detail = progress ? `Iteration ${progress.iteration} of this start: ${progress.worst_constraint} is at ${format(progress.worst_level, 2)} times its tolerance.` : "";
@@ -87,7 +87,7 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   if (!shown) return { kind: "empty", title: "No motion is open", words: "" };
   const { solve, converged } = shown.planned;
   const isOver = converged && peaksOf(shown).some(({ share }) => share > OVER);
-  const judged = isOver ? "Constraints hold within their tolerances. Between the samples the plan asks for more than a motor has." : solve.words;
+  const judged = isOver ? "Constraints hold within their tolerances. Between the samples the plan exceeds the limit of a motor." : solve.words;
   const words = [judged, studio.notice].filter(Boolean).join(" ");
   // A step of a drag is capped, so that it cannot converge; what counts is whether its constraints hold.
   if (shown.drag || studio.dragging) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
@@ -106,9 +106,9 @@ const OVER = 1.005;
 
 const TITLES: Record<string, string> = {
   infeasible: "Cannot be met",
-  fails_as_played: "Does not hold as played",
+  fails_as_played: "Fails as played",
   stalled: "The optimiser is stuck",
-  iteration_limit: "Not solved within the iterations allowed",
+  iteration_limit: "Iteration limit reached",
   interrupted: "Interrupted",
 };
 
@@ -118,20 +118,20 @@ function stopButton(studio: Studio): HTMLElement {
 
 function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLElement | null)[] {
   if (kind === "faults") return [h("ul", { class: "faults" }, ...studio.faults.map((fault) => faultOf(studio, fault, actions)))];
-  const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Without the plan before as a start", onclick: () => studio.planAgain() });
+  const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Plan without the previous plan as a start", onclick: () => studio.planAgain() });
   if (kind === "good") {
     const peaks = peaksOf(studio.shown!);
     // Between samples a plan may go beyond a limit by the tolerance of its check: the motor will not.
     const over = peaks.filter(({ share }) => share > OVER).map(({ of, motor, share, time_s }) => {
       const text = `Needs ${percent(share)} of the ${of} of ${motor} at ${format(time_s, 2)} s`;
-      return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor gives 100 %. More samples, more time or a shorter way help." }));
+      return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor delivers at most 100 %. Use more samples, a longer duration or a shorter distance." }));
     });
     return [h("p", { class: "facts", text: factsOf(studio.shown!, peaks) }), over.length > 0 ? h("ul", { class: "culprits mild" }, ...over) : null, again];
   }
   if (kind !== "bad" && kind !== "refused") return [];
   const { culprits } = kind === "bad" ? studio.shown!.planned.solve : studio.progress!.refused!;
   const blamed = culprits.map((culprit, index) => culpritOf(studio, culprit, index, actions));
-  return [...(blamed.length > 0 ? [h("h3", { text: "To blame" }), h("ul", { class: "culprits" }, ...blamed)] : []), kind === "bad" ? again : null];
+  return [...(blamed.length > 0 ? [h("h3", { text: "Conflicting constraints" }), h("ul", { class: "culprits" }, ...blamed)] : []), kind === "bad" ? again : null];
 }
 
 function remarksOf({ remarks }: Studio): HTMLElement | null {
@@ -167,7 +167,7 @@ function culpritOf(studio: Studio, culprit: Culprit, index: number, actions: Sta
   return h(
     "li",
     { class: pressed ? "shown" : "" },
-    h("button", { type: "button", class: "culprit lines", "aria-pressed": String(pressed), title: "Show it in scene and timeline", onclick: show }, prose(culprit.what)),
+    h("button", { type: "button", class: "culprit lines", "aria-pressed": String(pressed), title: "Show this constraint in scene and timeline", onclick: show }, prose(culprit.what)),
     culprit.advice ? h("span", { class: "advice" }, prose(culprit.advice)) : null,
     fix
       ? h("button", { type: "button", class: "button small", text: fix.label, onclick: () => studio.edit(fix.edit, { path: fix.path }) })

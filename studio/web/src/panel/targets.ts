@@ -67,7 +67,7 @@ function card(studio: Studio, playback: Playback, index: number, names: string[]
   };
   const of = h(
     "select",
-    { "aria-label": `Target ${index + 1}: of what`, onchange: () => set({ of: of.value, ...(of.value !== "body" ? { heading_rad: undefined } : {}) }) },
+    { "aria-label": `Subject of target ${index + 1}`, onchange: () => set({ of: of.value, ...(of.value !== "body" ? { heading_rad: undefined } : {}) }) },
     ...names.map((name) => h("option", { value: name, text: readable(name) })),
   );
   const fields: HTMLElement[] = [];

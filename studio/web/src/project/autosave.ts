@@ -34,7 +34,7 @@ export function keepSaved(studio: Studio) {
         failed = false;
       } catch (error) {
         // Storage may be full or forbidden. That is said once; leaving asks in any case.
-        if (!failed) studio.say(`What is not saved is lost when the page is closed: ${(error as Error).message}`);
+        if (!failed) studio.say(`Unsaved changes will be lost when the page is closed: ${(error as Error).message}`);
         failed = true;
       }
     }

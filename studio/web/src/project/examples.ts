@@ -29,7 +29,7 @@ export async function example(studio: Studio, path: string): Promise<Snapshot> {
     motion = files[1] ?? first;
   }
   const robot = /^\s*robot\s*=\s*"([^"]+)"/m.exec(first.text)?.[1];
-  if (!robot) throw new Refused(`${path} names no robot.`, "");
+  if (!robot) throw new Refused(`${path} does not name a robot.`, "");
   files.push(await text(studio, resolve(path, robot)));
   return { files, motion: motion.path };
 }

@@ -49,7 +49,7 @@ export async function openFiles(studio: Studio, picked: File[]) {
   try {
     const files = await Promise.all(
       picked.map(async (file) => {
-        if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; files of this studio have less than ${MOST_BYTES / 1e6}`);
+        if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; open files of less than ${MOST_BYTES / 1e6} MB`);
         return { path: file.name, text: await file.text() };
       }),
     );
@@ -69,7 +69,7 @@ export async function openFiles(studio: Studio, picked: File[]) {
       const renamed = files.map((file) => (kindOf(file) === "robot" && robot ? { ...file, path: robot } : file));
       await studio.openProject({ files: [...renamed, ...kept], motion: studio.documents.motionPath });
     } else if (!plan) {
-      throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion or library file of Rollwalk, nor a URDF`);
+      throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion, plan or library file of Rollwalk, and not a URDF file`);
     }
     // A plan is a start for the motion at hand, or for that which was opened with it; in a library it is a motion.
     if (plan && !replaces("library")) {
@@ -106,7 +106,7 @@ function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; war
       const { value } = await studio.engine.request("documents", { kind: "import", urdf, side: { path: side.path, text: now() ?? side.text } });
       studio.write(robot.path, value.files[1].text, null);
       remarkImport(studio, urdf, value);
-      studio.say(`Made ${baseName(robot.path)} again. Undo (Ctrl+Z) brings back the file that was there.`);
+      studio.say(`Imported ${baseName(robot.path)} again. Undo (Ctrl+Z) restores the previous file.`);
     } catch (error) {
       studio.complain(error);
     }
@@ -115,7 +115,7 @@ function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; war
   studio.remark({
     of: `${length === 1 ? "assumption" : "assumptions"} of the import of ${urdf.path}`,
     each: imported.warnings,
-    again: { text: `Make ${baseName(robot.path)} again, with ${baseName(side.path)} as it is now`, isDue: () => now() !== undefined && now() !== side.text, act },
+    again: { text: `Import ${baseName(robot.path)} again with the changed ${baseName(side.path)}`, isDue: () => now() !== undefined && now() !== side.text, act },
   });
 }
 
@@ -130,7 +130,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     }
     let handle = elsewhere ? undefined : handles.get(path);
     if (!handle && picker.showSaveFilePicker) {
-      studio.say(`Choose where ${name} is saved, in the browser's own window.`);
+      studio.say(`Choose where to save ${name}, in the browser's window.`);
       handle = await picker.showSaveFilePicker({ suggestedName: name, types: SAVED });
       handles.set(path, handle);
     }

@@ -55,7 +55,7 @@ async function openGiven(studio: Studio, { files, desired, edits }: Given, befor
     else await openProject(studio, files.filter((file) => file !== plan), desired);
   }
   if (plan) studio.planFrom(plan.text);
-  if (hasEdits && !edits!.is_current) studio.say("Files have changed since your last edits here, which were not saved. Undo (Ctrl+Z) brings your edits back.");
+  if (hasEdits && !edits!.is_current) studio.say("Files have changed on disk since your last unsaved edits here. Undo (Ctrl+Z) restores your edits.");
 }
 
 async function openProject(studio: Studio, files: File[], { motion, robot, robot_in_motion }: Desired) {
@@ -63,7 +63,7 @@ async function openProject(studio: Studio, files: File[], { motion, robot, robot
   if (!motion && body) {
     const { value } = await studio.engine.request("documents", { kind: "begin", files, robot: body });
     await studio.openProject({ files: [...files, value.file], motion: value.file.path });
-    studio.say(`No motion was named: ${baseName(value.file.path)} is a first one for the robot, and not saved.`);
+    studio.say(`No motion was given: ${baseName(value.file.path)} is a first motion for the robot, not saved yet.`);
     return;
   }
   // A file with faults is opened to be mended.
@@ -72,7 +72,7 @@ async function openProject(studio: Studio, files: File[], { motion, robot, robot
   await studio.openProject({ files, motion: path });
   if (text === null) return;
   await studio.rewrite(path, text);
-  studio.say(`${baseName(path)} names another robot; here it is planned for ${baseName(robot!)}, as was asked for. Save it to keep that.`);
+  studio.say(`${baseName(path)} names another robot; the studio now plans the motion for ${baseName(robot!)}, as requested. Save the motion to keep this change.`);
 }
 
 /** The text of a motion file that names the robot that was asked for. */
@@ -85,5 +85,5 @@ async function named(studio: Studio, files: File[], motion: string, robot: strin
 async function restore(studio: Studio, before: History) {
   studio.documents.restore(before);
   await studio.newProject();
-  if (studio.documents.anyChanged) studio.say("Restored what was open before, with edits that are not saved.");
+  if (studio.documents.anyChanged) studio.say("Restored the previous project, with unsaved edits.");
 }

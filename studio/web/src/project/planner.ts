@@ -97,7 +97,7 @@ export class Planner {
       },
       { progress: (progress) => this.outcome.progress(progress), binary: wish.plan },
     );
-    if (!binary) throw new Refused("The engine answered without frames.", "");
+    if (!binary) throw new Refused("The engine sent no frames.", "");
     const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);
     this.outcome.planned(wish, value, frames);
     if (value.good && !wish.drag) this.#keep(wish);

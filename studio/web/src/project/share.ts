@@ -26,7 +26,7 @@ export async function fromLink(hash: string): Promise<Snapshot | null> {
   const unpacked = await through(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")), MOST_BYTES);
   const { files, motion } = JSON.parse(new TextDecoder().decode(unpacked));
   const sound = Array.isArray(files) && files.every((file) => typeof file?.path === "string" && typeof file?.text === "string");
-  if (!sound || typeof motion !== "string") throw new Error("the link does not hold a project");
+  if (!sound || typeof motion !== "string") throw new Error("the link does not contain a project");
   return { files, motion };
 }
 

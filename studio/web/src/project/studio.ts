@@ -171,7 +171,7 @@ export class Studio {
   complain(error: unknown) {
     if (error instanceof Cancelled) return;
     if (error instanceof Faults) this.faults = error.faults;
-    else if (error instanceof Broken) this.problem = { message: `The engine stops again and again: ${error.message}`, help: "Your documents are kept. Undo the last change, or save them and report this." };
+    else if (error instanceof Broken) this.problem = { message: `The engine stopped repeatedly: ${error.message}`, help: "Your documents are kept. Undo the last change, or save your documents and report this error." };
     else this.problem = { message: error instanceof Error ? error.message : String(error), help: error instanceof Refused ? error.help : "" };
     this.events.emit("activity");
   }
@@ -209,7 +209,7 @@ export class Studio {
 
   #restarted(error: Broken) {
     console.warn(error.message);
-    this.say("The engine stopped and was started again. Nothing is lost.");
+    this.say("The engine stopped and was restarted. Nothing is lost.");
   }
 
   /** An edit that the engine does not make is a problem of the edit, not a fault of the documents. */
@@ -313,7 +313,7 @@ export class Studio {
   }
 
   #failed(wish: Wish, error: Error) {
-    if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture is of the plan before.";
+    if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture shows the previous plan.";
     else this.complain(error);
     if (!wish.drag && wish.version === this.version && !(error instanceof Broken)) this.settled = wish.version;
     this.events.emit("plan", "activity");

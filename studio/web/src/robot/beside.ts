@@ -71,11 +71,11 @@ export class Beside {
   words(): string {
     const { compared, apart } = this;
     if (!compared) return "";
-    if (compared.clip === null) return `No plan is shown beside the robot: ${compared.why}.`;
-    if (!apart) return `The open plan is \`${compared.name}\` of the robot's library: it is shown beside the robot while that plays it.`;
+    if (compared.clip === null) return `The plan is not compared with the robot: ${compared.why}.`;
+    if (!apart) return `The open plan is \`${compared.name}\` of the robot's library, and is shown beside the robot while the robot plays this motion.`;
     const angle = (rad: number) => `${format(rad, 3)} rad`;
-    const now = `Beside its plan: \`${apart.joint}\` is ${angle(apart.rad)} from it, more than any other joint`;
-    return `${now}; ${angle(apart.most_rad)} at most since \`${compared.name}\` began.`;
+    const now = `Deviation from the plan: \`${apart.joint}\` is off by ${angle(apart.rad)}, the most of all joints`;
+    return `${now}; the maximum since the start of \`${compared.name}\` is ${angle(apart.most_rad)}.`;
   }
 
   /** Compares each joint with the plan at the time when the joint was heard, which differs from joint to joint. */

@@ -11,7 +11,7 @@ const LAST_NODE = 14;
 
 /** `before`: the place that was chosen last, if any was. */
 export function connectFields(before: Place | null): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
-  const place = h("select", { id: "place", "aria-label": "Where the robot is" }, ...placeOptions(before));
+  const place = h("select", { id: "place", "aria-label": "Connection to the robot" }, ...placeOptions(before));
   const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));
   const baud = h("select", { "aria-label": "Baud rate", hidden: true }, ...bauds);
   const choose = () => (baud.hidden = !["serial", "slcan"].includes(place.value));
@@ -19,7 +19,7 @@ export function connectFields(before: Place | null): { element: HTMLElement; wan
   choose();
   const gamepad = h("input", { type: "checkbox", id: "use-gamepad" });
   const node = h("input", { type: "number", min: 0, max: LAST_NODE, value: 1, "aria-label": "Number of the controller" });
-  const key = h("input", { type: "file", "aria-label": "Link key, for a controller that insists on one" });
+  const key = h("input", { type: "file", "aria-label": "Link key, for a controller that requires a link key" });
   const more = h(
     "details",
     { class: "more" },
@@ -32,7 +32,7 @@ export function connectFields(before: Place | null): { element: HTMLElement; wan
       "div",
       { class: "connect" },
       h("div", { class: "row" }, place, baud),
-      h("label", {}, gamepad, " Use a gamepad: nothing moves unless its deadman is held"),
+      h("label", {}, gamepad, " Use a gamepad: the robot moves only while you hold the deadman switch"),
       more,
     ),
     async wanted() {

@@ -10,11 +10,11 @@ export function watchGamepad(saw: (seen: GamepadSeen) => void): () => void {
   /** The one that is used as long as it is there. */
   let index = -1;
   const look = (): GamepadSeen => {
-    if (document.hidden) return { gone: "this page is not in front" };
+    if (document.hidden) return { gone: "this page is in the background" };
     const all = [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad?.connected) as Gamepad[];
     const standard = all.filter((pad) => pad.mapping === "standard");
     const pad = standard.find((one) => one.index === index) ?? standard[0];
-    if (!pad) return { gone: all.length > 0 ? `${all[0].id} is no standard gamepad for this browser` : "the browser has none" };
+    if (!pad) return { gone: all.length > 0 ? `${all[0].id} is not a standard gamepad for this browser` : "the browser reports no gamepad" };
     index = pad.index;
     return { id: pad.id, buttons: pad.buttons.map((one) => one.value), axes: [...pad.axes] };
   };

@@ -90,7 +90,7 @@ export class RobotLink {
 
   /** An order or a library; done once the view has what it changed at once. */
   ask(wanted: RobotRequest, binary?: Uint8Array): Promise<void> {
-    if (!this.#worker) return Promise.reject(new Broken("there is no connection with a robot"));
+    if (!this.#worker) return Promise.reject(new Broken("no robot is connected"));
     const id = ++this.#asked;
     return new Promise((resolve, reject) => {
       this.#waiting.set(id, { resolve, reject });

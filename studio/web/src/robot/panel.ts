@@ -49,7 +49,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     { class: "steps" },
     step("Connect", fields.element, h("div", { class: "row" }, connect, leave), trouble),
     step("Flash the library", flashNote, flash),
-    step("Arm", h("p", { class: "muted", text: "Armed, it goes to its SAFE pose, slowly. Disarm takes it there, then lets it go limp; the emergency stop lets it go limp at once." }), h("div", { class: "row" }, arm, disarm, clear)),
+    step("Arm", h("p", { class: "muted", text: "After arming, the robot moves slowly to its SAFE pose. Disarm moves the robot to SAFE, then turns torque off; the emergency stop turns torque off at once." }), h("div", { class: "row" }, arm, disarm, clear)),
     step("Play", motions, h("div", { class: "row" }, pause, home), h("label", {}, "Speed ", speed, percent), besideNote),
   );
   let besideFrom_ms = 0;
@@ -75,12 +75,12 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
         ? `Planning ${library.building.progress?.what ?? "…"}`
         : studio.documents.libraryPath
           ? libraryOf(view, library.built?.identity ?? null)
-          : "This project has no library file: open one, such as agilebot under Examples.";
+          : "This project has no library file: open a library, such as agilebot under Examples.";
     arm.disabled = !contact || !view.can_arm || !view.library;
     disarm.disabled = !contact || !view.torque;
     clear.disabled = !contact;
     pause.disabled = home.disabled = !contact || !view.torque;
-    pause.querySelector("span")!.textContent = view?.paused ? "Go on" : "Pause";
+    pause.querySelector("span")!.textContent = view?.paused ? "Resume" : "Pause";
     speed.disabled = !contact;
     // What is being dragged stays where the hand has it.
     if (view && document.activeElement !== speed) speed.value = String(view.speed_64ths);
@@ -95,7 +95,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     advice.replaceChildren(prose(view ? adviceOf(view, link.connected_ms) : ""));
     const message = view && latestOf(view);
     latest.dataset.weight = message?.weight ?? "";
-    latest.replaceChildren(prose(message?.text ?? (view?.asking ? `Asked for: ${view.asking}` : "")));
+    latest.replaceChildren(prose(message?.text ?? (view?.asking ? `Requested: ${view.asking}` : "")));
     facts.textContent = view ? factsOf(view) : "";
     replace(faults, ...(view?.faults ?? []).map((fault) => h("li", { text: fault })));
     drawMotions(view);
@@ -144,11 +144,11 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
 
 /** Library of the robot, and the next step, in words. */
 function libraryOf(view: RobotView | null, built: string | null): string {
-  if (!view?.contact) return built ? "Built. Connect to flash it." : "";
+  if (!view?.contact) return built ? "The library is built. Connect to flash the library." : "";
   const has = view.library ? `The robot has library ${view.library} in use.` : "The robot has no library.";
   if (built === view.library || (!built && view.motions.length > 0)) return has;
-  if (!built) return view.library ? `${has} Its names are not known here: motions are played by number, until the library is built here.` : has;
-  return view.library ? `${has} The one that was built here is another: flash it.` : `${has} One is built: flash it.`;
+  if (!built) return view.library ? `${has} Build the library here to see the names of its motions; until then, play motions by number.` : has;
+  return view.library ? `${has} The library that was built here is different: flash the built library.` : `${has} Flash the built library.`;
 }
 
 function step(title: string, ...content: HTMLElement[]): HTMLElement {

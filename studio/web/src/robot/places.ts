@@ -21,7 +21,7 @@ export function relayAddress(): string {
 /** Chosen is where the robot was before; else the bus that the page was served for. */
 export function placeOptions(before: Place | null): HTMLElement[] {
   const all: [Place, string, boolean][] = [
-    ["simulated", "Simulated, in this page", true],
+    ["simulated", "Simulated in this page", true],
     ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
     ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],
     ["relay", relayedBus ? `Bus ${relayedBus}` : "Bus of this computer (rollwalk studio --bus)", relayedBus !== undefined],

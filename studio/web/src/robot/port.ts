@@ -14,7 +14,7 @@ export function openRelay(address: string, heard: Heard): Promise<Port> {
   let closed = false;
   return new Promise((resolve, reject) => {
     socket.onopen = () => {
-      socket.onclose = ({ reason }) => closed || heard.lost(reason || "the relay of rollwalk studio was closed");
+      socket.onclose = ({ reason }) => closed || heard.lost(reason || "rollwalk studio closed its relay to the bus");
       resolve({
         send: (bytes) => socket.send(bytes as Uint8Array<ArrayBuffer>),
         async close() {
@@ -24,6 +24,6 @@ export function openRelay(address: string, heard: Heard): Promise<Port> {
       });
     };
     socket.onmessage = ({ data }) => heard.bytes(new Uint8Array(data));
-    socket.onclose = () => reject(new Error("the relay of rollwalk studio does not answer"));
+    socket.onclose = () => reject(new Error("the relay of rollwalk studio does not answer; check that `rollwalk studio --bus` still runs"));
   });
 }

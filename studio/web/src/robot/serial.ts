@@ -48,7 +48,7 @@ export async function openSerial(port: SerialPort, baud: number, heard: Heard): 
   };
   void listen();
   return {
-    send: (bytes) => void writer.write(bytes).catch((error: Error) => closed || heard.lost(`the serial port takes no bytes: ${error.message}`)),
+    send: (bytes) => void writer.write(bytes).catch((error: Error) => closed || heard.lost(`the serial port accepts no bytes: ${error.message}`)),
     async close() {
       closed = true;
       await reader.cancel().catch(() => {});

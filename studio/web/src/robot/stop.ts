@@ -11,7 +11,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   const word = h("span", {});
   const brief = h("small", {});
   const alarm = h("div", { class: "estop-alarm", role: "alert", hidden: true });
-  const button = h("button", { type: "button", class: "estop", title: "Torque off at once (Escape): the robot goes limp", hidden: true, onclick: () => stop() }, word, h("kbd", { text: "Esc" }), brief);
+  const button = h("button", { type: "button", class: "estop", title: "Turn torque off at once (Escape): the robot goes limp", hidden: true, onclick: () => stop() }, word, h("kbd", { text: "Esc" }), brief);
   /** An order to stop is on its way to the connection, or was not taken. */
   let asking = false;
   /** Start of the stop that is not acknowledged yet, ms; 0 without one. */

@@ -13,7 +13,7 @@ export function stateOf(view: RobotView, place: Place | null): string {
   if (!view.contact) return `${which} does not answer${view.state === null ? " yet" : ""}.`;
   const playing = view.playing ? `: ${view.playing.name}` : "";
   const torque = view.state?.includes("torque") ? "" : `; torque is ${view.torque ? "on" : "off"}`;
-  const fallen = view.simulated?.fallen ? " It has fallen." : "";
+  const fallen = view.simulated?.fallen ? " The robot has fallen." : "";
   return `${which} is ${view.state ?? "silent"}${playing}${torque}.${fallen}`;
 }
 
@@ -28,7 +28,7 @@ export function adviceOf(view: RobotView, connected_ms: number): string {
   const reason = view.mismatch ?? view.complaint;
   if (reason) return reason;
   if (view.contact || view.state !== null || connected_ms < SILENT_MS) return view.advice;
-  return "Is it powered? Is it on this bus? Is the number of its controller right (under More)? The page keeps trying.";
+  return "Check the robot's power, its bus and its controller number (under More). The page keeps trying.";
 }
 
 /** The newest message, while it is new. */

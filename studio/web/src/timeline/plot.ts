@@ -55,7 +55,7 @@ export class Plot {
     const { shown } = this.studio;
     if (!shown) return;
     this.#series = this.#quantity.series(shown.planned.scene, shown.frames);
-    const share = this.#shares(this.#series) ? ", as a share of the limit" : this.#quantity.unit ? `, ${this.#quantity.unit}` : "";
+    const share = this.#shares(this.#series) ? ", as a fraction of the limit" : this.#quantity.unit ? `, ${this.#quantity.unit}` : "";
     const all = this.#series.length === 0 ? "none on this robot" : `all ${this.#series.length}${share}`;
     if (!this.#series.some((one) => one.name === this.#only)) this.#only = null;
     replace(this.#subject, h("option", { value: "", text: all }), ...this.#series.map((one) => h("option", { value: one.name, text: readable(one.name), selected: one.name === this.#only })));

@@ -71,7 +71,7 @@ export const QUANTITIES: Quantity[] = [
   wheels("Wheel torque", "wheel_torque", "N·m", (frames, row, wheel) => frames.wheel(row, wheel).torque_nm, (foot) => foot.motor_torque_max_nm),
   feet("Vertical force", "force", "N", 1, (frames, row, foot) => frames.force(row, foot)[2], () => [0, null]),
   feet(
-    "Horizontal over vertical force, against friction",
+    "Ratio of horizontal to vertical force, against friction",
     "friction",
     "",
     2,

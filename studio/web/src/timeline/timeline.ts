@@ -111,7 +111,7 @@ function grip(plot: HTMLElement, settings: Settings): HTMLElement {
     "aria-valuemin": 60,
     "aria-valuemax": 500,
     "aria-valuenow": settings.plotHeight,
-    title: "Drag to make the plot higher",
+    title: "Drag to change the height of the plot",
   });
   let from: { y: number; height: number } | null = null;
   edge.addEventListener("pointerdown", (event) => {

@@ -18,7 +18,7 @@ export function buildTransport(host: HTMLElement, studio: Studio, playback: Play
   const speed = h("select", { "aria-label": "Speed of playback", onchange: () => (playback.speed = Number(speed.value)) }, ...SPEEDS.map((one) => h("option", { value: one, text: `${one}×`, selected: one === 1 })));
   const time = h("span", { class: "time" });
   const cycle = h("span", { class: "muted" });
-  const hint = h("span", { class: "muted hint", text: "Footfalls: drag a gap or its edges; drag over a bar to paint a new swing; Delete removes one" });
+  const hint = h("span", { class: "muted hint", text: "Footfalls: drag a gap or its edges; drag over a bar to paint a new swing; Delete removes a swing" });
   replace(host, start, play, loop, speed, time, cycle, h("span", { class: "gap" }), hint);
 
   let playing: boolean | null = null;
@@ -28,7 +28,7 @@ export function buildTransport(host: HTMLElement, studio: Studio, playback: Play
     if (playing !== playback.playing || held !== playback.held) {
       ({ playing, held } = playback);
       replace(play, picture(playing ? "pause" : "play"));
-      const title = held ? "The view shows the robot: plans play after Disconnect" : playing ? "Pause (Space)" : "Play (Space)";
+      const title = held ? "The view shows the robot. Disconnect to play plans" : playing ? "Pause (Space)" : "Play (Space)";
       play.setAttribute("aria-label", title);
       play.title = title;
     }

@@ -23,7 +23,7 @@ export async function openGallery(studio: Studio) {
     try {
       const unsaved = studio.documents.anyChanged;
       await studio.openProject(await example(studio, one.path));
-      if (unsaved) studio.say("Undo (Ctrl+Z) brings back what was open before, which is not saved.");
+      if (unsaved) studio.say("Undo (Ctrl+Z) restores the previous project, which has unsaved changes.");
     } catch (error) {
       studio.complain(error);
     }
@@ -48,7 +48,7 @@ export async function openGallery(studio: Studio) {
           ),
         ),
       ),
-      found.length === 0 ? h("p", { class: "muted", text: "No example has these words." }) : null,
+      found.length === 0 ? h("p", { class: "muted", text: "No example matches this search." }) : null,
     );
   };
   search.addEventListener("input", draw);

@@ -44,7 +44,7 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
     type: "button",
     class: "button",
     text: "Follow",
-    title: "The camera goes with the robot (F)",
+    title: "Let the camera follow the robot (F)",
     "aria-pressed": String(settings.follow),
     onclick: () => {
       settings.follow = !settings.follow;
@@ -76,7 +76,7 @@ export function staleNote(host: HTMLElement, studio: Studio, link: RobotLink) {
       // The picture is of the robot, not of the plan.
       host.hidden = link.view.contact;
       host.classList.add("bad");
-      host.textContent = "The robot does not answer: the picture is not of how it is now";
+      host.textContent = "The robot does not answer: the picture shows an old state";
       return;
     }
     const { shown } = studio;
@@ -84,7 +84,7 @@ export function staleNote(host: HTMLElement, studio: Studio, link: RobotLink) {
     const behind = studio.stale && !studio.dragging;
     host.hidden = !(behind || failed);
     host.classList.toggle("bad", failed);
-    host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture is of the plan before" : "The picture is of an earlier plan";
+    host.textContent = failed ? "This motion does not meet its constraints" : studio.planning ? "Planning: the picture shows the previous plan" : "The picture shows an earlier plan";
   };
   studio.events.on(["activity", "plan", "documents"], update);
   link.onChange(update);

@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::actuators`].
+//! libFuzzer program for [`rollwalk_fuzz::actuators`].
 #![no_main]
 
 rollwalk_fuzz::program!(actuators);

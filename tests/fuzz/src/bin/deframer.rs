@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::deframer`].
+//! libFuzzer program for [`rollwalk_fuzz::deframer`].
 #![no_main]
 
 rollwalk_fuzz::program!(deframer);

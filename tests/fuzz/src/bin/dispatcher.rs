@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::dispatcher`].
+//! libFuzzer program for [`rollwalk_fuzz::dispatcher`].
 #![no_main]
 
 rollwalk_fuzz::program!(dispatcher);

@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::isotp`].
+//! libFuzzer program for [`rollwalk_fuzz::isotp`].
 #![no_main]
 
 rollwalk_fuzz::program!(isotp);

@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::library`].
+//! libFuzzer program for [`rollwalk_fuzz::library`].
 #![no_main]
 
 rollwalk_fuzz::program!(library);

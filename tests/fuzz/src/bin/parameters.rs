@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::parameters`].
+//! libFuzzer program for [`rollwalk_fuzz::parameters`].
 #![no_main]
 
 rollwalk_fuzz::program!(parameters);

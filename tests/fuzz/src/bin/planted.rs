@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::planted`].
+//! libFuzzer program for [`rollwalk_fuzz::planted`].
 #![no_main]
 
 rollwalk_fuzz::program!(planted);

@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::slots`].
+//! libFuzzer program for [`rollwalk_fuzz::slots`].
 #![no_main]
 
 rollwalk_fuzz::program!(slots);

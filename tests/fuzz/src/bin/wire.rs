@@ -1,4 +1,4 @@
-//! libFuzzer around [`rollwalk_fuzz::wire`].
+//! libFuzzer program for [`rollwalk_fuzz::wire`].
 #![no_main]
 
 rollwalk_fuzz::program!(wire);

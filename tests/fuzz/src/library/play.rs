@@ -1,4 +1,4 @@
-//! Plays a library: frame by frame as the cursor goes, and tick by tick as the player and the limiter do.
+//! Playback of a library: frame by frame with a cursor, and tick by tick with player and limiter.
 
 use rollwalk_firmware::graph_cursor::GraphCursor;
 use rollwalk_firmware::limiter::Limiter;
@@ -6,13 +6,13 @@ use rollwalk_firmware::player::Player;
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::library::{ClipCursor, ClipId, ClipKind, Library, NodeId, RATE_HZ};
 
-/// Bytes of commands: eight times after how many frames, and for which motion.
+/// Length of the commands, bytes. A command is a pair of bytes: frames to wait and motion.
 pub const COMMANDS: usize = 16;
 const FRAMES: u16 = 10 * RATE_HZ;
 
 type Frame = [f32; MAX_CHANNELS];
 
-/// Commands and their times, repeated without end.
+/// Commands with their waiting times, repeated endlessly.
 struct Commands<'a> {
     left: std::iter::Cycle<std::slice::Iter<'a, [u8; 2]>>,
     wait: u8,
@@ -25,7 +25,7 @@ impl<'a> Commands<'a> {
         Self { left: pairs.iter().cycle(), wait: 0, nodes: library.node_count() }
     }
 
-    /// The motion that is commanded in this frame.
+    /// Motion that is commanded in this frame; `None` while waiting.
     fn next(&mut self) -> Option<NodeId> {
         if let Some(wait) = self.wait.checked_sub(1) {
             self.wait = wait;
@@ -38,7 +38,7 @@ impl<'a> Commands<'a> {
     }
 }
 
-/// Plays it and checks everything that a library promises.
+/// Plays a library for ten seconds and checks every property of a valid library.
 pub fn ten_seconds(library: &Library<'_>, config: &RobotConfig, commands: &[u8]) {
     let exists = |goal: NodeId| goal.0 < library.node_count();
     for node in library.nodes() {
@@ -89,7 +89,7 @@ fn frame_at(cursor: &GraphCursor, library: &Library<'_>) -> Frame {
     frame
 }
 
-/// Checks that values are in range, and no faster than the robot's limits, to a quantum.
+/// Checks that values are in range, and that they change no faster than the robot's limits, to within a quantum.
 fn assert_within(config: &RobotConfig, library: &Library<'_>, before: &Frame, now: &Frame) {
     for (channel, limits) in config.channels.iter().enumerate() {
         let (last, value) = (before[channel], now[channel]);
@@ -100,7 +100,7 @@ fn assert_within(config: &RobotConfig, library: &Library<'_>, before: &Frame, no
     }
 }
 
-/// A clip begins with the very frame in which the one before was left.
+/// Checks that a transition begins with the frame in which the previous clip was left.
 fn assert_joined(library: &Library<'_>, cursor: &GraphCursor, from: ClipId, before: &Frame) {
     let (clip, frame) = cursor.at();
     let kind = library.clip(clip).expect("validated").kind;

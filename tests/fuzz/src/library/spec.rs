@@ -1,4 +1,4 @@
-//! Robots and motions out of bytes, most of them sound, for the encoder.
+//! Generation of robots and motions from bytes, most of them valid, for the encoder.
 
 use std::f32::consts::TAU;
 
@@ -6,11 +6,11 @@ use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::config::{Channel, ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{EncodeError, LibrarySpec, MotionSpec, TransitionSpec, encode};
 
-/// Bytes of a library besides its samples, at most.
+/// Maximum size of a library without its samples, bytes.
 const OVERHEAD: usize = 4 * 1024;
-/// Bytes of a channel's value and torque in one frame, at most.
+/// Maximum size of a channel's value and torque in one frame, bytes.
 const SAMPLE: usize = 2 * 4;
-/// Names of as many motions as a library has at most: the encoder takes no name twice.
+/// Names of the motions, all different, since the encoder refuses repeated ones. Their number limits the number of motions.
 const NAMES: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 fn channel(u: &mut Unstructured<'_>, kind: ChannelKind, id: u8) -> Result<Channel> {
@@ -38,7 +38,7 @@ struct Motion {
     values: Vec<f32>,
 }
 
-/// A wave or a bump on every channel, as large as range and rate let it be, or a little larger.
+/// Motion with a wave or a bump on every channel, as large as range and rate allow, or slightly larger.
 fn motion(u: &mut Unstructured<'_>, config: &RobotConfig, still: bool) -> Result<Motion> {
     let looping: bool = u.arbitrary()?;
     let frames = usize::from(u.arbitrary::<u8>()?) + 1;
@@ -84,7 +84,7 @@ fn blend(config: &RobotConfig, from: &[f32], to: &[f32]) -> Vec<f32> {
         .collect()
 }
 
-/// A robot, and its library unless the encoder refuses.
+/// Robot with its library; `None` for the library if the encoder refuses it.
 pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>)> {
     let (joints, wheels) = (u.int_in_range(0..=5)?, u.int_in_range(0..=3)?);
     let mut config = RobotConfig { robot: 0, channels: Default::default() };
@@ -177,7 +177,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
     Ok((config, library))
 }
 
-/// Smallest possible library: a motion of one frame, for the robot of the firmware's tests.
+/// Smallest possible library: a single motion of one frame, for the robot of the firmware's tests.
 pub fn smallest() -> Vec<u8> {
     let config = crate::robot::config();
     let motions = [MotionSpec {

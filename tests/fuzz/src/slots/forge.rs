@@ -1,5 +1,5 @@
-//! Contents of a flash made from bytes: noise, or records and footers with right checksums, including those of the libraries that
-//! they name. A second implementation of `docs/formats/library-store.md`.
+//! Forged flash contents: noise, or records and footers with valid checksums, including the checksums of the libraries that
+//! they refer to. This is a second implementation of `docs/formats/library-store.md`.
 
 use arbitrary::{Result, Unstructured};
 use rollwalk_protocol::crc::{crc32c, file_digest};
@@ -7,16 +7,16 @@ use rollwalk_protocol::crc::{crc32c, file_digest};
 use super::{Bench, library};
 
 const UNIT: usize = 256;
-/// Two units of log, two slots of four units.
+/// Size of the flash, bytes: two units of log, and two slots of four units.
 pub const FLASH_LEN: usize = 10 * UNIT;
 const LOG_LEN: usize = 2 * UNIT;
 const SLOT_LEN: usize = 4 * UNIT;
 const RECORD: usize = 32;
-/// Mask of the highest byte of a generation: no flash lasts for 2³¹ records. Beyond that number, no record is newer than the
-/// last.
+/// Mask of the highest byte of a generation, which limits it to 2³¹ records. No flash lasts longer, and beyond that number no
+/// record would be newer than the last.
 const OLDEST_AGE: u8 = 0x7F;
 
-/// The flash: runs of bytes at their places, everything else blank. Repairs the checksums if `repaired`.
+/// Flash with runs of bytes at various offsets, blank elsewhere. Repairs the checksums if `repaired`.
 pub fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
     let mut cells = vec![0xFF; FLASH_LEN];
     // Two libraries where they belong.
@@ -42,7 +42,7 @@ fn set(bytes: &mut [u8], i: usize, value: u32) {
     bytes[4 * i..][..4].copy_from_slice(&value.to_le_bytes());
 }
 
-/// Makes the checksums fit of whatever is not blank where records and footers are.
+/// Corrects the checksums of all records and footers that are not blank.
 fn repair(cells: &mut [u8]) {
     let slot_of = |slot: usize| LOG_LEN + slot * SLOT_LEN..LOG_LEN + (slot + 1) * SLOT_LEN;
     let slots = [cells[slot_of(0)].to_vec(), cells[slot_of(1)].to_vec()];
@@ -81,8 +81,7 @@ fn repair(cells: &mut [u8]) {
     }
 }
 
-/// The bytes that become the log and footers of a store with a library, and another one on
-/// trial.
+/// Input that produces the log and footers of a store with a confirmed library, and another one on trial.
 pub fn seed() -> Vec<u8> {
     let mut bench = Bench::sound();
     let _ = bench.send(3).and_then(|()| bench.activate());

@@ -1,11 +1,11 @@
-//! Commands and their effects: each command is executed at most once, in order, and never after it has expired.
+//! Checks of commands: the controller executes each command at most once, in order, and never after its expiry.
 
 use super::Rule;
 use rollwalk_protocol::wire::{Action, Command, CommandAck, CommandResult};
 use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
-/// A command with its full expiry time, ms; the frame carries only the lower 16 bits.
+/// Command with its full expiry time, ms. The frame contains only the lower 16 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct TimedCommand {
     command: Command,
@@ -13,7 +13,7 @@ struct TimedCommand {
 }
 
 impl TimedCommand {
-    /// Extends the 16 bits to the time nearest to `at`.
+    /// Extends the 16-bit expiry to the full time nearest to `at`.
     fn at(at: SimTime, command: Command) -> Self {
         let now_ms = at.as_us() / 1000;
         let ahead_ms = command.valid_until_ms.wrapping_sub(now_ms as u16) as i16;
@@ -21,13 +21,13 @@ impl TimedCommand {
     }
 }
 
-/// A command that the controller received, once or several times.
+/// Command that the controller received, once or several times.
 #[derive(Clone, Copy, Debug)]
 struct Received {
     timed: TimedCommand,
     /// True if at least one copy arrived before the expiry.
     in_time: bool,
-    /// The first acknowledgement with "ok".
+    /// First acknowledgement with "ok".
     executed: Option<CommandAck>,
     goal: Goal,
 }
@@ -37,13 +37,14 @@ struct Received {
 enum Goal {
     /// The motion may start.
     Pending,
-    /// Superseded after `starts` motion starts; may still start once, because a running transition completes first.
+    /// Another command has superseded the goal after `starts` motion starts. The motion may still start once, because a running
+    /// transition completes first.
     Superseded { starts: usize },
     /// The motion has started, or torque went off.
     Over,
 }
 
-/// A received command without an acknowledgement yet.
+/// Received command that has not been acknowledged yet.
 #[derive(Clone, Copy, Debug)]
 struct Unanswered {
     /// Index into [`Commands::received`].
@@ -54,18 +55,18 @@ struct Unanswered {
 /// History of received commands, acknowledgements and motion starts.
 #[derive(Clone, Debug)]
 pub struct Commands {
-    /// Codes of the library's motions, in its order.
+    /// Command codes of the library's motions, in the order of the library.
     codes: Vec<u8>,
-    /// Goal, and motion on a way to it.
+    /// Pairs of goal and intermediate motion.
     on_the_way: Vec<(u8, u8)>,
-    /// Motion starts so far, without transitions.
+    /// Number of motion starts so far, without transitions.
     starts: usize,
-    /// Commands that the host has sent.
+    /// Commands sent by the host.
     sent: Vec<TimedCommand>,
     received: Vec<Received>,
-    /// Commands in the order of their acknowledgements, some of which a full queue drops.
+    /// Received commands in the order in which they will be acknowledged. A full queue drops some acknowledgements.
     unanswered: VecDeque<Unanswered>,
-    /// Index of the command that was executed last.
+    /// Index of the command that was executed most recently.
     last_executed: Option<usize>,
 }
 
@@ -82,7 +83,7 @@ impl Commands {
         }
     }
 
-    /// Records a command that the host sends, for the first time or again.
+    /// Records a command that the host sends or resends.
     pub fn on_sent(&mut self, at: SimTime, command: Command) {
         let timed = TimedCommand::at(at, command);
         if !self.sent.contains(&timed) {
@@ -90,7 +91,7 @@ impl Commands {
         }
     }
 
-    /// Records a command that the controller receives; returns whether it is the first copy.
+    /// Records a command that the controller receives. Returns true if it is the first copy.
     pub fn on_received(&mut self, at: SimTime, command: Command) -> bool {
         // A bridge may delay it for any time; one that the host has not sent counts as just made.
         let sent = self.sent.iter().rev().find(|sent| sent.command == command);
@@ -109,7 +110,8 @@ impl Commands {
         copy_of.is_none()
     }
 
-    /// True if the robot may pass through a motion: on the way to SAFE, where it may go without a command, or to a pending goal.
+    /// True if the robot may pass through a motion: on the way to SAFE, which needs no command, or on the way to a pending
+    /// goal.
     fn is_on_the_way(&self, clip: usize) -> bool {
         let pending = |goal: usize| {
             let plays = |received: &Received| {
@@ -126,14 +128,17 @@ impl Commands {
     /// Checks an acknowledgement of the controller.
     ///
     /// # Errors
-    /// The rule that it breaks, and how.
+    /// Returns the broken rule and a description if the acknowledgement breaks a rule.
     pub fn on_ack(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
         let fits = |unanswered: &Unanswered| {
             let Command { seq, action, .. } = self.received[unanswered.index].timed.command;
             (seq, action.kind()) == (ack.seq, ack.kind)
         };
         let Some(place) = self.unanswered.iter().position(fits) else {
-            return Err((Rule::ExecutedOnce, format!("acknowledges no command: {ack:?}")));
+            return Err((
+                Rule::ExecutedOnce,
+                format!("acknowledgement without a command: {ack:?}"),
+            ));
         };
         let Unanswered { index, in_time } = self.unanswered[place];
         self.unanswered.drain(..=place);
@@ -174,7 +179,7 @@ impl Commands {
         }
     }
 
-    /// Supersedes the pending goals of all commands received before this one.
+    /// Supersedes the pending goals of all commands received before the one at `index`.
     fn supersede_goals_before(&mut self, index: usize) {
         let starts = self.starts;
         for received in &mut self.received[..index] {
@@ -184,7 +189,7 @@ impl Commands {
         }
     }
 
-    /// Ends all goals: without torque no motion starts.
+    /// Ends all goals, because no motion starts without torque.
     pub fn on_torque_off(&mut self) {
         self.received.iter_mut().for_each(|received| received.goal = Goal::Over);
     }
@@ -192,7 +197,7 @@ impl Commands {
     /// Checks the start of a clip.
     ///
     /// # Errors
-    /// The rule that it breaks, and how.
+    /// Returns the broken rule and a description if the start breaks a rule.
     pub fn on_clip_start(&mut self, clip: u8) -> Result<(), (Rule, String)> {
         let clip = usize::from(clip);
         // Other clips are transitions, which have no code.
@@ -240,7 +245,7 @@ mod tests {
         CommandAck { seq, kind: 0, result, state: State::Ready, motion: None, value: 0 }
     }
 
-    /// Broken rules after these commands, each received at a time, ms, and acknowledged with a result.
+    /// Rules that the acknowledgements break. Each command has a time of reception, ms, and a result.
     fn verdicts(received: &[(u64, Command, CommandResult)]) -> Vec<Option<Rule>> {
         let mut commands = Commands::new(vec![1, 2, 3], Vec::new());
         let verdict = |&(at_ms, command, result): &(u64, Command, CommandResult)| {
@@ -272,7 +277,7 @@ mod tests {
         assert_eq!(again, [None, None]);
     }
 
-    /// The 16 bits of the expiry have wrapped.
+    /// Tests expiry after the 16 bits have wrapped.
     #[test]
     fn a_command_delayed_by_a_minute_has_expired() {
         let mut commands = Commands::new(vec![1, 2, 3], Vec::new());

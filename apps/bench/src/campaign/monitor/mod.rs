@@ -1,15 +1,15 @@
-//! The monitor: checks every frame of every bus and every step of the motors against the rules.
+//! Monitor that checks every frame of every bus and every step of the motors against the rules.
 //!
-//! It uses the robot's limits, the documents (`docs/formats/wire-format.md`, `docs/playback-and-safety.md`) and
-//! `rollwalk_protocol`, and no code of the firmware: whether torque may be on follows from the frames that the
-//! controller receives and sends.
+//! The monitor uses the robot's limits, the documents (`docs/formats/wire-format.md`, `docs/playback-and-safety.md`) and
+//! `rollwalk_protocol`, but no code of the firmware. It infers the permission for torque from the frames that the controller
+//! receives and sends.
 //!
-//! | module | is |
+//! | module | rules |
 //! |---|---|
-//! | [`setpoints`] | limits, rate, and the first setpoint after torque-on |
-//! | [`commands`] | each command executed at most once, and none after its expiry |
+//! | [`setpoints`] | limits, rate, and the first set-point after torque-on |
+//! | [`commands`] | each command executed at most once, and not after its expiry |
 //! | [`nonces`] | ARM_CONFIRM only with the latest unexpired, unrevoked nonce |
-//! | [`shutdown`] | after a lost host or a fault the robot ends without torque in time |
+//! | [`shutdown`] | timely end without torque after a lost host or a fault |
 
 pub mod commands;
 pub mod nonces;
@@ -31,16 +31,16 @@ use rollwalk_sim_host::rig::Observer;
 use setpoints::Setpoints;
 use shutdown::ShutdownCheck;
 
-/// A rule that the controller must never break.
+/// Rule that the controller must never break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// Setpoints and enables are not sent while torque is off.
+    /// Set-points and enables are not sent while torque is off.
     NoTorqueUnlessArmed,
-    /// Setpoints are finite and within the limits of the robot, gains within twice those of the robot.
+    /// Set-points are finite and within the limits of the robot; gains are within twice the gains of the robot.
     Limits,
-    /// A setpoint differs from the one before by no more than the maximum rate allows.
+    /// A set-point differs from the previous one by no more than the maximum rate allows.
     Slew,
-    /// The first setpoint after torque-on is the measured pose of the joint.
+    /// The first set-point after torque-on is the measured pose of the joint.
     StartsAtPose,
     /// Stiffness is zero in the state Damped.
     CompliantWhenDamped,
@@ -48,7 +48,7 @@ pub enum Rule {
     ValidFrame,
     /// Motor torque is zero after the time allowed for switching it off.
     StopsInTime,
-    /// Robots without heartbeats return to SAFE, and end without torque in time after the last heartbeat or a fault.
+    /// A robot without heartbeats returns to SAFE. It ends without torque in time after the previous heartbeat or a fault.
     ReturnsInTime,
     /// STATUS never reports a state that its fault bits forbid.
     StateFitsFaults,
@@ -70,24 +70,24 @@ pub struct Violation {
 pub struct MonitorConfig {
     /// Control periods per second.
     pub control_hz: u32,
-    /// The controller's address.
+    /// Address of the controller.
     pub node: Node,
-    /// Command codes of the library's motions, in its order. The first is SAFE.
+    /// Command codes of the library's motions, in the order of the library. The first is SAFE.
     pub codes: Vec<u8>,
-    /// Goal, and motion on a way to it.
+    /// Pairs of goal and intermediate motion.
     pub on_the_way: Vec<(u8, u8)>,
-    /// Maximum age of the pose that a first setpoint repeats; `None` when feedback cannot be trusted.
+    /// Maximum age of the pose that a first set-point repeats; `None` if feedback cannot be trusted.
     pub pose_age: Option<SimTime>,
     /// Maximum time from the reason for torque-off, at the controller, to motors without torque.
     pub motors_off_within: SimTime,
-    /// Maximum time from the first ESTOP frame of the host to motors without torque, whatever is lost; `None` where
-    /// other delays determine it.
+    /// Maximum time from the first ESTOP frame of the host to motors without torque, with any frame loss; `None` if other
+    /// delays determine it.
     pub stopped_within: Option<SimTime>,
     /// Time limits of a shutdown.
     pub shutdown: shutdown::Timing,
 }
 
-/// The torque that is allowed, as far as an observer outside the controller can tell.
+/// Permitted torque, inferred from outside of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Torque {
     Off,
@@ -95,20 +95,20 @@ enum Torque {
     Damped,
 }
 
-/// Counts of what the monitor has checked: without them a run without violations proves nothing.
+/// Counts of the monitor's checks. A run without checks and violations proves nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
-    /// Setpoints sent by the controller.
+    /// Number of set-points sent by the controller.
     pub setpoints: u64,
-    /// First setpoints after torque-on.
+    /// Number of first set-points after torque-on.
     pub starts: u64,
-    /// Emergency stops received by the controller.
+    /// Number of emergency stops received by the controller.
     pub stops: u64,
-    /// Commands received by the controller, without copies.
+    /// Number of commands received by the controller, without copies.
     pub commands: u64,
 }
 
-/// A change of the controller's STATUS.
+/// Change of the controller's STATUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StatusChange {
     /// Time of the STATUS.
@@ -121,12 +121,12 @@ pub struct StatusChange {
 pub struct Monitor {
     config: MonitorConfig,
     torque: Torque,
-    /// Start of the time allowed for torque-off; `None` once that was checked.
+    /// Start of the time allowed for torque-off; `None` once torque-off has been checked.
     off_since: Option<SimTime>,
     nonces: Nonces,
-    /// Accepted ARM_CONFIRMs that have not enabled the actuators yet.
+    /// Number of accepted ARM_CONFIRMs that have not enabled the actuators yet.
     permits: u32,
-    /// Actuators have been enabled since torque was last off.
+    /// True if actuators have been enabled since torque was last off.
     enabled: bool,
     /// Time of the first frame of the host's emergency stop.
     stop_sent: Option<SimTime>,
@@ -144,7 +144,7 @@ pub struct Monitor {
 const MOST_VIOLATIONS: usize = 16;
 
 impl Monitor {
-    /// A monitor of a controller that has just been switched on.
+    /// Creates a monitor for a controller that has just been switched on.
     pub fn new(robot: RobotConfig, config: MonitorConfig) -> Self {
         Self {
             torque: Torque::Off,
@@ -173,12 +173,12 @@ impl Monitor {
         self.coverage
     }
 
-    /// Changes of STATUS so far.
+    /// Changes of the controller's STATUS so far.
     pub fn history(&self) -> &[StatusChange] {
         &self.history
     }
 
-    /// Time from the first frame of the last emergency stop to motors without torque.
+    /// Time from the first frame of the most recent emergency stop to motors without torque.
     pub fn stopped_after(&self) -> Option<SimTime> {
         self.stopped_after
     }
@@ -247,7 +247,10 @@ impl Monitor {
                 Control::Query => return,
                 Control::Disable => {}
                 Control::Enable if self.torque != Torque::Driven => {
-                    let what = format!("enables actuator {id} of bus {bus}: {:?}", self.torque);
+                    let what = format!(
+                        "enables actuator {id} of bus {bus} in torque state {:?}",
+                        self.torque
+                    );
                     self.report(at, Rule::NoTorqueUnlessArmed, what);
                 }
                 Control::Enable if !self.enabled => {
@@ -256,7 +259,7 @@ impl Monitor {
                         self.report(
                             at,
                             Rule::ExecutedOnce,
-                            "enables actuators again on one confirmation".into(),
+                            "enables actuators twice after one confirmation".into(),
                         );
                     }
                     self.permits = self.permits.saturating_sub(1);

@@ -1,8 +1,8 @@
-//! Accepts an ARM_CONFIRM only with the latest unexpired, unrevoked nonce.
+//! Check of nonces: ARM_CONFIRM is accepted only with the latest unexpired, unrevoked nonce.
 //!
-//! The monitor is at most as strict as the controller must be: for it a nonce lives from its acknowledgement on, and
-//! every revocation seen here is one for the controller. Parameter changes revoke a nonce as well; the firmware's own
-//! tests cover that.
+//! The monitor is at most as strict as the controller must be. A nonce is valid for the monitor from its acknowledgement on,
+//! and each revocation that the monitor observes also applies in the controller. Parameter changes revoke a nonce as well,
+//! which the firmware's own tests cover.
 
 use rollwalk_protocol::wire::transport::Request;
 use rollwalk_protocol::wire::{Action, CommandAck, CommandResult};
@@ -11,12 +11,12 @@ use rollwalk_sim_host::clock::SimTime;
 /// Time within which a nonce can be confirmed.
 const LIFETIME: SimTime = SimTime::from_ms(2000);
 
-/// The nonces of the controller's ARM_REQUEST acknowledgements.
+/// Nonces of the controller's acknowledgements of ARM_REQUEST.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nonces {
-    /// The nonce that can be confirmed, and when it was acknowledged.
+    /// Nonce that can be confirmed, and the time of its acknowledgement.
     valid: Option<(u16, SimTime)>,
-    /// The latest nonce: a repeated acknowledgement carries it again.
+    /// Latest nonce, which repeated acknowledgements contain again.
     last: Option<u16>,
 }
 
@@ -25,7 +25,7 @@ impl Nonces {
         self.valid = None;
     }
 
-    /// True if an ARM_CONFIRM with this nonce may switch torque on; a nonce is valid once.
+    /// True if an ARM_CONFIRM with this nonce may switch torque on. The nonce is then used up.
     pub fn accept(&mut self, at: SimTime, nonce: u16) -> bool {
         let valid =
             self.valid.is_some_and(|(value, since)| value == nonce && at - since <= LIFETIME);
@@ -35,7 +35,7 @@ impl Nonces {
         valid
     }
 
-    /// Follows an acknowledgement of the controller; they leave in the order in which commands are executed.
+    /// Records an acknowledgement of the controller. Acknowledgements are sent in the order in which commands are executed.
     pub fn on_ack(&mut self, at: SimTime, ack: CommandAck) {
         let is = |action: Action, result| ack.kind == action.kind() && ack.result == result;
         if is(Action::ArmRequest, CommandResult::Ok) {
@@ -50,7 +50,7 @@ impl Nonces {
         }
     }
 
-    /// Follows a transport frame to the controller; single-frame requests are always accepted and revoke the nonce.
+    /// Records a transport frame to the controller. Single-frame requests are always accepted and revoke the nonce.
     pub fn on_transport(&mut self, data: &[u8]) {
         let Some((&[length], message)) = data.split_first_chunk() else { return };
         let single = (1..=7).contains(&length).then(|| message.get(..usize::from(length)));

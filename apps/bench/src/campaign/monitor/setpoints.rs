@@ -1,4 +1,4 @@
-//! Checks of setpoints: the limits of the robot, the rate from one to the next, the first one against the pose.
+//! Checks of set-points: limits of the robot, rate of change, and equality of the first set-point with the pose.
 
 use super::Rule;
 use rollwalk_protocol::actuator::{
@@ -11,19 +11,19 @@ use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
 use std::collections::VecDeque;
 
-/// Maximum ratio of gains set at run time to those of the robot (docs/parameters.md).
+/// Maximum ratio of gains set at run time to the gains of the robot (docs/parameters.md).
 const GAIN_RATIO: f32 = 2.0;
-/// Rounding of a pose in the feedback and in the setpoint, half a step each; and half a step of motion between two
-/// samples at the speeds of a robot without torque.
+/// Tolerance of a pose: half a step of rounding each in the feedback and in the set-point, and half a step of motion between
+/// two samples without torque.
 const POSE_ROUNDING_RAD: f64 = 1.5 * POSITION_STEP_RAD as f64;
-/// Error of a gain in a setpoint with torque.
+/// Largest ratio by which rounding increases a gain in a set-point with torque.
 const SHORT_GAIN: f32 = 1.004;
-/// Half a step of the speed in a setpoint with torque.
+/// Half of the resolution of the speed in a set-point with torque, rad/s.
 const COARSE_SPEED_RAD_S: f32 = 4e-3;
-/// Steps of the motors between two samples of the pose: 2 ms.
+/// Number of motor steps between two samples of the pose: 2 ms.
 const STEPS_PER_SAMPLE: u32 = 8;
 
-/// A setpoint of an actuator.
+/// Set-point of an actuator.
 #[derive(Clone, Copy, Debug)]
 enum Setpoint {
     Joint(JointSetpoint),
@@ -31,7 +31,7 @@ enum Setpoint {
 }
 
 impl Setpoint {
-    /// Decodes a frame; also returns the actuator's number on its bus.
+    /// Decodes a frame into the actuator's number on its bus and the set-point.
     fn decode(frame: &Frame) -> Option<(u8, Self)> {
         let joint = || JointSetpoint::decode(frame).map(|(id, joint)| (id, Self::Joint(joint)));
         let wheel = || WheelSetpoint::decode(frame).map(|(id, wheel)| (id, Self::Wheel(wheel)));
@@ -39,28 +39,28 @@ impl Setpoint {
     }
 }
 
-/// The last setpoint of a channel.
+/// Previous set-point of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Last {
     value: f32,
     tick: u64,
 }
 
-/// The check of all channels.
+/// Check of the set-points of all channels.
 #[derive(Clone, Debug)]
 pub struct Setpoints {
     config: RobotConfig,
     control_hz: u32,
     last: Vec<Option<Last>>,
-    /// Maximum age of the pose that a first setpoint repeats; `None` allows any.
+    /// Maximum age of the pose that a first set-point repeats; `None` to permit any pose.
     pose_age: Option<SimTime>,
-    /// Poses up to that age, the latest last.
+    /// Poses up to this age, oldest first.
     poses: VecDeque<(SimTime, Vec<f32>)>,
     steps_to_sample: u32,
 }
 
 impl Setpoints {
-    /// The check before the first setpoint.
+    /// Creates the check before the first set-point.
     pub fn new(config: RobotConfig, control_hz: u32, pose_age: Option<SimTime>) -> Self {
         let last = vec![None; config.channels.len()];
         Self { config, control_hz, last, pose_age, poses: VecDeque::new(), steps_to_sample: 0 }
@@ -76,12 +76,12 @@ impl Setpoints {
         self.poses.push_back((at, body.values()));
     }
 
-    /// Makes the next setpoint of every channel a first one.
+    /// Marks the next set-point of every channel as a first one.
     pub fn on_torque_off(&mut self) {
         self.last.fill(None);
     }
 
-    /// Makes the next setpoint of an actuator a first one.
+    /// Marks the next set-point of an actuator as a first one.
     pub fn on_torque_switch(&mut self, bus: u8, id: u8) {
         if let Some(channel) = self.channel(bus, id) {
             self.last[channel] = None;
@@ -92,10 +92,10 @@ impl Setpoints {
         self.config.channels.iter().position(|c| (c.bus, c.id) == (bus, id))
     }
 
-    /// Checks a frame to an actuator that is no control message. Returns whether it is a first setpoint with stiffness.
+    /// Checks a frame to an actuator that is not a control message. Returns true if it is a first set-point with stiffness.
     ///
     /// # Errors
-    /// The broken rule and a description.
+    /// Returns the broken rule and a description if the frame breaks a rule.
     pub fn check(
         &mut self,
         at: SimTime,
@@ -137,13 +137,13 @@ impl Setpoints {
         Ok(last.is_none() && kp != Some(0.0))
     }
 
-    /// The control period of an instant.
+    /// Number of the control period at a time.
     fn tick(&self, at: SimTime) -> u64 {
         // Instants of ticks are rounded down.
         (at.as_ns() + 1) * u64::from(self.control_hz) / 1_000_000_000
     }
 
-    /// Checks the rate since the last setpoint.
+    /// Checks the rate of change since the previous set-point.
     fn check_rate(
         &self,
         channel: usize,
@@ -158,13 +158,13 @@ impl Setpoints {
             return Ok(());
         }
         let what = format!(
-            "channel {channel}: from {} to {} in {periods} periods, {allowed} is allowed",
+            "channel {channel}: from {} to {} in {periods} periods; at most {allowed} is allowed",
             from.value, to.value
         );
         Err((Rule::Slew, what))
     }
 
-    /// Checks a first setpoint: a joint's is a measured pose, a wheel's a measured speed or one step of braking less.
+    /// Checks a first set-point. For a joint it is a measured pose; for a wheel a measured speed, or one braking step less.
     fn check_start(
         &self,
         channel: usize,
@@ -192,7 +192,7 @@ impl Setpoints {
     }
 }
 
-/// Resolution of a setpoint in its frame.
+/// Resolution of a set-point in its frame.
 fn resolution(limits: &Channel) -> f32 {
     match limits.kind {
         ChannelKind::JointPosition => POSITION_STEP_RAD,
@@ -220,7 +220,7 @@ fn check_limits(
         return fail("out of range");
     }
     if torque_nm.abs() > SHORT_GAIN * limits.max_torque_nm {
-        return fail("feeds too much torque forward");
+        return fail("too much feed-forward torque");
     }
     let most = GAIN_RATIO * SHORT_GAIN;
     let (kp_most, kd_most) = (most * limits.kp_nm_rad, most * limits.kd_nm_s_rad);
@@ -231,12 +231,12 @@ fn check_limits(
             return fail("too fast");
         }
         Setpoint::Wheel(wheel) if wheel.torque_limit_nm > limits.max_torque_nm + TORQUE_STEP_NM => {
-            return fail("too much torque");
+            return fail("torque limit too high");
         }
         _ => {}
     }
     if kp > kp_most + KP_STEP_NM_RAD || kd > kd_most + KD_STEP_NM_S_RAD {
-        return fail("gains beyond those of the robot");
+        return fail("gains higher than those of the robot");
     }
     Ok(())
 }

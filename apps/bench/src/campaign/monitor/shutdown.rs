@@ -1,23 +1,24 @@
-//! Shutdown after a lost host or a fault: the state fits the fault bits, and the robot ends without torque in time.
+//! Checks of the shutdown after a lost host or a fault: the state fits the fault bits, and the robot ends without torque in
+//! time.
 
 use super::Rule;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::clock::SimTime;
 
-/// Distance of a new heartbeat's sequence number from that of the last one that is allowed at once, and time in which one more
-/// is, µs.
+/// Largest immediate increase of a heartbeat's sequence number over the previous one.
 const AHEAD: u64 = 2;
+/// Time after which the sequence number may increase by one more, µs.
 const AHEAD_US: u64 = 25_000;
 
 /// Time limits of a shutdown.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
-    /// Time without a new heartbeat after which the host is lost.
+    /// Time without a new heartbeat after which the host counts as lost.
     pub host_timeout: SimTime,
-    /// Maximum time from the loss of the host until the robot reacts.
+    /// Maximum time from the loss of the host to the reaction of the robot.
     pub notices_within: SimTime,
-    /// Maximum time of the return to SAFE and of holding it.
+    /// Maximum time of the return to SAFE and of holding SAFE.
     pub way_home: SimTime,
     pub damping: SimTime,
 }
@@ -34,11 +35,11 @@ struct Deadline {
 #[derive(Clone, Copy, Debug)]
 pub struct ShutdownCheck {
     timing: Timing,
-    /// Time that the motors may take to switch torque off.
+    /// Maximum time for the motors to switch torque off.
     slack: SimTime,
-    /// Sequence number and time of the last new heartbeat.
+    /// Sequence number and time of the previous new heartbeat.
     heartbeat: Option<(u8, SimTime)>,
-    /// The last STATUS was one with torque.
+    /// True if the previous STATUS permitted torque.
     has_torque: bool,
     /// Time of the loss of the host.
     lost_since: Option<SimTime>,
@@ -46,17 +47,17 @@ pub struct ShutdownCheck {
 }
 
 impl ShutdownCheck {
-    /// The check of a robot without torque.
+    /// Creates the check for a robot without torque.
     pub fn new(timing: Timing, slack: SimTime) -> Self {
         Self { timing, slack, heartbeat: None, has_torque: false, lost_since: None, due: None }
     }
 
-    /// Ends the check: torque is off, or must go off at once.
+    /// Ends the check, because torque is off or must be switched off at once.
     pub fn on_torque_off(&mut self) {
         (self.has_torque, self.lost_since, self.due) = (false, None, None);
     }
 
-    /// Follows a heartbeat to the controller.
+    /// Records a heartbeat to the controller.
     pub fn on_heartbeat(&mut self, at: SimTime, seq: u8) {
         self.on_time(at);
         let feeds = self.heartbeat.is_none_or(|(last, since)| {
@@ -68,7 +69,7 @@ impl ShutdownCheck {
         }
     }
 
-    /// True if the host is lost, on a clock with microseconds like that of the controller.
+    /// True if the host is lost, by a clock with the microseconds of the controller.
     fn is_silent(&self, at: SimTime) -> bool {
         let timeout_us = self.timing.host_timeout.as_us();
         self.heartbeat.is_none_or(|(_, last)| at.as_us() - last.as_us() > timeout_us)
@@ -94,7 +95,7 @@ impl ShutdownCheck {
     /// Checks a STATUS while torque may be on.
     ///
     /// # Errors
-    /// The broken rule and a description.
+    /// Returns the broken rule and a description if the STATUS breaks a rule.
     pub fn on_status(
         &mut self,
         at: SimTime,
@@ -145,7 +146,7 @@ impl ShutdownCheck {
         self.due.is_some_and(|due| at > due.by)
     }
 
-    /// Describes a missed deadline, once.
+    /// Describes a missed deadline once; `None` if there is no new one.
     pub fn take_overdue(&mut self, at: SimTime) -> Option<String> {
         let Deadline { since, why, .. } = self.due.take_if(|due| at > due.by)?;
         Some(format!("{} µs {why}", (at - since).as_us()))

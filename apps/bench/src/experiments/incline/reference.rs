@@ -1,11 +1,11 @@
-//! Particles on a plane with hard contacts and Coulomb's law as it is, for a reference without penalties: every step of backward
-//! Euler is solved by sequential quadratic programming, whose programs have friction cones.
+//! Reference simulation of particles on a plane with hard contacts and exact Coulomb friction, without penalties.
 //!
-//! Velocities v at the end of a step minimise ½ (v − v_k)ᵀ H (v − v_k) + gᵀ (v − v_k) with g = M (v_k − v₀) − h f and its
-//! derivative H. For each contact with velocities u_n along the normal and u_t across it (u_n + gap/h + μ s, μ u_t) is in the
-//! second-order cone; the cone's multiplier is then the impulse, within the cone of Coulomb's law. With s = |u_t| impulse and
-//! velocity obey the law; s is that of the program before, until it does not change any more (Acary, Cadoux, Lemaréchal &
-//! Malick, "A formulation of the linear discrete Coulomb friction problem via convex optimization", 2011).
+//! Sequential quadratic programming with friction cones solves every step of backward Euler. Velocities v at the end of a step
+//! minimise ½ (v − v_k)ᵀ H (v − v_k) + gᵀ (v − v_k), where g = M (v_k − v₀) − h f and H is its derivative. For each contact
+//! with the normal velocity u_n and the tangential velocity u_t, (u_n + gap/h + μ s, μ u_t) is in the second-order cone. The
+//! multiplier of the cone is the impulse, which is within the cone of Coulomb's law. With s = |u_t|, impulse and velocity obey
+//! Coulomb's law. The value of s is taken from the previous program, until it converges (Acary, Cadoux, Lemaréchal & Malick, "A
+//! formulation of the linear discrete Coulomb friction problem via convex optimization", 2011).
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -17,18 +17,19 @@ use rollwalk_physics::force::{Derivative, View, Wrench};
 use rollwalk_physics::motion::Weights;
 use rollwalk_physics::{Assembly, Motion, Scheme};
 
-/// Gap from which on a particle is not expected to touch within a step, m.
+/// Gap above which a particle does not touch within a step, m.
 const REACH_M: f64 = 0.01;
-/// Most programs of a step.
+/// Maximum number of programs of a step.
 const PROGRAMS: u32 = 100;
 /// Tolerance of forces, N, and of s, m/s.
 const TOLERANCE: f64 = 1e-8;
-/// Tolerance of a program, in units of a particle's mass, and regularisation of its solver: with that of its own, 1e-8,
-/// programs end with particles that carry where they do not touch, and the body creeps on them.
+/// Tolerance of a program, in units of a particle's mass.
 const OF_PROGRAM: f64 = 1e-12;
+/// Regularisation of the solver of a program. With the default of 1e-8, programs end with particles that carry load without
+/// touching, and the body creeps on them.
 const REGULARISATION: f64 = 1e-12;
 
-/// Particles, what acts between them, and the plane.
+/// Particles with their forces, and the plane.
 #[derive(Debug)]
 pub struct Reference {
     pub assembly: Assembly,
@@ -41,13 +42,13 @@ pub struct Reference {
 /// Report on the solution of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Programs, each with new forces and derivatives.
+    /// Number of programs, each with updated forces and derivatives.
     pub programs: u32,
-    /// Largest force that is not in balance, N.
+    /// Largest unbalanced force, N.
     pub residual_n: f64,
-    /// Largest change of s that is left, m/s.
+    /// Largest remaining change of s, m/s.
     pub slip_m_s: f64,
-    /// Contacts, and impulses on their particles, N·s.
+    /// Touching particles, and the impulses on them, N·s.
     pub impulses: Vec<(usize, Vector3<f64>)>,
 }
 
@@ -58,14 +59,15 @@ impl Report {
     }
 }
 
-/// Momentum that forces do not explain, N·s, and its derivative by the velocities: blocks by row and column.
+/// Momentum change that is not due to forces, N·s, and its derivative with respect to the velocities, as blocks by row and
+/// column.
 struct Model {
     excess: Vec<Vector3<f64>>,
     blocks: Vec<(usize, usize, Matrix3<f64>)>,
 }
 
 impl Reference {
-    /// Goes on by a step; none where a program has no solution.
+    /// Advances by a step. Returns `None` if a program has no solution.
     pub fn step(&mut self) -> Option<Report> {
         let begin = self.assembly.motions.clone();
         let gap = |motion: &Motion| self.plane.at(&motion.position).gap_m;
@@ -103,7 +105,7 @@ impl Reference {
         begin.iter().zip(velocities).map(moved).collect()
     }
 
-    /// Speeds across the plane of what may touch.
+    /// Tangential speeds of the particles that may touch.
     fn slips(&self, near: &[(usize, f64)], velocities: &[Vector3<f64>]) -> Vec<f64> {
         let normal = self.plane.normal;
         let across = |velocity: Vector3<f64>| (velocity - normal * normal.dot(&velocity)).norm();
@@ -151,7 +153,7 @@ impl Reference {
         model
     }
 
-    /// Velocities, and impulses of the contacts, of the program around some velocities.
+    /// Solves the program around some velocities, and returns velocities and impulses of the contacts.
     #[allow(clippy::type_complexity, reason = "it is named nowhere else")]
     fn program(
         &self,
@@ -213,7 +215,7 @@ impl Reference {
         Some((velocities.iter().enumerate().map(velocity).collect(), impulses))
     }
 
-    /// The normal, and two axes across it, longer by the coefficient of friction.
+    /// Normal vector, and two tangential axes scaled by the friction coefficient.
     fn axes(&self) -> [Vector3<f64>; 3] {
         let normal = self.plane.normal;
         let across = normal.cross(&Vector3::y()).normalize();
@@ -221,7 +223,7 @@ impl Reference {
     }
 }
 
-/// Entries of a sparse matrix; those at the same place add up.
+/// Entries of a sparse matrix. Entries with equal row and column are added.
 #[derive(Default)]
 struct Triplets {
     rows: Vec<usize>,
@@ -255,7 +257,7 @@ mod tests {
         }
     }
 
-    /// A particle loses g (μ cos α − sin α) of its speed in a second, then stands.
+    /// Tests that a particle loses the speed g (μ cos α − sin α) per second, then stands still.
     #[test]
     fn a_particle_slides_and_stops() {
         let mut assembly = Assembly::default();
@@ -275,8 +277,8 @@ mod tests {
         }
     }
 
-    /// Impulses of a soft cell that lands askew are within their cones, on them and against the way where a particle slips, and
-    /// none where it does not touch.
+    /// Tests the impulses of a soft cell that lands tilted. They are within their cones, on the cone and against the motion of
+    /// slipping particles, and zero without contact.
     #[test]
     fn impulses_obey_coulombs_law() {
         use rollwalk_physics::soft::{Material, Mesh, SoftBody};

@@ -1,15 +1,16 @@
-//! Shift of a toss's minima as contacts become softer, and its cause.
+//! Shift of the minima of a toss as contacts become softer, and its cause.
 //!
-//! A minimum is where the ball ends at its target. Gauss–Newton's method finds it from a minimum of the smoothed grid, whose
-//! points are 4 % of the speed apart, in steps that resolve contacts of nodes. Friction that sticks stays as stiff as with the
-//! thesis's steps of 1 ms, because k_t = k_n Δt would change with the steps, and with it how much friction slows the ball.
+//! At a minimum the ball ends at its target. Gauss–Newton's method finds it from a minimum of the smoothed grid, whose points
+//! are 4 % of the speed apart, in steps that resolve the contacts of nodes. Sticking friction stays as stiff as with the
+//! thesis's steps of 1 ms. With k_t = k_n Δt the stiffness of friction, and the braking of the ball, would change with the
+//! steps.
 //!
-//! Soft contacts hold the ball for longer, so that it bounces later and is elsewhere at the end. The height at the end changes
-//! by only 0.1 m for each m/s upward, so that a few millimetres of it shift a minimum by hundredths of a metre per second.
-//! Friction is not the reason: with k_t as at k_n 1000 a toss with k_n 100 ends farther from the target still. Nor are steps,
-//! which the shift of the grid in steps of 1 ms shows, too.
+//! Soft contacts last longer, so that the ball bounces later and its final position differs. The final height changes by only
+//! 0.1 m per m/s of upward velocity, so that a few millimetres shift a minimum by hundredths of a metre per second. Friction is
+//! not the reason: with the k_t of k_n = 1000, a toss with k_n = 100 ends even farther from the target. Steps are not the
+//! reason either: the grid in steps of 1 ms shows the shift, too.
 //!
-//! With hybrid friction the method does not come to the target after one bounce; its shift is that of the grid.
+//! With hybrid friction the method does not reach the target after one bounce. The reported shift is then that of the grid.
 
 use crate::experiments::ball_target::{FINE_S, TARGET_M};
 use crate::experiments::outcome::short;
@@ -20,19 +21,21 @@ use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise}
 use rollwalk_physics::sensitivity::parameter::Freedom;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 
-/// Velocity forward and upward.
+/// Free parameters: forward and upward velocity.
 const FREE: [(Freedom, usize); 2] = [FREEDOMS[0], FREEDOMS[2]];
 const STIFF_N_M: f64 = 1e3;
-/// Ever softer contacts; the last ones are those of the thesis's figure.
+/// Stiffnesses of ever softer contacts, N/m, down to that of the thesis's figure.
 const SOFTER_N_M: [f64; 3] = [4e2, 2e2, 1e2];
+/// Stiffness of the softest contacts, N/m, as in the thesis's figure.
 const SOFTEST_N_M: f64 = 1e2;
 /// Distance from the target within which a minimum is found, m.
 const AT_TARGET_M: f64 = 1e-5;
-/// Bound for the thesis's word "slightly", as a share of the speed.
+/// Bound for the thesis's "slightly", as a fraction of the speed.
 pub const SLIGHT: f64 = 0.05;
 
-/// Measures how far soft contacts shift the minima, and adds the rows to the outcome. `minima` are the minima that the grid has
-/// with stiff contacts: first the one with two bounces, then the one with one bounce.
+/// Measures the shift of the minima due to soft contacts, and adds rows to the outcome.
+///
+/// `minima` are the minima of the grid with stiff contacts: first the one with two bounces, then the one with one bounce.
 pub fn measure(
     ball: &Throw,
     minima: &[(f64, f64, f64)],
@@ -66,13 +69,12 @@ pub fn measure(
             ends.push(from_target(&rollout, rollout.steps()) * 1e3);
         }
         let text = format!("{} and {}", short(below[0]), short(below[1]));
-        let what =
-            "its first contact holds the ball below where it touches for, ms, k_n 1000 and 100";
+        let what = "time of the first contact below the height of touch, ms, k_n 1000 and 100";
         told(what, &text);
         for (name, end) in [("k_n 100", ends[1]), ("k_n 100, k_t of k_n 1000", ends[2])] {
             let off = end - ends[0];
             let text = format!("{} and {}", short(off.x), short(off.z));
-            told(&format!("where this toss ends ahead and above, mm, {name}"), &text);
+            told(&format!("change of the final position, ahead and above, mm, {name}"), &text);
         }
         let mut from = at;
         for node_stiffness_n_m in SOFTER_N_M {
@@ -85,10 +87,11 @@ pub fn measure(
             let way = found.map_or(f64::NAN, |to| (to[0] - at[0]).hypot(to[1] - at[1]));
             let share = way / at[0].hypot(at[1]);
             let what = format!(
-                "way from this minimum to that of k_n {node_stiffness_n_m}, by its speed, {bounces}"
+                "distance from this minimum to that of k_n {node_stiffness_n_m} / speed at this \
+                 minimum, {bounces}"
             );
-            let why =
-                "soft contacts hold the ball for longer, so that it bounces later: the rows above";
+            let why = "soft contacts hold the ball longer, so the ball bounces later, as the rows above \
+                 show";
             outcome.checks.push(if node_stiffness_n_m == SOFTEST_N_M {
                 Check::at_most_known(&what, "slight", share, SLIGHT, (known, why))
             } else {
@@ -99,7 +102,7 @@ pub fn measure(
     Some(())
 }
 
-/// Velocities forward and upward near these with which the ball ends at its target, m/s; none if they are not found.
+/// Forward and upward velocity near `near` with which the ball ends at its target, m/s; `None` if the method does not find it.
 fn minimum(throw: &Throw, near: [f64; 2], watch: &dyn Watch) -> Option<[f64; 2]> {
     let options = Options { iterations: 20, tolerance: 1e-5, most: 0.02, ..Options::default() };
     let fit = minimise(&near, &[], &options, |velocity| {
@@ -113,13 +116,13 @@ fn minimum(throw: &Throw, near: [f64; 2], watch: &dyn Watch) -> Option<[f64; 2]>
     (off_m < AT_TARGET_M).then(|| [fit.parameters[0], fit.parameters[1]])
 }
 
-/// The centre of mass after a step, from the target, m.
+/// Distance of the centre of mass from the target after a step, m.
 fn from_target(rollout: &Rollout, step: usize) -> Vector3<f64> {
     let along = |axis| Residual::com(rollout, step, &TARGET_M, axis).value;
     Vector3::new(along(Vector3::x()), along(Vector3::y()), along(Vector3::z()))
 }
 
-/// Time for which the centre of mass stays below its height at touch-down, the first time, s: the target is as high as that.
+/// Duration for which the centre of mass is below its height at touch-down for the first time, s. The target has this height.
 fn below_touch_s(rollout: &Rollout, step_s: f64) -> f64 {
     let below = (1..=rollout.steps()).map(|step| from_target(rollout, step).z < 0.0);
     let first = below.skip_while(|below| !below).take_while(|below| *below);

@@ -1,4 +1,4 @@
-//! A gripper that is moved and turned, and cubes that hang on it by springs.
+//! Gripper that moves and turns, and cubes that hang on it by springs.
 
 use crate::experiments::manipulation::{Effector, STEP_S};
 use crate::experiments::parts::{self, Link, Touching};
@@ -12,15 +12,17 @@ use rollwalk_physics::sensitivity::parameter::Pose;
 use rollwalk_physics::{Assembly, Motion, Settings, System};
 use std::sync::Arc;
 
-/// Edge of a cube, m, and its mass.
+/// Edge of a cube, m.
 pub(crate) const EDGE_M: f64 = 0.05;
+/// Mass of a cube.
 pub(crate) const CUBE_KG: f64 = 0.05;
-/// Stiffness of strings and bands, and contact of a cube's corners with the ground (Table A.2).
+/// Stiffness of strings and bands (Table A.2).
 pub(crate) const STRING_N_M: f64 = 5.0;
+/// Contact of a cube's corners with the ground (Table A.2).
 const NORMAL: Normal =
     Normal { stiffness_n_m: 200.0, damping_n_s_m: 1e-3, ramp_m: 0.0, pulls: true };
 
-/// A cube of its own whose place and turn are its coordinates.
+/// Cube that is moved: its coordinates are position and rotation.
 #[derive(Clone, Debug)]
 pub(crate) struct Gripper {
     pub body: usize,
@@ -57,25 +59,25 @@ impl Effector for Gripper {
     }
 }
 
-/// A cube without contacts; its number.
+/// Adds a cube without contacts and returns its index.
 pub(crate) fn add_cube(assembly: &mut Assembly, motion: Motion) -> usize {
     assembly.add_body(parts::cube(CUBE_KG, EDGE_M), motion)
 }
 
-/// Height of a cube's centre as it rests on its corners, m.
+/// Height of the centre of a cube that rests on its corners, m.
 pub(crate) fn rest_m() -> f64 {
     0.5 * EDGE_M - CUBE_KG * 9.81 / (4.0 * NORMAL.stiffness_n_m)
 }
 
-/// The corners of a cube touch level ground.
+/// Adds contacts between the corners of a cube and level ground.
 pub(crate) fn touch_ground(assembly: &mut Assembly, cube: usize) {
     let ground = Arc::new(Plane::level());
     let touching = Touching { normal: NORMAL, coefficient: 0.5, step_s: STEP_S, ground };
     touching.add(assembly, cube, parts::corners(EDGE_M));
 }
 
-/// Four springs from the lower corners of one cube, the gripper's among them, to the upper corners of another, stretched by
-/// a share of their length.
+/// Connects the lower corners of the first cube to the upper corners of the second by four springs. `stretch` is their initial
+/// stretch relative to their length.
 pub(crate) fn tie(assembly: &mut Assembly, bodies: [usize; 2], stretch: f64, string: bool) {
     let link = Link { stiffness_n_m: STRING_N_M, damping_n_s_m: 0.0, rest: 1.0 - stretch, string };
     for lower in parts::corners(EDGE_M).filter(|corner| corner.z < 0.0) {

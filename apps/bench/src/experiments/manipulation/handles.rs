@@ -9,7 +9,7 @@ use rollwalk_physics::sensitivity::parameter::Handle;
 use rollwalk_physics::{Assembly, System};
 use std::sync::Arc;
 
-/// The places of some particles, held by springs.
+/// Particles held by springs, whose anchor positions are the coordinates.
 #[derive(Clone, Debug)]
 pub(crate) struct Handles {
     anchors: Vec<usize>,

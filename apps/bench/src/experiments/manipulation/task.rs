@@ -1,4 +1,4 @@
-//! The way of an effector, found by Gauss–Newton's method so that bodies are somewhere at given times (thesis 4.7.1).
+//! Path of an effector, optimised by Gauss–Newton's method so that bodies are at given positions at given times (thesis 4.7.1).
 
 use crate::experiments::{Chart, Check, Watch};
 use cpu_time::ProcessTime;
@@ -13,32 +13,33 @@ pub(crate) const STEP_S: f64 = 1.0 / 60.0;
 
 /// Effector whose coordinates are prescribed.
 pub(crate) trait Effector {
-    /// Number of coordinates; they are 0 at the beginning.
+    /// Number of coordinates, which are initially 0.
     fn coordinates(&self) -> usize;
 
-    /// Parameters of all coordinates at a knot of the curve that they follow.
+    /// Parameters of all coordinates at a knot of their curve.
     fn knot(&self, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>>;
 
     fn place(&self, system: &mut System, coordinates: &[f64]);
 }
 
-/// Curves that an effector's coordinates follow, from 0. The knots of all coordinates are the parameters, those that keep the
-/// beginning where it is aside.
+/// Curves of an effector's coordinates, which begin at 0.
+///
+/// The parameters are the knots of all coordinates, except the knots at the beginning that are held at 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Way {
     steps: usize,
     curve: Arc<Curve>,
-    /// Knots at the beginning that are 0.
+    /// Number of knots at the beginning that are held at 0.
     held: usize,
 }
 
 impl Way {
-    /// A knot at every step.
+    /// Creates a linear curve with a knot at every step.
     pub fn by_step(steps: usize) -> Self {
         Self::new(steps, steps, Degree::Linear, 1)
     }
 
-    /// A smooth curve with so many free knots, which begins at rest.
+    /// Creates a smooth curve with a number of free knots, which begins at rest.
     pub fn smooth(steps: usize, knots: usize) -> Self {
         Self::new(steps, knots, Degree::Cubic, 2)
     }
@@ -54,7 +55,7 @@ impl Way {
         self.curve.knots - self.held
     }
 
-    /// Coordinates at the end of a step that is counted from 1.
+    /// Coordinates at the end of a step, counted from 1.
     pub fn at(&self, parameters: &[f64], coordinates: usize, step: usize) -> Vec<f64> {
         let of = |coordinate: usize| {
             let free = parameters.iter().skip(coordinate).step_by(coordinates).copied();
@@ -69,24 +70,25 @@ impl Way {
 pub(crate) struct Task<'a> {
     pub effector: &'a dyn Effector,
     pub way: Way,
-    /// A new system at its beginning.
+    /// Creates the system in its initial state.
     pub begin: &'a dyn Fn() -> System,
     pub targets: &'a dyn Fn(&Rollout) -> Vec<Residual>,
-    /// Weight of the smoothness: β Σ |p_{k+1} − p_k|², from where the effector begins.
+    /// Weight of the smoothness penalty β Σ |p_{k+1} − p_k|², which includes the initial coordinates.
     pub beta: f64,
     pub options: Options,
 }
 
 pub(crate) struct Solution {
     pub fit: Fit,
-    /// Rollout with the parameters that were found.
+    /// Rollout with the optimal parameters.
     pub rollout: Rollout,
-    /// CPU time of a simulation without derivatives, and of the optimisation, s.
+    /// CPU time of a simulation without derivatives, s.
     simulation_s: f64,
+    /// CPU time of the optimisation, s.
     pub optimisation_s: f64,
 }
 
-/// Work that the thesis needed for a task.
+/// Work for a task in the thesis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Work {
     pub iterations: f64,
@@ -116,7 +118,7 @@ impl Task<'_> {
         Some(recorder.finish())
     }
 
-    /// CPU time without derivatives, s.
+    /// CPU time of a simulation without derivatives, s.
     fn time(&self, parameters: &[f64]) -> Option<f64> {
         let mut system = (self.begin)();
         let begin = ProcessTime::now();
@@ -134,7 +136,7 @@ impl Task<'_> {
         all
     }
 
-    /// The objective with penalties, which [`Task::solve`] minimises.
+    /// Objective with penalties, which [`Task::solve`] minimises.
     pub fn cost(&self, parameters: &[f64]) -> Option<f64> {
         let of_penalty = |penalty: &Penalty| {
             let sum: f64 = penalty.factors.iter().map(|&(k, by)| by * parameters[k]).sum();
@@ -144,7 +146,7 @@ impl Task<'_> {
         Some(sensitivity::objective::cost(&(self.targets)(&self.rollout(parameters)?)) + penalties)
     }
 
-    /// Finds the effector's way from one with which to begin.
+    /// Optimises the path of the effector from an initial guess.
     pub fn solve(&self, watch: &dyn Watch, start: &[f64]) -> Option<Solution> {
         let begin = ProcessTime::now();
         let run = |parameters: &[f64]| {
@@ -162,7 +164,7 @@ impl Task<'_> {
         (!watch.interrupted()).then_some(Solution { fit, rollout, simulation_s, optimisation_s })
     }
 
-    /// The same from where the effector stays where it begins.
+    /// Optimises the path of the effector from an initial guess without motion.
     pub fn solve_from_rest(&self, watch: &dyn Watch) -> Option<Solution> {
         self.solve(watch, &vec![0.0; self.parameters()])
     }
@@ -173,7 +175,8 @@ impl Solution {
         self.fit.costs.len() - 1
     }
 
-    /// Iterations, at most so many, and times beside the thesis's, whose times are bounds. `of` goes before their names.
+    /// Checks of the iterations, bounded by `most`, and of the CPU times, bounded by those of the thesis. `of` is a prefix of
+    /// the names.
     pub fn checks(&self, of: &str, most: f64, thesis: Option<Work>) -> [Check; 3] {
         let iterations = thesis.map_or(String::new(), |work| work.iterations.to_string());
         let time = |what: &str, found: f64, bound: Option<f64>| {
@@ -196,7 +199,7 @@ impl Solution {
         self.fit.costs.iter().zip(0..).map(|(cost, k)| (f64::from(k), *cost)).collect()
     }
 
-    /// Two numbers of a body's place after each step.
+    /// Two components of a body's position after each step.
     pub fn path(&self, body: usize, [x, y]: [usize; 2]) -> Vec<(f64, f64)> {
         let at = |step: usize| {
             let place = self.rollout.motions(step)[body].position;
@@ -206,7 +209,7 @@ impl Solution {
     }
 }
 
-/// A body at a place after a step.
+/// Residuals of a body's position after a step.
 pub(crate) fn at_place(
     rollout: &Rollout,
     step: usize,
@@ -217,7 +220,7 @@ pub(crate) fn at_place(
         .map(|axis| Residual::position(rollout, step, body, target, axis))
 }
 
-/// A body at a place and turned after a step; a radian counts as a metre.
+/// Residuals of a body's position and orientation after a step. A radian has the weight of a metre.
 pub(crate) fn at_pose(
     rollout: &Rollout,
     step: usize,
@@ -229,7 +232,7 @@ pub(crate) fn at_pose(
     at_place(rollout, step, body, target).into_iter().chain(turn).collect()
 }
 
-/// The chart of objectives by iteration.
+/// Chart of objectives by iteration.
 pub(crate) fn objective(curves: Vec<(String, Vec<(f64, f64)>)>) -> Chart {
     Chart {
         name: "objective".to_owned(),

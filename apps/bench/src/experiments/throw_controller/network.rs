@@ -1,17 +1,17 @@
-//! A small dense network with exponential linear units, and its derivatives by its weights.
+//! Small dense network with exponential linear units, and its derivatives with respect to its weights.
 
 use fastrand::Rng;
 
-/// Numbers in each layer, input and output included.
+/// Sizes of all layers, including input and output.
 const SIZES: [usize; 4] = [2, 8, 8, 3];
 
-/// The network; its weights are one vector, as an optimiser has them.
+/// Network whose weights form one vector, as the optimiser requires.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     pub weights: Vec<f64>,
 }
 
-/// Outputs of all layers; the first is the input.
+/// Outputs of all layers, beginning with the input.
 pub(super) struct Pass {
     layers: Vec<Vec<f64>>,
 }
@@ -26,7 +26,7 @@ fn elu(x: f64) -> f64 {
     if x > 0.0 { x } else { x.exp_m1() }
 }
 
-/// Inputs, outputs and first weight of each layer; a bias follows the weights of each output.
+/// Number of inputs, number of outputs and index of the first weight of each layer. A bias follows the weights of each output.
 fn layers() -> Vec<(usize, usize, usize)> {
     let mut first = 0;
     let of = SIZES.windows(2).map(|pair| {
@@ -38,7 +38,7 @@ fn layers() -> Vec<(usize, usize, usize)> {
 }
 
 impl Network {
-    /// Random weights, with the mean output that it begins with.
+    /// Creates a network with random weights. `output` is its initial mean output.
     pub fn random(rng: &mut Rng, output: [f64; 3]) -> Self {
         let mut weights = Vec::new();
         for (inputs, outputs, _) in layers() {
@@ -69,7 +69,7 @@ impl Network {
         pass
     }
 
-    /// Adds the derivatives by the weights of a number of which `by_output` has those by the output.
+    /// Adds the derivatives of a quantity with respect to the weights, given its derivatives with respect to the output.
     pub fn gradient(&self, pass: &Pass, by_output: &[f64], gradient: &mut [f64]) {
         let mut by = by_output.to_vec();
         for (number, (inputs, outputs, first)) in layers().into_iter().enumerate().rev() {

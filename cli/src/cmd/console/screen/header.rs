@@ -1,4 +1,4 @@
-//! The head of the screen: the state, the link, faults in words and what to do next.
+//! Head of the screen: state, link, described faults, and advice on the next step.
 
 use super::super::scene::Scene;
 use super::fit;
@@ -13,10 +13,10 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, Quantity, Severity};
 use rollwalk_protocol::wire::State;
 
-/// Columns of the state.
+/// Width of the state box, columns.
 const STATE_WIDTH: u16 = 20;
 
-/// Draws state, link and speed.
+/// Draws the state, the link and the speed.
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let [left, right] =
         Layout::horizontal([Constraint::Length(STATE_WIDTH), Constraint::Min(0)]).areas(area);
@@ -34,7 +34,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
         Some(hello) => {
             hello.library.map_or("no library".into(), |library| format!("library {library:08x}"))
         }
-        None => "asking who it is".into(),
+        None => "identity requested".into(),
     };
     let name = format!(" {robot}, {library}, node {} on {}", view.node, scene.bus);
     let bold = Style::new().add_modifier(Modifier::BOLD);
@@ -46,7 +46,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(lines), right);
 }
 
-/// The state in big words.
+/// State in capital letters.
 pub fn state_words(view: &View) -> &'static str {
     if view.stopping {
         return "STOPPING";
@@ -124,7 +124,7 @@ fn link(view: &View, width: usize) -> Line<'static> {
         let text = match (age_s, complaint) {
             (Some(age_s), None) => format!(" NO CONTACT for {age_s:.1} s"),
             (Some(age_s), Some(why)) => format!(" NO CONTACT for {age_s:.1} s: {why}"),
-            (None, None) => " no answer yet: is it powered, and on this bus?".into(),
+            (None, None) => " no answer yet: check power, cable and address".into(),
             (None, Some(why)) => format!(" no answer yet: {why}"),
         };
         return Line::styled(fit(&text, width), bad);
@@ -133,7 +133,8 @@ fn link(view: &View, width: usize) -> Line<'static> {
         view.link.round_trip_us.map_or("?".into(), |us| format!("{:.1}", us as f64 * 1e-3));
     let (lost, all) = (view.link.lost, view.link.lost + view.link.received);
     let age_s = age_s.unwrap_or(0.0);
-    let text = format!(" round trip {round_trip} ms, heard {age_s:.2} s ago, lost {lost} of {all}");
+    let text =
+        format!(" round trip {round_trip} ms, status {age_s:.2} s old, lost {lost} of {all}");
     match complaint {
         // How well it carries is in the way of why it does not.
         Some(why) => Line::styled(fit(&format!(" BUS: {why}"), width), bad),
@@ -156,10 +157,10 @@ fn doing(scene: &Scene) -> String {
         parts.push(gamepad.to_owned());
     }
     if view.leaving == Leaving::WhenHome {
-        parts.push("LEAVING: q again leaves at once".into());
+        parts.push("LEAVING: q leaves at once".into());
     }
     if let Some(asking) = &view.asking {
-        parts.push(format!("asking: {asking}"));
+        parts.push(format!("command: {asking}"));
     }
     format!(" {}", parts.join(", "))
 }
@@ -168,7 +169,7 @@ fn part(sixty_fourths: i8) -> String {
     format!("{:.0} %", f64::from(sixty_fourths) / 0.64)
 }
 
-/// Draws faults and what to do next.
+/// Draws the faults and the advice on the next step.
 pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     let view = scene.view;
     let width = usize::from(area.width);
@@ -183,7 +184,7 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
         }
         None => Line::styled(fit(&format!(" FAULT: {}", faults.join("; ")), width), bad),
     };
-    let advice = if view.link.contact { view.advice } else { "wait, or see to bus and power" };
+    let advice = if view.link.contact { view.advice } else { "wait, or check bus and power" };
     let next = Line::from(vec![
         Span::styled(" next: ", Style::new().add_modifier(Modifier::BOLD)),
         Span::raw(fit(advice, width.saturating_sub(7))),
@@ -191,7 +192,7 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(vec![first, next]), area);
 }
 
-/// Actuators that are too hot, have a wrong supply, or failed otherwise.
+/// Descriptions of actuators that are too hot, have a wrong supply voltage, or failed otherwise.
 fn servos(scene: &Scene) -> Vec<String> {
     let all = scene.view.joints.iter().filter(|(_, joint)| joint.telemetry.status.faulty());
     let each = |(&channel, joint): (&u8, &JointView)| {
@@ -202,7 +203,7 @@ fn servos(scene: &Scene) -> Vec<String> {
     all.map(each).collect()
 }
 
-/// A fault with its channel and, where it has a unit, its value: in short, as lines are.
+/// Short description of a fault with its channel, and with its value if that has a unit.
 fn words(scene: &Scene, fault: &FaultView) -> String {
     let description = fault.fault.description();
     let kind = scene.names.actuators.kind_for(fault.fault, fault.channel, fault.value);

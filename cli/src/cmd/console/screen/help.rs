@@ -1,4 +1,4 @@
-//! The keys, in words.
+//! Help of the console: a list of all keys.
 
 use super::super::scene::Scene;
 use ratatui::Frame;
@@ -7,21 +7,21 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 
 const TEXT: &str = "\
 SPACE Esc  EMERGENCY STOP: torque off at once, the robot falls
-           c and then a lead out of it
-a          arm: torque on, it goes to SAFE slowly
-1 2 e f .. play a motion, see the list
-p          pause; once more after a moment: go on
+           afterwards c clears the stop, and a arms
+a          arm: torque on, the robot moves slowly to SAFE
+1 2 e f .. play the motion with this key in the list
+p          pause; after a moment, p resumes
 r          return to SAFE
 d          disarm: return to SAFE, then torque off
 c          clear an emergency stop or fault that has passed
-+ -        speed of the motions, for loops at once
-↑ ↓        more joints
-q Ctrl-C   go home, torque off, leave; again: leave at once,
-           the robot then returns by itself
-→ in the graph: from this row's motion there is a way to the
-  column's; ● here, ▶ on the way";
++ -        speed of the motions; loops change at once
+↑ ↓        scroll the joints
+q Ctrl-C   SAFE, torque off, then leave; again: leave at once,
+           the robot then returns to SAFE automatically
+→ in the graph: a transition from the row to the column;
+  ● playing motion, ▶ playing transition";
 
-/// Draws the help over everything else.
+/// Draws the help over the screen.
 pub fn draw(frame: &mut Frame, _: &Scene, area: Rect) {
     let (width, height) = (64.min(area.width), 16.min(area.height));
     let popup = Rect {

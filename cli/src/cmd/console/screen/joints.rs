@@ -1,4 +1,4 @@
-//! Joints and wheels: where they are in their ranges, how fast, with which torque, and how old that is.
+//! Joints and wheels: position within the range, speed, torque, and age of these values.
 
 use super::super::scene::{Range, Scene};
 use super::{fit, shorten};
@@ -12,7 +12,7 @@ use rollwalk_terminal::output::unsigned_zero;
 
 /// Minimum number of columns.
 pub const LEAST_WIDTH: u16 = 46;
-/// Age from which values are marked, µs: a robot of 24 channels reports each ten times a second.
+/// Age from which values are marked as old, µs. A robot with 24 channels reports each channel ten times a second.
 const OLD_US: u64 = 500_000;
 
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
@@ -83,7 +83,7 @@ fn hundredths(value: f32) -> String {
     unsigned_zero(format!("{value:.2}"))
 }
 
-/// A place in a range: `├──●───┤`, at an end `◀` or `▶` when it is outside.
+/// Draws a position within a range as `├──●───┤`. A position outside the range replaces the end by `◀` or `▶`.
 fn bar(position_rad: f32, range: Range, width: usize) -> String {
     let span = range.max_rad - range.min_rad;
     let part = if span > 0.0 { (position_rad - range.min_rad) / span } else { 0.5 };

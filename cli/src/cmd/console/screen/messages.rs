@@ -1,4 +1,4 @@
-//! Messages with seconds since the start; the newest at the bottom.
+//! Messages with their time since the start, s; the newest at the bottom.
 
 use super::super::scene::Scene;
 use ratatui::Frame;
@@ -8,7 +8,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Paragraph};
 use rollwalk_host::operator::{Message, Weight};
 
-/// Draws the last of them.
+/// Draws as many of the newest messages as fit.
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let room = usize::from(area.height.saturating_sub(1));
     let width = usize::from(area.width);
@@ -26,7 +26,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
-/// A message in lines that fit.
+/// Wraps a message to the width of the screen.
 fn wrap(message: &Message, width: usize) -> Vec<Line<'static>> {
     let (sign, style) = match message.weight {
         Weight::Note => (' ', Style::new()),

@@ -1,4 +1,4 @@
-//! The screen: a pure function of the scene. Whatever a colour says, a word or sign says as well.
+//! Screen of the console, a pure function of the scene. Words or signs repeat whatever a colour shows.
 
 mod header;
 mod help;
@@ -15,7 +15,7 @@ use ratatui::style::{Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-/// Below this there is no room for anything but how to stop.
+/// Minimum size of a full screen, columns and rows. A smaller terminal only shows how to stop the robot.
 const LEAST: (u16, u16) = (56, 16);
 
 pub fn draw(frame: &mut Frame, scene: &Scene) {
@@ -50,8 +50,8 @@ pub fn draw(frame: &mut Frame, scene: &Scene) {
 fn draw_small(frame: &mut Frame, scene: &Scene, area: Rect) {
     let lines = vec![
         Line::from(format!("robot: {}", header::state_words(scene.view))),
-        Line::from("SPACE stops it, q brings it home"),
-        Line::from(format!("the console needs {} x {} characters", LEAST.0, LEAST.1)),
+        Line::from("SPACE: emergency stop, q: leave"),
+        Line::from(format!("the console requires {} x {} characters", LEAST.0, LEAST.1)),
     ];
     frame.render_widget(Paragraph::new(lines), area);
 }
@@ -75,7 +75,7 @@ fn draw_footer(frame: &mut Frame, area: Rect) {
     frame.render_widget(Paragraph::new(Line::from(spans)), area);
 }
 
-/// Fits a text into a number of columns.
+/// Pads or cuts a text to a number of columns.
 fn fit(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return format!("{text:<width$}");
@@ -84,7 +84,7 @@ fn fit(text: &str, width: usize) -> String {
     if width == 0 { kept } else { format!("{kept}…") }
 }
 
-/// Shortens a name to a number of columns: its words become initials, from the first on.
+/// Shortens a name to a number of columns by reducing words to initials, from the first word on.
 fn shorten(name: &str, width: usize) -> String {
     let mut words: Vec<String> = name.split('_').map(str::to_owned).collect();
     let last = words.len() - 1;

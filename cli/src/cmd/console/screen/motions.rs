@@ -1,5 +1,5 @@
-//! Motions with their keys, and the motion graph as a table: a row for where the robot is, a column for where it
-//! can go from there.
+//! Motions with their keys, and the motion graph as a table. Rows are origins; columns are the motions that the robot can
+//! change to.
 
 use super::super::scene::Scene;
 use super::fit;
@@ -11,7 +11,7 @@ use ratatui::widgets::{Block, Paragraph};
 use rollwalk_host::catalog::{Catalog, Transition};
 use rollwalk_protocol::library::RATE_HZ;
 
-/// Longest name that is shown whole.
+/// Maximum length of a name that is shown in full, characters.
 const NAME: usize = 18;
 
 /// Position of the robot on the motion graph.
@@ -34,21 +34,22 @@ fn name_width(catalog: &Catalog) -> usize {
     longest.unwrap_or(0).clamp(6, NAME)
 }
 
-/// Columns before the graph: mark, key, name, round, seconds, and what is between.
+/// Width of the columns before the graph, including blanks: mark, key, name, loop sign and duration.
 fn head_width(catalog: &Catalog) -> usize {
     4 + name_width(catalog) + 7
 }
 
-/// Columns that it takes to show everything.
+/// Width that shows all columns.
 pub fn width(scene: &Scene) -> u16 {
     let Some(catalog) = &scene.names.catalog else { return 36 };
     (head_width(catalog) + 2 * catalog.motions.len() + 1) as u16
 }
 
-/// Draws motions and graph.
+/// Draws the motions and the graph.
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let Some(catalog) = &scene.names.catalog else {
-        let text = "\n The names of its motions are not\n known on this computer: 1 to 9\n play codes 1 to 9. rollwalk\n flash keeps names; or add\n --library LIB.rwl";
+        let text = "\n Motion names are unknown on this\n computer. Keys 1 to 9 play codes\n 1 to \
+            9. For names, run rollwalk\n flash, or start the console with\n --library LIB.rwl";
         let block = Block::bordered().title(" Motions ");
         return frame.render_widget(Paragraph::new(text).block(block), area);
     };
@@ -127,7 +128,7 @@ fn cell(catalog: &Catalog, place: Option<Place>, from: usize, to: usize) -> Span
     Span::styled(if joined { "→ " } else { "  " }, style)
 }
 
-/// Name and progress of the clip that plays.
+/// Name and progress of the current clip.
 fn now(scene: &Scene, catalog: &Catalog, place: Option<Place>, width: usize) -> String {
     let (Some(status), Some(place)) = (scene.view.status, place) else {
         return " nothing plays".into();

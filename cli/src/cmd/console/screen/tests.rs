@@ -1,4 +1,4 @@
-//! Screens of known scenes, compared with the files beside this one; and that no size or scene is too much.
+//! Screens of known scenes, compared with the files in this folder; also scenes and sizes that must not panic.
 
 use super::super::scene::{Names, Range, Scene};
 use super::draw;
@@ -25,7 +25,7 @@ fn render(scene: &Scene, width: u16, height: u16) -> String {
     rows.collect()
 }
 
-/// Compares with a file; with ROLLWALK_UPDATE_SCREENS set writes it.
+/// Compares a screen with a file. If ROLLWALK_UPDATE_SCREENS is set, the file is rewritten.
 fn compare(name: &str, screen: &str) {
     let path = format!("{}/src/cmd/console/screen/{name}.txt", env!("CARGO_MANIFEST_DIR"));
     if env::var_os("ROLLWALK_UPDATE_SCREENS").is_some() {
@@ -121,7 +121,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         transfer: None,
         messages: [
             say(0, Weight::Note, "contact: the robot is disarmed"),
-            say(8_200_000, Weight::Note, "armed: it goes to SAFE"),
+            say(8_200_000, Weight::Note, "armed: the robot moves to SAFE"),
             say(11_900_000, Weight::Note, "the robot is ready"),
             say(
                 12_000_000,
@@ -166,7 +166,7 @@ fn a_fault_on_the_way_to_safe() {
         number: 2,
         at_us: 64_500_000,
         weight: Weight::Warning,
-        text: "no contact: nothing was heard for 0.5 s; let go of the deadman, and an armed robot returns to SAFE by itself, or halts if it is streamed to".into(),
+        text: "no contact: no frame arrived for 0.5 s; release the deadman, and an armed robot then returns to SAFE automatically, or halts if it was following streamed setpoints".into(),
         answers: None,
     });
     for (width, height) in [(80, 24), (120, 40)] {
@@ -184,7 +184,7 @@ fn a_bus_that_is_lost_and_the_help() {
     let lost = Scene { help: true, ..scene(&view, &names) };
     compare("lost_80x24", &render(&lost, 80, 24));
     let small = render(&lost, 40, 8);
-    assert!(small.contains("SPACE stops it"), "{small}");
+    assert!(small.contains("SPACE: emergency stop"), "{small}");
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn what_is_wrong_with_the_bus_is_in_the_line_of_the_link() {
     assert!(lost.contains("NO CONTACT for 1.2 s: can0 is bus-off"), "{lost}");
 }
 
-/// A stopped robot is described as it is, and by what stopped it.
+/// Checks that the screen of a stopped robot names the fault that stopped it.
 #[test]
 fn what_stopped_a_robot_is_not_mistaken_for_another_cause() {
     let mut names = names();
@@ -228,7 +228,7 @@ fn what_stopped_a_robot_is_not_mistaken_for_another_cause() {
     assert!(lost.contains("FAULT: the serial adapter of the servos is gone"), "{lost}");
 }
 
-/// Telemetry has neither degrees nor volts, but a flag for each; the limits are those of the data sheet.
+/// Telemetry contains flags for temperature and supply voltage, but no values. The screen shows the limits of the data sheet.
 #[test]
 fn a_servo_that_is_too_hot_is_named_with_its_limit() {
     let mut names = names();
@@ -245,7 +245,7 @@ fn of_a_serial_line() -> Actuators {
     Actuators { buses: vec![bus], channels: (1..15).map(of).collect() }
 }
 
-/// Words distinguish the states without colours.
+/// Checks that the text alone distinguishes the states, without colours.
 #[test]
 fn every_state_has_words_of_its_own() {
     let names = names();

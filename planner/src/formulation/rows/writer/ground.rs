@@ -1,7 +1,8 @@
-//! Derivatives that go through the ground: heights change as points move over it, and normals and rolling directions turn.
+//! Derivatives through the ground: the height below a point changes as the point moves, and normals and rolling directions
+//! turn.
 //!
-//! On level ground none of them does, and rows have no entries for it: terms that ask the ground for heights and directions,
-//! and write their derivatives here, are the same for every ground.
+//! On level ground all of these are zero, and rows have no entries for them. Terms that take heights and directions from the
+//! ground and write their derivatives here are the same for every ground.
 
 use super::RowWriter;
 use crate::problem::state::{ContactFrame, State};
@@ -9,13 +10,13 @@ use nalgebra::Vector3;
 use rollwalk_multibody::ground::Elevation;
 
 impl<'a> RowWriter<'a> {
-    /// True if the ground is level: heights and directions are then the same everywhere.
+    /// Returns true if the ground is level. Heights and directions are then the same everywhere.
     pub fn on_level_ground(&self) -> bool {
         self.problem.ground.is_level()
     }
 
-    /// Adds `factor` times the derivative of the height above the ground of a point, of which three consecutive variables
-    /// are the coordinates; `ground` is that below it.
+    /// Adds `factor` times the derivative of a point's height above the ground. The coordinates are three consecutive variables
+    /// from `first`; `ground` is the ground below the point.
     pub fn d_height(&mut self, k: usize, first: usize, factor: f64, ground: &Elevation) {
         if !self.on_level_ground() {
             self.d(k, first, -factor * ground.slope.x);
@@ -24,7 +25,7 @@ impl<'a> RowWriter<'a> {
         self.d(k, first + 2, factor);
     }
 
-    /// The same of the centre of mass.
+    /// Adds `factor` times the derivative of the centre of mass's height above the ground.
     pub fn d_com_height(&mut self, k: usize, factor: f64, ground: &Elevation) {
         let upward = ground.upward();
         // The base moves it along itself, and on level ground z alone counts.
@@ -36,21 +37,22 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Adds derivatives with respect to three consecutive variables, of which the third has none on level ground: those
-    /// along the ground.
+    /// Adds the derivative with respect to a vector along the ground, stored in three consecutive variables. On level ground
+    /// the third has no entry.
     pub fn d_along(&mut self, k: usize, first: usize, derivative: &Vector3<f64>) {
         let count = if self.on_level_ground() { 2 } else { 3 };
         (0..count).for_each(|c| self.d(k, first + c, derivative[c]));
     }
 
-    /// Adds derivatives with respect to three consecutive variables, of which the third alone has one on level ground:
-    /// those along the normal.
+    /// Adds the derivative with respect to a vector along the normal, stored in three consecutive variables. On level ground
+    /// only the third has an entry.
     pub fn d_upward(&mut self, k: usize, first: usize, derivative: &Vector3<f64>) {
         let from = if self.on_level_ground() { 2 } else { 0 };
         (from..3).for_each(|c| self.d(k, first + c, derivative[c]));
     }
 
-    /// Adds what the normal at the contact of end effector `j` contributes, `by_normal` being the derivative by it.
+    /// Adds the derivative through the normal at the contact of end effector `j`. `by_normal` is the derivative with respect to
+    /// the normal.
     pub fn d_normal(&mut self, k: usize, j: usize, by_normal: &Vector3<f64>) {
         if !self.on_level_ground() {
             let by_place = self.frame(k, j).ground.d_normal().tr_mul(by_normal);
@@ -60,7 +62,8 @@ impl<'a> RowWriter<'a> {
         }
     }
 
-    /// Adds what the rolling direction of wheel `j` contributes, `factor` times `by_rolling` being the derivative by it.
+    /// Adds the derivative through the rolling direction of wheel `j`. `factor` times `by_rolling` is the derivative with
+    /// respect to that direction.
     pub fn d_rolling(&mut self, k: usize, j: usize, factor: f64, by_rolling: &Vector3<f64>) {
         let Some(wheel) = self.problem.layout.end_effectors[j].wheel else { return };
         let ContactFrame { d_rolling: [d_tilt, d_yaw], by_normal, .. } = self.frame(k, j);
