@@ -408,7 +408,10 @@ fn run_controller(
     let mut core = core(robot, keys, memory.as_ref())?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
-    ready(robot, bus);
+    output::say(format_args!(
+        "{} is on {bus}; Ctrl-C switches torque off and ends the program",
+        robot.name
+    ));
     let (mut printer, start) = (StatusPrinter::new(robot), Instant::now());
     let mut lost = Lost { link: Some(bus), actuators, says: true };
     let mut failed = None;

@@ -116,17 +116,16 @@ pub fn picture(stand: &Stand) -> Document {
         .set("viewBox", (0, -180, 600, 240))
         .set("font-family", "sans-serif")
         .add(background.set("fill", "white"));
-    let way = stand.states.iter().map(|(time_s, way_m, _)| (time_s, 100.0 * way_m)).collect();
-    let tilt = stand.states.iter().map(|(time_s, _, rad)| (time_s, rad.to_degrees())).collect();
-    let curves: [(&str, &str, Vec<(&f64, f64)>); 2] =
-        [("displacement", "#1f77b4", way), ("tilt", "#d62728", tilt)];
-    for (k, (name, color, values)) in curves.into_iter().enumerate() {
-        let largest = values.iter().map(|(_, value)| value.abs()).fold(0.0, f64::max);
-        let unit = ["cm", "°"][k];
+    for (k, (name, color, unit)) in
+        [("displacement", "#1f77b4", "cm"), ("tilt", "#d62728", "°")].into_iter().enumerate()
+    {
+        let values = stand.states.iter().map(|&(time_s, way_m, tilt_rad)| {
+            (time_s, if k == 0 { 100.0 * way_m } else { tilt_rad.to_degrees() })
+        });
+        let largest = values.clone().map(|(_, value)| value.abs()).fold(0.0, f64::max);
         let label = Text::new(format!("{name}, at most {largest:.1} {unit}"));
-        let px =
-            |(time_s, value): (&f64, f64)| format!("{:.1},{:.1}", 300.0 * time_s, -100.0 * value);
-        let points: Vec<String> = values.into_iter().map(px).collect();
+        let px = |(time_s, value)| format!("{:.1},{:.1}", 300.0 * time_s, -100.0 * value);
+        let points: Vec<String> = values.map(px).collect();
         let curve = Polyline::new().set("points", points.join(" ")).set("fill", "none");
         let label = label.set("x", 10 + 280 * k).set("y", -160).set("fill", color);
         picture = picture.add(curve.set("stroke", color)).add(label);

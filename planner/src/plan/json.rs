@@ -29,8 +29,8 @@ pub enum PlanError {
     /// The robot breaks the rules of robot files.
     #[error("{file}: robot: {error}")]
     #[diagnostic(help(
-        "correct the robot by the rules of robot files, which `rollwalk robot check` \
-        reports"
+        "correct the robot file, check this file with `rollwalk robot check`, and plan the motion \
+        again"
     ))]
     Robot {
         /// Name of the file, as passed by the caller.

@@ -9,11 +9,15 @@ use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
 use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
+use rollwalk_protocol::wire::Torque;
 use std::iter;
 use std::time::{Duration, Instant};
 
 /// Runs the controller until `goes_on` returns `false`. `goes_on` is called once in every control period, which lasts `period`.
 /// `actuators` contains the actuator buses by number.
+///
+/// A run that ends with torque on stops the robot first: its drives receive the order to switch torque off for
+/// [`OFF_PERIODS`]. Drives without a watchdog would keep their last set-points.
 ///
 /// The loss of a bus does not end the run. Without the link the controller returns the robot to SAFE. A lost actuator bus
 /// counts as bus-off, and is reopened after an operator has cleared that fault.
@@ -31,6 +35,7 @@ pub fn run(
     let start = Instant::now();
     let mut board = Board::new(core, port, keeper, actuators);
     let mut next_tick = start;
+    let mut periods_left = None;
     loop {
         // Ticks come before frames, so that even a full bus does not delay them. But answers that are there already count.
         let is_due = Instant::now() >= next_tick;
@@ -45,8 +50,17 @@ pub fn run(
                 // After a stall one tick is late; missed ticks are not repeated, and the next one leaves servos on serial
                 // lines the time for their answers.
                 next_tick = (next_tick + period).max(Instant::now() + period.mul_f32(MAX_LOAD));
-                if !goes_on(board.core) {
-                    return Ok(());
+                match &mut periods_left {
+                    Some(0) => return Ok(()),
+                    Some(left) => *left -= 1,
+                    None if goes_on(board.core) => {}
+                    None if board.core.controller_mut().state().torque() == Torque::Off => {
+                        return Ok(());
+                    }
+                    None => {
+                        board.core.controller_mut().estop(now_us);
+                        periods_left = Some(OFF_PERIODS);
+                    }
                 }
                 board.watch_actuator_buses(now_us);
                 Some(Input::Tick)
@@ -55,6 +69,9 @@ pub fn run(
         board.step(now_us, input)?;
     }
 }
+
+/// Control periods between an emergency stop and the end of a run.
+const OFF_PERIODS: u32 = 30;
 
 /// Maximum number of events that are processed between the due time of a tick and the tick.
 const CATCH_UP: usize = 64;

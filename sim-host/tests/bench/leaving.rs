@@ -1,0 +1,92 @@
+//! End of a controller's program: drives without a watchdog must not keep their last set-points.
+
+use crate::{connect, robot};
+use rollwalk_bus::link::LinkError;
+use rollwalk_bus::port::{Event, Inlet, Live, Outlet, Port};
+use rollwalk_firmware::Settings;
+use rollwalk_protocol::can::Frame;
+use rollwalk_sim_host::body::Body;
+use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::interface::Interface;
+use rollwalk_sim_host::live::{Reopen, controller, motors};
+use rollwalk_sim_host::servo::Servo;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+struct To(Sender<Frame>);
+
+impl Outlet for To {
+    fn is_free(&self) -> bool {
+        true
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
+        self.0.send(*frame).map_err(|_| LinkError::Down("closed".into()))
+    }
+}
+
+struct From(Receiver<Frame>);
+
+impl Inlet for From {
+    fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
+        match self.0.recv_timeout(Duration::from_millis(10)) {
+            Ok(frame) => Ok(Some(Event::Frame(frame))),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(LinkError::Down("closed".into())),
+        }
+    }
+}
+
+/// Returns both ends of a bus.
+fn bus() -> [Port; 2] {
+    let ((to_far, far), (to_near, near)) = (channel(), channel());
+    [(to_far, near), (to_near, far)]
+        .map(|(to, from)| Port { outlet: Box::new(To(to)), inlet: Box::new(From(from)) })
+}
+
+/// Reopens no bus.
+struct Closed;
+
+impl Reopen for Closed {
+    fn lost(&mut self, _bus: Interface, _why: &LinkError) {}
+
+    fn reopen(&mut self, _bus: Interface) -> Option<Port> {
+        None
+    }
+}
+
+#[test]
+fn in_real_time_a_controller_that_ends_switches_torque_off() {
+    let ([link, host], [hip, hip_motors], [knee, knee_motors]) = (bus(), bus(), bus());
+    let (leaves, ends, driving) =
+        (AtomicBool::new(false), AtomicBool::new(false), AtomicUsize::new(0));
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut body = Body::new(&robot::robot());
+            motors::run(&mut body, vec![hip_motors, knee_motors], &mut Closed, &mut (), |body| {
+                let count = body.servos().iter().filter(|servo| Servo::is_driving(servo)).count();
+                driving.store(count, Ordering::SeqCst);
+                !ends.load(Ordering::SeqCst)
+            })
+            .unwrap();
+        });
+        let controller = scope.spawn(|| {
+            let buses = robot::robot().controller_buses();
+            let (settings, library) = (Settings::default(), robot::library());
+            let period = Duration::from_secs(1) / u32::from(settings.control_hz);
+            let mut core = Local::with_library(robot::config(), buses, settings, &library);
+            let goes_on = |_: &mut Local| !leaves.load(Ordering::SeqCst);
+            controller::run(&mut core, period, link, &mut Closed, vec![hip, knee], goes_on)
+                .unwrap();
+        });
+        connect(Live::new(host)).arm().unwrap();
+        let armed = driving.load(Ordering::SeqCst);
+        leaves.store(true, Ordering::SeqCst);
+        controller.join().unwrap();
+        thread::sleep(Duration::from_millis(50));
+        ends.store(true, Ordering::SeqCst);
+        assert_eq!((armed, driving.load(Ordering::SeqCst)), (3, 0), "driving before and after");
+    });
+}
