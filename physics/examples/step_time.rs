@@ -50,7 +50,7 @@ fn measure(
     }
     let each_s = start.elapsed().as_secs_f64() / f64::from(steps);
     println!(
-        "{name:44} {:8.3} ms/step {:8.1} x real time {:6.2} iterations, worst {worst}, {subdivisions} halved",
+        "{name:44} {:8.3} ms/step {:8.1} x real time {:6.2} iterations/step, at most {worst}, {subdivisions} halvings",
         1e3 * each_s,
         step_s / each_s,
         f64::from(iterations) / f64::from(steps),

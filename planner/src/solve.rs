@@ -62,9 +62,9 @@ pub struct Iteration {
     pub progress: Progress,
     /// Status of the solve; `None` if it has not ended.
     pub ended: Option<Status>,
-    /// Difference of the energy from its quadratic model at the end of the step. After an undamped step, it is the deviation of
-    /// the rows from their linearisation, and about the possible gain of the next step. Infinite without a step and after a
-    /// damped step, because the model of a short step is accurate far from any optimum too.
+    /// Absolute difference between the predicted and the actual decrease of the energy. After an undamped step it comes from the
+    /// nonlinearity of the rows, and estimates how much the next step can gain. Infinite without a step and after a damped step,
+    /// because the model of a short step is accurate far from any optimum too.
     pub mismatch: f64,
     /// True if the multipliers should be shifted: the energy is nearly minimal for them, and a constraint is violated.
     pub nearly_flat: bool,

@@ -128,7 +128,8 @@ fn difference(one: &[Stretch], other: &[Stretch]) -> Vec<Stretch> {
     alone
 }
 
-/// Allows for small differences, because statuses arrive every 50 ms and may miss a motion that begins at the time of a RETURN.
+/// Compares the states and motions in both logs. Short differences are allowed: statuses arrive only every 50 ms, so that a log
+/// may lack a motion that begins just as a RETURN arrives.
 #[test]
 #[ignore = "reads the logs of cargo xtask vcan"]
 fn the_board_played_what_the_simulated_robot_played() {

@@ -37,7 +37,7 @@ pub fn build() -> Result<(), String> {
     }
     let text = |name: &str| {
         let bytes = read(dist.join(name))?;
-        String::from_utf8(bytes).map_err(|_| format!("studio/dist/{name} is not a text"))
+        String::from_utf8(bytes).map_err(|_| format!("studio/dist/{name} is not UTF-8 text"))
     };
     let page = one_file(&text("index.html")?, &text, &engine)?;
     write(&folder.join("studio.html"), page.as_bytes())

@@ -76,7 +76,7 @@ pub enum Benchmark {
     /// Size of the shipped motion libraries in bytes per second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
     LibraryFormat(only::Only),
-    /// Cost of editing a robot against planning from scratch.
+    /// CPU time of replanning after an edit of the robot, compared with planning from scratch.
     #[command(name = "design-edits")]
     DesignEdits(only::Only),
     /// Requests beyond the limits of robots: feasibility of the values that their diagnoses suggest.

@@ -220,8 +220,8 @@ mod tests {
     use rollwalk_multibody::State;
     use rollwalk_robot::Robot;
 
-    /// Reference computation for a rigid body with forces at its end effectors: δv̇ and δω̇ for errors of state and input, in
-    /// axes of the heading.
+    /// Reference: linear and angular acceleration of a rigid body from its ground forces, without gravity, for errors of state
+    /// and input, in axes of the heading.
     fn accelerations(
         levers: &[Vector3<f64>],
         forces: &[Vector3<f64>],

@@ -27,7 +27,8 @@ const AVERAGED: f64 = 5.0;
 const STANDS: f64 = 0.1;
 /// Time that a robot needs to catch up with its resumed plan, as a multiple of √(h/g).
 const COMES_ALONG: f64 = 5.0;
-/// Number of consecutive recoveries, each within this time, that count as stumbling. A single one may be due to another push.
+/// Number of consecutive recoveries, each begun within [`COMES_ALONG`] after the plan was resumed, that count as stumbling. One
+/// such recovery may be due to another push.
 const STUMBLES: u32 = 2;
 /// Position error above which the plan moves along with the robot, as a fraction of the height of the centre of mass.
 const ANCHOR: f64 = 0.2;

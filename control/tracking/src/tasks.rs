@@ -55,7 +55,7 @@ pub struct Weights {
     pub posture_feedback: Feedback,
     /// Rate at which the spin of a wheel in the air approaches the planned one, 1/s. Its weight is `posture`.
     pub spin_per_s: f64,
-    /// Weight of the deviation of ground forces from the planned ones, per square of the robot's weight.
+    /// Cost of the squared deviation of ground forces from the planned ones, with forces as fractions of m g.
     pub force: f64,
     /// Fraction of the friction coefficient that is used.
     ///

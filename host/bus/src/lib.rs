@@ -1,11 +1,11 @@
 //! Buses for programs on a computer: frames over CAN interfaces, serial lines and sockets, and logs of frames.
 //!
-//! | module | is |
+//! | module | contents |
 //! |---|---|
 //! | [`link`] | trait of a bus with a controller, as a host uses it |
-//! | [`name`], [`open`] | parses a bus name and opens it; errors suggest a valid name |
+//! | [`name`], [`open`] | names of buses, and opening of a bus by its name; errors suggest a valid name |
 //! | [`port`] | a bus in real time: an outlet, and a receiving thread |
-//! | [`can`] | SocketCAN, with short queues, and with error reports of drivers as states and advice |
+//! | [`can`] | SocketCAN interfaces with short queues in the kernel; states and advice from error reports of their drivers |
 //! | `line` | serial lines and sockets, with short read timeouts and non-blocking writes |
 //! | [`priority`] | real-time priority for threads that carry frames |
 //! | [`serial`], [`slcan`] | the link over a serial line; CAN adapters on serial lines |

@@ -15,7 +15,7 @@ const TITLE_HEIGHT: f64 = 36.0;
 /// Fraction of a cell that the robot fills.
 const FILL: f64 = 0.95;
 
-/// Draws a strip with `phases` times of every plan, one row per plan, as SVG text.
+/// Draws every plan at `phases` (at least 2) equally spaced times from start to end, one row per plan, as SVG text.
 pub fn strip(plans: &[&Plan], phases: usize) -> String {
     let phases = phases.max(2);
     let width = CELL[0] * phases as f64 + 2.0 * MARGIN;

@@ -77,7 +77,7 @@ pub const FORMAT_MINOR: u16 = 2;
 pub const MAX_MOTIONS: usize = 32;
 /// Maximum number of transitions (edges) of a library.
 pub const MAX_TRANSITIONS: usize = 96;
-/// Maximum number of clips of a library: motions, then transitions.
+/// Maximum number of clips of a library. Motions come first, then transitions.
 pub const MAX_CLIPS: usize = MAX_MOTIONS + MAX_TRANSITIONS;
 /// Maximum length of a clip, frames: one minute. Fits in the 12 bits of a status message.
 pub const MAX_CLIP_FRAMES: u16 = 3600;

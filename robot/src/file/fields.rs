@@ -110,7 +110,7 @@ pub(super) fn soft_material(table: &Table<'_>) -> SoftMaterial {
     }
 }
 
-/// Reads a data sheet: the fields of a motor that are independent of its location.
+/// Reads a data sheet: all fields of a motor except its address (bus and id).
 pub(super) fn data_sheet(table: &Table<'_>) -> Actuator {
     let actuator = Actuator {
         model: table.string("model").unwrap_or_default(),

@@ -1,4 +1,4 @@
-//! A robot file before it is text: its items, each with the line of URDF or side file that it comes from.
+//! Draft of a robot file, from which its text is generated: items, each with its source, a line of the URDF or side file.
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;

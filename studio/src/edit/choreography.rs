@@ -22,8 +22,10 @@ pub fn replace<T: Serialize>(
     if index.is_some_and(|index| index >= count) || index.is_none() && entry.is_none() {
         return Err(refused(
             format!("there is no {key} with this index"),
-            format!("give an index below {count}, the number of [[{key}]] tables; the first table \
-                has index 0"),
+            format!(
+                "give an index below {count}, the number of [[{key}]] tables; the first table \
+                has index 0"
+            ),
         ));
     }
     if !root.contains_key(key) {

@@ -75,12 +75,12 @@ fn figures(bench: &Bench, is_json: bool, keys: Option<&Keys>) -> Result<(), Stri
         println!("data + bss     {:>7} B of {MAX_STATIC_RAM} ({data} + {bss})", data + bss);
         println!("deepest stack  {stack:>7} B, {start_stack} B during the start");
         println!(
-            "control tick   {mean_tick:>7.0} instructions on average over {}: goal of {AIM} {}",
+            "control tick   {mean_tick:>7.0} instructions on average over {} control periods, goal of {AIM} {}",
             figures.number("periods")?,
             verdict(mean_tick <= AIM)
         );
         println!(
-            "               {worst_tick:>7.0} in the worst case, limit {MAX_TICK}: goal {}",
+            "               {worst_tick:>7.0} in the worst case, limit {MAX_TICK}, goal of {AIM} {}",
             verdict(worst_tick <= AIM)
         );
         println!(

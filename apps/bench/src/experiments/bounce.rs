@@ -89,7 +89,8 @@ struct Bounced {
     heights: Vec<(f64, f64)>,
 }
 
-/// Simulates a tilted cube of 0.2 m and 0.7 kg that falls, for ten seconds without damping, with BDF2 at 1/60 s.
+/// Simulates ten seconds of a dropped cube (0.2 m, 0.7 kg) that bounces without damping. The cube is tilted by `askew_rad` at the
+/// start. BDF2, steps of 1/60 s.
 fn cube(askew_rad: f64) -> Bounced {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.7 * 0.2 * 0.2 / 6.0);

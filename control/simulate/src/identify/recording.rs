@@ -25,7 +25,7 @@ pub struct Recording {
     pub gyro_rad_s: Option<[Series; 3]>,
 }
 
-/// Series of a drive and its motor.
+/// Time series of a drive: commands, and measured angle and speed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drive {
     /// Commanded angle, rad; ignored for wheels.
