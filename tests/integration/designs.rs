@@ -75,7 +75,7 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     let run = |args: &[&str]| desk.run(&[&["design"], args].concat());
     let checked = run(&["check", "legs.toml"]);
     assert_eq!(checked.code, 0);
-    let warning = "warning: original robot: target number 1: `up_m` is 0.3 m: `front_left` stands";
+    let warning = "warning: original robot: target number 1: `up_m` is 0.3 m: give a lower height, because `front_left` is on the ground";
     assert!(checked.stderr.contains(warning), "{}", checked.stderr);
     let beyond = ["no plan to start from: first change thigh or shank", "beyond reach"];
     run(&["optimise", "legs.toml", "-o", "best"]).fails(1, &beyond);

@@ -349,7 +349,7 @@ mod tests {
         plan.samples[0].end_effectors[0].motor_torque_nm = None;
         let message = plan.validate("x.json").expect_err("no torque").to_string();
         let expected =
-            "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of its motor";
+            "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of the wheel's motor";
         assert!(message.contains(expected), "{message}");
     }
 

@@ -198,7 +198,7 @@ fn phases_say_when_feet_touch_down() {
     );
     assert!(fault(&walk.replace("rear_left", "rear_lft")).contains("did you mean `rear_left`"));
     assert!(fault(&walk.replace("rear_left = 0.225\n", "")).contains("`rear_left` is missing"));
-    assert!(fault(&walk.replace("duty = 0.8", "gait = \"trot\"")).contains("beside `gait`"));
+    assert!(fault(&walk.replace("duty = 0.8", "gait = \"trot\"")).contains("together with `gait`"));
     assert!(fault(&walk.replace("duty = 0.8\n", "")).contains("`duty`"));
 }
 

@@ -147,7 +147,7 @@ fn some_limbs_change_alone_and_share_what_is_theirs() {
     let missing = Place { limbs: vec!["middle".into()], ..rear };
     let nothing = RobotText::new(AGILEBOT).unwrap().set(&missing, 0.1).unwrap_err();
     assert_eq!(nothing.problem, "the robot has no limb `middle`");
-    assert_eq!(nothing.help, "there are front_left, front_right, rear_left, rear_right");
+    assert_eq!(nothing.help, "give one of front_left, front_right, rear_left, rear_right");
 }
 
 #[test]
