@@ -248,9 +248,9 @@ mod tests {
         assert_eq!(Fingerprint::of(&key.verifying_key()).to_string(), "fd110d301d2f077d");
 
         let error = private_key(&public).unwrap_err();
-        assert!(format!("{error:?}").contains("this file is a public key"), "{error:?}");
+        assert!(format!("{error:?}").contains("file is a public key"), "{error:?}");
         let error = public_key(&private).unwrap_err();
-        assert!(format!("{error:?}").contains("this file is a private key"), "{error:?}");
+        assert!(format!("{error:?}").contains("this file is a\n        private key"), "{error:?}");
         fs::write(&private, "x").unwrap();
         assert!(private_key(&private).is_err() && public_key(&private).is_err());
     }

@@ -378,7 +378,7 @@ mod tests {
         });
         assert!(falls.is_some_and(|falls| falls.is_much() && falls.0 > 3.0), "{falls:?}");
         let words = Growth(48_541_773_683.0).to_string();
-        assert!(words.contains("more than 10-fold a cycle"), "{words}");
+        assert!(words.contains("more than 10-fold per cycle"), "{words}");
         let report = changed(test_plans::start_stop(), |_| ());
         assert_eq!(report.growth_per_cycle, None, "it does not repeat");
     }

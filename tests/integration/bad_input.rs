@@ -86,7 +86,11 @@ fn simulate(desk: &Desk, robot: &str) -> Outcome {
 #[test]
 fn a_malformed_robot_shows_file_line_and_field() {
     let cases = [
-        ("mass_kg = 0.600", "mass_kg = -0.6", &["`mass_kg` is -0.6", "allowed is"][..]),
+        (
+            "mass_kg = 0.600",
+            "mass_kg = -0.6",
+            &["`mass_kg` is -0.6", "give a value from 0.000001 to 1000 kg"][..],
+        ),
         ("name = \"body\"", "nam = \"body\"", &["unknown key `nam`", "did you mean `name`"]),
         ("child = \"*_hip\"", "child = \"*_hop\"", &["_hop"]),
         ("[[link]]", "[[link", &["agilebot.toml"]),

@@ -389,7 +389,7 @@ mod tests {
             system.serial[0].latency = Some(Latency { setting, ms: 16 });
         });
         let command = "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer";
-        assert_is(&finding, Gravity::Note, "up to 16 ms", command);
+        assert_is(&finding, Gravity::Note, "ttyUSB0 is 16 ms", command);
     }
 
     #[test]

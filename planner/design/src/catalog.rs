@@ -173,7 +173,7 @@ mod tests {
         };
         assert!(Catalog::from_toml("servos.toml", SERVO).is_ok());
         let twice = faults(&SERVO.repeat(2));
-        assert!(twice.contains("\"a\" a second time"), "{twice}");
+        assert!(twice.contains("\"a\", the name of an earlier servo"), "{twice}");
         let no_torque = faults(&SERVO.replace("stall_torque_nm = 2.0\n", ""));
         assert!(no_torque.contains("or `rated_torque_nm`"), "{no_torque}");
         let negative = faults(&SERVO.replace("mass_kg = 0.1", "mass_kg = -0.1"));

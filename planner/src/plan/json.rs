@@ -348,8 +348,7 @@ mod tests {
         let mut plan = test_plans::start_stop();
         plan.samples[0].end_effectors[0].motor_torque_nm = None;
         let message = plan.validate("x.json").expect_err("no torque").to_string();
-        let expected =
-            "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of the wheel's motor";
+        let expected = "samples[0].end_effectors[0].motor_torque_nm is null; expected the torque of the wheel's motor";
         assert!(message.contains(expected), "{message}");
     }
 

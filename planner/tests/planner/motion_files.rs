@@ -221,7 +221,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     );
     assert_faults(
         broken("samples = 32", "samples = 8"),
-        &[(footfalls, "a swing of 1 of 8 samples", "samples to 24 or more")],
+        &[(footfalls, "a swing of 1 of 8 samples", "`samples` to 24 or more")],
     );
     assert_faults(
         broken("duty = 0.8", "duty = 80"),

@@ -97,7 +97,7 @@ impl LinkBus for Newer {
 fn a_controller_that_speaks_another_protocol() {
     let error = Session::connect(Newer(rig()), Node::new(1).unwrap()).err().unwrap();
     assert!(matches!(error, SessionError::ProtocolMismatch { major: 3, .. }), "{error}");
-    let spoken = format!("speaks protocol 3.{PROTOCOL_MINOR}");
+    let spoken = format!("controller 1 uses protocol 3.{PROTOCOL_MINOR} ");
     assert!(error.to_string().contains(&spoken), "{error}");
 }
 

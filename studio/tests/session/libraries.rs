@@ -54,7 +54,7 @@ fn a_plan_is_the_motion_of_a_library_by_name_and_by_its_frames() {
     let (clip, why) = compare(&mut page, "motions/test_leg_stand.toml", &library);
     assert!(clip.is_null() && why.contains("`stand`") && why.contains("duration"), "{why}");
     let (clip, why) = compare(&mut page, ROLL, &library[1..]);
-    assert!(clip.is_null() && why.contains("another robot"), "{why}");
+    assert!(clip.is_null() && why.contains("different robots"), "{why}");
 
     // After an edit it has the same name, and is another motion; undone it is the same again.
     let edited = roll.replace("forward_m = 0.2", "forward_m = 0.19");

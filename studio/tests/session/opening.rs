@@ -122,6 +122,6 @@ fn requests_that_cannot_be_served_say_why() {
         answer["message"]
             .as_str()
             .unwrap()
-            .contains("`../robots/agilbot.toml`, which motions/walk.toml names")
+            .contains("`../robots/agilbot.toml` (named in motions/walk.toml)")
     );
 }

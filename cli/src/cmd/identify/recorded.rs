@@ -217,6 +217,6 @@ mod tests {
         let error = read("car.log", &log).unwrap_err();
         assert!(error.to_string().contains("car.log"), "{error}");
         let help = error.help().unwrap().to_string();
-        assert!(help.starts_with("give a run of agilebot;"), "{help}");
+        assert!(help.starts_with("give a run of agilebot:"), "{help}");
     }
 }

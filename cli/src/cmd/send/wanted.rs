@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(code("4", Some(&catalog), true).unwrap(), (4, Some(2)));
         let error = code("99", Some(&catalog), true).unwrap_err();
         assert_eq!(error.to_string(), "the library of pup has no motion with code 99");
-        assert_eq!(error.help().unwrap().to_string(), "it has 1 (stand), 4 (walk)");
+        assert_eq!(error.help().unwrap().to_string(), "give one of 1 (stand), 4 (walk)");
         assert_eq!(code("99", Some(&catalog), false).unwrap(), (99, None));
         assert_eq!(code("99", None, false).unwrap(), (99, None));
     }

@@ -246,7 +246,7 @@ mod tests {
         assert_eq!(Some(&*text), rollwalk_shipped::text("robots/agilebot.toml"));
         let report = read(Path::new("robots/agilbot.toml"), Kind::Robot).unwrap_err();
         let help = report.help().unwrap().to_string();
-        assert!(help.starts_with("robots has agilebot.toml, "), "{help}");
+        assert!(help.starts_with("robots contains agilebot.toml, "), "{help}");
     }
 
     /// Keys of all kinds end with `.pem`, but a missing private key must not suggest public keys.
@@ -262,9 +262,9 @@ mod tests {
             fs::write(folder.path().join(name), text).unwrap();
         }
         for (kind, missing, expected) in [
-            (Kind::PrivateKey, "onwer.pem", " has owner.pem; "),
-            (Kind::PublicKey, "owner.pub", " has owner.pub.pem; "),
-            (Kind::LinkKey, "robot", " has robot.key; "),
+            (Kind::PrivateKey, "onwer.pem", " contains owner.pem; "),
+            (Kind::PublicKey, "owner.pub", " contains owner.pub.pem; "),
+            (Kind::LinkKey, "robot", " contains robot.key; "),
         ] {
             let report = read(&folder.path().join(missing), kind).unwrap_err();
             let help = report.help().unwrap().to_string();
