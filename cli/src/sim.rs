@@ -51,7 +51,7 @@ const ACTUATOR_DEPTH: usize = 2;
 
 /// Simulated robot: the controller's firmware, and motors with inertia and limits.
 ///
-/// By default it is a whole robot whose link is on a bus of this computer, where the rollwalk tools find it like a real one.
+/// The default is a whole robot whose link is on a bus of this computer, where the rollwalk tools find it like a real one.
 /// With --actuators its motors are also on buses of this computer, one for each actuator bus of the robot file. With --only the
 /// motors or the controller are left out, so that real ones can replace them. Motors use the protocol in the file's [[bus]].
 ///

@@ -10,7 +10,7 @@ pub type Received<const N: usize> = StaticCell<Queue<u8, N>>;
 
 /// Interrupt's end of a queue.
 ///
-/// It is a separate static: only then can the compiler prove the queue's length, and that a remainder by the length does not
+/// The queue is a separate static: only then can the compiler prove its length, and that a remainder by the length does not
 /// panic.
 pub struct Writer(Mutex<Cell<Option<Producer<'static, u8>>>>);
 

@@ -2,7 +2,7 @@
 //!
 //! The cubic between two frames has their values and slopes at its ends. The slope at a frame is the central difference of its
 //! neighbours, so one frame of look-ahead suffices. The curve is C1 everywhere, also where a loop repeats and where clips join.
-//! It reproduces constant, linear and quadratic motions exactly.
+//! The curve reproduces constant, linear and quadratic motions exactly.
 //!
 //! The planner's spline through its samples has a continuous second derivative. It requires all slopes to be solved for at once
 //! (`planner/src/sample/spline.rs`).

@@ -6,8 +6,8 @@ use rollwalk_robot::Robot;
 
 /// Ratio of the contact stiffness for plans to that of other simulated robots.
 ///
-/// From this ratio on, runs of walks and trots agree with runs on MuJoCo's hard contacts. A robot that lies on the ground gets
-/// up only from softer contacts.
+/// Runs of walks and trots with this ratio or more agree with runs on MuJoCo's hard contacts. A robot that lies on the ground
+/// gets up only from softer contacts.
 const HARD: f64 = 2.0;
 
 /// Differences between the planned robot and the simulated one.

@@ -1,6 +1,6 @@
 //! Sequence of plans in closed loop: the robot stands, makes a transition to a gait, repeats the gait and returns to standing.
 //!
-//! One estimator and one tracker run through all plans, so that the state estimate survives a change of plan. Each plan is
+//! The estimator and the tracker run through all plans, so that the state estimate survives a change of plan. Each plan is
 //! placed at the end of the previous one. Times are those of the caller's measurements, and samples may be missing.
 
 use crate::closed_loop::Placed;

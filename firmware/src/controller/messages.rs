@@ -428,8 +428,8 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
 
     /// Sends the log.
     ///
-    /// It is a separate function because this is the longest answer, while the other requests lead to the deepest stack, where
-    /// libraries are validated.
+    /// The log is the longest answer, and the other requests lead to the deepest stack, where libraries are validated: a separate
+    /// function keeps the two apart.
     #[inline(never)]
     fn send_log(&mut self, now_us: u64, since: u32) {
         self.link.respond(&Response::Log(self.journal.since(now_us, since)));

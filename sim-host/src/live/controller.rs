@@ -70,7 +70,8 @@ pub fn run(
     }
 }
 
-/// Control periods between an emergency stop and the end of a run.
+/// Control periods between an emergency stop and the end of a run: a quarter of a second at 120 Hz. Every drive of a full serial
+/// line receives the order several times meanwhile. Not measured on hardware.
 const OFF_PERIODS: u32 = 30;
 
 /// Maximum number of events that are processed between the due time of a tick and the tick.

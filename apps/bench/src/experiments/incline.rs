@@ -8,8 +8,8 @@
 //! % faster than by the closed form. At 20 degrees hybrid friction finds no set of nodes that sticks, and creeps like the
 //! penalty.
 //!
-//! One bound is missed: with hybrid friction the final height of the puck differs from that with penalties by some 3 % of the
-//! depth, less than 1 µm. Held nodes keep the strain along the slope with which the puck came to rest, as with Coulomb's law,
+//! Hybrid friction exceeds a bound: the final height of the puck differs from that with penalties by some 3 % of the depth,
+//! less than 1 µm. Held nodes keep the strain along the slope with which the puck came to rest, as with Coulomb's law,
 //! whereas creeping nodes release it. Two continued runs show this. From the final state of hybrid friction, linear friction
 //! reaches the height of the penalty; from the final state of the penalty, hybrid friction keeps it. Hybrid friction takes no
 //! longer than penalties, because resting nodes are held from the beginning of a step.

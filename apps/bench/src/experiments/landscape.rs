@@ -8,7 +8,7 @@
 //! apart, as on the grid here, do not resolve it: their second differences show the curvature of the valley in the forward
 //! direction, which is larger with soft contacts.
 //!
-//! One bound is missed: minima with soft contacts differ from those with stiff ones by more than 5 % of the speed (`shift`
+//! Soft contacts exceed a bound: their minima differ from those with stiff contacts by more than 5 % of the speed (`shift`
 //! explains the cause).
 
 mod shift;

@@ -60,8 +60,8 @@ fn places(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
 
 /// Initial guess, like a motion by hand.
 ///
-/// One edge is lifted until the sheet hangs above the former position of the edge, and is laid down on the other side. The way
-/// back is equal, with a shift to the right.
+/// The gripper lifts an edge until the sheet hangs above the former position of the edge, and lays it down on the other side.
+/// The path back is equal, with a shift to the right.
 fn arcs(steps: usize) -> Vec<f64> {
     let half = steps / 2;
     // Of the lifted edge, across the sheet from where it lay, and up.

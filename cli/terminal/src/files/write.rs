@@ -19,7 +19,7 @@ const LINKS_MAX: usize = 40;
 /// Destination of a result.
 ///
 /// A regular file is replaced in one step after everything is written, so an interrupted run leaves the previous file intact.
-/// Its permissions and symbolic links to it are kept. Devices and pipes are written to directly; `-` is standard output.
+/// The file keeps its permissions and the symbolic links to it. Devices and pipes are written to directly; `-` is standard output.
 /// Results never replace files that users write (robots, motions, libraries, URDF).
 #[derive(Debug)]
 pub struct Output {
