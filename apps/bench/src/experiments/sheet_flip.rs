@@ -60,7 +60,7 @@ fn places(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
 
 /// Initial guess, like a motion by hand.
 ///
-/// The gripper lifts an edge until the sheet hangs above the former position of the edge, and lays it down on the other side.
+/// An edge is lifted until the sheet hangs above the former position of the edge, and is laid down on the other side.
 /// The path back is equal, with a shift to the right.
 fn arcs(steps: usize) -> Vec<f64> {
     let half = steps / 2;
