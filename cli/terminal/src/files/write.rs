@@ -19,8 +19,8 @@ const LINKS_MAX: usize = 40;
 /// Destination of a result.
 ///
 /// A regular file is replaced in one step after everything is written, so an interrupted run leaves the previous file intact.
-/// The file keeps its permissions and the symbolic links to it. Devices and pipes are written to directly; `-` is standard output.
-/// Results never replace files that users write (robots, motions, libraries, URDF).
+/// The file keeps its permissions and the symbolic links to it. Devices and pipes are written to directly; `-` is standard
+/// output. Results never replace files that users write (robots, motions, libraries, URDF).
 #[derive(Debug)]
 pub struct Output {
     /// Path as the user named it.
