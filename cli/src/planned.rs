@@ -73,7 +73,7 @@ impl Planned {
             true => (travel.duration_s() / self.duration_s).round().max(1.0),
             false => 1.0,
         };
-        let achieved = of_a_period(travel.way(), periods);
+        let achieved = of_a_period(travel.displacement(), periods);
         let planned = PlannedWay { way: self.way.into(), goals: self.goals };
         let astray = planned.astray(&achieved).filter(|_| !self.joins);
         let ratios = (0..3).filter_map(|of| planned.ratio(&achieved, of)).filter(|_| !self.joins);

@@ -29,7 +29,7 @@ use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
@@ -310,19 +310,23 @@ fn lock(memory: &SharedMemory) -> MutexGuard<'_, Memory> {
 }
 
 /// Firmware with the library of its memory, and with the keys that it requires.
-fn core(robot: &Robot, keys: Keys, memory: Option<&SharedMemory>) -> miette::Result<Local> {
+fn core(
+    robot: &Robot,
+    keys: Keys,
+    memory: Option<&SharedMemory>,
+) -> miette::Result<LocalController> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
     let library = memory.and_then(|memory| lock(memory).library().map(<[u8]>::to_vec));
     let mut core = match &library {
-        Some(library) => Local::with_library(config, buses, settings, library),
-        None => Local::new(config, buses, settings),
+        Some(library) => LocalController::with_library(config, buses, settings, library),
+        None => LocalController::new(config, buses, settings),
     };
     if let Some(key) = keys.library {
-        core = core.insisting_on_libraries_of(key);
+        core = core.with_library_key(key);
     }
     if let Some((key, boots_before)) = keys.link {
-        core.insist_on(key, boots_before);
+        core.require_key(key, boots_before);
     }
     if let Some(memory) = memory.cloned() {
         core.keep_libraries(Box::new(move |library| lock(&memory).keep_first(library)));
@@ -575,7 +579,7 @@ fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
 fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
     let open = |name| {
         let port = open::actuators(name, ACTUATOR_DEPTH).map_err(cannot_open)?;
-        if let Some(complaint) = port.outlet.complaint() {
+        if let Some(complaint) = port.outlet.fault_and_remedy() {
             output::say(format_args!("{name}: {complaint}"));
         }
         Ok(port)

@@ -7,7 +7,7 @@ use rollwalk_protocol::library::{ClipId, Library};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::rig::{Observer, Rig};
 use rollwalk_simulate::log::{self, Moment};
 use rollwalk_terminal::files::{self, Lines, Output, Rotation};
@@ -122,7 +122,7 @@ impl SharedLog {
     }
 
     /// Writes a line for each step of a robot's world from now on.
-    pub fn attach(log: WorldLog, rig: &mut Rig<Local>) -> Self {
+    pub fn attach(log: WorldLog, rig: &mut Rig<LocalController>) -> Self {
         let log = Self::new(log);
         rig.set_observer(log.clone());
         log
@@ -137,7 +137,7 @@ impl SharedLog {
     ///
     /// # Errors
     /// Returns an error if a line could not be written.
-    pub fn on_time(&self, rig: &Rig<Local>) -> miette::Result<()> {
+    pub fn on_time(&self, rig: &Rig<LocalController>) -> miette::Result<()> {
         let mut log = self.0.borrow_mut();
         log.name_clips(rig.core().controller().library().as_ref());
         log.failed.take().map_or(Ok(()), Err)

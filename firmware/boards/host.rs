@@ -3,7 +3,7 @@
 use crate::Core;
 use crate::link::{Link, Port};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{Gateway, Packet, Report};
+use rollwalk_protocol::serial::{Gateway, Packet, BoardReport};
 use rollwalk_protocol::wire::{Node, ToController};
 
 /// Host at one of the ports `P`.
@@ -78,7 +78,7 @@ impl<P: Copy + PartialEq> Host<P> {
         controller: &mut Core,
         now_us: u64,
         (port, link): (P, &mut Link<impl Port>),
-        report: &Report,
+        report: &BoardReport,
     ) {
         if link.is_free() && self.report_due == Some(port) {
             self.report_due = None;

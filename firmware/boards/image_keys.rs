@@ -30,7 +30,7 @@ fn keys() -> Option<Keys> {
 
 /// Wraps the store so that it accepts only signed libraries, in an image with the feature `signed`. Returns `None` if the image
 /// lacks the library key.
-pub fn trusting<F: MappedFlash>(store: FlashStore<F>) -> Option<Libraries<F>> {
+pub fn require_signatures<F: MappedFlash>(store: FlashStore<F>) -> Option<Libraries<F>> {
     #[cfg(feature = "signed")]
     let store = {
         let key = rollwalk_firmware::store::VerifyingKey::from_bytes(&keys()?.library?).ok()?;
@@ -42,7 +42,7 @@ pub fn trusting<F: MappedFlash>(store: FlashStore<F>) -> Option<Libraries<F>> {
 /// Requires the link key from hosts, in an image with the feature `authenticated`, and counts the boot in `boots`.
 ///
 /// All of `boots` belongs to the counter. Returns `None` if the image lacks the link key or the flash is unfit for the counter.
-pub fn insist<S: LibraryStore, P: ParameterStore, F: MappedFlash>(
+pub fn require_key<S: LibraryStore, P: ParameterStore, F: MappedFlash>(
     controller: &mut Controller<S, P>,
     boots: F,
 ) -> Option<()> {
@@ -53,7 +53,7 @@ pub fn insist<S: LibraryStore, P: ParameterStore, F: MappedFlash>(
         let key = rollwalk_protocol::wire::authentication::LinkKey::new(&keys()?.link?);
         let mut boots = rollwalk_firmware::store::BootCounter::mount(boots).ok()?;
         // A boot that cannot be counted gives no session: the robot obeys emergency stops only.
-        controller.insist_on(key, boots.count().ok());
+        controller.require_key(key, boots.count().ok());
     }
     Some(())
 }

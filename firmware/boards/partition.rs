@@ -39,7 +39,7 @@ impl Part {
     /// # Errors
     ///
     /// Returns an error if the bytes are outside the region or not aligned to whole units.
-    pub fn place(&self, offset: u32, len: usize, unit: usize) -> Result<u32, NorFlashErrorKind> {
+    pub fn locate(&self, offset: u32, len: usize, unit: usize) -> Result<u32, NorFlashErrorKind> {
         let end = (offset as usize).checked_add(len);
         let within = end.is_some_and(|end| end <= self.size as usize);
         let whole = (offset as usize).is_multiple_of(unit) && len.is_multiple_of(unit);

@@ -6,7 +6,7 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use static_cell::StaticCell;
 
 /// Queue of the bytes that a serial line has received.
-pub type Received<const N: usize> = StaticCell<Queue<u8, N>>;
+pub type ReceiveQueue<const N: usize> = StaticCell<Queue<u8, N>>;
 
 /// Interrupt's end of a queue.
 ///
@@ -23,7 +23,7 @@ impl Writer {
     /// Connects the writer to a queue, and returns the main loop's end of it. Returns `None` if the queue is already in use.
     pub fn connect<const N: usize>(
         &self,
-        queue: &'static Received<N>,
+        queue: &'static ReceiveQueue<N>,
     ) -> Option<Consumer<'static, u8>> {
         let (writer, reader) = queue.try_init(Queue::new())?.split();
         free(|cs| self.0.borrow(cs).set(Some(writer)));

@@ -19,13 +19,13 @@ pub type Core = Controller<Libraries<Part>, FlashParameters<Part>>;
 static CONTROLLER: StaticCell<Core> = StaticCell::new();
 
 /// Buses of a robot with their numbers, in the order of the board's ports.
-type Assigned = Vec<(u8, Bus), MAX_BUSES>;
+type BusAssignment = Vec<(u8, Bus), MAX_BUSES>;
 
 /// Controller that is ready to run, with its buses.
-pub struct Started {
+pub struct ReadyController {
     pub controller: &'static mut Core,
-    pub on_can: Assigned,
-    pub on_serial: Assigned,
+    pub on_can: BusAssignment,
+    pub on_serial: BusAssignment,
 }
 
 /// Settings for a chip with this serial number, and the control period, µs.
@@ -37,16 +37,16 @@ pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
 }
 
 /// Starts the controller of the image's robot. Returns `None` if flash, keys or robot are unfit, or on a second call.
-pub fn start(parts: Parts, settings: Settings) -> Option<Started> {
+pub fn start(parts: Parts, settings: Settings) -> Option<ReadyController> {
     let Parts { libraries, boots, parameters } = parts;
     let libraries = FlashStore::mount(libraries, TRIAL_BOOTS).ok()?;
-    let libraries = image_keys::trusting(libraries)?;
+    let libraries = image_keys::require_signatures(libraries)?;
     let parameters = FlashParameters::mount(parameters).ok()?;
     let (config, buses) = (robot::config(), robot::buses()?);
     let [on_can, on_serial] =
         [Transport::Can, Transport::Serial].map(|kind| ports::assigned(&config, &buses, kind));
     let build = || Controller::with_parameters(config, buses, libraries, parameters, settings);
     let controller = CONTROLLER.try_init_with(build)?;
-    image_keys::insist(controller, boots)?;
-    Some(Started { controller, on_can, on_serial })
+    image_keys::require_key(controller, boots)?;
+    Some(ReadyController { controller, on_can, on_serial })
 }

@@ -51,7 +51,7 @@ mod absent {
             false
         }
 
-        pub fn insists(&self) -> bool {
+        pub fn requires_key(&self) -> bool {
             false
         }
     }
@@ -131,7 +131,7 @@ mod present {
         pub fn keep(&mut self, node: Option<Node>, frame: &Frame) -> bool {
             let Ok((to, authenticator)) = Authenticator::decode(frame) else { return false };
             if node == Some(to)
-                && let Some(kept) = self.place(authenticator.subject)
+                && let Some(kept) = self.slot(authenticator.subject)
             {
                 *kept = Some(authenticator);
             }
@@ -143,7 +143,7 @@ mod present {
             if self.key.is_none() {
                 return Admission::Admitted;
             }
-            let kept = Subject::of(id).and_then(|subject| self.place(subject)?.take());
+            let kept = Subject::of(id).and_then(|subject| self.slot(subject)?.take());
             let Some(authenticator) = kept else { return Admission::Missing };
             if self.verify(now_us, authenticator, id, bytes).is_some() {
                 Admission::Admitted
@@ -197,7 +197,7 @@ mod present {
         /// the next offset of the store.
         pub fn answer_session_request(&mut self, now_us: u64, link: &mut Link, next: u32) -> bool {
             let Ok(request) = SessionRequest::decode(link.request()) else { return false };
-            let Some(node) = link.node.filter(|_| self.insists()) else { return false };
+            let Some(node) = link.node.filter(|_| self.requires_key()) else { return false };
             match self.offer(now_us, node, request) {
                 Some(offer) => link.send_message(&offer.encode()),
                 None => link.respond(&Response::Reply(Reply::new(
@@ -246,11 +246,11 @@ mod present {
         }
 
         /// True if the controller has a link key.
-        pub fn insists(&self) -> bool {
+        pub fn requires_key(&self) -> bool {
             self.key.is_some()
         }
 
-        fn place(&mut self, subject: Subject) -> Option<&mut Option<Authenticator>> {
+        fn slot(&mut self, subject: Subject) -> Option<&mut Option<Authenticator>> {
             let index = Subject::ALL.iter().position(|other| *other == subject)?;
             self.kept.get_mut(index)
         }

@@ -22,7 +22,7 @@ use crate::journal::Journal;
 use crate::limiter::Target;
 use crate::link::Link;
 use crate::motion::{Motion, Setup};
-use crate::player::{PLANNED_SPEED_64THS, Playing};
+use crate::player::{PLANNED_SPEED_64THS, PlaybackPosition};
 use crate::safety::{Action, EventSet, StateMachine};
 use crate::settings::Settings;
 use crate::store::{LibraryStore, NoParameters, ParameterStore, StoreError};
@@ -225,7 +225,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// `boot` is a number above that of every earlier boot ([`crate::store::BootCounter`]). If it is `None`, no session can
     /// begin, and the robot accepts only emergency stops.
     #[cfg(feature = "authenticated")]
-    pub fn insist_on(&mut self, key: LinkKey, boot: Option<u32>) {
+    pub fn require_key(&mut self, key: LinkKey, boot: Option<u32>) {
         self.authentication.insist(key, boot);
     }
 
@@ -254,7 +254,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     /// Clip and frame of playback; `None` if no clip plays.
-    pub fn playing(&self) -> Option<Playing> {
+    pub fn playing(&self) -> Option<PlaybackPosition> {
         self.motion.playing()
     }
 
@@ -415,7 +415,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             if (self.state(), self.safety.latched()) != (before, known) {
                 // Before the action: afterwards the joint furthest from its setpoint can no longer be determined.
                 let details = event.fault().map(|fault| self.details(now_us, fault));
-                self.journal.note(now_us, event, [before, self.state()], details);
+                self.journal.record_event(now_us, event, [before, self.state()], details);
             }
             self.storage.observe(event);
             if self.state() != before || event == Event::EStop {

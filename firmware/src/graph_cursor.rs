@@ -12,12 +12,12 @@
 //! portion in each frame.
 
 use rollwalk_protocol::library::{
-    ClipCursor, ClipId, Edge, Entry, Library, MAX_MOTIONS, NodeId, Unreadable,
+    ClipCursor, ClipId, Edge, Entry, Library, LibraryReadError, MAX_MOTIONS, NodeId,
 };
 
 /// Position in the motion graph.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum GraphPosition {
     Motion(NodeId),
     Transition(Edge),
 }
@@ -34,7 +34,7 @@ pub enum GoalError {
 /// The cursor stores no reference: the caller passes the library of [`GraphCursor::start`] to every call.
 #[derive(Clone, Debug)]
 pub struct GraphCursor {
-    place: Place,
+    place: GraphPosition,
     cursor: ClipCursor,
     /// Goal that is not reached yet.
     goal: Option<NodeId>,
@@ -46,11 +46,11 @@ pub struct GraphCursor {
 
 impl GraphCursor {
     /// Creates a cursor at rest in the SAFE pose.
-    pub fn start(library: &Library<'_>) -> Result<Self, Unreadable> {
+    pub fn start(library: &Library<'_>) -> Result<Self, LibraryReadError> {
         let safe = library.safe_node();
-        let frames = library.clip(safe.clip()).ok_or(Unreadable)?.frames;
+        let frames = library.clip(safe.clip()).ok_or(LibraryReadError)?.frames;
         let cursor = ClipCursor::new(library, safe.clip(), frames.saturating_sub(1))?;
-        let place = Place::Motion(safe);
+        let place = GraphPosition::Motion(safe);
         Ok(Self { place, cursor, goal: None, onward: None, entries: [None; 2] })
     }
 
@@ -60,20 +60,28 @@ impl GraphCursor {
     }
 
     /// Writes the channels' values of the current frame, rad or rad/s.
-    pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+    pub fn frame_into(
+        &self,
+        library: &Library<'_>,
+        out: &mut [f32],
+    ) -> Result<(), LibraryReadError> {
         self.cursor.frame_into(library, out)
     }
 
     /// Writes the torques of the current frame, N·m.
-    pub fn torques_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+    pub fn torques_into(
+        &self,
+        library: &Library<'_>,
+        out: &mut [f32],
+    ) -> Result<(), LibraryReadError> {
         self.cursor.torques_into(library, out)
     }
 
     /// Sets the goal. A finite motion that is being played and becomes the goal is played once more.
     pub fn set_goal(&mut self, library: &Library<'_>, goal: NodeId) -> Result<(), GoalError> {
         let (from, arriving) = match self.place {
-            Place::Motion(node) => (node, false),
-            Place::Transition(edge) => (edge.to, true),
+            GraphPosition::Motion(node) => (node, false),
+            GraphPosition::Transition(edge) => (edge.to, true),
         };
         if from == goal && (arriving || self.stays_at(library, goal)) {
             // The cursor is at the goal or on the way to it: all that changes is that another goal
@@ -83,7 +91,7 @@ impl GraphCursor {
             library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;
             self.goal = Some(goal);
         }
-        self.look_ahead(library);
+        self.update_next(library);
         // The cursor may leave with the next frame, or arrive with it and leave with the one after.
         self.entries.iter_mut().flatten().for_each(|entry| entry.check_all(library));
         Ok(())
@@ -92,10 +100,10 @@ impl GraphCursor {
     /// Determines the next transition and entries.
     // Rarely called: kept out of line, so that the image contains it once.
     #[inline(never)]
-    fn look_ahead(&mut self, library: &Library<'_>) {
+    fn update_next(&mut self, library: &Library<'_>) {
         let (node, arrival) = match self.place {
-            Place::Motion(node) => (node, None),
-            Place::Transition(edge) => (edge.to, Some((edge.to.clip(), edge.entry_frame))),
+            GraphPosition::Motion(node) => (node, None),
+            GraphPosition::Transition(edge) => (edge.to, Some((edge.to.clip(), edge.entry_frame))),
         };
         let arrives = arrival.is_some() && self.goal == Some(node);
         let goal = match self.goal.filter(|_| !arrives) {
@@ -127,8 +135,13 @@ impl GraphCursor {
     }
 
     /// Enters another clip, whose block has usually been checked.
-    fn enter(&mut self, library: &Library<'_>, clip: ClipId, frame: u16) -> Result<(), Unreadable> {
-        let entry = self.entry(library, Some((clip, frame))).ok_or(Unreadable)?;
+    fn enter(
+        &mut self,
+        library: &Library<'_>,
+        clip: ClipId,
+        frame: u16,
+    ) -> Result<(), LibraryReadError> {
+        let entry = self.entry(library, Some((clip, frame))).ok_or(LibraryReadError)?;
         self.cursor = ClipCursor::enter(library, &entry)?;
         Ok(())
     }
@@ -139,8 +152,8 @@ impl GraphCursor {
         let frame = self.cursor.frame();
         let frames = |clip| library.clip(clip).map_or(1, |clip| clip.frames);
         let (mut node, mut at, mut sum) = match self.place {
-            Place::Motion(node) => (node, frame, 0),
-            Place::Transition(edge) => {
+            GraphPosition::Motion(node) => (node, frame, 0),
+            GraphPosition::Transition(edge) => {
                 let left = frames(edge.clip).saturating_sub(frame.saturating_add(1));
                 if edge.to == goal {
                     return left;
@@ -174,17 +187,19 @@ impl GraphCursor {
         // In a looping SAFE motion all frames are equal, which the validator checks.
         let still = self.cursor.at_last_frame() || self.cursor.loops();
         match self.place {
-            Place::Motion(node) => node == library.safe_node() && self.goal.is_none() && still,
-            Place::Transition(_) => false,
+            GraphPosition::Motion(node) => {
+                node == library.safe_node() && self.goal.is_none() && still
+            }
+            GraphPosition::Transition(_) => false,
         }
     }
 
     /// Advances to the next frame. Fails only if `library` is not the one that was validated.
-    pub fn advance(&mut self, library: &Library<'_>) -> Result<(), Unreadable> {
+    pub fn advance(&mut self, library: &Library<'_>) -> Result<(), LibraryReadError> {
         let clip = self.cursor.clip();
         match self.place {
-            Place::Motion(node) => self.advance_motion(library, node)?,
-            Place::Transition(edge) => self.advance_transition(library, edge)?,
+            GraphPosition::Motion(node) => self.advance_motion(library, node)?,
+            GraphPosition::Transition(edge) => self.advance_transition(library, edge)?,
         }
         // Entering another clip is enough work for one frame.
         if self.cursor.clip() == clip {
@@ -193,33 +208,41 @@ impl GraphCursor {
         Ok(())
     }
 
-    fn advance_transition(&mut self, library: &Library<'_>, edge: Edge) -> Result<(), Unreadable> {
+    fn advance_transition(
+        &mut self,
+        library: &Library<'_>,
+        edge: Edge,
+    ) -> Result<(), LibraryReadError> {
         self.cursor.advance(library)?;
         if self.cursor.at_last_frame() {
             // The transition's last frame equals the entry frame of the target.
             self.enter(library, edge.to.clip(), edge.entry_frame)?;
-            self.place = Place::Motion(edge.to);
+            self.place = GraphPosition::Motion(edge.to);
             if self.goal == Some(edge.to) {
                 self.goal = None;
             }
-            self.look_ahead(library);
+            self.update_next(library);
         }
         Ok(())
     }
 
-    fn advance_motion(&mut self, library: &Library<'_>, node: NodeId) -> Result<(), Unreadable> {
+    fn advance_motion(
+        &mut self,
+        library: &Library<'_>,
+        node: NodeId,
+    ) -> Result<(), LibraryReadError> {
         let stays = node == library.safe_node() || self.cursor.loops();
         let ended = self.cursor.at_last_frame() && !stays;
         if ended && self.goal.is_none() {
             self.goal = Some(library.safe_node());
         }
         if self.goal.is_some() {
-            let edge = self.onward.ok_or(Unreadable)?;
+            let edge = self.onward.ok_or(LibraryReadError)?;
             if edge.exit_frame == self.cursor.frame() {
                 // Frame 0 of the transition equals the present frame.
                 self.enter(library, edge.clip, 0)?;
-                self.place = Place::Transition(edge);
-                self.look_ahead(library);
+                self.place = GraphPosition::Transition(edge);
+                self.update_next(library);
                 return self.advance_transition(library, edge);
             }
         }

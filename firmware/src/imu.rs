@@ -1,6 +1,6 @@
 //! Measurements of an IMU and of contact switches, collected until the next [sample](crate::track).
 
-use rollwalk_protocol::wire::{Accelerometer, Answered, Gyro};
+use rollwalk_protocol::wire::{Accelerometer, Gyro, SampleAnswer};
 
 /// Measurements since the latest sample.
 #[derive(Clone, Debug, Default)]
@@ -12,18 +12,18 @@ pub(crate) struct Imu {
     count: u16,
     contacts: Option<u32>,
     /// Content of the latest sample, which is being sent.
-    sampled: Sampled,
+    sampled: SampleContent,
 }
 
 /// Content of a sample besides its joints.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sampled {
+pub(crate) struct SampleContent {
     pub gyro: Option<Gyro>,
     pub accelerometer: Option<Accelerometer>,
     /// Contacts of end effectors, a bit each.
     pub contacts: Option<u32>,
     /// Answer in force.
-    pub answered: Option<Answered>,
+    pub answered: Option<SampleAnswer>,
 }
 
 impl Imu {
@@ -48,10 +48,10 @@ impl Imu {
     }
 
     /// Moves the measurements and the answer in force into a new sample. The next sample contains only later measurements.
-    pub fn sample(&mut self, answered: Option<Answered>) {
+    pub fn sample(&mut self, answered: Option<SampleAnswer>) {
         let count = f32::from(self.count);
         let mean = (self.count > 0).then(|| self.forces_m_s2.map(|sum| sum / count));
-        self.sampled = Sampled {
+        self.sampled = SampleContent {
             gyro: self.gyro_rad_s.take().map(|rad_s| Gyro { rad_s }),
             accelerometer: mean.map(|m_s2| Accelerometer { m_s2 }),
             contacts: self.contacts.take(),
@@ -61,7 +61,7 @@ impl Imu {
     }
 
     /// Content of the latest sample besides its joints.
-    pub fn sampled(&self) -> Sampled {
+    pub fn sampled(&self) -> SampleContent {
         self.sampled
     }
 }

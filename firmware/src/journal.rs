@@ -20,7 +20,7 @@ impl Journal {
     }
 
     /// Records an event that changed the state, or a new fault, with the channel and value of that fault.
-    pub fn note(
+    pub fn record_event(
         &mut self,
         at_us: u64,
         event: Event,
@@ -34,7 +34,7 @@ impl Journal {
     }
 
     /// Records that messages were refused because they were not authentic. The value of the entry is their count.
-    pub fn note_refused(&mut self, at_us: u64, state: State, count: u32) {
+    pub fn record_refusals(&mut self, at_us: u64, state: State, count: u32) {
         let (at_ms, event) = (wrapping_ms(at_us), Event::Unauthenticated.code());
         let (before, after, fault, channel) = (state, state, None, None);
         let value = count as f32;

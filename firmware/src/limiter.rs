@@ -42,7 +42,7 @@ pub struct Target {
 
 /// Latest command of a channel.
 #[derive(Clone, Copy, Debug)]
-struct Last {
+struct LatestCommand {
     value: f32,
     /// Value without an offset that replaces a torque.
     meant: f32,
@@ -53,7 +53,7 @@ struct Last {
 #[derive(Clone, Debug)]
 pub struct Limiter {
     period_s: f32,
-    last: [Option<Last>; MAX_CHANNELS],
+    last: [Option<LatestCommand>; MAX_CHANNELS],
 }
 
 impl Limiter {
@@ -72,7 +72,7 @@ impl Limiter {
         if let Some(last) = self.last.get_mut(channel)
             && measured.is_finite()
         {
-            *last = Some(Last { value: measured, meant: measured, torque_nm: 0.0 });
+            *last = Some(LatestCommand { value: measured, meant: measured, torque_nm: 0.0 });
         }
     }
 
@@ -87,7 +87,7 @@ impl Limiter {
     }
 
     /// Latest value without an offset that replaces a torque, for comparison with measurements.
-    pub fn meant(&self, channel: usize) -> Option<f32> {
+    pub fn without_offset(&self, channel: usize) -> Option<f32> {
         self.last.get(channel)?.map(|last| last.meant)
     }
 
@@ -121,7 +121,7 @@ impl Limiter {
         let without = out.value - offset;
         let (low, high) = if offset < 0.0 { (out.value, without) } else { (without, out.value) };
         let wanted = if target.value.is_finite() { target.value } else { without };
-        *last = Last { value: out.value, meant: within(wanted, low, high), torque_nm };
+        *last = LatestCommand { value: out.value, meant: within(wanted, low, high), torque_nm };
         out.torque_nm = if takes_torque { torque_nm } else { 0.0 };
         Some(out)
     }
@@ -264,7 +264,7 @@ mod tests {
                 prop_assert!(out.torque_nm.abs() <= 3.0 && (takes_torque || out.torque_nm == 0.0));
                 let step_nm = 3.0 * period / FULL_TORQUE_S;
                 prop_assert!((out.torque_nm - last_nm).abs() <= step_nm * 1.000_01);
-                prop_assert!((limiter.meant(0).unwrap() - out.value).abs() <= MAX_OFFSET_RAD_S * 1.001);
+                prop_assert!((limiter.without_offset(0).unwrap() - out.value).abs() <= MAX_OFFSET_RAD_S * 1.001);
                 last_nm = out.torque_nm;
                 let (low, high) = (last.min(-1.0), last.max(2.0));
                 prop_assert!(out.value >= low && out.value <= high, "{out:?} after {last}");
@@ -309,7 +309,7 @@ mod tests {
                 let out = (0..60).filter_map(|_| limiter.apply(c, 0, target, takes_torque)).last();
                 let out = out.unwrap();
                 prop_assert!((out.torque_nm + gain * (out.value - 0.5) - torque_nm).abs() < 1e-5);
-                prop_assert!((limiter.meant(0).unwrap() - 0.5).abs() < 1e-6);
+                prop_assert!((limiter.without_offset(0).unwrap() - 0.5).abs() < 1e-6);
             }
         }
 
@@ -362,7 +362,7 @@ mod tests {
                     limit
                 );
             }
-            assert_eq!(limiter.meant(0), Some(limit));
+            assert_eq!(limiter.without_offset(0), Some(limit));
         }
     }
 

@@ -10,15 +10,15 @@ mod soft_gains;
 use heapless::Vec;
 use rollwalk_protocol::config::{Channel, ChannelKind, MAX_CHANNELS, RobotConfig};
 use rollwalk_protocol::faults::Event;
-use rollwalk_protocol::library::{Library, NodeId, RATE_HZ, Unreadable};
+use rollwalk_protocol::library::{Library, LibraryReadError, NodeId, RATE_HZ};
 
-use crate::actuators::{Actuators, FRESH_TICKS, Hold};
+use crate::actuators::{Actuators, FRESH_TICKS, GainMode};
 use crate::align::{Ramp, RampEnds};
 use crate::bus::Buses;
 use crate::graph_cursor::GoalError;
 use crate::limiter::{Limiter, Target, within};
 use crate::parameters::Parameters;
-use crate::player::{Player, Playing};
+use crate::player::{PlaybackPosition, Player};
 use crate::safety::EventSet;
 use crate::settings::Settings;
 use crate::stream::Stream;
@@ -92,7 +92,7 @@ impl Motion {
     }
 
     /// Clip and frame of playback.
-    pub fn playing(&self) -> Option<Playing> {
+    pub fn playing(&self) -> Option<PlaybackPosition> {
         match &self.stage {
             Stage::Playing(player) => Some(player.playing()),
             _ => None,
@@ -124,18 +124,18 @@ impl Motion {
         &mut self,
         setup: &Setup,
         library: Option<Library<'_>>,
-    ) -> Result<(), Unreadable> {
-        let library = library.ok_or(Unreadable)?;
+    ) -> Result<(), LibraryReadError> {
+        let library = library.ok_or(LibraryReadError)?;
         let player = Player::start(&library, setup.settings.ticks_per_frame())?;
         self.stage = Stage::Playing(player);
         Ok(())
     }
 
     /// Sends the player to SAFE.
-    pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), Unreadable> {
-        let library = library.ok_or(Unreadable)?;
+    pub fn route_to_safe(&mut self, library: Option<Library<'_>>) -> Result<(), LibraryReadError> {
+        let library = library.ok_or(LibraryReadError)?;
         self.resume();
-        self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| Unreadable)
+        self.set_goal(&library, library.safe_node()).map(|_| ()).map_err(|_| LibraryReadError)
     }
 
     /// Requests a motion from the player; returns the number of frames until it starts.
@@ -199,7 +199,8 @@ impl Motion {
             }
             Stage::Damped => self.emit_damping(setup),
             _ => {
-                let done = library.ok_or(Unreadable).and_then(|l| self.follow(setup, &l, events));
+                let done =
+                    library.ok_or(LibraryReadError).and_then(|l| self.follow(setup, &l, events));
                 if done.is_err() {
                     events.insert(Event::PlaybackFailed);
                 }
@@ -212,7 +213,7 @@ impl Motion {
         setup: &Setup,
         library: &Library<'_>,
         events: &mut EventSet,
-    ) -> Result<(), Unreadable> {
+    ) -> Result<(), LibraryReadError> {
         if let Stage::Enabling { ticks } = &mut self.stage {
             *ticks = ticks.saturating_add(1);
             let late = *ticks > setup.settings.ticks(setup.settings.align_patience_us);
@@ -291,7 +292,7 @@ impl Motion {
     /// Value at which a channel can rest without a change of its torque ([`SoftGains::rest`]).
     #[inline(never)]
     fn rest(&mut self, setup: &Setup, channel: usize) -> Option<f32> {
-        let meant = self.limiter.meant(channel)?;
+        let meant = self.limiter.without_offset(channel)?;
         let is_joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
         let measured = self.actuators.measured(&setup.config, channel).filter(|_| is_joint);
         self.soft_gains.rest(channel, meant, measured)
@@ -309,7 +310,7 @@ impl Motion {
         }
     }
 
-    fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), Unreadable> {
+    fn start_ramp(&mut self, setup: &Setup, library: &Library<'_>) -> Result<(), LibraryReadError> {
         let (actuators, limiter) = (&self.actuators, &mut self.limiter);
         let feed_forward = self.parameters.feed_forward();
         let ramp = ramp_to_safe(setup, library, feed_forward, |i| {
@@ -352,7 +353,7 @@ impl Motion {
                     target.value += off_rad;
                     parts = Some(acting);
                 }
-                self.emit(setup, i, target, Hold::Driven, parts);
+                self.emit(setup, i, target, GainMode::Driven, parts);
             }
         }
     }
@@ -366,7 +367,7 @@ impl Motion {
             };
             if let Some(value) = value {
                 let still = Target { value, slope: 0.0, torque_nm: 0.0 };
-                self.emit(setup, i, still, Hold::Damped, None);
+                self.emit(setup, i, still, GainMode::Damped, None);
             }
         }
     }
@@ -378,14 +379,14 @@ impl Motion {
         setup: &Setup,
         channel: usize,
         target: Target,
-        hold: Hold,
+        hold: GainMode,
         parts: Option<[f32; 2]>,
     ) {
         let damped;
         let soft;
         let limits = match hold {
-            Hold::Driven => self.parameters.driven(channel),
-            Hold::Damped => {
+            GainMode::Driven => self.parameters.driven(channel),
+            GainMode::Damped => {
                 damped = self.parameters.damped(&setup.config, channel);
                 damped.as_ref()
             }
@@ -409,7 +410,7 @@ impl Motion {
             limited.slope = within(target.slope, -limits.max_rate, limits.max_rate);
         }
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {
-            let meant = self.limiter.meant(channel).unwrap_or(target.value);
+            let meant = self.limiter.without_offset(channel).unwrap_or(target.value);
             self.actuators.command(limits, channel, (target, meant), hold);
             *slot = Some(target);
         }
@@ -436,9 +437,11 @@ impl Motion {
 }
 
 /// Values and torques of the SAFE pose.
-fn safe(library: &Library<'_>) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNELS]), Unreadable> {
+fn safe(
+    library: &Library<'_>,
+) -> Result<([f32; MAX_CHANNELS], [f32; MAX_CHANNELS]), LibraryReadError> {
     let (mut pose, mut torques) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
-    library.safe_pose_into(&mut pose).ok_or(Unreadable)?;
+    library.safe_pose_into(&mut pose).ok_or(LibraryReadError)?;
     library.safe_torques_into(&mut torques)?;
     Ok((pose, torques))
 }
@@ -450,14 +453,14 @@ fn ramp_to_safe(
     library: &Library<'_>,
     feed_forward: f32,
     mut from: impl FnMut(usize) -> Option<(f32, f32)>,
-) -> Result<Ramp, Unreadable> {
+) -> Result<Ramp, LibraryReadError> {
     let (pose, torques) = safe(library)?;
     let Setup { config, settings, .. } = setup;
     let mut ends: Vec<RampEnds, MAX_CHANNELS> = Vec::new();
     for (i, (to, to_nm)) in pose.into_iter().zip(torques).enumerate().take(config.channels.len()) {
-        let (from, from_nm) = from(i).ok_or(Unreadable)?;
+        let (from, from_nm) = from(i).ok_or(LibraryReadError)?;
         let torques_nm = [from_nm, to_nm * feed_forward];
-        ends.push(RampEnds { from, to, torques_nm }).map_err(|_| Unreadable)?;
+        ends.push(RampEnds { from, to, torques_nm }).map_err(|_| LibraryReadError)?;
     }
     Ok(Ramp::new(config, ends, settings.align_speed_rad_s, settings.period_s()))
 }

@@ -15,7 +15,7 @@
 //! torques. The gains correct the excess, (1 − s²) of the torque for acceleration.
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
-use rollwalk_protocol::library::{ClipId, Library, NodeId, RATE_HZ, Unreadable};
+use rollwalk_protocol::library::{ClipId, Library, LibraryReadError, NodeId, RATE_HZ};
 
 use crate::graph_cursor::{GoalError, GraphCursor};
 use crate::hermite::{self, Sample};
@@ -40,7 +40,7 @@ const LONGEST_HALT_S: f32 = 2.0;
 
 /// Position of playback in the library.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Playing {
+pub struct PlaybackPosition {
     /// Clip of the library: a motion or a transition.
     pub clip: ClipId,
     /// Latest frame that playback has passed.
@@ -60,7 +60,7 @@ struct Frame {
 }
 
 impl Frame {
-    fn of(cursor: &GraphCursor, library: &Library<'_>) -> Result<Self, Unreadable> {
+    fn of(cursor: &GraphCursor, library: &Library<'_>) -> Result<Self, LibraryReadError> {
         let (clip, number) = cursor.at();
         let (values, torques) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
         let mut frame = Self { clip, number, rests_in_safe: false, values, torques };
@@ -71,7 +71,11 @@ impl Frame {
     /// Copies the frame at which a cursor stands.
     // Once in the image instead of where it is called.
     #[inline(never)]
-    fn take(&mut self, cursor: &GraphCursor, library: &Library<'_>) -> Result<(), Unreadable> {
+    fn take(
+        &mut self,
+        cursor: &GraphCursor,
+        library: &Library<'_>,
+    ) -> Result<(), LibraryReadError> {
         (self.clip, self.number) = cursor.at();
         self.rests_in_safe = cursor.rests_in_safe(library);
         cursor.frame_into(library, &mut self.values)?;
@@ -103,7 +107,7 @@ pub struct Player {
 
 impl Player {
     /// Creates a player that rests in the SAFE pose, for a control rate of `ticks_per_frame` · 60 Hz.
-    pub fn start(library: &Library<'_>, ticks_per_frame: u16) -> Result<Self, Unreadable> {
+    pub fn start(library: &Library<'_>, ticks_per_frame: u16) -> Result<Self, LibraryReadError> {
         let cursor = GraphCursor::start(library)?;
         let frame = Frame::of(&cursor, library)?;
         Ok(Self {
@@ -151,7 +155,7 @@ impl Player {
         &mut self,
         library: &Library<'_>,
         config: &RobotConfig,
-    ) -> Result<(), Unreadable> {
+    ) -> Result<(), LibraryReadError> {
         self.parts = self.parts.saturating_add(self.rate);
         let frame = self.parts_per_frame();
         // A control period advances by one frame at most.
@@ -202,9 +206,9 @@ impl Player {
     }
 
     /// Current position of playback.
-    pub fn playing(&self) -> Playing {
+    pub fn playing(&self) -> PlaybackPosition {
         let [_, from, _, _] = self.window.frames();
-        Playing { clip: from.clip, frame: from.number, phase: self.phase() }
+        PlaybackPosition { clip: from.clip, frame: from.number, phase: self.phase() }
     }
 
     /// True if the robot rests in the SAFE pose and no other frame follows.

@@ -69,7 +69,7 @@ pub trait LibraryStore {
     fn bytes(&self) -> &[u8];
 
     /// True if only libraries signed by their owner become active.
-    fn insists_on_signatures(&self) -> bool {
+    fn requires_signatures(&self) -> bool {
         false
     }
 

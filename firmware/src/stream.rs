@@ -35,7 +35,7 @@ struct Frame {
 
 /// Frame that is being received.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
+struct PartialFrame {
     /// Received channels, a bit each.
     heard: u32,
     frame: Frame,
@@ -44,7 +44,7 @@ struct Waiting {
 /// Stream of set-points.
 #[derive(Clone, Debug)]
 pub struct Stream {
-    ring: [Waiting; DEPTH],
+    ring: [PartialFrame; DEPTH],
     /// Number of frames taken, which is also the number of the next frame, modulo 65,536.
     taken: u16,
     window: Window<Frame>,
@@ -70,7 +70,7 @@ impl Stream {
     ) -> Self {
         let frame = Frame { values, torques };
         Self {
-            ring: [Waiting { heard: 0, frame }; DEPTH],
+            ring: [PartialFrame { heard: 0, frame }; DEPTH],
             taken: 0,
             window: Window::resting(frame),
             ticks: 0,
@@ -100,7 +100,7 @@ impl Stream {
         if begins && rests.values.get(channel).is_none_or(far) {
             return;
         }
-        let place = place(self.taken.wrapping_add(u16::from(ahead)));
+        let place = ring_index(self.taken.wrapping_add(u16::from(ahead)));
         let Some(waiting) = self.ring.get_mut(place) else { return };
         if let (Some(value), Some(torque_nm)) =
             (waiting.frame.values.get_mut(channel), waiting.frame.torques.get_mut(channel))
@@ -129,7 +129,7 @@ impl Stream {
         let all = all(config);
         let heard = |ahead: usize| {
             let number = self.taken.wrapping_add(ahead as u16);
-            self.ring.get(place(number)).map_or(0, |waiting| waiting.heard & all)
+            self.ring.get(ring_index(number)).map_or(0, |waiting| waiting.heard & all)
         };
         let complete = heard(0) == all;
         // The first frame is compared with the pose in which the robot rests, so all of it has to be there.
@@ -141,7 +141,7 @@ impl Stream {
         self.gaps = if complete { 0 } else { self.gaps.saturating_add(1) };
         let [.., last] = self.window.frames();
         let last = *last;
-        let waiting = self.ring.get_mut(place(self.taken))?;
+        let waiting = self.ring.get_mut(ring_index(self.taken))?;
         let missing = all & !waiting.heard;
         let mut frame = waiting.frame;
         for channel in (0..MAX_CHANNELS).filter(|&channel| missing & bit(channel) != 0) {
@@ -215,6 +215,6 @@ impl Stream {
 }
 
 /// Index of a frame in the ring buffer.
-fn place(number: u16) -> usize {
+fn ring_index(number: u16) -> usize {
     usize::from(number) % DEPTH
 }

@@ -13,7 +13,7 @@
 //! brake. Tracking continues when answers return; otherwise the controller ends it (`docs/playback-and-safety.md`).
 
 use rollwalk_protocol::config::{ChannelKind, MAX_CHANNELS, RobotConfig};
-use rollwalk_protocol::wire::{Answered, Setpoint};
+use rollwalk_protocol::wire::{SampleAnswer, Setpoint};
 
 use crate::channel_bits::{all, bit};
 use crate::limiter::Target;
@@ -215,9 +215,9 @@ impl Track {
     }
 
     /// Number and delay of the answer in force; `None` before the first answer.
-    pub fn answered(&self, period_s: f32) -> Option<Answered> {
+    pub fn answered(&self, period_s: f32) -> Option<SampleAnswer> {
         let delay_s = f32::from(self.delay) * period_s;
-        (self.answers > 0).then_some(Answered { number: self.acts.number, delay_s })
+        (self.answers > 0).then_some(SampleAnswer { number: self.acts.number, delay_s })
     }
 
     /// Halts the robot at its current pose, which ends tracking.

@@ -7,7 +7,7 @@
 //! library is confirmed once one of its motions has been played and SAFE is reached again.
 
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::library::{ClipId, Index, Library, Reject, Why, validate};
+use rollwalk_protocol::library::{ClipId, Index, Library, Reject, RejectReason, validate};
 use rollwalk_protocol::wire::transport::{Reply, Request, TransferResult};
 
 use crate::store::{LibraryStore, StoreError};
@@ -80,7 +80,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
 
     /// True if the library was refused because it is for another robot.
     pub fn is_for_another_robot(&self) -> bool {
-        matches!(self.reject, Some(Reject { why: Why::WrongRobot { .. }, .. }))
+        matches!(self.reject, Some(Reject { why: RejectReason::WrongRobot { .. }, .. }))
     }
 
     /// Activates the store's library after power-on if it is valid. Rolls back an invalid library on trial.
@@ -424,7 +424,7 @@ mod tests {
         assert!(storage.library().is_none() && storage.reject().is_some());
     }
 
-    type Flash = crate::store::tests::nor::Nor<8, 64>;
+    type Flash = crate::store::tests::nor::NorSimulator<8, 64>;
 
     fn reset(storage: LibraryStorage<FlashStore<Flash>>) -> LibraryStorage<FlashStore<Flash>> {
         let store = FlashStore::mount(storage.store.into_flash(), 2).unwrap();

@@ -97,7 +97,8 @@ impl<P: ParameterStore> Tuning<P> {
             ParameterAction::Get { parameter, channel } => parameters.get(parameter, channel),
             ParameterAction::Set { parameter, channel, value } => {
                 let actuators = &motion.actuators;
-                let heeded = |which| actuators.heeds(&setup.config, usize::from(channel), which);
+                let heeded =
+                    |which| actuators.uses_parameter(&setup.config, usize::from(channel), which);
                 if parameters.get(parameter, channel).is_ok()
                     && !Parameter::from_code(parameter).is_some_and(heeded)
                 {

@@ -35,7 +35,7 @@ pub struct ActuatorBus {
 
 /// Address and model of a channel's actuator.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ActuatorOf {
+pub struct ChannelActuator {
     /// Bus number of the actuator.
     pub bus: u8,
     /// Address on the bus.
@@ -50,7 +50,7 @@ pub struct Actuators {
     /// Buses, indexed by bus number.
     pub buses: Vec<ActuatorBus>,
     /// Actuators, indexed by channel.
-    pub channels: Vec<ActuatorOf>,
+    pub channels: Vec<ChannelActuator>,
 }
 
 impl Actuators {
@@ -60,7 +60,7 @@ impl Actuators {
         buses: &Buses,
         models: impl IntoIterator<Item = &'a str>,
     ) -> Self {
-        let channels = config.channels.iter().zip(models).map(|(channel, model)| ActuatorOf {
+        let channels = config.channels.iter().zip(models).map(|(channel, model)| ChannelActuator {
             bus: channel.bus,
             id: channel.id,
             model: model.to_owned(),
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn the_bus_of_a_report_decides_on_its_words() {
         let bus = |kind| ActuatorBus { kind, protocol: "x".into(), bit_rate: 1_000_000 };
-        let of = |bus| ActuatorOf { bus, id: 1, model: "XL330-M288-T".into() };
+        let of = |bus| ChannelActuator { bus, id: 1, model: "XL330-M288-T".into() };
         let mixed = Actuators {
             buses: vec![bus(BusKind::Can), bus(BusKind::ServoLine)],
             channels: vec![of(0), of(1)],

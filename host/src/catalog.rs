@@ -6,7 +6,7 @@
 use crate::actuators::Actuators;
 use rollwalk_protocol::library::{EdgeId, Library, NodeId};
 use rollwalk_protocol::names;
-use rollwalk_protocol::text::{Shown, is_plain_name};
+use rollwalk_protocol::text::{Printable, is_plain_name};
 use serde::{Deserialize, Serialize};
 
 /// Names for the content of a library.
@@ -19,7 +19,7 @@ pub struct Catalog {
     /// Identity of the library.
     pub library: u32,
     /// Motions in the order of the library.
-    pub motions: Vec<Motion>,
+    pub motions: Vec<CatalogMotion>,
     /// Transitions, in the order of the library; their clips follow those of the motions.
     pub transitions: Vec<Transition>,
     /// Index of the safe motion.
@@ -33,7 +33,7 @@ pub struct Catalog {
 
 /// Motion of a library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Motion {
+pub struct CatalogMotion {
     /// Name.
     pub name: String,
     /// Command code; `None` if the motion cannot be commanded.
@@ -59,7 +59,7 @@ pub enum NameFault {
     /// Name with characters that a terminal interprets or hides, or with a space at an end.
     #[error(
         "the name of motion {motion}, \"{}\", has invisible characters, or a space at an end",
-        Shown(name)
+        Printable(name)
     )]
     Unclear {
         /// Index of the motion.
@@ -113,7 +113,8 @@ pub fn check_names(library: &Library<'_>) -> Result<(), NameFault> {
         if let Some(problem) = names::problem(name) {
             return Err(NameFault::Doubtful { motion, name: owned(), problem });
         }
-        let alike = |(other, twin): &(u8, &str)| *other < motion && names::look_alike(twin, name);
+        let alike =
+            |(other, twin): &(u8, &str)| *other < motion && names::are_confusable(twin, name);
         if let Some((first, _)) = all().find(alike) {
             return Err(NameFault::LookAlike { first, second: motion, name: owned() });
         }
@@ -136,7 +137,7 @@ impl Catalog {
     pub fn of(library: &Library<'_>, robot: &str, channels: Vec<String>) -> Option<Self> {
         let motion = |node: NodeId| {
             let clip = library.clip(node.clip())?;
-            Some(Motion {
+            Some(CatalogMotion {
                 name: library.name(node)?.to_owned(),
                 code: library.code_of(node),
                 frames: clip.frames,
@@ -180,7 +181,7 @@ impl Catalog {
     }
 
     /// Motion with a name.
-    pub fn motion(&self, name: &str) -> Option<&Motion> {
+    pub fn motion(&self, name: &str) -> Option<&CatalogMotion> {
         self.motions.iter().find(|motion| motion.name == name)
     }
 

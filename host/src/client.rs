@@ -85,7 +85,7 @@ pub enum Outgoing {
 
 /// Emergency stop that is not acknowledged yet.
 #[derive(Clone, Copy, Debug)]
-struct Stopping {
+struct PendingEstop {
     sent: u32,
     next_us: u64,
 }
@@ -110,7 +110,7 @@ pub struct Client {
     heartbeat_us: u64,
     /// Round-trip time of the latest answered heartbeat, µs.
     round_trip_us: Option<u64>,
-    stopping: Option<Stopping>,
+    stopping: Option<PendingEstop>,
     /// True while heartbeats are withheld.
     silent: bool,
     status: Option<Status>,
@@ -309,7 +309,7 @@ impl Client {
 
     /// Returns the next output at `now_us`. Call it until it returns `None`.
     pub fn poll(&mut self, now_us: u64) -> Option<Outgoing> {
-        if let Some(Stopping { sent, next_us }) = &mut self.stopping
+        if let Some(PendingEstop { sent, next_us }) = &mut self.stopping
             && now_us >= *next_us
         {
             *sent += 1;
@@ -438,7 +438,7 @@ impl Client {
     pub fn estop(&mut self, now_us: u64) {
         self.command = None;
         self.proven = None;
-        self.stopping = Some(Stopping { sent: 0, next_us: now_us });
+        self.stopping = Some(PendingEstop { sent: 0, next_us: now_us });
     }
 }
 

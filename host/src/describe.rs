@@ -133,7 +133,7 @@ fn actuator_status(status: ActuatorStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::{ActuatorBus, ActuatorOf};
+    use crate::actuators::{ActuatorBus, ChannelActuator};
 
     #[test]
     fn faults_are_named() {
@@ -175,7 +175,7 @@ mod tests {
                 protocol: "Dynamixel".into(),
                 bit_rate: 1_000_000,
             }],
-            channels: vec![ActuatorOf { bus: 0, id: 1, model: "XL330-M288-T".into() }],
+            channels: vec![ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() }],
         };
         let lost = FaultBits::default().with(Fault::BusOff);
         let words = condition(&status(State::EStopped, lost), &of_pup);

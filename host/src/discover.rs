@@ -8,14 +8,17 @@ use std::collections::BTreeSet;
 const ASKED: u32 = 3;
 
 /// Controller that answered: address, serial number and major protocol version.
-pub type Found = (u8, [u8; 6], u8);
+pub type DiscoveredController = (u8, [u8; 6], u8);
 
 /// Finds the controllers that answer within `wait_us`, sorted by address. Two controllers at the same address, which is an
 /// error in their configuration, both appear.
 ///
 /// # Errors
 /// Returns an error if the bus is lost.
-pub fn discover(bus: &mut impl LinkBus, wait_us: u64) -> Result<BTreeSet<Found>, LinkError> {
+pub fn discover(
+    bus: &mut impl LinkBus,
+    wait_us: u64,
+) -> Result<BTreeSet<DiscoveredController>, LinkError> {
     let mut found = BTreeSet::new();
     for _ in 0..ASKED {
         match bus.send(&Discover.encode(Node::BROADCAST)) {

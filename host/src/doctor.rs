@@ -1,6 +1,6 @@
 //! Diagnosis of a robot and remedies for its faults, from the traffic on the link and the controller's answers.
 //!
-//! The diagnosis is a pure function of [`Findings`], which the caller collects from a bus.
+//! The diagnosis is a pure function of [`Observations`], which the caller collects from a bus.
 
 use crate::actuators::{Actuators, BusKind, conditions, fault_words};
 use crate::catalog::{Catalog, channel_name};
@@ -84,7 +84,7 @@ impl Traffic {
 }
 
 /// Input of a diagnosis.
-pub struct Findings<'a> {
+pub struct Observations<'a> {
     /// Traffic on the link.
     pub heard: &'a Traffic,
     /// True if the controller has a host: [`Listener::has_host`](crate::listener::Listener::has_host).
@@ -130,7 +130,7 @@ pub struct Finding {
     pub help: String,
 }
 
-impl Findings<'_> {
+impl Observations<'_> {
     /// Returns all findings, in the order in which an operator should check them.
     pub fn diagnose(&self) -> Vec<Finding> {
         let mut found = Vec::new();
@@ -143,7 +143,7 @@ impl Findings<'_> {
             return found;
         }
         let (Some(hello), Some(status)) = (self.hello, self.heard.status) else {
-            found.push(self.nobody());
+            found.push(self.no_controller());
             return found;
         };
         found.extend(self.identity(hello));
@@ -165,7 +165,7 @@ impl Findings<'_> {
         finding(Gravity::Wrong, what.into(), help)
     }
 
-    fn nobody(&self) -> Finding {
+    fn no_controller(&self) -> Finding {
         let bus = self.bus;
         if !self.heard.others.is_empty() {
             let others: Vec<_> = self.heard.others.iter().map(u8::to_string).collect();
@@ -486,7 +486,7 @@ fn finding(gravity: Gravity, what: String, help: String) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::{ActuatorBus, ActuatorOf};
+    use crate::actuators::{ActuatorBus, ChannelActuator};
     use rollwalk_protocol::faults::{FaultBits, Severity};
     use rollwalk_protocol::wire::Node;
 
@@ -524,8 +524,8 @@ mod tests {
         heard
     }
 
-    fn findings<'a>(heard: &'a Traffic, hello: Option<&'a Hello>) -> Findings<'a> {
-        Findings {
+    fn findings<'a>(heard: &'a Traffic, hello: Option<&'a Hello>) -> Observations<'a> {
+        Observations {
             heard,
             has_host: false,
             hello,
@@ -543,7 +543,7 @@ mod tests {
         text(&findings(heard, hello))
     }
 
-    fn text(findings: &Findings<'_>) -> String {
+    fn text(findings: &Observations<'_>) -> String {
         let found = findings.diagnose();
         found.iter().map(|f| format!("{:?}: {} -> {}\n", f.gravity, f.what, f.help)).collect()
     }
@@ -558,7 +558,7 @@ mod tests {
     #[test]
     fn a_controller_that_was_not_asked_is_not_called_silent() {
         let heard = heard(State::Disarmed, FaultBits::default(), 2);
-        let found = Findings { transferring: true, ..findings(&heard, None) }.diagnose();
+        let found = Observations { transferring: true, ..findings(&heard, None) }.diagnose();
         assert!(found[0].what.contains("another program is transferring data"), "{found:?}");
         assert!(!found.iter().any(|f| f.what.contains("does not answer")), "{found:?}");
     }
@@ -636,7 +636,7 @@ mod tests {
             protocol: "Dynamixel".into(),
             bit_rate: 1_000_000,
         };
-        let of = |id| ActuatorOf { bus: 0, id, model: "XL330-M288-T".into() };
+        let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
         let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(3)] };
         let channels = vec!["hip".into(), "knee".into()];
         Catalog::of_robot("pup", 7, channels).with_actuators(actuators)
@@ -644,7 +644,7 @@ mod tests {
 
     fn of_servos(heard: &Traffic) -> String {
         let (hello, catalog) = (hello(), of_pup());
-        let findings = Findings { catalog: Some(&catalog), ..findings(heard, Some(&hello)) };
+        let findings = Observations { catalog: Some(&catalog), ..findings(heard, Some(&hello)) };
         text(&findings)
     }
 
@@ -723,7 +723,7 @@ mod tests {
         let nobody = findings(&heard_ready, Some(&ours));
         let told = text(&nobody);
         assert!(told.contains("no host sends heartbeats"), "{told}");
-        let told = text(&Findings { has_host: true, ..nobody });
+        let told = text(&Observations { has_host: true, ..nobody });
         assert!(!told.contains("no host"), "{told}");
         let other = Hello { config_hash: 8, ..hello() };
         let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&other));

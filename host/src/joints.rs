@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 /// Additional knowledge of the robot, which frames do not contain.
 #[derive(Clone, Copy)]
-pub struct Known<'a> {
+pub struct RobotContext<'a> {
     /// Names of the robot's channels.
     pub catalog: &'a Catalog,
     /// Library that the controller plays, and configuration of its robot; planned values require both.
@@ -44,7 +44,7 @@ pub enum Joints {
 /// Extracts states of joints from frames.
 pub struct Reader<'a> {
     node: Node,
-    known: Option<Known<'a>>,
+    known: Option<RobotContext<'a>>,
     /// Latest telemetry of each channel.
     measured: BTreeMap<u8, JointTelemetry>,
     last_channel: Option<u8>,
@@ -52,7 +52,7 @@ pub struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Creates a reader for controller `node`.
-    pub fn new(node: Node, known: Option<Known<'a>>) -> Self {
+    pub fn new(node: Node, known: Option<RobotContext<'a>>) -> Self {
         Self { node, known, measured: BTreeMap::new(), last_channel: None }
     }
 

@@ -152,7 +152,7 @@ mod tests {
     fn heard(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {
-            wire.says(50_000 * at, frame);
+            wire.schedule_frame(50_000 * at, frame);
         }
         wire
     }

@@ -162,7 +162,7 @@ pub fn transfer_refusal(reply: &Reply) -> String {
              library sign LIB.rwl --key KEY.pem -o SIGNED.rwl`, and flash SIGNED.rwl"
         }
         TransferResult::Rejected => {
-            let (section, why) = (section_name(reply.section), why_sentence(reply.why));
+            let (section, why) = (section_name(reply.section), reject_sentence(reply.why));
             return format!("{why} ({section}, byte {})", reply.next);
         }
     };
@@ -190,8 +190,8 @@ fn section_name(code: u8) -> &'static str {
     }
 }
 
-/// Description of a library's defect, by [`rollwalk_protocol::library::Why::code`].
-fn why_sentence(code: u8) -> String {
+/// Description of a library's defect, by [`rollwalk_protocol::library::RejectReason::code`].
+fn reject_sentence(code: u8) -> String {
     let known = match code {
         1 => "this is not a motion library",
         2 => "the library is truncated",
@@ -220,9 +220,9 @@ fn why_sentence(code: u8) -> String {
 mod tests {
     use super::*;
     use rollwalk_protocol::faults::Fault;
-    use rollwalk_protocol::library::{ClipId, Reject, Section, Why};
+    use rollwalk_protocol::library::{ClipId, Reject, RejectReason, Section};
 
-    fn sentence(section: Section, why: Why) -> String {
+    fn sentence(section: Section, why: RejectReason) -> String {
         transfer_refusal(&Reply::rejected(0x12, &Reject { section, offset: 77, why }))
     }
 
@@ -256,15 +256,23 @@ mod tests {
     #[test]
     fn the_numbers_are_those_of_the_protocol() {
         for (section, why, words) in [
-            (Section::Header, Why::NotALibrary, "not a motion library"),
-            (Section::Header, Why::Truncated { len: 1, expected: 2 }, "truncated"),
-            (Section::Footer, Why::Corrupted { stored: 1, computed: 2 }, "corrupted"),
-            (Section::Header, Why::OtherMajor { found: 2 }, "another format version"),
-            (Section::Manifest, Why::WrongRobot { library: 1, robot: 2 }, "another robot"),
-            (Section::SafePose, Why::SafeNotAtRest { channel: 0 }, "does not come to rest"),
-            (Section::TorqueQuanta, Why::ChannelMismatch { channel: 0 }, "a channel differs"),
-            (Section::TorqueClips, Why::BadClip { clip: ClipId(0) }, "malformed"),
-            (Section::Torques, Why::BadBlock { clip: ClipId(0), frame: 0 }, "malformed"),
+            (Section::Header, RejectReason::NotALibrary, "not a motion library"),
+            (Section::Header, RejectReason::Truncated { len: 1, expected: 2 }, "truncated"),
+            (Section::Footer, RejectReason::Corrupted { stored: 1, computed: 2 }, "corrupted"),
+            (Section::Header, RejectReason::OtherMajor { found: 2 }, "another format version"),
+            (Section::Manifest, RejectReason::WrongRobot { library: 1, robot: 2 }, "another robot"),
+            (
+                Section::SafePose,
+                RejectReason::SafeNotAtRest { channel: 0 },
+                "does not come to rest",
+            ),
+            (
+                Section::TorqueQuanta,
+                RejectReason::ChannelMismatch { channel: 0 },
+                "a channel differs",
+            ),
+            (Section::TorqueClips, RejectReason::BadClip { clip: ClipId(0) }, "malformed"),
+            (Section::Torques, RejectReason::BadBlock { clip: ClipId(0), frame: 0 }, "malformed"),
         ] {
             let sentence = sentence(section, why);
             assert!(sentence.contains(words), "{sentence}");

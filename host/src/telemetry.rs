@@ -9,7 +9,7 @@
 //! Messages are JSON, in rad, rad/s and N·m. The topic of planned states exists only if the library is known.
 
 use crate::decode::decode;
-use crate::joints::{Joints, Known, Reader};
+use crate::joints::{Joints, Reader, RobotContext};
 use mcap::records::MessageHeader;
 use mcap::{McapResult, WriteOptions, Writer};
 use rollwalk_protocol::can::Frame;
@@ -64,7 +64,7 @@ impl<'a, W: Write + Seek> Telemetry<'a, W> {
     ///
     /// # Errors
     /// Returns an error if `to` cannot be written.
-    pub fn new(to: W, node: Node, known: Option<Known<'a>>) -> McapResult<Self> {
+    pub fn new(to: W, node: Node, known: Option<RobotContext<'a>>) -> McapResult<Self> {
         let library = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
         let options = WriteOptions::new().compression(None).library(library);
         let mut writer = options.create(to)?;

@@ -40,7 +40,7 @@ pub struct Traces {
 
 /// Reason why a file cannot be used.
 #[derive(Debug, Error)]
-pub enum Unusable {
+pub enum TraceError {
     /// Unreadable MCAP file.
     #[error("it is not a readable MCAP file: {0}")]
     Mcap(#[from] mcap::McapError),
@@ -109,11 +109,11 @@ const SETPOINT_GAP_S: f64 = 0.1;
 ///
 /// # Errors
 /// Returns an error if the file cannot be read or lacks a topic or motor.
-pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, Unusable> {
+pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<Traces, TraceError> {
     let most = (RECORD_MAX as u64 + RATIO_MAX * bytes.len() as u64).min(UNPACKED_MAX);
     let unpacked = unpacked_bytes(bytes);
     if unpacked > most {
-        return Err(Unusable::Unpacked { unpacked, most });
+        return Err(TraceError::Unpacked { unpacked, most });
     }
     // The reader takes no more out of a chunk than it declares.
     let options = LinearReaderOptions::default().with_skip_end_magic(true);
@@ -132,14 +132,14 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
         let known = [MEASURED, PLANNED].into_iter().find(|topic| *topic == message.channel.topic);
         let Some(topic) = known else { continue };
         let states = serde_json::from_slice(&message.data);
-        let states = states.map_err(|_| Unusable::Message(topic.to_owned()))?;
+        let states = states.map_err(|_| TraceError::Message(topic.to_owned()))?;
         turns.entry(topic).or_default().push((message.log_time, states));
     }
     // What was read before it was cut off or damaged is enough, or the damage is why it is not.
     if let Some(error) = cut_off.filter(|_| turns.len() < 2) {
         return Err(error.into());
     }
-    let mut of = |topic, why| turns.remove(topic).ok_or(Unusable::Topic(topic, why));
+    let mut of = |topic, why| turns.remove(topic).ok_or(TraceError::Topic(topic, why));
     let measured =
         of(MEASURED, "record telemetry of a robot with `rollwalk monitor --mcap RUN.mcap`")?;
     let planned = of(
@@ -220,7 +220,7 @@ pub fn of_candump(
     entries: &[LogEntry],
     config: &RobotConfig,
     names: &[String],
-) -> Result<Traces, Unusable> {
+) -> Result<Traces, TraceError> {
     let interfaces: BTreeSet<&str> = entries.iter().map(|entry| entry.interface.as_str()).collect();
     let has_feedback = |interface: &&str| {
         let own = entries.iter().filter(|entry| entry.interface == *interface);
@@ -234,8 +234,8 @@ pub fn of_candump(
             matches!(FromController::decode(&entry.frame), Ok((_, FromController::Status(_))))
         };
         let is_link = found.is_empty() && entries.iter().any(is_status);
-        let counts = Unusable::Buses { found: found.len(), expected: buses.len() };
-        return Err(if is_link { Unusable::LinkOnly } else { counts });
+        let counts = TraceError::Buses { found: found.len(), expected: buses.len() };
+        return Err(if is_link { TraceError::LinkOnly } else { counts });
     }
     let of_interface: BTreeMap<&str, u8> = found.into_iter().zip(buses).collect();
     let of_address: BTreeMap<(u8, u8), usize> =
@@ -283,7 +283,7 @@ pub fn of_candump(
 
 impl Traces {
     /// Returns the traces if every drive is commanded and at least one motor is measured.
-    fn whole(self, config: &RobotConfig, names: &[String]) -> Result<Self, Unusable> {
+    fn whole(self, config: &RobotConfig, names: &[String]) -> Result<Self, TraceError> {
         let all = self.motors.iter().zip(&config.channels).zip(names);
         for ((motor, channel), name) in all {
             let (target, what) = match channel.kind {
@@ -291,12 +291,12 @@ impl Traces {
                 ChannelKind::WheelSpeed => (&motor.target_rad_s, "commanded speed"),
             };
             if target.is_empty() {
-                return Err(Unusable::Motor { what, name: name.clone() });
+                return Err(TraceError::Motor { what, name: name.clone() });
             }
         }
         if self.motors.iter().all(|motor| motor.rad.is_empty()) {
             let name = names.first().cloned().unwrap_or_default();
-            return Err(Unusable::Motor { what: "measured angle", name });
+            return Err(TraceError::Motor { what: "measured angle", name });
         }
         Ok(self)
     }
@@ -334,7 +334,7 @@ fn slopes(points: &[(f64, f64)]) -> Points {
 mod tests {
     use super::*;
     use crate::catalog::Catalog;
-    use crate::joints::Known;
+    use crate::joints::RobotContext;
     use crate::telemetry::Telemetry;
     use mcap::{Compression, MessageStream, WriteOptions};
     use rollwalk_protocol::actuator::ActuatorStatus;
@@ -377,7 +377,7 @@ mod tests {
         let catalog = Catalog::of_robot("three", 0, names.clone());
         let node = Node::new(1).unwrap();
         let mut file = Cursor::new(Vec::new());
-        let known = Known { catalog: &catalog, library: None };
+        let known = RobotContext { catalog: &catalog, library: None };
         let mut telemetry = Telemetry::new(&mut file, node, Some(known)).unwrap();
         for k in 0..600_u64 {
             let (at_us, channel) = (1_700_000_000_000_000 + k * 5000, (k % 3) as usize);
@@ -549,7 +549,7 @@ mod tests {
         let fails = |entries: &[LogEntry]| of_candump(entries, &config, &names).unwrap_err();
         let one: Vec<LogEntry> =
             entries.iter().filter(|entry| entry.interface == "can1").cloned().collect();
-        assert!(matches!(fails(&one), Unusable::Buses { found: 1, expected: 2 }));
+        assert!(matches!(fails(&one), TraceError::Buses { found: 1, expected: 2 }));
         let status = Status {
             state: State::Playing,
             severity: rollwalk_protocol::faults::Severity::None,
@@ -561,7 +561,7 @@ mod tests {
         };
         let frame = status.encode(Node::new(1).unwrap());
         let link = LogEntry { at_us: 0, interface: "can0".into(), frame };
-        assert!(matches!(fails(std::slice::from_ref(&link)), Unusable::LinkOnly));
+        assert!(matches!(fails(std::slice::from_ref(&link)), TraceError::LinkOnly));
         let with_link: Vec<LogEntry> = std::iter::once(link).chain(entries.clone()).collect();
         assert_eq!(of_candump(&with_link, &config, &names).unwrap().motors.len(), 3);
     }

@@ -31,7 +31,7 @@ impl Tracking {
 
 /// Measurements of an instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
+pub struct Measurements {
     /// Number of the sample, counted from the number of the first received sample.
     pub number: u64,
     /// Time from the measurements of a sample until its answer took effect, for the answer in force, s; `None` before the first
@@ -86,7 +86,7 @@ impl Samples {
     }
 
     /// Ends a batch. Returns `None` for a repeated or outdated sample.
-    pub fn on_sample(&mut self, sample: Sample) -> Option<Measured> {
+    pub fn on_sample(&mut self, sample: Sample) -> Option<Measurements> {
         let number = match self.last {
             None => u64::from(sample.number),
             Some(last) => {
@@ -100,7 +100,7 @@ impl Samples {
         };
         self.last = Some(number);
         let heard = std::mem::take(&mut self.heard).count_ones() as usize;
-        Some(Measured {
+        Some(Measurements {
             number,
             delay_s: sample.answered.map(|of| of.delay_s),
             late: sample.answered.map(|of| sample.number.wrapping_sub(of.number)),
@@ -146,7 +146,7 @@ impl Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_protocol::wire::Answered;
+    use rollwalk_protocol::wire::SampleAnswer;
 
     fn joint(channel: u8, position_rad: f32) -> JointTelemetry {
         let (velocity_rad_s, torque_nm, status) = (0.0, 0.0, Default::default());
@@ -154,7 +154,7 @@ mod tests {
     }
 
     fn sample(number: u8, answered: Option<u8>) -> Sample {
-        let answered = answered.map(|number| Answered { number, delay_s: 0.02 });
+        let answered = answered.map(|number| SampleAnswer { number, delay_s: 0.02 });
         Sample { number, answered, contacts: Some(3) }
     }
 

@@ -309,7 +309,8 @@ impl Family {
         match self {
             // 1.15 times the most of a motion that holds, and less than of any that missed its way by more than 8 %.
             Self::MeanSlip => OfSpeed(0.0035),
-            // Of robots that nobody tuned for, walks with up to 1.33 % of the height held; from 1.37 % on some came to 0.95 or less.
+            // Of robots that nobody tuned for, walks with up to 1.33 % of the height held; from 1.37 % on some came to 0.95 or
+            // less.
             Self::Creep => OfHeight(0.014),
             // Peaks of some milliseconds, the highest where passive wheels land.
             Self::Slip | Self::LandingSlip => OfSpeed(0.15),

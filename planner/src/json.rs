@@ -4,7 +4,7 @@
 //! who edit a plan by hand or with a script. Text from files is printed in a safe form.
 
 use miette::Diagnostic;
-use rollwalk_protocol::text::Shown;
+use rollwalk_protocol::text::Printable;
 use rollwalk_robot::document::alternatives;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -104,7 +104,7 @@ impl Format {
                 file: file.to_owned(),
                 line: error.line(),
                 column: error.column(),
-                message: Shown(&cut(&message, WORDS_MAX)).to_string(),
+                message: Printable(&cut(&message, WORDS_MAX)).to_string(),
                 help: self.help,
             }
         };
@@ -150,7 +150,7 @@ impl Format {
         JsonError::Value {
             file: file.to_owned(),
             path: path.to_owned(),
-            value: Shown(&cut(value, WORDS_MAX)).to_string(),
+            value: Printable(&cut(value, WORDS_MAX)).to_string(),
             expected: expected.into(),
             help: self.help,
         }

@@ -12,7 +12,7 @@ use crate::motion::file::{Footfalls, name, steps};
 use crate::motion::{Ends, Goal, Motion, Reserve};
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
-use rollwalk_protocol::names::look_alike;
+use rollwalk_protocol::names::are_confusable;
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
@@ -261,7 +261,7 @@ fn check_motion_table(
                 let help = "give every motion of a library its own name";
                 document.fault(item.name_span.clone(), message, "again", help);
             }
-            if look_alike(&earlier.motion.name, name) {
+            if are_confusable(&earlier.motion.name, name) {
                 let message = format!(
                     "motion `{name}` can be mistaken for motion `{}`, because their names look the \
                      same",

@@ -19,7 +19,7 @@ pub fn problem(name: &str) -> Option<&'static str> {
 pub const HELP: &str = "type the name again with letters of one script and composed accents";
 
 /// True if two different names look the same. Two ASCII names never do, since monospaced fonts distinguish `l` from `1`.
-pub fn look_alike(one: &str, other: &str) -> bool {
+pub fn are_confusable(one: &str, other: &str) -> bool {
     one != other && !(one.is_ascii() && other.is_ascii()) && skeleton(one).eq(skeleton(other))
 }
 
@@ -54,11 +54,11 @@ mod tests {
             ("walk", "\u{1D430}alk"),
             ("o", "\u{3BF}"),
         ] {
-            assert!(look_alike(one, other) && look_alike(other, one), "{one} {other}");
+            assert!(are_confusable(one, other) && are_confusable(other, one), "{one} {other}");
         }
         for (one, other) in [("walk", "walk"), ("walk1", "walkl"), ("Übung", "Ubung"), ("走", "歩")]
         {
-            assert!(!look_alike(one, other), "{one} {other}");
+            assert!(!are_confusable(one, other), "{one} {other}");
         }
     }
 }

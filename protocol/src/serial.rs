@@ -1,8 +1,8 @@
 //! Link over a serial line, from a host without CAN to a board with its own buses and clock.
 //!
 //! Frames of the link are sent in [`packet`]s without delay, in both directions. Transport messages, which CAN requires in
-//! segments, cross the line whole: a [`Gateway`] at each end does the segmentation. The host can also request a [`Report`] of
-//! the board. It contains reset cause and error counters, which the controller's own messages lack.
+//! segments, cross the line whole: a [`Gateway`] at each end does the segmentation. The host can also request a [`BoardReport`]
+//! of the board. It contains reset cause and error counters, which the controller's own messages lack.
 
 use crate::can::Frame;
 use crate::packet::{self, CRC_LEN, Reader, line_len};
@@ -28,7 +28,7 @@ const KIND_ASK: u8 = 17;
 const KIND_REPORT: u8 = 18;
 const KIND_MESSAGE: u8 = 19;
 
-/// Number of buses in a [`Report`]: the link and two actuator buses.
+/// Number of buses in a [`BoardReport`]: the link and two actuator buses.
 pub const BUSES: usize = 3;
 
 /// Packet on the line.
@@ -46,12 +46,12 @@ pub enum Packet<'a> {
     /// Request of the host for a report.
     Ask,
     /// Report of the board.
-    Report(Report),
+    Report(BoardReport),
 }
 
 /// Status report of a board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Report {
+pub struct BoardReport {
     /// Hash of the robot that the image was built for ([`crate::config::RobotConfig::hash`]).
     pub config_hash: u32,
     /// Cause of the latest reset.
@@ -131,8 +131,8 @@ impl<'a> Packet<'a> {
             Self::Ask => packet.put(&[KIND_ASK])?,
             Self::Report(report) => {
                 packet.put(&[KIND_REPORT, report.reset as u8, report.brown_out_level])?;
-                let Report { config_hash, uptime_ms, missed_periods, .. } = *report;
-                let Report { longest_tick_us, broken_words, .. } = *report;
+                let BoardReport { config_hash, uptime_ms, missed_periods, .. } = *report;
+                let BoardReport { longest_tick_us, broken_words, .. } = *report;
                 for word in [config_hash, uptime_ms, missed_periods, longest_tick_us, broken_words]
                 {
                     packet.put(&word.to_le_bytes())?;
@@ -161,7 +161,7 @@ impl<'a> Packet<'a> {
             KIND_ASK => Self::Ask,
             KIND_REPORT => {
                 let [reset, brown_out_level] = rest.take()?;
-                let mut report = Report {
+                let mut report = BoardReport {
                     reset: Reset::from_byte(reset)?,
                     brown_out_level,
                     config_hash: rest.u32()?,
@@ -169,7 +169,7 @@ impl<'a> Packet<'a> {
                     missed_periods: rest.u32()?,
                     longest_tick_us: rest.u32()?,
                     broken_words: rest.u32()?,
-                    ..Report::default()
+                    ..BoardReport::default()
                 };
                 for bus in &mut report.buses {
                     let [state, transmit_errors, receive_errors] = rest.take()?;
@@ -233,7 +233,7 @@ mod tests {
         let report = (0u8..5, any::<u8>(), any::<[u32; 5]>(), [bus(), bus(), bus()]).prop_map(
             |(reset, brown_out_level, words, buses)| {
                 let [config_hash, uptime_ms, missed_periods, longest_tick_us, broken_words] = words;
-                Packet::Report(Report {
+                Packet::Report(BoardReport {
                     config_hash,
                     reset: Reset::from_byte(reset).unwrap(),
                     brown_out_level,

@@ -23,9 +23,9 @@ pub fn is_plain_name(name: &str) -> bool {
 
 /// Name in a form that is safe to print. Hidden characters appear as `\u001b`, as in JSON.
 #[derive(Clone, Copy, Debug)]
-pub struct Shown<'a>(pub &'a str);
+pub struct Printable<'a>(pub &'a str);
 
-/// Text of several lines in a form that is safe to print, like [`Shown`] except that line breaks and tabs stay.
+/// Text of several lines in a form that is safe to print, like [`Printable`] except that line breaks and tabs stay.
 #[derive(Clone, Copy, Debug)]
 pub struct ShownLines<'a>(pub &'a str);
 
@@ -34,7 +34,7 @@ const EXCERPT_MAX: usize = 100;
 /// Number of characters of an [`Excerpt`] before its position.
 const EXCERPT_BEFORE: usize = 40;
 
-/// Excerpt of a text around a position, in a form that is safe to print in a message: [`Shown`], cut to about 100 characters.
+/// Excerpt of a text around a position, in a form that is safe to print in a message: [`Printable`], cut to about 100 characters.
 #[derive(Clone, Copy, Debug)]
 pub struct Excerpt<'a> {
     /// Whole text.
@@ -67,7 +67,7 @@ impl fmt::Display for Excerpt<'_> {
     }
 }
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for Printable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write_shown(f, self.0, is_hidden)
     }
@@ -181,7 +181,7 @@ mod tests {
         ] {
             assert_eq!(format!("{}", ShownLines(text)), shown);
         }
-        assert_eq!(format!("{}", Shown("a\tb\n\x1b")), "a\\u0009b\\u000a\\u001b");
+        assert_eq!(format!("{}", Printable("a\tb\n\x1b")), "a\\u0009b\\u000a\\u001b");
     }
 
     #[test]

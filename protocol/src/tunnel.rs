@@ -101,7 +101,7 @@ pub enum Answer {
     /// Identity of the board.
     Hello(Hello),
     /// Frames that the controller sends.
-    Stepped(Stepped),
+    Stepped(StepResult),
     /// Run time and stack.
     Figures(Figures),
 }
@@ -117,7 +117,7 @@ pub struct Hello {
 
 /// Result of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stepped {
+pub struct StepResult {
     /// Frame for the link.
     pub link: Option<Frame>,
     /// Frame for each actuator bus.
@@ -218,7 +218,7 @@ impl Answer {
                 packet.put(&figures.start_stack_bytes.to_le_bytes())?;
                 packet.put(&figures.stack_bytes.to_le_bytes())?;
             }
-            Self::Stepped(Stepped { link, actuators, playing }) => {
+            Self::Stepped(StepResult { link, actuators, playing }) => {
                 packet.put(&[KIND_STEP, sequence, u8::from(playing.is_some())])?;
                 if let Some((clip, frame, phase)) = playing {
                     packet.put(&[*clip])?;
@@ -263,7 +263,7 @@ impl Answer {
                     }
                     _ => return None,
                 };
-                let mut stepped = Stepped { playing, ..Stepped::default() };
+                let mut stepped = StepResult { playing, ..StepResult::default() };
                 while let Some([bus]) = rest.take() {
                     let slot = match usize::from(bus).checked_sub(1) {
                         None => &mut stepped.link,
@@ -316,7 +316,7 @@ mod tests {
         let slot = || prop::option::of(frame());
         let playing = prop::option::of((any::<u8>(), any::<u16>(), 0f32..1.0));
         let stepped = (slot(), prop::array::uniform8(slot()), playing)
-            .prop_map(|(link, actuators, playing)| Stepped { link, actuators, playing });
+            .prop_map(|(link, actuators, playing)| StepResult { link, actuators, playing });
         let hello = (any::<u32>(), any::<u32>())
             .prop_map(|(config_hash, steps)| Answer::Hello(Hello { config_hash, steps }));
         let figures = (any::<[u32; 4]>(), any::<[u64; 2]>()).prop_map(

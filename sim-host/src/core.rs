@@ -6,7 +6,7 @@ use rollwalk_firmware::store::BootCounter;
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+use rollwalk_protocol::tunnel::{Input, Step, StepResult};
 use rollwalk_protocol::wire::authentication::LinkKey;
 
 pub use crate::store::LIBRARY_MAX;
@@ -17,7 +17,7 @@ pub trait Core {
     ///
     /// # Errors
     /// Returns an error if the controller is out of reach.
-    fn step(&mut self, step: Step) -> Result<Stepped, LinkError>;
+    fn step(&mut self, step: Step) -> Result<StepResult, LinkError>;
 
     /// Passes bytes of a serial line to the controller.
     ///
@@ -87,25 +87,25 @@ fn no_serial_lines(bus: u8) -> LinkError {
 }
 
 /// Function that saves the file of a library, and returns false if this failed.
-pub type Keep = Box<dyn FnMut(&[u8]) -> bool + Send>;
+pub type SaveLibrary = Box<dyn FnMut(&[u8]) -> bool + Send>;
 
 /// Saves libraries on behalf of a controller.
-struct Keeper {
-    keep: Keep,
-    kept: Option<Mark>,
+struct LibrarySaver {
+    keep: SaveLibrary,
+    kept: Option<LibraryMark>,
     /// True if a library could not be saved. The host of the transfer then receives no answer.
     has_failed: bool,
 }
 
 /// Mark of a library file. Two files with one library but different signatures have different marks.
 #[derive(Clone, Copy, PartialEq)]
-struct Mark {
+struct LibraryMark {
     id: u32,
     end: [u8; SIGNATURE_LEN],
 }
 
 /// Firmware within this process.
-pub struct Local {
+pub struct LocalController {
     controller: Controller<SimStore, SimParameters>,
     buses: Buses,
     settings: Settings,
@@ -113,10 +113,10 @@ pub struct Local {
     link_key: Option<(LinkKey, u32)>,
     library_key: Option<VerifyingKey>,
     boots: SimBoots,
-    keeper: Option<Keeper>,
+    keeper: Option<LibrarySaver>,
 }
 
-impl Local {
+impl LocalController {
     /// Creates a controller in its state after power-on.
     pub fn new(config: RobotConfig, buses: Buses, settings: Settings) -> Self {
         Self::booting(config, buses, settings, (store::blank(), store::blank_parameters()))
@@ -136,15 +136,15 @@ impl Local {
     }
 
     /// Saves each library that becomes active from now on, before the controller answers its host.
-    pub fn keep_libraries(&mut self, keep: Keep) {
-        self.keeper = Some(Keeper { keep, kept: self.mark(), has_failed: false });
+    pub fn keep_libraries(&mut self, keep: SaveLibrary) {
+        self.keeper = Some(LibrarySaver { keep, kept: self.mark(), has_failed: false });
     }
 
     /// Mark of the active library.
-    fn mark(&self) -> Option<Mark> {
+    fn mark(&self) -> Option<LibraryMark> {
         let id = self.controller.library()?.index().id();
         let end = *self.library_file()?.last_chunk()?;
-        Some(Mark { id, end })
+        Some(LibraryMark { id, end })
     }
 
     /// Saves the library if another one has become active.
@@ -160,15 +160,15 @@ impl Local {
 
     /// Requires hosts to have this key, from now on and after power cycles. `boots_before` is the number of boots of
     /// controllers with this key before this process, so that no session number is used again.
-    pub fn insist_on(&mut self, key: LinkKey, boots_before: u32) {
+    pub fn require_key(&mut self, key: LinkKey, boots_before: u32) {
         let boot = self.boots.count().ok().and_then(|boot| boot.checked_add(boots_before));
-        self.controller.insist_on(key.clone(), boot);
+        self.controller.require_key(key.clone(), boot);
         self.link_key = Some((key, boots_before));
     }
 
     /// Restarts the controller with the content of its flash. From then on it plays only libraries that the owner of `key` has
     /// signed.
-    pub fn insisting_on_libraries_of(mut self, key: VerifyingKey) -> Self {
+    pub fn with_library_key(mut self, key: VerifyingKey) -> Self {
         self.library_key = Some(key);
         self.power_cycled()
     }
@@ -182,7 +182,7 @@ impl Local {
         let booting = Self::booting(config, self.buses, self.settings, stores);
         let mut core = Self { boots, library_key, keeper: self.keeper, ..booting };
         if let Some((key, boots_before)) = self.link_key {
-            core.insist_on(key, boots_before);
+            core.require_key(key, boots_before);
         }
         core
     }
@@ -217,8 +217,8 @@ impl Local {
     }
 }
 
-impl Core for Local {
-    fn step(&mut self, Step { now_us, input, free }: Step) -> Result<Stepped, LinkError> {
+impl Core for LocalController {
+    fn step(&mut self, Step { now_us, input, free }: Step) -> Result<StepResult, LinkError> {
         let controller = &mut self.controller;
         match input {
             None => {}
@@ -238,7 +238,7 @@ impl Core for Local {
             *slot = if free.actuator(bus) { controller.poll_actuator(bus) } else { None };
         }
         let playing = controller.playing().map(|p| (p.clip.0, p.frame, p.phase));
-        Ok(Stepped { link, actuators, playing })
+        Ok(StepResult { link, actuators, playing })
     }
 
     fn on_serial(&mut self, now_us: u64, bus: u8, bytes: &[u8]) -> Result<(), LinkError> {

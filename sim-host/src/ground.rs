@@ -9,7 +9,7 @@ mod travel;
 use crate::clock::{Periodic, SimTime};
 use crate::plant::Plant;
 use crate::servo::Servo;
-use hoist::{Hoist, LetsGo, StillWatch};
+use hoist::{Hoist, ReleaseCondition, StillWatch};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_drives as drives;
 use rollwalk_multibody::ground::Ground;
@@ -47,7 +47,7 @@ pub struct Grounded {
     world: World,
     steps: Periodic,
     hoist: Option<Hoist>,
-    lets_go: LetsGo,
+    lets_go: ReleaseCondition,
     fall_watch: FallWatch,
     /// Rotation from world axes to the axes in which travel is measured.
     ground_from_world: Rotation3<f64>,
@@ -81,16 +81,21 @@ pub struct BodySample {
 impl Grounded {
     /// Creates a robot in its nominal pose in the hoist, which releases it at the first clip.
     pub fn new(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
-        Self::with(robot, ground, shoves, LetsGo::WhenItPlays)
+        Self::with(robot, ground, shoves, ReleaseCondition::WhenItPlays)
     }
 
     /// Creates motors for a controller in another process, whose clips are not known here. The hoist releases the robot when
     /// its motors stand.
     pub fn of_motors(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>) -> Self {
-        Self::with(robot, ground, shoves, LetsGo::WhenItStands(StillWatch::default()))
+        Self::with(robot, ground, shoves, ReleaseCondition::WhenItStands(StillWatch::default()))
     }
 
-    fn with(robot: &Robot, ground: &Arc<dyn Ground>, shoves: Vec<Shove>, lets_go: LetsGo) -> Self {
+    fn with(
+        robot: &Robot,
+        ground: &Arc<dyn Ground>,
+        shoves: Vec<Shove>,
+        lets_go: ReleaseCondition,
+    ) -> Self {
         let parameters = Parameters::new(robot);
         let world = World::standing(robot, ground, &parameters);
         let lines = robot.channels().map(|channel| torque_speed_line(channel.actuator())).collect();
@@ -166,7 +171,7 @@ impl Grounded {
 
     /// Sets the clip that the robot plays. At the first clip the hoist releases the robot.
     pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
-        if clip.is_some() && matches!(self.lets_go, LetsGo::WhenItPlays) {
+        if clip.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
             self.hoist = None;
         }
         if self.travel.map(|travel| travel.clip) != clip {
@@ -243,18 +248,18 @@ impl Grounded {
         }
         if self.hoist.is_some() {
             self.has_fallen = false;
-            if let LetsGo::WhenItStands(watch) = &mut self.lets_go
+            if let ReleaseCondition::WhenItStands(watch) = &mut self.lets_go
                 && watch.stands(now, servos)
             {
                 self.hoist = None;
             }
             return;
         }
-        let fall = self.fall_watch.look(&self.world).filter(|_| !self.has_fallen);
+        let fall = self.fall_watch.check(&self.world).filter(|_| !self.has_fallen);
         // One that sinks down when its torque goes off has not fallen, unless it topples.
         let is_up = match self.lets_go {
-            LetsGo::WhenItPlays => self.travel.is_some(),
-            LetsGo::WhenItStands(_) => has_torque,
+            ReleaseCondition::WhenItPlays => self.travel.is_some(),
+            ReleaseCondition::WhenItStands(_) => has_torque,
         };
         if let Some(how) = fall
             && (is_up || how.is_toppled())

@@ -16,7 +16,7 @@ const BITS_PER_BYTE: u64 = 10;
 
 /// Sender on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Speaker {
+pub enum LineSender {
     /// The controller.
     Controller,
     /// The servo of a channel.
@@ -25,11 +25,11 @@ pub enum Speaker {
 
 /// Packet that has crossed the line, as received at the other ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Heard {
+pub struct CrossedPacket {
     /// Time at which the packet's last stop bit ended.
     pub at: SimTime,
     /// Sender of the packet.
-    pub from: Speaker,
+    pub from: LineSender,
     /// Bytes of the packet, possibly damaged.
     pub bytes: Vec<u8>,
 }
@@ -47,8 +47,8 @@ pub struct LineStatistics {
 
 /// Packet in transmission.
 #[derive(Clone, Debug)]
-struct Talk {
-    from: Speaker,
+struct Transmission {
+    from: LineSender,
     start: SimTime,
     bytes: Vec<u8>,
     is_damaged: bool,
@@ -56,7 +56,7 @@ struct Talk {
 
 /// Pending answers of servos to a query.
 #[derive(Clone, Debug, Default)]
-struct Turns {
+struct AnswerTurns {
     /// Turn of the next answer.
     next: usize,
     /// Time from which the delay of the next answer counts.
@@ -67,7 +67,7 @@ struct Turns {
     answers: BTreeMap<usize, (usize, Answer)>,
 }
 
-impl Turns {
+impl AnswerTurns {
     /// Time at which the next servo begins its answer; `None` while it sends, or if it has no answer.
     fn next_start(&self) -> Option<SimTime> {
         let (_, answer) = self.answers.get(&self.next)?;
@@ -79,8 +79,8 @@ impl Turns {
 #[derive(Clone, Debug)]
 pub struct SerialLine {
     baud: u64,
-    talks: Vec<Talk>,
-    turns: Turns,
+    talks: Vec<Transmission>,
+    turns: AnswerTurns,
     statistics: LineStatistics,
 }
 
@@ -94,7 +94,7 @@ impl SerialLine {
         Self {
             baud: baud.into(),
             talks: Vec::new(),
-            turns: Turns::default(),
+            turns: AnswerTurns::default(),
             statistics: LineStatistics::default(),
         }
     }
@@ -106,24 +106,25 @@ impl SerialLine {
 
     /// True if the controller is not sending a packet.
     pub fn is_free(&self) -> bool {
-        self.talks.iter().all(|talk| talk.from != Speaker::Controller)
+        self.talks.iter().all(|talk| talk.from != LineSender::Controller)
     }
 
     /// Begins a packet of the controller. The previous one must have ended, and all events before `now` must have been handled.
     pub fn send(&mut self, now: SimTime, packet: &[u8]) {
-        self.talk(now, Speaker::Controller, packet.to_vec());
+        self.transmit(now, LineSender::Controller, packet.to_vec());
     }
 
     /// Sets the answers of servos, by channel, to a packet that has just crossed the line. Earlier answers that are still
     /// pending are dropped. Of the answers of drives behind one adapter, only one is sent.
     pub fn answer(&mut self, now: SimTime, answers: impl IntoIterator<Item = (usize, Answer)>) {
         let answers = answers.into_iter().map(|(channel, said)| (said.turn, (channel, said)));
-        self.turns = Turns { since: now, answers: answers.collect(), ..Turns::default() };
+        self.turns =
+            AnswerTurns { since: now, answers: answers.collect(), ..AnswerTurns::default() };
     }
 
     /// Silences a servo that loses its power or is cut off. A packet that it is sending is dropped.
     pub fn silence(&mut self, channel: usize) {
-        self.talks.retain(|talk| talk.from != Speaker::Servo(channel));
+        self.talks.retain(|talk| talk.from != LineSender::Servo(channel));
         self.turns.answers.retain(|_, (of, _)| *of != channel);
     }
 
@@ -135,30 +136,30 @@ impl SerialLine {
 
     /// Handles the next event if it is due by `now`: a servo begins to send, or a packet ends. Returns the packet that has
     /// ended.
-    pub fn advance(&mut self, now: SimTime) -> Option<Heard> {
+    pub fn advance(&mut self, now: SimTime) -> Option<CrossedPacket> {
         let at = self.next_event().filter(|&at| at <= now)?;
         if let Some(index) = self.talks.iter().position(|talk| self.end(talk) <= at) {
-            let Talk { from, bytes, is_damaged, start } = self.talks.remove(index);
+            let Transmission { from, bytes, is_damaged, start } = self.talks.remove(index);
             self.statistics.packets += 1;
             self.statistics.busy = self.statistics.busy + (at - start);
             self.statistics.collisions += u64::from(is_damaged);
             // Who waits for a packet that is damaged does not hear it end.
-            if !is_damaged && from != Speaker::Controller {
+            if !is_damaged && from != LineSender::Controller {
                 self.turns.since = at;
                 self.turns.next += 1;
                 self.turns.said.extend(&bytes);
             }
-            return Some(Heard { at, from, bytes });
+            return Some(CrossedPacket { at, from, bytes });
         }
         if let Some((channel, answer)) = self.turns.answers.remove(&self.turns.next) {
-            let said = answer.said(&self.turns.said);
-            self.talk(at, Speaker::Servo(channel), said);
+            let said = answer.line_answer(&self.turns.said);
+            self.transmit(at, LineSender::Servo(channel), said);
         }
         None
     }
 
-    fn talk(&mut self, start: SimTime, from: Speaker, bytes: Vec<u8>) {
-        let mut new = Talk { from, start, bytes, is_damaged: false };
+    fn transmit(&mut self, start: SimTime, from: LineSender, bytes: Vec<u8>) {
+        let mut new = Transmission { from, start, bytes, is_damaged: false };
         let mut talks = std::mem::take(&mut self.talks);
         for other in &mut talks {
             self.collide(other, &mut new);
@@ -168,8 +169,8 @@ impl SerialLine {
     }
 
     /// Damages the overlapping bytes of two packets.
-    fn collide(&self, a: &mut Talk, b: &mut Talk) {
-        let span = |talk: &Talk| (talk.start, self.end(talk));
+    fn collide(&self, a: &mut Transmission, b: &mut Transmission) {
+        let span = |talk: &Transmission| (talk.start, self.end(talk));
         let ((from_a, until_a), (from_b, until_b)) = (span(a), span(b));
         let (from, until) = (from_a.max(from_b), until_a.min(until_b));
         if from >= until {
@@ -187,7 +188,7 @@ impl SerialLine {
         }
     }
 
-    fn end(&self, talk: &Talk) -> SimTime {
+    fn end(&self, talk: &Transmission) -> SimTime {
         talk.start + self.duration(talk.bytes.len())
     }
 
@@ -211,7 +212,7 @@ mod tests {
     }
 
     /// Packets until silence: end in µs, sender, bytes.
-    fn heard(line: &mut SerialLine) -> Vec<(u64, Speaker, Vec<u8>)> {
+    fn heard(line: &mut SerialLine) -> Vec<(u64, LineSender, Vec<u8>)> {
         let mut all = Vec::new();
         while let Some(at) = line.next_event() {
             all.extend(line.advance(at).map(|heard| (heard.at.as_us(), heard.from, heard.bytes)));
@@ -227,11 +228,12 @@ mod tests {
         assert_eq!(line.next_event(), Some(us(130)));
         assert_eq!(line.advance(us(129)), None);
         let asked = line.advance(us(130)).unwrap();
-        assert_eq!((asked.from, &asked.bytes[..]), (Speaker::Controller, &[1, 2, 3][..]));
+        assert_eq!((asked.from, &asked.bytes[..]), (LineSender::Controller, &[1, 2, 3][..]));
         assert!(line.is_free());
         line.answer(us(130), [(7, answer(1, &[6; 4], 50)), (3, answer(0, &[5; 2], 20))]);
         // 130 + 20 + 20, then 50 + 40.
-        let expected = [(170, Speaker::Servo(3), vec![5; 2]), (260, Speaker::Servo(7), vec![6; 4])];
+        let expected =
+            [(170, LineSender::Servo(3), vec![5; 2]), (260, LineSender::Servo(7), vec![6; 4])];
         assert_eq!(heard(&mut line), expected);
         let statistics = LineStatistics { packets: 3, busy: us(90), collisions: 0 };
         assert_eq!(line.statistics(), statistics);
@@ -260,7 +262,7 @@ mod tests {
         let mut line = SerialLine::new(1_000_000);
         line.answer(us(0), [(0, answer(0, &[1], 500))]);
         line.send(us(10), &[2]);
-        assert_eq!(line.advance(us(20)).unwrap().from, Speaker::Controller);
+        assert_eq!(line.advance(us(20)).unwrap().from, LineSender::Controller);
         line.answer(us(20), []);
         assert_eq!(line.next_event(), None);
     }
@@ -272,8 +274,8 @@ mod tests {
         assert_eq!(line.advance(us(0)), None);
         // The servo has 0 to 40 µs. A stop is sent in its third byte.
         line.send(us(25), &[0x77; 4]);
-        let first = (40, Speaker::Servo(0), vec![0x11, 0x11, !0x11, !0x11]);
-        let second = (65, Speaker::Controller, vec![!0x77, !0x77, 0x77, 0x77]);
+        let first = (40, LineSender::Servo(0), vec![0x11, 0x11, !0x11, !0x11]);
+        let second = (65, LineSender::Controller, vec![!0x77, !0x77, 0x77, 0x77]);
         assert_eq!(heard(&mut line), [first, second], "and the next servo has heard no end");
         assert_eq!(line.statistics().collisions, 2);
     }

@@ -6,7 +6,7 @@
 //! values are unknown.
 
 use crate::clock::SimTime;
-use rollwalk_firmware::player::Playing;
+use rollwalk_firmware::player::PlaybackPosition;
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::ClipId;
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct TickRecord {
 
 impl TickRecord {
     /// Set-points without the offsets that replace torques, for comparison with the measured values.
-    pub fn meant(&self) -> impl Iterator<Item = f32> {
+    pub fn targets(&self) -> impl Iterator<Item = f32> {
         self.commanded.iter().zip(&self.torque_offsets).map(|(value, offset)| value - offset)
     }
 }
@@ -75,7 +75,7 @@ impl Recorder {
     pub fn begin_period(
         &mut self,
         at: SimTime,
-        playing: Playing,
+        playing: PlaybackPosition,
         measured: Vec<f32>,
         torque_offsets: Vec<f32>,
     ) {
@@ -130,7 +130,7 @@ pub fn tracking_errors(
     for record in records {
         let worst = errors.entry(record.clip).or_default();
         for (channel, (commanded, measured)) in
-            config.channels.iter().zip(record.meant().zip(&record.measured))
+            config.channels.iter().zip(record.targets().zip(&record.measured))
         {
             let error = f64::from((commanded - measured).abs());
             let slot = match channel.kind {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     fn period(recorder: &mut Recorder, frame: u16, measured: [f32; 3], setpoints: &[(usize, f32)]) {
-        let playing = Playing { clip: ClipId(4), frame, phase: 0.5 };
+        let playing = PlaybackPosition { clip: ClipId(4), frame, phase: 0.5 };
         recorder.begin_period(SimTime::from_us(1000), playing, measured.to_vec(), vec![0.0; 3]);
         for (channel, value) in setpoints {
             recorder.on_setpoint(*channel, *value);
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn an_offset_in_place_of_a_torque_is_no_error() {
         let mut recorder = recorder();
-        let playing = Playing { clip: ClipId(4), frame: 0, phase: 0.0 };
+        let playing = PlaybackPosition { clip: ClipId(4), frame: 0, phase: 0.0 };
         recorder.begin_period(SimTime::ZERO, playing, vec![0.5, 1.0, 0.0], vec![0.25, 0.0, 0.5]);
         for (channel, value) in [(0, 0.75), (1, 1.25), (2, 0.5)] {
             recorder.on_setpoint(channel, value);

@@ -5,7 +5,7 @@
 
 use crate::clock::SimTime;
 use crate::plant::Plant;
-use rollwalk_drives::{Answer, Drive, Electronics, Law, Sent, rollwalk};
+use rollwalk_drives::{Answer, Drive, DriveCommand, Electronics, Law, rollwalk};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::Channel;
@@ -63,7 +63,7 @@ impl Servo {
     pub fn on_packet(&mut self, now: SimTime, packet: &[u8]) -> (Option<f32>, Option<Answer>) {
         let (sent, answer) = self.drive.on_packet(now.as_us(), packet, &self.plant.shaft());
         let setpoint = sent.into_iter().find_map(|sent| match sent {
-            Sent::Setpoint { value, .. } => Some(value),
+            DriveCommand::Setpoint { value, .. } => Some(value),
             _ => None,
         });
         (setpoint, answer)

@@ -39,23 +39,28 @@ impl Page {
         answers.remove(0)
     }
 
-    fn wish(&mut self, wish: Value) -> Value {
+    fn request(&mut self, wish: Value) -> Value {
         let mut wanted = wish;
         wanted["robot"] = json!("wish");
         self.ask(wanted, &[])["view"].take()
     }
 
     /// Sends ticks at the rate of a screen until the view satisfies the condition.
-    fn until(&mut self, what: &str, wished: impl Fn(&Value) -> bool) -> Value {
-        self.until_with(what, &json!({ "robot": "tick", "attended": true }), wished)
+    fn until(&mut self, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
+        self.until_with(what, &json!({ "robot": "tick", "attended": true }), condition)
     }
 
-    fn until_with(&mut self, what: &str, tick: &Value, wished: impl Fn(&Value) -> bool) -> Value {
+    fn until_with(
+        &mut self,
+        what: &str,
+        tick: &Value,
+        condition: impl Fn(&Value) -> bool,
+    ) -> Value {
         let mut view = Value::Null;
         for _ in 0..60 * 20 {
             self.now_us += 16_667;
             view = self.ask(tick.clone(), &[])["view"].take();
-            if wished(&view) {
+            if condition(&view) {
                 return view;
             }
         }
@@ -81,12 +86,12 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     assert!(motions.len() > 1 && motions.iter().all(|motion| motion["name"].is_string()));
     assert!(!view["torque"].as_bool().expect("a flag"), "nothing was armed");
 
-    page.wish(json!({ "intent": "arm" }));
+    page.request(json!({ "intent": "arm" }));
     page.until("SAFE", |view| view["torque"] == true && view["state"] == "ready");
-    page.wish(json!({ "intent": "play", "code": one_leg::SWING }));
+    page.request(json!({ "intent": "play", "code": one_leg::SWING }));
     let view = page.until("the motion", |view| view["playing"]["time_s"].as_f64() > Some(0.1));
     assert_eq!(view["poses"][0].as_array().map(Vec::len), Some(7));
-    page.wish(json!({ "intent": "estop" }));
+    page.request(json!({ "intent": "estop" }));
     let view = page.until("the stop", |view| view["torque"] == false);
     assert!(says(&view, "EMERGENCY STOP"));
     assert_eq!(page.ask(json!({ "robot": "leave" }), &[])["view"], Value::Null);
@@ -143,7 +148,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     const DEADMAN: usize = 5;
     let mut page = Page::flashed(true);
     let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": [gamepad] });
-    let view = page.wish(json!({ "intent": "arm" }));
+    let view = page.request(json!({ "intent": "arm" }));
     assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
     assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press a button")));
     page.pass(0.1, &tick(pad(&[])));
@@ -172,7 +177,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
 #[test]
 fn without_anybody_at_the_page_the_robot_returns_to_safe() {
     let mut page = Page::flashed(false);
-    page.wish(json!({ "intent": "arm" }));
+    page.request(json!({ "intent": "arm" }));
     page.until("SAFE", |view| view["state"] == "ready");
     let nobody = json!({ "robot": "tick", "attended": false });
     let view = page.pass(0.2, &nobody);

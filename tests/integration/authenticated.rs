@@ -40,7 +40,8 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     on(&desk, &bus, &["estop"]).succeeds();
     with_key(&["clear"]).succeeds();
 
-    // Numbers of sessions begin with the count of boots, which outlives the process: what was recorded is no session of the next one.
+    // Numbers of sessions begin with the count of boots, which outlives the process: what was recorded is no session of the next
+    // one.
     let boots = || {
         let mut files = fs::read_dir(desk.path("state/rollwalk/boots")).expect("a folder");
         let file = files.next().expect("a count of boots").expect("an entry");

@@ -26,7 +26,8 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
         scale(&mut wheel["contact"]["actuator"]);
     }
     desk.write("hidden.json", document.to_string());
-    // Steps of first order, of which there are more than there are measurements, so that their damping is no part of what is found.
+    // Steps of first order, of which there are more than there are measurements, so that their damping is no part of what is
+    // found.
     let args = ["simulate", "hidden.json", "--cycles", "2", "--rate", "400", "--no-feed-forward"];
     desk.run(&[&args[..], &["--world-log", "hidden.csv"]].concat()).succeeds();
     let log = desk.read_text("hidden.csv");

@@ -3,7 +3,7 @@
 use crate::desk;
 use crate::simulated::{Robot, desk_with_library_file, in_time, on};
 use rollwalk_bus::link::LinkBus;
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::sim;
 use rollwalk_protocol::slcan::{Message, Reader};
 use rollwalk_tests::Desk;
@@ -72,7 +72,7 @@ fn in_real_time_a_robot_at_a_serial_line_is_flashed_and_played() {
 }
 
 /// Simulates an SLCAN adapter between a serial line and the link of a simulated robot.
-fn adapter(mut line: TTYPort, mut link: Live) {
+fn adapter(mut line: TTYPort, mut link: LiveLink) {
     let mut reader = Reader::default();
     let mut is_open = false;
     thread::spawn(move || {
@@ -107,7 +107,7 @@ fn in_real_time_a_robot_behind_an_slcan_adapter_is_flashed_and_played() {
     let socket = desk.path("robot.sock");
     let _robot = Robot::start(&desk, &format!("sim:{}", socket.display()));
     let (name, far) = device();
-    adapter(far, Live::new(sim::connect(Some(&socket)).expect("the robot is there")));
+    adapter(far, LiveLink::new(sim::connect(Some(&socket)).expect("the robot is there")));
     flash_and_play(&desk, &format!("slcan:{name}"));
 }
 

@@ -2,7 +2,7 @@
 
 use crate::simulated::{Robot, command_on, desk_with_library_file, on};
 use rollwalk_bus::link::LinkBus;
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::sim;
 use rollwalk_protocol::wire::{FromController, State, Status, ToController};
 use rollwalk_tests::program::{self, PLAYED, Program, within};
@@ -23,13 +23,13 @@ fn robot(desk: &Desk) -> (Robot, String) {
 }
 
 /// Connects another program to the robot, as a listener.
-fn listener(desk: &Desk) -> Live {
-    Live::new(sim::connect(Some(&desk.path("robot.sock"))).expect("the robot is there"))
+fn listener(desk: &Desk) -> LiveLink {
+    LiveLink::new(sim::connect(Some(&desk.path("robot.sock"))).expect("the robot is there"))
 }
 
 /// Waits for a status with this state.
 #[track_caller]
-fn wait_for(link: &mut Live, state: State) -> Status {
+fn wait_for(link: &mut LiveLink, state: State) -> Status {
     let until_us = link.now_us() + 60_000_000;
     while let Some(frame) = link.receive(until_us).expect("the robot is there") {
         if let Ok((_, FromController::Status(status))) = FromController::decode(&frame)
@@ -108,7 +108,7 @@ fn a_controller_that_falls_silent_is_not_waited_for() {
 }
 
 /// Returns the numbers of the heartbeats sent so far.
-fn heartbeats(link: &mut Live) -> Vec<u8> {
+fn heartbeats(link: &mut LiveLink) -> Vec<u8> {
     let mut numbers = Vec::new();
     let now_us = link.now_us();
     while let Some(frame) = link.receive(now_us).expect("the robot is there") {

@@ -1,6 +1,6 @@
 //! Detection of steps that a board can skip: they have no input, and no free bus has a frame to send.
 
-use rollwalk_protocol::tunnel::{Buses, Step, Stepped};
+use rollwalk_protocol::tunnel::{Buses, Step, StepResult};
 
 /// Transmit queues of a controller that are known to be empty since its previous input.
 #[derive(Default)]
@@ -12,13 +12,13 @@ pub struct Quiet {
 
 impl Quiet {
     /// Answer to a step that can be skipped; `None` if the step must be made.
-    pub fn answer(&self, step: &Step) -> Option<Stepped> {
+    pub fn answer(&self, step: &Step) -> Option<StepResult> {
         let nothing = step.input.is_none() && step.free.without(self.silent).is_empty();
-        nothing.then(|| Stepped { playing: self.playing, ..Stepped::default() })
+        nothing.then(|| StepResult { playing: self.playing, ..StepResult::default() })
     }
 
     /// Records an executed step.
-    pub fn after(&mut self, step: &Step, stepped: &Stepped) {
+    pub fn after(&mut self, step: &Step, stepped: &StepResult) {
         self.playing = stepped.playing;
         if step.input.is_some() {
             self.silent = Buses::default();

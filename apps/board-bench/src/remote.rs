@@ -5,7 +5,7 @@
 
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
-use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Request, Step, Stepped};
+use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Request, Step, StepResult};
 use rollwalk_sim_host::core::Core;
 use std::io::{Read, Write};
 
@@ -83,7 +83,7 @@ impl<T: Read + Write> Remote<T> {
 }
 
 impl<T: Read + Write> Core for Remote<T> {
-    fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
+    fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
         if let Some(stepped) = self.quiet.answer(&step) {
             return Ok(stepped);
         }

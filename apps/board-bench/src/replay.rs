@@ -4,9 +4,9 @@
 use crate::script::{Recording, Script};
 use crate::{emulator, scenario, write};
 use rollwalk_firmware::Settings;
-use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Stepped};
+use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, StepResult};
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::rig::Rig;
 use serde_json::json;
 use std::path::Path;
@@ -17,7 +17,7 @@ struct Replayed {
     /// Identity of the image, with the number of its steps up to and including the first wrong answer.
     hello: Hello,
     figures: Figures,
-    wrong: Option<Stepped>,
+    wrong: Option<StepResult>,
 }
 
 /// Records the scenario, replays it on an image, and prints steps and cost as JSON.
@@ -84,7 +84,7 @@ pub fn run(robot: &Robot, image: &Path, library: &[u8], out: &Path) -> Result<()
 /// Runs the scenario with the firmware in this process. Returns the script and the duration of the scenario in robot time, s.
 fn record(robot: &Robot, library: &[u8]) -> Result<(Script, f64), String> {
     let config = robot.controller_config().map_err(|error| error.to_string())?;
-    let core = Local::new(config, robot.controller_buses(), Settings::default());
+    let core = LocalController::new(config, robot.controller_buses(), Settings::default());
     let rig = Rig::with_core(robot, Recording::new(core)).map_err(|error| error.to_string())?;
     let mut rig = scenario::run(rig, library, |_| {})?;
     let robot_s = rig.now().as_s();

@@ -3,13 +3,13 @@
 use crate::quiet::Quiet;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::tunnel::{Answer, Request, Step, Stepped};
+use rollwalk_protocol::tunnel::{Answer, Request, Step, StepResult};
 use rollwalk_sim_host::core::Core;
 
 /// Steps of a controller with their expected answers.
 #[derive(Clone, Default)]
 pub struct Script {
-    steps: Vec<(Step, Stepped)>,
+    steps: Vec<(Step, StepResult)>,
 }
 
 impl Script {
@@ -19,14 +19,14 @@ impl Script {
 
     /// Number of frames that the controller sends.
     pub fn frames(&self) -> usize {
-        let frames = |stepped: &Stepped| {
+        let frames = |stepped: &StepResult| {
             stepped.link.iter().chain(stepped.actuators.iter().flatten()).count()
         };
         self.steps.iter().map(|(_, stepped)| frames(stepped)).sum()
     }
 
     /// Expected answer to a step, counted from 1.
-    pub fn expected(&self, step: usize) -> Option<&Stepped> {
+    pub fn expected(&self, step: usize) -> Option<&StepResult> {
         self.steps.get(step.checked_sub(1)?).map(|(_, stepped)| stepped)
     }
 
@@ -90,7 +90,7 @@ impl<C> Recording<C> {
 }
 
 impl<C: Core> Core for Recording<C> {
-    fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
+    fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
         let stepped = self.core.step(step)?;
         match self.quiet.answer(&step) {
             None => {
@@ -119,11 +119,11 @@ mod tests {
     struct Ticking(Option<Frame>);
 
     impl Core for Ticking {
-        fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
+        fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
             if step.input.is_some() {
                 self.0 = Frame::standard(0x101, &[step.now_us as u8, 2]);
             }
-            let mut stepped = Stepped::default();
+            let mut stepped = StepResult::default();
             if step.free.actuator(0) {
                 stepped.actuators[0] = self.0.take();
             }
@@ -166,7 +166,7 @@ mod tests {
         let (number, corrupted) = script.corrupted().unwrap();
         let (right, wrong) =
             (script.expected(number).unwrap(), corrupted.expected(number).unwrap());
-        let data = |stepped: &Stepped| stepped.actuators[0].unwrap().data().to_vec();
+        let data = |stepped: &StepResult| stepped.actuators[0].unwrap().data().to_vec();
         assert_eq!((data(right), data(wrong)), (vec![2, 2], vec![2, 3]));
         assert_eq!(number, 5);
         let same = (1..=8).filter(|&n| script.expected(n) == corrupted.expected(n)).count();

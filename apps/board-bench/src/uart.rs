@@ -8,7 +8,7 @@ use rollwalk_bus::candump;
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::wire::authentication::LinkKey;
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::core::{Core, LocalController};
 use rollwalk_sim_host::rig::Rig;
 use std::path::Path;
 use std::time::Instant;
@@ -64,12 +64,12 @@ pub fn run(
     }
     drop(emulator);
 
-    let mut core = Local::new(config, robot.controller_buses(), Settings::default());
+    let mut core = LocalController::new(config, robot.controller_buses(), Settings::default());
     if let Some(key) = &keys.signing {
-        core = core.insisting_on_libraries_of(key.verifying_key());
+        core = core.with_library_key(key.verifying_key());
     }
     if let Some(key) = &keys.link {
-        core.insist_on(LinkKey::new(key), 0);
+        core.require_key(LinkKey::new(key), 0);
     }
     let rig = Rig::with_core(robot, core).map_err(|e| e.to_string())?;
     let host = scenario::run_with(keys, rig, library, |_| {})?;

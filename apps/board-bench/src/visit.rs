@@ -1,8 +1,8 @@
 //! Visit to a flashed NUCLEO-G474RE at its serial port: prints its report and transfers a library. Torque stays off.
 
-use rollwalk_bus::{port::Live, serial};
+use rollwalk_bus::{port::LiveLink, serial};
 use rollwalk_host::session::Session;
-use rollwalk_protocol::serial::{BusState, Report, Reset};
+use rollwalk_protocol::serial::{BoardReport, BusState, Reset};
 use rollwalk_protocol::wire::Node;
 use rollwalk_robot::Robot;
 use std::path::Path;
@@ -23,7 +23,7 @@ const BROWN_OUT_LEVEL: u8 = 4;
 /// Returns an error if a value of the report is not acceptable, or if the line or the transfer fails.
 pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     let name = port.display();
-    let mut link = Live::new(serial::open(port, BAUD).map_err(|error| error.to_string())?);
+    let mut link = LiveLink::new(serial::open(port, BAUD).map_err(|error| error.to_string())?);
     let report = link.report(TIMEOUT).map_err(|error| format!("{name}: {error}"))?;
     let report = report.ok_or_else(|| {
         format!(
@@ -57,7 +57,7 @@ pub fn run(robot: &Robot, port: &Path, library: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &BoardReport) {
     let reset = match report.reset {
         Reset::Other => "something else",
         Reset::PowerOn => "power",

@@ -9,13 +9,13 @@
 use crate::convert::{self, Diagnosed};
 use crate::driving::Driving;
 use crate::graph::{Call, Graph, Lost, Service};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_pilot::{After, END_US, Phase};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::text::Shown;
+use rollwalk_protocol::text::Printable;
 use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::names::NamesArgs;
@@ -84,7 +84,7 @@ impl<'a> Bridge<'a> {
     pub fn new(
         link: &'a LinkArgs,
         names: &'a NamesArgs,
-        bus: Live,
+        bus: LiveLink,
         operator: Operator,
         graph: Graph,
         driving: Option<Driving>,
@@ -124,7 +124,7 @@ impl<'a> Bridge<'a> {
                 driving.turn(self.operated.now_us(), &mut self.operated.operator);
             }
             self.operated.send();
-            let leaves = self.operated.operator.leaving() == Leaving::Now;
+            let leaves = self.operated.operator.leaving() == ExitStage::Now;
             if leaves || self.operated.now_us() >= self.look_us {
                 self.look();
             }
@@ -132,7 +132,7 @@ impl<'a> Bridge<'a> {
                 let exit = farewell(&self.view());
                 return if self.lost.is_some() { Exit::NotDone } else { exit };
             }
-            self.operated.hear();
+            self.operated.receive();
         }
     }
 
@@ -142,7 +142,7 @@ impl<'a> Bridge<'a> {
             // Of a file that has changed since the start. The robot may be moving: it goes on without names.
             let now_us = self.operated.now_us();
             let text = format!("the names of motions and joints cannot be read: {report}");
-            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.operated.operator.notify(now_us, Weight::Warning, text);
         }
         // Before the calls, which may stop the robot.
         if let Some(name) = self.graph.play()? {
@@ -229,7 +229,7 @@ impl<'a> Bridge<'a> {
             }
             self.graph.log(level, &message.text);
             let is_answered = |waiting: &mut Waiting| match waiting.outcome {
-                Outcome::Message(wish) => message.answers == Some(wish),
+                Outcome::Message(intent_number) => message.answers == Some(intent_number),
                 _ => false,
             };
             for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
@@ -248,7 +248,9 @@ impl<'a> Bridge<'a> {
         self.waiting.retain(|Waiting { call, outcome, since_us }| {
             let waited_us = view.now_us.saturating_sub(*since_us);
             let (success, text) = match outcome {
-                Outcome::Message(wish) if operator.is_asking(*wish) => return true,
+                Outcome::Message(intent_number) if operator.is_asking(*intent_number) => {
+                    return true;
+                }
                 Outcome::Message(_) => {
                     (false, "the command was dropped; see /rosout for the reason".into())
                 }
@@ -314,10 +316,10 @@ impl<'a> Bridge<'a> {
             Service::Clear => Intent::Clear,
         };
         let operator = &mut self.operated.operator;
-        operator.want(now_us, intent);
+        operator.request(now_us, intent);
         let outcome = match intent {
             Intent::Estop => Outcome::Stopped,
-            _ => Outcome::Message(operator.wished()),
+            _ => Outcome::Message(operator.latest_intent()),
         };
         self.waiting.push(Waiting { call, outcome, since_us: now_us });
     }
@@ -365,15 +367,15 @@ impl<'a> Bridge<'a> {
         let now_us = self.operated.now_us();
         if self.is_driven() {
             let text = "motion not played, because the robot is driven: end driving with ~/return";
-            return self.operated.operator.say(now_us, Weight::Refused, text);
+            return self.operated.operator.notify(now_us, Weight::Refused, text);
         }
         let by_name = self.library().and_then(|catalog| catalog.motion(name));
         let code = by_name.and_then(|motion| motion.code).or_else(|| name.parse().ok());
         if let Some(code) = code {
-            return self.operated.operator.want(now_us, Intent::Play { code });
+            return self.operated.operator.request(now_us, Intent::Play { code });
         }
         let cut: String = name.chars().take(NAME_CHARS).collect();
-        let name = Shown(&cut);
+        let name = Printable(&cut);
         let text = match self.library() {
             Some(catalog) if !catalog.motions.is_empty() => format!(
                 "not sent: the library has no motion `{name}`; give one of {}",
@@ -388,21 +390,21 @@ impl<'a> Bridge<'a> {
                  motion"
             ),
         };
-        self.operated.operator.say(now_us, Weight::Refused, text);
+        self.operated.operator.notify(now_us, Weight::Refused, text);
     }
 
     /// Returns the robot to SAFE and leaves. A driven robot stops first; without contact the node leaves at once.
     fn leave_if(&mut self, wanted: bool) {
         let now_us = self.operated.now_us();
         let operator = &mut self.operated.operator;
-        if wanted && operator.leaving() == Leaving::No {
+        if wanted && operator.leaving() == ExitStage::No {
             let driving = self.driving.as_mut();
             if !driving.is_some_and(|driving| driving.leave(now_us, operator)) {
-                operator.want(now_us, Intent::Quit);
+                operator.request(now_us, Intent::Quit);
             }
         }
-        if operator.leaving() == Leaving::WhenHome && !operator.view(now_us).link.contact {
-            operator.want(now_us, Intent::Quit);
+        if operator.leaving() == ExitStage::WhenHome && !operator.view(now_us).link.contact {
+            operator.request(now_us, Intent::Quit);
         }
     }
 
@@ -425,12 +427,12 @@ impl<'a> Bridge<'a> {
         self.operated.operator.set_catalog(self.catalog.clone());
         if hello.library.is_none() {
             let text = "the controller has no library: flash one with `rollwalk flash LIB.rwl`";
-            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.operated.operator.notify(now_us, Weight::Warning, text);
         }
         let Some((robot, parts)) = self.names.robot(hello.config_hash)? else {
             let text = "the robot does not ship with rollwalk: to publish robot_description, give \
                 --robot ROBOT.toml";
-            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.operated.operator.notify(now_us, Weight::Warning, text);
             self.joints = self.catalog.as_ref().map_or_else(Vec::new, |c| c.channels.clone());
             return Ok(());
         };

@@ -175,7 +175,7 @@ mod tests {
     }
 
     fn catalog() -> Catalog {
-        let motion = |name: &str, code| rollwalk_host::catalog::Motion {
+        let motion = |name: &str, code| rollwalk_host::catalog::CatalogMotion {
             name: name.into(),
             code,
             frames: 60,

@@ -42,7 +42,7 @@ impl Driving {
     /// Accepts a velocity, or reports the reason why it cannot be followed.
     pub fn command(&mut self, now_us: u64, velocity: Velocity, operator: &mut Operator) {
         if let Err(why) = self.commanded.command(now_us, velocity) {
-            operator.say(now_us, Weight::Warning, why);
+            operator.notify(now_us, Weight::Warning, why);
         }
     }
 

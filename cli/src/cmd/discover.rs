@@ -4,7 +4,7 @@ use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open;
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_host::discover::discover;
 use rollwalk_host::session::Session;
 use rollwalk_protocol::wire::Node;
@@ -45,7 +45,7 @@ struct Found {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     interrupt::listen();
     let port = open::open(&args.bus, 1).map_err(cannot_open)?;
-    let mut bus = Interruptible::new(Live::new(port));
+    let mut bus = Interruptible::new(LiveLink::new(port));
     let controllers = match discover(&mut bus, WAIT_US) {
         Ok(controllers) => controllers,
         Err(_) if interrupt::requested() => return Ok(Exit::Interrupted),
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     if found.is_empty() {
         let why = bus
-            .complaint()
+            .fault_and_remedy()
             .unwrap_or_else(|| "check power, cable and bus of the controller".into());
         output::say(format_args!("no controller answers on {}: {why}", args.bus));
         return Ok(Exit::NotDone);

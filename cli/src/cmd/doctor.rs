@@ -5,7 +5,7 @@ use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::doctor::{Finding, Findings, Gravity, Traffic};
+use rollwalk_host::doctor::{Finding, Gravity, Observations, Traffic};
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session};
 use rollwalk_protocol::can::Frame;
@@ -116,14 +116,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let has_host = listener.has_host();
     let transferring = !may_ask(&mut link, listener);
     let (hello, history) = if transferring { (None, None) } else { ask(args, &mut link) };
-    let complaint = link.complaint();
+    let complaint = link.fault_and_remedy();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }
     let catalog = args.names.look_up(hello.as_ref())?;
     let bus = args.link.bus.to_string();
     let bitrate = link.bitrate().unwrap_or(BITRATE);
-    let findings = Findings {
+    let findings = Observations {
         heard: &heard,
         has_host,
         hello: hello.as_ref(),
@@ -187,7 +187,7 @@ fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>)
 }
 
 fn report(
-    findings: &Findings<'_>,
+    findings: &Observations<'_>,
     history: Option<&History>,
     heard: &Traffic,
     samples: &[Frame],

@@ -5,7 +5,7 @@ use crate::tour::transfer_bar;
 use miette::miette;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::{Session, SessionError};
-use rollwalk_protocol::library::{Library, Why};
+use rollwalk_protocol::library::{Library, RejectReason};
 use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
 use rollwalk_terminal::link::{LinkArgs, ended, names};
 use rollwalk_terminal::packed::Packed;
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let start = Instant::now();
     let signer = signing::signer(&packed.file);
     let mut outcome = flash(&mut session, &packed.file);
-    let trailing = Why::TrailingBytes { len: 0, expected: 0 }.code();
+    let trailing = RejectReason::TrailingBytes { len: 0, expected: 0 }.code();
     if signer.is_some() && outcome.as_ref().err().and_then(refused_for) == Some(trailing) {
         output::say(
             "The controller does not check signatures; the library is sent again without its \

@@ -4,7 +4,7 @@ use super::capabilities::{self, BUTTONS};
 use evdev::{AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use miette::miette;
 use rollwalk_bus::serial::join;
-use rollwalk_gamepads::pad::{Event, normal};
+use rollwalk_gamepads::mapped_gamepad::{Event, normal};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;

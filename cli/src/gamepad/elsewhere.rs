@@ -1,7 +1,7 @@
 //! Gamepads on systems without evdev, where none is supported.
 
 use miette::miette;
-use rollwalk_gamepads::pad::Event;
+use rollwalk_gamepads::mapped_gamepad::Event;
 use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 

@@ -1,16 +1,16 @@
 //! Open gamepad of this computer: converts its events to operator requests.
 
 use super::{device, mapping};
-use rollwalk_gamepads::inputs::Push;
-use rollwalk_gamepads::pad::{self, Pad, Wish};
+use rollwalk_gamepads::inputs::AxisDirection;
+use rollwalk_gamepads::mapped_gamepad::{self, GamepadRequest, MappedGamepad};
 use rollwalk_host::operator::Deadman;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 /// Gamepad with its mapping and events.
 pub struct Gamepad {
-    pad: Pad,
-    events: Receiver<pad::Event>,
+    pad: MappedGamepad,
+    events: Receiver<mapped_gamepad::Event>,
 }
 
 impl Gamepad {
@@ -20,7 +20,7 @@ impl Gamepad {
     /// Returns an error if no gamepad is found, if it cannot be read, or if it has no mapping.
     pub fn open(device: &str, file: Option<&Path>) -> miette::Result<Self> {
         let found = device::find(device)?;
-        let pad = Pad::new(mapping(file, &found)?);
+        let pad = MappedGamepad::new(mapping(file, &found)?);
         Ok(Self { pad, events: device::listen(found) })
     }
 
@@ -35,25 +35,25 @@ impl Gamepad {
     }
 
     /// Deflection of an axis, 0 to 1; 0 while the deadman switch is released.
-    pub fn pushed(&self, push: Push) -> f32 {
+    pub fn pushed(&self, push: AxisDirection) -> f32 {
         self.pad.pushed(push)
     }
 
     /// Operator requests from the events since the previous call.
-    pub fn wishes(&mut self, now_us: u64) -> Vec<Wish> {
-        let mut wishes = Vec::new();
+    pub fn requests(&mut self, now_us: u64) -> Vec<GamepadRequest> {
+        let mut requests = Vec::new();
         loop {
             match self.events.try_recv() {
-                Ok(event) => wishes.extend(self.pad.on_event(now_us, event)),
+                Ok(event) => requests.extend(self.pad.on_event(now_us, event)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
-                    let gone = pad::Event::Gone("its reader thread has ended".into());
-                    wishes.extend(self.pad.on_event(now_us, gone));
+                    let gone = mapped_gamepad::Event::Gone("its reader thread has ended".into());
+                    requests.extend(self.pad.on_event(now_us, gone));
                     break;
                 }
             }
         }
-        wishes.extend(self.pad.tick(now_us));
-        wishes
+        requests.extend(self.pad.tick(now_us));
+        requests
     }
 }

@@ -58,7 +58,7 @@ impl Printer {
 }
 
 fn say(name: &str, travel: &Travel) {
-    let (way, totals) = (travel.way(), travel.totals());
+    let (way, totals) = (travel.displacement(), travel.totals());
     output::say(format_args!(
         "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt up to \
          {:.1}°, slid {:.3} m, at most {:.1} N on a foot or wheel, {} J of work by the motors",

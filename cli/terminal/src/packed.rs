@@ -6,7 +6,7 @@ use crate::{files, shipped};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::{Catalog, check_names};
-use rollwalk_protocol::library::{Index, Library, Reject, SignedFile, Why, validate};
+use rollwalk_protocol::library::{Index, Library, Reject, RejectReason, SignedFile, validate};
 use rollwalk_robot::Robot;
 use std::path::Path;
 
@@ -41,7 +41,7 @@ impl Packed {
         for shipped in shipped::robots() {
             let robot = Source::Shipped.robot(shipped)?;
             match check(&file, &robot)? {
-                Err(Reject { why: Why::WrongRobot { .. }, .. }) => {}
+                Err(Reject { why: RejectReason::WrongRobot { .. }, .. }) => {}
                 Ok(index) => return Self { robot, file, index }.named(path),
                 Err(reject) => return Err(rejected(path, &reject)),
             }
@@ -107,10 +107,10 @@ pub fn actuators(robot: &Robot) -> Actuators {
 /// Report of a file that a controller would reject, with the remedy.
 fn rejected(path: &Path, reject: &Reject) -> miette::Report {
     let help = match reject.why {
-        Why::NotALibrary => {
+        RejectReason::NotALibrary => {
             "give a file that `rollwalk library build` wrote, such as LIB.rwl".to_owned()
         }
-        Why::WrongRobot { .. } => {
+        RejectReason::WrongRobot { .. } => {
             "give the robot file that the library was built for: --robot ROBOT.toml".to_owned()
         }
         _ => format!(
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_damaged_library_is_refused_with_what_to_do() {
-        let why = Why::Corrupted { stored: 1, computed: 2 };
+        let why = RejectReason::Corrupted { stored: 1, computed: 2 };
         let reject = Reject { section: Section::Footer, offset: 18_361, why };
         let report = rejected(Path::new("walk.rwl"), &reject);
         assert!(report.to_string().starts_with("walk.rwl: footer at byte 18361"), "{report}");

@@ -5,7 +5,7 @@ use crate::{interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use rollwalk_planner::Progress;
 use rollwalk_planner::plan::{Plan, SolveSummary, Status};
-use rollwalk_protocol::text::Shown;
+use rollwalk_protocol::text::Printable;
 use std::fmt::Display;
 use std::io::{self, IsTerminal};
 use std::ops::ControlFlow;
@@ -56,7 +56,7 @@ impl Watch {
             ProgressStyle::with_template("{spinner} {prefix:<26} {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_spinner()),
         );
-        bar.set_prefix(Shown(name).to_string());
+        bar.set_prefix(Printable(name).to_string());
         bar.enable_steady_tick(Duration::from_millis(100));
         if table {
             let titles = format!(

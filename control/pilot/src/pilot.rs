@@ -5,7 +5,7 @@
 //! [`Pilot::on_stretch`] queues its frames. Meanwhile the robot plays the previous horizon. When a horizon violates a
 //! constraint, the pilot requests a stand on all feet until the planner returns an accepted one.
 
-use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_host::stream::Target;
 use rollwalk_planner::receding::{CourseError, Steering, Stretch};
 use rollwalk_protocol::wire::State;
@@ -160,7 +160,7 @@ impl Pilot {
             Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
             Phase::Stopping | Phase::Homeward if after == After::Leave => {
                 // Asked for twice.
-                operator.want(now_us, Intent::Quit);
+                operator.request(now_us, Intent::Quit);
             }
             Phase::Stopping | Phase::Homeward => {}
             Phase::Beginning if self.again_us > 0 => (self.ends, self.after) = (true, after),
@@ -208,7 +208,7 @@ impl Pilot {
             }
             Phase::Off if state == State::Disarmed && self.may_arm(now_us, &view) => {
                 (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
-                operator.want(now_us, Intent::Arm);
+                operator.request(now_us, Intent::Arm);
             }
             Phase::Beginning if streams => {
                 self.phase = if self.ends { Phase::Stopping } else { Phase::Steered };
@@ -224,11 +224,11 @@ impl Pilot {
             }
             Phase::Stopping if self.stood >= STANDS_STRETCHES || now_us >= self.again_us => {
                 (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
-                operator.want(now_us, Intent::Return);
+                operator.request(now_us, Intent::Return);
             }
             Phase::Homeward if streams && now_us >= self.again_us => {
                 self.again_us = now_us + AGAIN_US;
-                operator.want(now_us, Intent::Return);
+                operator.request(now_us, Intent::Return);
             }
             Phase::Homeward if !streams && state != State::Aligning => self.end(now_us, operator),
             _ => {}
@@ -242,20 +242,20 @@ impl Pilot {
 
     /// Commands the stream once its first frames have been planned.
     fn begin(&mut self, now_us: u64, operator: &mut Operator) {
-        if operator.leaving() != Leaving::No {
+        if operator.leaving() != ExitStage::No {
             return;
         }
         match self.first.take() {
             Some(first) => {
                 self.again_us = now_us + AGAIN_US;
-                operator.want(now_us, Intent::Stream);
+                operator.request(now_us, Intent::Stream);
                 first.into_iter().for_each(|frame| operator.stream(frame));
             }
             // The command had no effect.
             None if self.again_us > 0 && now_us >= self.again_us => {
                 self.rests = true;
                 let text = "the controller does not follow setpoints; steer to try again";
-                operator.say(now_us, Weight::Warning, text);
+                operator.notify(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
             None => {}
@@ -268,13 +268,13 @@ impl Pilot {
         self.course += 1;
         (self.is_planning, self.is_unsure, self.has_said_why) = (false, false, false);
         (self.first, self.stood, self.again_us, self.ends) = (None, 0, 0, false);
-        if operator.leaving() != Leaving::No {
+        if operator.leaving() != ExitStage::No {
             return;
         }
         match std::mem::replace(&mut self.after, After::Rest) {
             After::Rest => {}
-            After::Disarm => operator.want(now_us, Intent::Disarm),
-            After::Leave => operator.want(now_us, Intent::Quit),
+            After::Disarm => operator.request(now_us, Intent::Disarm),
+            After::Leave => operator.request(now_us, Intent::Quit),
         }
     }
 
@@ -314,7 +314,7 @@ impl Pilot {
                 (self.is_unsure, self.tally.rejected) = (true, self.tally.rejected + 1);
                 if !std::mem::replace(&mut self.has_said_why, true) {
                     let text = format!("{error}: the robot halts");
-                    operator.say(now_us, Weight::Warning, text);
+                    operator.notify(now_us, Weight::Warning, text);
                 }
                 return;
             }
@@ -325,7 +325,7 @@ impl Pilot {
         if self.is_unsure && !was_unsure {
             let text = "a planned horizon does not meet all constraints: the robot stops until a \
                 horizon meets them";
-            operator.say(now_us, Weight::Warning, text);
+            operator.notify(now_us, Weight::Warning, text);
         }
         let stands = request.wanted == Wanted::default()
             && stretch.velocity.iter().all(|speed| speed.abs() < STANDS_BELOW);

@@ -2,7 +2,7 @@
 
 use crate::pilot::{Pilot, Wanted};
 use crate::plans::{Planned, Planner, Route};
-use rollwalk_host::operator::{Intent, Leaving, Operator, Weight};
+use rollwalk_host::operator::{ExitStage, Intent, Operator, Weight};
 use rollwalk_planner::receding::Steering;
 use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
@@ -65,9 +65,9 @@ impl Steered {
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
                     let text = "the planner has ended: the robot halts";
-                    if operator.leaving() == Leaving::No {
-                        operator.say(now_us, Weight::Warning, text);
-                        operator.want(now_us, Intent::Quit);
+                    if operator.leaving() == ExitStage::No {
+                        operator.notify(now_us, Weight::Warning, text);
+                        operator.request(now_us, Intent::Quit);
                     }
                     break;
                 }

@@ -198,7 +198,7 @@ impl Tracker {
         self.iterations += u64::from(report.iterations);
         self.iterations_max = self.iterations_max.max(report.iterations);
         self.subdivided += u32::from(report.subdivisions > 0);
-        if self.fall_watch.look(world).is_some() {
+        if self.fall_watch.check(world).is_some() {
             self.fell_at_s = Some(world.system().time_s());
         }
     }
@@ -223,7 +223,7 @@ impl Tracker {
 
     /// Ends a period.
     pub fn end_cycle(&mut self) {
-        self.cycles.push(self.odometer.way());
+        self.cycles.push(self.odometer.displacement());
         self.odometer.begin_again();
     }
 

@@ -208,7 +208,7 @@ fn rollout(
             world.set_law(channel, law);
         }
         world.system_mut().step_recorded(step_s, &mut recorder).ok()?;
-        if fall_watch.look(&world).is_some() {
+        if fall_watch.check(&world).is_some() {
             return None;
         }
         // A motion that repeats goes on in later periods.

@@ -271,7 +271,7 @@ pub fn steer(
         world.push(mean_force(&options.shoves, world.system().time_s(), step_s, heading));
         world.step(step_s)?;
         velocities.push(in_heading(&world.state(&tree)));
-        if fall_watch.look(&world).is_some() {
+        if fall_watch.check(&world).is_some() {
             fell_at_s = Some(world.system().time_s());
             break;
         }

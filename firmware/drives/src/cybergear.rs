@@ -3,7 +3,7 @@
 //! Only run mode 0, operation control, is simulated. In any other mode the motor gives no torque.
 
 use crate::scale::{code, share, value};
-use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{DriveCommand, Electronics, Law, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::cybergear::CyberGear;
 use rollwalk_protocol::can::Frame;
@@ -75,25 +75,25 @@ impl Drive {
         }
     }
 
-    fn write(&mut self, [i0, i1, _, _, value @ ..]: [u8; 8]) -> Sent {
+    fn write(&mut self, [i0, i1, _, _, value @ ..]: [u8; 8]) -> DriveCommand {
         match u16::from_le_bytes([i0, i1]) {
             // Not while it runs.
             RUN_MODE if !self.enabled => {
                 self.mode = value[0];
-                Sent::Mode
+                DriveCommand::Mode
             }
             LIMIT_TORQUE => {
                 // The manual's range is 0 to 12 N·m.
                 let limit_nm = f64::from(f32::from_le_bytes(value));
                 if !(0.0..=TORQUE_NM).contains(&limit_nm) {
-                    return Sent::Odd;
+                    return DriveCommand::Odd;
                 }
                 self.torque_limit_nm = limit_nm;
-                Sent::Limits
+                DriveCommand::Limits
             }
             // Of the position mode, which is not simulated.
-            LIMIT_SPEED => Sent::Limits,
-            _ => Sent::Odd,
+            LIMIT_SPEED => DriveCommand::Limits,
+            _ => DriveCommand::Odd,
         }
     }
 
@@ -118,7 +118,12 @@ impl Drive {
 }
 
 impl Electronics for Drive {
-    fn on_frame(&mut self, _: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
+    fn on_frame(
+        &mut self,
+        _: u64,
+        frame: &Frame,
+        shaft: &Shaft,
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         let (kind, data16, data) = self.mine(frame)?;
         let sent = match kind {
             1 => {
@@ -127,19 +132,19 @@ impl Electronics for Drive {
             }
             3 => {
                 self.enabled = true;
-                Sent::Enable
+                DriveCommand::Enable
             }
             4 => {
                 self.enabled = false;
                 if data[0] == 1 {
                     self.faults = 0;
-                    Sent::ClearFaults
+                    DriveCommand::ClearFaults
                 } else {
-                    Sent::Disable
+                    DriveCommand::Disable
                 }
             }
             18 => self.write(data),
-            _ => return Some((Sent::Odd, None)),
+            _ => return Some((DriveCommand::Odd, None)),
         };
         Some((sent, Some(self.feedback(shaft))))
     }

@@ -4,7 +4,7 @@
 //! The operating mode is 0 if the controller closes the loop, 1 for wheels, 5 for joints, and 3 for joints of servos without a
 //! current sensor. The manual has no gains in N·m, so the servo uses the gains of the robot file.
 
-use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{Answer, DriveCommand, Electronics, Law, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::config::Channel;
@@ -118,7 +118,7 @@ impl Drive {
         Answer { bytes, turn, delay_us, is_part: true }
     }
 
-    fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<Sent> {
+    fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<DriveCommand> {
         let word = || Some(i16::from_le_bytes(data.try_into().ok()?));
         let long = || Some(i32::from_le_bytes(data.try_into().ok()?));
         // With the watchdog expired, goals cannot be written.
@@ -128,19 +128,19 @@ impl Drive {
         Some(match address {
             64 => {
                 self.enabled = data == [1];
-                if self.enabled { Sent::Enable } else { Sent::Disable }
+                if self.enabled { DriveCommand::Enable } else { DriveCommand::Disable }
             }
             98 => {
                 self.watchdog_20ms = *data.first()?;
                 self.expired &= self.watchdog_20ms != 0;
                 self.fed_us = now_us;
-                Sent::Watchdog
+                DriveCommand::Watchdog
             }
             102 if self.kind.model.has_current() => {
                 self.goal_current = word()?;
                 match self.mode {
-                    Mode::Current => Sent::Torque(self.goal_torque_nm() as f32),
-                    _ => Sent::Limits,
+                    Mode::Current => DriveCommand::Torque(self.goal_torque_nm() as f32),
+                    _ => DriveCommand::Limits,
                 }
             }
             104 => {
@@ -149,7 +149,7 @@ impl Drive {
             }
             112 => {
                 long()?;
-                Sent::Limits
+                DriveCommand::Limits
             }
             116 => {
                 self.goal_position = long()?;
@@ -167,7 +167,7 @@ impl Drive {
         f64::from(self.goal_current) * self.torque_step_nm()
     }
 
-    fn setpoint(&self) -> Sent {
+    fn setpoint(&self) -> DriveCommand {
         self.goal().setpoint(self.mode == Mode::Velocity)
     }
 
@@ -208,7 +208,7 @@ impl Electronics for Drive {
         now_us: u64,
         bytes: &[u8],
         shaft: &Shaft,
-    ) -> (Vec<Sent>, Option<Answer>) {
+    ) -> (Vec<DriveCommand>, Option<Answer>) {
         let nothing = (vec![], None);
         let Some(told) = unwrapped(bytes) else { return nothing };
         let &[instruction, a0, a1, n0, n1, ref rest @ ..] = &told[..] else { return nothing };
@@ -222,7 +222,7 @@ impl Electronics for Drive {
                 let data = self.read(address, count, shaft);
                 let turns = (turn, rest.len());
                 let said = data.map(|data| self.answer(instruction == 0x8A, turns, &data));
-                (vec![Sent::Query], said)
+                (vec![DriveCommand::Query], said)
             }
             0x83 => {
                 let Some([_, mine @ ..]) = rest.chunks(1 + count).find(|chunk| chunk[0] == self.id)
@@ -230,7 +230,7 @@ impl Electronics for Drive {
                     return nothing;
                 };
                 self.fed_us = now_us;
-                (vec![self.write(now_us, address, mine).unwrap_or(Sent::Odd)], None)
+                (vec![self.write(now_us, address, mine).unwrap_or(DriveCommand::Odd)], None)
             }
             _ => nothing,
         }

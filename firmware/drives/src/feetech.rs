@@ -4,7 +4,7 @@
 //! The operating mode is 0 (position) for joints and 1 (constant speed) for wheels. The servo has no watchdog: it keeps
 //! following the previous command. The manual has no gains in N·m, so the servo uses the gains of the robot file.
 
-use crate::{Answer, Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{Answer, DriveCommand, Electronics, Law, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::feetech::Feetech;
 use rollwalk_protocol::config::Channel;
@@ -56,19 +56,19 @@ impl Drive {
     }
 
     /// Writes bytes from an address on; `None` unless they form valid values of complete registers.
-    fn write(&mut self, address: u8, data: &[u8]) -> Option<Vec<Sent>> {
+    fn write(&mut self, address: u8, data: &[u8]) -> Option<Vec<DriveCommand>> {
         let word = |low: u8, high: u8| magnitude(u16::from_le_bytes([low, high]), 15);
         Some(match (address, data) {
             (40, [switch @ 0..=1]) => {
                 self.enabled = *switch == 1;
-                vec![if self.enabled { Sent::Enable } else { Sent::Disable }]
+                vec![if self.enabled { DriveCommand::Enable } else { DriveCommand::Disable }]
             }
             // Of the acceleration every joint gets the largest; another would lag behind its setpoints.
-            (41, [0]) => vec![Sent::Limits],
+            (41, [0]) => vec![DriveCommand::Limits],
             (41, [0, p0, p1, _, _, v0, v1]) => {
                 self.goal_velocity = word(*v0, *v1);
                 self.goal_position = word(*p0, *p1);
-                vec![Sent::Limits, self.goal().setpoint(self.is_wheel)]
+                vec![DriveCommand::Limits, self.goal().setpoint(self.is_wheel)]
             }
             (42, [p0, p1]) if !self.is_wheel => {
                 self.goal_position = word(*p0, *p1);
@@ -77,11 +77,11 @@ impl Drive {
             (46, [v0, v1]) => {
                 self.goal_velocity = word(*v0, *v1);
                 let setpoint = self.goal().setpoint(true);
-                vec![if self.is_wheel { setpoint } else { Sent::Limits }]
+                vec![if self.is_wheel { setpoint } else { DriveCommand::Limits }]
             }
             (48, [l0, l1]) if word(*l0, *l1) >= 0.0 && word(*l0, *l1) <= 1000.0 => {
                 self.torque_limit = word(*l0, *l1) / 1000.0;
-                vec![Sent::Limits]
+                vec![DriveCommand::Limits]
             }
             _ => return None,
         })
@@ -125,7 +125,12 @@ impl Electronics for Drive {
     }
 
     /// Processes sync writes and sync reads, which address all servos.
-    fn on_packet(&mut self, _: u64, bytes: &[u8], shaft: &Shaft) -> (Vec<Sent>, Option<Answer>) {
+    fn on_packet(
+        &mut self,
+        _: u64,
+        bytes: &[u8],
+        shaft: &Shaft,
+    ) -> (Vec<DriveCommand>, Option<Answer>) {
         let nothing = (vec![], None);
         let Some(&[ALL, _, instruction, address, count, ref rest @ ..]) = unwrapped(bytes) else {
             return nothing;
@@ -136,7 +141,7 @@ impl Electronics for Drive {
                 let delay_us = self.kind.return_delay_us.into();
                 let said = self.read(address, count, shaft);
                 (
-                    vec![Sent::Query],
+                    vec![DriveCommand::Query],
                     said.map(|bytes| Answer { bytes, turn, delay_us, is_part: false }),
                 )
             }
@@ -145,7 +150,7 @@ impl Electronics for Drive {
                 let Some([_, mine @ ..]) = chunks.find(|chunk| chunk[0] == self.id) else {
                     return nothing;
                 };
-                (self.write(address, mine).unwrap_or_else(|| vec![Sent::Odd]), None)
+                (self.write(address, mine).unwrap_or_else(|| vec![DriveCommand::Odd]), None)
             }
             _ => nothing,
         }

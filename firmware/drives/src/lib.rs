@@ -73,8 +73,8 @@ impl Law {
     }
 
     /// Converts the law to a set-point event.
-    fn setpoint(&self, is_wheel: bool) -> Sent {
-        Sent::Setpoint {
+    fn setpoint(&self, is_wheel: bool) -> DriveCommand {
+        DriveCommand::Setpoint {
             value: self.value(is_wheel),
             kp: self.kp_nm_rad as f32,
             kd: self.kd_nm_s_rad as f32,
@@ -85,7 +85,7 @@ impl Law {
 
 /// Command to a drive, named as in its documents.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sent {
+pub enum DriveCommand {
     /// Torque off.
     Disable,
     /// Torque on.
@@ -126,10 +126,10 @@ pub enum Sent {
     Odd,
 }
 
-impl Sent {
+impl DriveCommand {
     /// True if the command cannot move anything by itself.
     pub fn is_harmless(self) -> bool {
-        matches!(self, Sent::Disable | Sent::Query | Sent::ClearFaults)
+        matches!(self, DriveCommand::Disable | DriveCommand::Query | DriveCommand::ClearFaults)
     }
 }
 
@@ -143,13 +143,13 @@ pub struct Answer {
     /// Delay after the query or the preceding answer, µs.
     pub delay_us: u64,
     /// True for a part of a packet that all answering servos build together. The part does not include the CRC at its end; see
-    /// [`Self::said`].
+    /// [`Self::line_answer`].
     pub is_part: bool,
 }
 
 impl Answer {
     /// Bytes on the line in this drive's turn; `before` are the bytes of the preceding answers.
-    pub fn said(&self, before: &[u8]) -> Vec<u8> {
+    pub fn line_answer(&self, before: &[u8]) -> Vec<u8> {
         let mut said = self.bytes.clone();
         if self.is_part {
             said.extend(dynamixel::crc16(&[before, &said].concat()).to_le_bytes());
@@ -168,7 +168,7 @@ pub trait Electronics {
         now_us: u64,
         frame: &Frame,
         shaft: &Shaft,
-    ) -> Option<(Sent, Option<Frame>)> {
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         let _ = (now_us, frame, shaft);
         None
     }
@@ -179,7 +179,7 @@ pub trait Electronics {
         now_us: u64,
         packet: &[u8],
         shaft: &Shaft,
-    ) -> (Vec<Sent>, Option<Answer>) {
+    ) -> (Vec<DriveCommand>, Option<Answer>) {
         let _ = (now_us, packet, shaft);
         (vec![], None)
     }
@@ -294,7 +294,7 @@ impl Electronics for Drive {
         now_us: u64,
         frame: &Frame,
         shaft: &Shaft,
-    ) -> Option<(Sent, Option<Frame>)> {
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         self.kind.electronics_mut().on_frame(now_us, frame, shaft)
     }
 
@@ -303,7 +303,7 @@ impl Electronics for Drive {
         now_us: u64,
         packet: &[u8],
         shaft: &Shaft,
-    ) -> (Vec<Sent>, Option<Answer>) {
+    ) -> (Vec<DriveCommand>, Option<Answer>) {
         self.kind.electronics_mut().on_packet(now_us, packet, shaft)
     }
 

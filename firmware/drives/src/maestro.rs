@@ -2,7 +2,7 @@
 //!
 //! The servo measures nothing. It follows its pulses with the gains of the robot file.
 
-use crate::{Answer, Electronics, Law, Sent, Shaft};
+use crate::{Answer, DriveCommand, Electronics, Law, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::maestro::Maestro;
 use rollwalk_protocol::config::Channel;
@@ -39,17 +39,17 @@ impl Drive {
         }
     }
 
-    fn aim(&mut self, quarters_us: u16) -> Vec<Sent> {
+    fn aim(&mut self, quarters_us: u16) -> Vec<DriveCommand> {
         if quarters_us == 0 {
             self.target_rad = None;
-            return vec![Sent::Disable];
+            return vec![DriveCommand::Disable];
         }
         let pulse = &self.board.pulse;
         let us = f64::from(quarters_us) / 4.0 - f64::from(pulse.centre_us);
         let value = us / f64::from(pulse.us_per_rad);
         let setpoint = self.towards(value).setpoint(false);
         match self.target_rad.replace(value) {
-            None => vec![Sent::Enable, setpoint],
+            None => vec![DriveCommand::Enable, setpoint],
             Some(_) => vec![setpoint],
         }
     }
@@ -63,12 +63,17 @@ impl Drive {
 
 impl Electronics for Drive {
     /// Processes a packet. The board answers queries, so all its servos return the same answer.
-    fn on_packet(&mut self, _: u64, bytes: &[u8], _: &Shaft) -> (Vec<Sent>, Option<Answer>) {
+    fn on_packet(
+        &mut self,
+        _: u64,
+        bytes: &[u8],
+        _: &Shaft,
+    ) -> (Vec<DriveCommand>, Option<Answer>) {
         let Some((command, data)) = self.unwrapped(bytes) else { return (vec![], None) };
         let target = match (command, data) {
             (0xA1, []) => {
                 let answer = Answer { bytes: vec![0, 0], turn: 0, delay_us: 0, is_part: false };
-                return (vec![Sent::Query], Some(answer));
+                return (vec![DriveCommand::Query], Some(answer));
             }
             (0x84, [channel, low, high]) if *channel == self.channel => quarters(*low, *high),
             (0x9F, [_, first, targets @ ..]) => {
@@ -79,7 +84,7 @@ impl Electronics for Drive {
                 quarters(*low, *high)
             }
             (0x84, _) => return (vec![], None),
-            _ => return (vec![Sent::Odd], None),
+            _ => return (vec![DriveCommand::Odd], None),
         };
         (self.aim(target), None)
     }

@@ -2,7 +2,7 @@
 //! Manual V1.0.8".
 
 use crate::scale::{code, share, value};
-use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{DriveCommand, Electronics, Law, Shaft, is_wheel};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::mit::{AnswerId, Mit};
 use rollwalk_protocol::can::Frame;
@@ -78,20 +78,25 @@ impl Drive {
 }
 
 impl Electronics for Drive {
-    fn on_frame(&mut self, _: u64, frame: &Frame, shaft: &Shaft) -> Option<(Sent, Option<Frame>)> {
+    fn on_frame(
+        &mut self,
+        _: u64,
+        frame: &Frame,
+        shaft: &Shaft,
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         let data = self.mine(frame)?;
         let sent = match special(&data) {
             // It follows what it was sent last.
             Some(0xFC) => {
                 self.enabled = true;
-                Sent::Enable
+                DriveCommand::Enable
             }
             Some(0xFD) => {
                 self.enabled = false;
-                Sent::Disable
+                DriveCommand::Disable
             }
             // A new zero: nothing of ours sends it.
-            Some(_) => Sent::Odd,
+            Some(_) => DriveCommand::Odd,
             None => {
                 self.last = self.setpoint(data);
                 self.last.setpoint(self.is_wheel)

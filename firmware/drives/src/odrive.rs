@@ -4,7 +4,7 @@
 //! The axis is never queried. It sends estimates and torques or currents on timers, and its heartbeat every 100 ms. Timers of
 //! different axes are not synchronous.
 
-use crate::{Electronics, Law, Sent, Shaft};
+use crate::{DriveCommand, Electronics, Law, Shaft};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_protocol::actuators::odrive::{Odrive, Version};
 use rollwalk_protocol::can::Frame;
@@ -109,28 +109,28 @@ impl Drive {
         })
     }
 
-    fn setpoint(&self, value: f64) -> Sent {
+    fn setpoint(&self, value: f64) -> DriveCommand {
         let ((kp, kd), (_, _, torque_nm)) = (self.gains(), self.input);
         let [value, kp, kd, torque_nm] = [value, kp, kd, torque_nm].map(|x| x as f32);
-        Sent::Setpoint { value, kp, kd, torque_nm }
+        DriveCommand::Setpoint { value, kp, kd, torque_nm }
     }
 
-    fn take(&mut self, command: u16, data: &[u8]) -> Option<Sent> {
+    fn take(&mut self, command: u16, data: &[u8]) -> Option<DriveCommand> {
         Some(match command {
             0x02 => {
                 let v05 = self.kind.version == Version::V05;
                 self.error |= if v05 { ESTOP_05 } else { ESTOP_06 };
                 self.closed_loop = false;
-                Sent::Disable
+                DriveCommand::Disable
             }
             0x07 => match u32_at(data, 0)? {
                 1 => {
                     self.closed_loop = false;
-                    Sent::Disable
+                    DriveCommand::Disable
                 }
                 8 => {
                     self.closed_loop = self.error == 0;
-                    Sent::Enable
+                    DriveCommand::Enable
                 }
                 _ => return None,
             },
@@ -138,7 +138,7 @@ impl Drive {
                 // Input mode 1 passes setpoints on as they are; ramps and filters are not simulated.
                 let (mode, 1) = (u32_at(data, 0)?, u32_at(data, 4)?) else { return None };
                 self.control_mode = mode;
-                Sent::Mode
+                DriveCommand::Mode
             }
             0x0C => {
                 self.input = self.inputs(command, data)?;
@@ -150,7 +150,7 @@ impl Drive {
             }
             0x0E => {
                 self.input = self.inputs(command, data)?;
-                Sent::Torque(self.input.2 as f32)
+                DriveCommand::Torque(self.input.2 as f32)
             }
             0x0F => {
                 let limits = (float_at(data, 0)?, float_at(data, 4)?);
@@ -158,22 +158,22 @@ impl Drive {
                     return None;
                 }
                 self.limits = Some(limits);
-                Sent::Limits
+                DriveCommand::Limits
             }
             0x18 => {
                 self.error = 0;
-                Sent::ClearFaults
+                DriveCommand::ClearFaults
             }
             0x1A => {
                 self.position_gain = Some(float_at(data, 0)?);
-                Sent::PositionGain
+                DriveCommand::PositionGain
             }
             0x1B => {
                 // No integral gain is simulated.
                 let (gain, 0.0) = (float_at(data, 0)?, float_at(data, 4)?) else { return None };
                 self.velocity_gain = Some(gain);
                 let (kp, kd) = self.gains();
-                Sent::Gains { kp: kp as f32, kd: kd as f32 }
+                DriveCommand::Gains { kp: kp as f32, kd: kd as f32 }
             }
             _ => return None,
         })
@@ -188,7 +188,7 @@ impl Drive {
         }
     }
 
-    fn tell(&self, timer: Timer, shaft: &Shaft) -> Frame {
+    fn answer(&self, timer: Timer, shaft: &Shaft) -> Frame {
         let two = |a: f64, b: f64| {
             let [a, b] = [a, b].map(|x| (x as f32).to_le_bytes());
             [a, b].concat()
@@ -220,14 +220,19 @@ impl Electronics for Drive {
         self.input = (stale.position_rad, stale.speed_rad_s, stale.torque_nm);
     }
 
-    /// Processes a frame. Frames that are too short count as [`Sent::Odd`].
-    fn on_frame(&mut self, _: u64, frame: &Frame, _: &Shaft) -> Option<(Sent, Option<Frame>)> {
+    /// Processes a frame. Frames that are too short count as [`DriveCommand::Odd`].
+    fn on_frame(
+        &mut self,
+        _: u64,
+        frame: &Frame,
+        _: &Shaft,
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         let (command, data) = (self.command(frame)?, frame.data());
         // What it says itself.
         if matches!(command, 0x01 | 0x03 | 0x09 | 0x14 | 0x15 | 0x1C) {
             return None;
         }
-        Some((self.take(command, data).unwrap_or(Sent::Odd), None))
+        Some((self.take(command, data).unwrap_or(DriveCommand::Odd), None))
     }
 
     fn commanded(&self, frame: &Frame) -> Option<f32> {
@@ -250,7 +255,7 @@ impl Electronics for Drive {
         // After a pause one is late, and none is made up for.
         let (due, period) = (self.due_us[index], self.period_us(timer));
         self.due_us[index] = due + ((now_us - due) / period + 1) * period;
-        Some(self.tell(timer, shaft))
+        Some(self.answer(timer, shaft))
     }
 
     /// Control law: torque = g_v (g_p (q* − q) + q̇* − q̇) + τ. Both the commanded speed and the torque are limited.

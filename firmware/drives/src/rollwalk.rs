@@ -4,7 +4,7 @@
 //! answers every frame that addresses it with feedback at the end of that frame. If set-points stop, its watchdog switches
 //! torque off until the servo is disabled and enabled again.
 
-use crate::{Electronics, Law, Sent, Shaft, is_wheel};
+use crate::{DriveCommand, Electronics, Law, Shaft, is_wheel};
 use rollwalk_protocol::actuator::{
     ActuatorStatus, Control, Feedback, JointSetpoint, WheelSetpoint,
 };
@@ -102,7 +102,7 @@ impl Electronics for Drive {
         now_us: u64,
         frame: &Frame,
         shaft: &Shaft,
-    ) -> Option<(Sent, Option<Frame>)> {
+    ) -> Option<(DriveCommand, Option<Frame>)> {
         let sent = if let Some((id, control)) = Control::decode(frame) {
             if id != self.id {
                 return None;
@@ -116,9 +116,9 @@ impl Electronics for Drive {
                 (Control::Enable | Control::Query, _) => {}
             }
             match control {
-                Control::Disable => Sent::Disable,
-                Control::Enable => Sent::Enable,
-                Control::Query => Sent::Query,
+                Control::Disable => DriveCommand::Disable,
+                Control::Enable => DriveCommand::Enable,
+                Control::Query => DriveCommand::Query,
             }
         } else {
             let law = self.law_of(frame)?;

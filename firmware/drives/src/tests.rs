@@ -1,6 +1,6 @@
 //! Properties of drives that documents specify but that no controller of this project relies on.
 
-use crate::{Answer, Drive, Electronics, Kind, Sent, Shaft};
+use crate::{Answer, Drive, DriveCommand, Electronics, Kind, Shaft};
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::{Dynamixel, packet::packet, table::XM430_W210};
@@ -45,7 +45,7 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::standard(id, data).unwrap()
 }
 
-fn tell(drive: &mut Drive, command: u16, data: &[u8]) -> Sent {
+fn send_command(drive: &mut Drive, command: u16, data: &[u8]) -> DriveCommand {
     let frame = frame(u16::from(ID) << 5 | command, data);
     drive.on_frame(0, &frame, &Shaft::default()).expect("it is for this drive").0
 }
@@ -59,15 +59,15 @@ fn floats(a: f32, b: f32) -> Vec<u8> {
 fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     let mut drive = odrive(Version::V06);
     // 10 (turn/s)/turn, 0.02 N·m/(turn/s): kd = 0.02 · 4 / 2π at the output, kp = 10 kd.
-    tell(&mut drive, 0x1A, &10f32.to_le_bytes());
-    tell(&mut drive, 0x1B, &floats(0.02, 0.0));
+    send_command(&mut drive, 0x1A, &10f32.to_le_bytes());
+    send_command(&mut drive, 0x1B, &floats(0.02, 0.0));
     // 0.5 turn/s of the motor: a quarter turn a second of the output. 12 A: 0.6 N·m, 1.2 at the output.
-    tell(&mut drive, 0x0F, &floats(0.5, 12.0));
-    tell(&mut drive, 0x0B, &[3, 0, 0, 0, 1, 0, 0, 0]);
+    send_command(&mut drive, 0x0F, &floats(0.5, 12.0));
+    send_command(&mut drive, 0x0B, &[3, 0, 0, 0, 1, 0, 0, 0]);
     // A tenth of a turn of the motor: −0.05 turns of the output, 0.05 turns × 10 = 0.5 turn/s asked for.
-    tell(&mut drive, 0x0C, &floats(0.1, 0.0));
+    send_command(&mut drive, 0x0C, &floats(0.1, 0.0));
     assert_eq!(drive.law(&at(0.0)), None, "idle");
-    assert_eq!(tell(&mut drive, 0x07, &8u32.to_le_bytes()), Sent::Enable);
+    assert_eq!(send_command(&mut drive, 0x07, &8u32.to_le_bytes()), DriveCommand::Enable);
     let kd = 0.02 * 4.0 / TAU;
     let far = drive.law(&at(0.0)).unwrap();
     assert!((far.kd_nm_s_rad - kd).abs() < 1e-9 && far.kp_nm_rad == 0.0, "{far:?}");
@@ -77,8 +77,8 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     assert!((near.kp_nm_rad - 10.0 * kd).abs() < 1e-7 && near.speed_rad_s == 0.0, "{near:?}");
     assert!((near.position_rad + 0.05 * TAU).abs() < 1e-6, "{near:?}");
     // Torque on top of a speed, in velocity mode: that of the motor times −2.
-    tell(&mut drive, 0x0B, &[2, 0, 0, 0, 1, 0, 0, 0]);
-    tell(&mut drive, 0x0D, &floats(-0.2, 0.1));
+    send_command(&mut drive, 0x0B, &[2, 0, 0, 0, 1, 0, 0, 0]);
+    send_command(&mut drive, 0x0D, &floats(-0.2, 0.1));
     let speed = drive.law(&at(0.0)).unwrap();
     assert!((speed.speed_rad_s - 0.1 * TAU).abs() < 1e-6, "{speed:?}");
     assert!((speed.torque_nm + 0.2).abs() < 1e-6, "{speed:?}");
@@ -88,14 +88,14 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
 #[test]
 fn an_odrive_takes_no_limit_below_0() {
     let mut drive = odrive(Version::V06);
-    tell(&mut drive, 0x0F, &floats(0.5, 12.0));
-    tell(&mut drive, 0x07, &8u32.to_le_bytes());
+    send_command(&mut drive, 0x0F, &floats(0.5, 12.0));
+    send_command(&mut drive, 0x07, &8u32.to_le_bytes());
     let before = drive.law(&at(0.0));
     for (turns_s, current_a) in
         [(0.5, -1.0), (-0.5, 12.0), (f32::NAN, 12.0), (0.5, f32::NAN), (0.5, f32::INFINITY)]
     {
-        let sent = tell(&mut drive, 0x0F, &floats(turns_s, current_a));
-        assert_eq!(sent, Sent::Odd, "{turns_s} {current_a}");
+        let sent = send_command(&mut drive, 0x0F, &floats(turns_s, current_a));
+        assert_eq!(sent, DriveCommand::Odd, "{turns_s} {current_a}");
         assert_eq!(drive.law(&at(0.0)), before, "{turns_s} {current_a}");
     }
 }
@@ -105,7 +105,7 @@ fn an_odrive_takes_no_limit_below_0() {
 fn a_cybergear_takes_no_torque_limit_out_of_its_range() {
     let gear = CyberGear { host: 0xFD, max_position_rad: SAMPLE_MAX_RAD };
     let mut drive = drive(Protocol::CyberGear(gear));
-    let mut tell = |kind: u32, data: [u8; 8]| {
+    let mut send_command = |kind: u32, data: [u8; 8]| {
         let frame = Frame::extended(kind << 24 | 0xFD << 8 | u32::from(ID), &data).unwrap();
         let (sent, _) = drive.on_frame(0, &frame, &at(0.0)).expect("it is for this motor");
         (sent, drive.law(&at(0.0)).map(|law| law.torque_limit_nm))
@@ -114,30 +114,30 @@ fn a_cybergear_takes_no_torque_limit_out_of_its_range() {
         let [a, b, c, d] = nm.to_le_bytes();
         [0x0B, 0x70, 0, 0, a, b, c, d]
     };
-    assert_eq!(tell(3, [0; 8]), (Sent::Enable, Some(12.0)));
-    assert_eq!(tell(18, limit(2.5)), (Sent::Limits, Some(2.5)));
+    assert_eq!(send_command(3, [0; 8]), (DriveCommand::Enable, Some(12.0)));
+    assert_eq!(send_command(18, limit(2.5)), (DriveCommand::Limits, Some(2.5)));
     for nm in [-1.0, 12.5, f32::NAN, f32::INFINITY] {
-        assert_eq!(tell(18, limit(nm)), (Sent::Odd, Some(2.5)), "{nm}");
+        assert_eq!(send_command(18, limit(nm)), (DriveCommand::Odd, Some(2.5)), "{nm}");
     }
-    assert_eq!(tell(18, limit(0.0)), (Sent::Limits, Some(0.0)));
+    assert_eq!(send_command(18, limit(0.0)), (DriveCommand::Limits, Some(0.0)));
 }
 
 #[test]
 fn an_odrive_that_was_stopped_or_cannot_do_it_stays_idle() {
     for (version, bits) in [(Version::V05, 0x4000u32), (Version::V06, 0x0200_0000)] {
         let mut drive = odrive(version);
-        tell(&mut drive, 0x07, &8u32.to_le_bytes());
-        assert_eq!(tell(&mut drive, 0x02, &[]), Sent::Disable);
+        send_command(&mut drive, 0x07, &8u32.to_le_bytes());
+        assert_eq!(send_command(&mut drive, 0x02, &[]), DriveCommand::Disable);
         assert_eq!(drive.law(&at(0.0)), None);
         let heartbeat = std::iter::from_fn(|| drive.on_timer(0, &at(0.0))).collect::<Vec<_>>();
         assert_eq!(heartbeat, [], "its timers begin later");
         let told: Vec<_> = std::iter::from_fn(|| drive.on_timer(10_000, &at(0.0))).collect();
         let error = [&bits.to_le_bytes()[..], &[1, 0, 0, 0]].concat();
         assert_eq!(told[0], frame(u16::from(ID) << 5 | 1, &error));
-        tell(&mut drive, 0x07, &8u32.to_le_bytes());
+        send_command(&mut drive, 0x07, &8u32.to_le_bytes());
         assert_eq!(drive.law(&at(0.0)), None, "the error has to be cleared first");
-        tell(&mut drive, 0x18, &[0]);
-        tell(&mut drive, 0x07, &8u32.to_le_bytes());
+        send_command(&mut drive, 0x18, &[0]);
+        send_command(&mut drive, 0x07, &8u32.to_le_bytes());
         assert!(drive.law(&at(0.0)).is_some());
         // A ramp, an integral gain, frames that are cut: none of it is done.
         for (command, data) in [
@@ -147,7 +147,7 @@ fn an_odrive_that_was_stopped_or_cannot_do_it_stays_idle() {
             (0x07, vec![]),
             (0x16, vec![]),
         ] {
-            assert_eq!(tell(&mut drive, command, &data), Sent::Odd, "{command:#x}");
+            assert_eq!(send_command(&mut drive, command, &data), DriveCommand::Odd, "{command:#x}");
         }
     }
 }
@@ -176,13 +176,13 @@ fn an_mit_drive_answers_within_its_scale() {
     let off = frame(ID.into(), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD]);
     let shaft = Shaft { position_rad: 100.0, speed_rad_s: -200.0, ..Shaft::default() };
     let (sent, answer) = drive.on_frame(0, &off, &shaft).unwrap();
-    assert_eq!(sent, Sent::Disable);
+    assert_eq!(sent, DriveCommand::Disable);
     // The ends of the scale, and zero torque, which lies between two codes.
     assert_eq!(answer, Some(frame(ID.into(), &[ID, 0xFF, 0xFF, 0x00, 0x08, 0x00, 30, 0])));
     assert_eq!(drive.on_frame(0, &frame(6, &[0; 8]), &shaft), None, "for another");
     assert_eq!(drive.on_frame(0, &frame(ID.into(), &[0; 7]), &shaft), None, "cut");
     let zero = frame(ID.into(), &[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFE]);
-    assert_eq!(drive.on_frame(0, &zero, &shaft).unwrap().0, Sent::Odd);
+    assert_eq!(drive.on_frame(0, &zero, &shaft).unwrap().0, DriveCommand::Odd);
 }
 
 fn sync_write(address: u16, data: &[u8]) -> Vec<u8> {
@@ -196,20 +196,20 @@ fn a_dynamixel_whose_watchdog_has_expired_takes_no_goal_until_it_is_told_0() {
     let model =
         Dynamixel { model: XM430_W210, watchdog_20ms: 5, return_delay_us: 0, reads_fast: false };
     let mut drive = drive(Protocol::Dynamixel(model));
-    let tell = |drive: &mut Drive, now_us, address, data: &[u8]| {
+    let send_command = |drive: &mut Drive, now_us, address, data: &[u8]| {
         drive.on_packet(now_us, &sync_write(address, data), &at(0.0)).0
     };
-    tell(&mut drive, 0, 116, &3000i32.to_le_bytes());
-    assert_eq!(tell(&mut drive, 0, 64, &[1]), [Sent::Enable]);
-    assert_eq!(tell(&mut drive, 0, 98, &[5]), [Sent::Watchdog]);
+    send_command(&mut drive, 0, 116, &3000i32.to_le_bytes());
+    assert_eq!(send_command(&mut drive, 0, 64, &[1]), [DriveCommand::Enable]);
+    assert_eq!(send_command(&mut drive, 0, 98, &[5]), [DriveCommand::Watchdog]);
     drive.on_time(100_000);
     let law = drive.law(&at(0.0)).unwrap();
     assert!((law.position_rad - 952.0 / 4096.0 * TAU).abs() < 1e-9);
     assert_eq!((law.kp_nm_rad, law.kd_nm_s_rad), (20.0, 0.5), "of the robot file");
     drive.on_time(100_001);
     assert_eq!(drive.law(&at(0.0)), None);
-    assert_eq!(tell(&mut drive, 100_001, 116, &3000i32.to_le_bytes()), [Sent::Odd]);
-    tell(&mut drive, 100_001, 98, &[0]);
+    assert_eq!(send_command(&mut drive, 100_001, 116, &3000i32.to_le_bytes()), [DriveCommand::Odd]);
+    send_command(&mut drive, 100_001, 98, &[0]);
     drive.on_time(200_000);
     assert!(drive.law(&at(0.0)).is_some());
     assert_eq!(drive.on_packet(0, &[0xFF, 0xFF], &at(0.0)), (vec![], None));
@@ -241,7 +241,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
         assert_eq!(drive.on_packet(0, &resummed(wrong), &at(0.0)), (vec![], None), "{length}");
     }
     assert_eq!(drive.law(&at(0.0)), None);
-    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [Sent::Enable]);
+    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [DriveCommand::Enable]);
 
     // −1 step of current and −3 of velocity have a header in them: FF FF, FD FF FF FF.
     let torque_nm = -2.69e-3 * 3.0 / 2.3;
@@ -255,12 +255,15 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let (sent, said) = drive.on_packet(0, &ask, &shaft);
     let bytes = resummed(answer.concat());
     let answer = Answer { bytes, turn: 0, delay_us: 0, is_part: false };
-    assert_eq!((sent, said), (vec![Sent::Query], Some(answer)));
+    assert_eq!((sent, said), (vec![DriveCommand::Query], Some(answer)));
     // The same the other way round.
     let goal = i32::from_le_bytes([0xFF, 0xFF, 0xFD, 0xFF]);
     let stuffed = sync_write(116, &goal.to_le_bytes());
     assert_eq!(stuffed.len(), 8 + 4 + 1 + 5 + 2);
-    assert!(matches!(drive.on_packet(0, &stuffed, &at(0.0)).0[..], [Sent::Setpoint { .. }]));
+    assert!(matches!(
+        drive.on_packet(0, &stuffed, &at(0.0)).0[..],
+        [DriveCommand::Setpoint { .. }]
+    ));
     let goal_rad = f64::from(goal - 2048) / 4096.0 * TAU;
     assert!((drive.law(&at(0.0)).unwrap().position_rad - goal_rad).abs() < 1e-9);
     let mut bare = stuffed;
@@ -285,7 +288,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
         wrong[index] ^= 1;
         assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], None), "byte {index}");
     }
-    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [Sent::Enable]);
+    assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [DriveCommand::Enable]);
     // 1024 steps from the middle, a quarter turn; half of 30 kg·cm.
     drive.on_packet(0, &write(42, &[0, 0x0C]), &at(0.0));
     drive.on_packet(0, &write(48, &[0xF4, 1]), &at(0.0));
@@ -302,7 +305,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
         (33, &[1]),
     ] {
         let (sent, said) = drive.on_packet(0, &write(address, data), &at(0.0));
-        assert_eq!((sent, said), (vec![Sent::Odd], None), "{address} {data:?}");
+        assert_eq!((sent, said), (vec![DriveCommand::Odd], None), "{address} {data:?}");
         assert_eq!(drive.law(&at(0.0)), Some(law), "{address}");
     }
 
@@ -312,7 +315,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
     let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 74, 35];
     let bytes = [&bytes[..], &[crate::feetech::complement(&bytes[2..])]].concat();
     let answer = Answer { bytes, turn: 1, delay_us: 500, is_part: false };
-    assert_eq!(drive.on_packet(0, &ask, &shaft), (vec![Sent::Query], Some(answer)));
+    assert_eq!(drive.on_packet(0, &ask, &shaft), (vec![DriveCommand::Query], Some(answer)));
 
     let mut line = [&[3, 0xFF, 0xFF][..], &on, &on[..5]].concat();
     assert_eq!(drive.take_packet(&mut line), Some(on.clone()));
@@ -358,7 +361,9 @@ fn a_drive_for_torques_gives_torques() {
     let (sent, _) = drive.on_packet(0, &sync_write(102, &(-100i16).to_le_bytes()), &at(0.0));
     // 2.69 mA a step, 3.0 N·m at 2.3 A.
     let torque_nm = -100.0 * 2.69e-3 * 3.0 / 2.3;
-    assert!(matches!(sent[..], [Sent::Torque(t)] if (f64::from(t) - torque_nm).abs() < 1e-6));
+    assert!(
+        matches!(sent[..], [DriveCommand::Torque(t)] if (f64::from(t) - torque_nm).abs() < 1e-6)
+    );
     let law = drive.law(&at(1.0)).unwrap();
     assert!((law.torque_nm - torque_nm).abs() < 1e-6 && law.kp_nm_rad == 0.0);
     drive.cut_power();

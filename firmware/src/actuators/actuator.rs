@@ -11,7 +11,7 @@ pub const FRESH_TICKS: u16 = 2;
 
 /// Torque command sent most recently.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Switched {
+enum TorqueCommand {
     #[default]
     Never,
     Off,
@@ -35,7 +35,7 @@ pub struct Actuator {
     unanswered: bool,
     /// True if the actuator has confirmed the most recent torque-off command.
     pub known_off: bool,
-    switched: Switched,
+    switched: TorqueCommand,
     switched_ticks: u16,
     /// Latest gains sent to a drive that stores them; `None` until the first set-point after torque on.
     pub gains: Option<Gains>,
@@ -102,7 +102,7 @@ impl Actuator {
         // Of an actuator that does not report it, an answer since the last switch counts as confirmation.
         let (enabled, off) = match self.switched {
             _ if reports_enabled => (news.enabled, news.enabled.map(|on| !on)),
-            switched => (Some(switched == Switched::On), Some(switched == Switched::Off)),
+            switched => (Some(switched == TorqueCommand::On), Some(switched == TorqueCommand::Off)),
         };
         if let (Some(enabled), Some(off)) = (enabled, off) {
             let bit = if enabled { ActuatorStatus::ENABLED } else { 0 };
@@ -127,22 +127,22 @@ impl Actuator {
 
     /// Records that the final frame of a torque-off command was sent.
     pub fn switched_off(&mut self) {
-        self.switched = Switched::Off;
+        self.switched = TorqueCommand::Off;
     }
 
     /// Records that the final frame of a torque-on command was sent.
     pub fn switched_on(&mut self) {
-        (self.switched, self.switched_ticks) = (Switched::On, 0);
+        (self.switched, self.switched_ticks) = (TorqueCommand::On, 0);
     }
 
     /// True if the torque-on command was sent less than `patience_ticks` ago, so that a missing confirmation is not an error
     /// yet.
     pub fn waits_for_enable(&self, patience_ticks: u16) -> bool {
-        self.switched == Switched::On && self.switched_ticks < patience_ticks
+        self.switched == TorqueCommand::On && self.switched_ticks < patience_ticks
     }
 
     /// Records a query, and a missed answer if the previous query is unanswered. Call it for each query.
-    pub fn note_request(&mut self) {
+    pub fn record_query(&mut self) {
         self.unanswered |= self.asked && self.is_known();
         self.asked = true;
     }

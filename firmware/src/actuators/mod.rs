@@ -34,7 +34,7 @@ mod serial;
 use actuator::Actuator;
 pub use actuator::FRESH_TICKS;
 use driver::BusDriver;
-pub use orders::Hold;
+pub use orders::GainMode;
 use orders::{DriveRequest, PendingRequests};
 
 /// Health of all actuators together.
@@ -145,7 +145,7 @@ impl Actuators {
     }
 
     /// True if every actuator has confirmed the most recent torque-off command.
-    pub fn all_known_off(&self) -> bool {
+    pub fn are_confirmed_off(&self) -> bool {
         self.list.iter().all(|a| a.known_off)
     }
 
@@ -267,7 +267,12 @@ impl Actuators {
     }
 
     /// True if a parameter of a channel affects its actuator.
-    pub fn heeds(&self, config: &RobotConfig, channel: usize, parameter: Parameter) -> bool {
+    pub fn uses_parameter(
+        &self,
+        config: &RobotConfig,
+        channel: usize,
+        parameter: Parameter,
+    ) -> bool {
         let driver = config.channels.get(channel).and_then(|c| self.driver(c.bus));
         driver.is_some_and(|driver| match parameter {
             Parameter::FeedForward => true,
@@ -301,7 +306,7 @@ impl Actuators {
         limits: &Channel,
         channel: usize,
         (target, meant): (Target, f32),
-        hold: Hold,
+        hold: GainMode,
     ) {
         let Some(driver) = self.drivers.get_mut(usize::from(limits.bus)) else { return };
         let Some(actuator) = self.list.get_mut(channel) else { return };
@@ -324,9 +329,9 @@ impl Actuators {
         let in_drive = driver.bus.control == ControlLoop::InDrive;
         if driver.can.gains == UpdatePolicy::Stored && in_drive {
             let gains = Some(orders::gains(limits, hold));
-            let urgent = hold == Hold::Damped || actuator.gains.is_none();
+            let urgent = hold == GainMode::Damped || actuator.gains.is_none();
             // The gains of the damped stop may be lost on a disturbed bus, so they are repeated.
-            let again = hold == Hold::Damped && self.turn == channel;
+            let again = hold == GainMode::Damped && self.turn == channel;
             if again || actuator.gains != gains && (urgent || self.turn == channel) {
                 pending = pending.and(DriveRequest::Gains);
                 actuator.gains = gains;

@@ -13,7 +13,7 @@ use crate::limiter::{Target, gains_within_torque};
 
 /// Gains with which an actuator tracks its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Hold {
+pub enum GainMode {
     /// Gains of the channel.
     #[default]
     Driven,
@@ -95,7 +95,9 @@ pub fn command(
         DriveRequest::Limits => {
             Command::Limits { speed_rad_s: fastest(limits), torque_nm: limits.max_torque_nm }
         }
-        DriveRequest::Gains => Command::Gains(kept.unwrap_or_else(|| gains(limits, Hold::Driven))),
+        DriveRequest::Gains => {
+            Command::Gains(kept.unwrap_or_else(|| gains(limits, GainMode::Driven)))
+        }
         DriveRequest::Enable if bus.control == ControlLoop::OnController => Command::EnableTorque,
         DriveRequest::Enable => match limits.kind {
             ChannelKind::JointPosition => {
@@ -111,8 +113,8 @@ pub fn command(
 }
 
 /// Gains of a channel for a kind of hold.
-pub fn gains(limits: &Channel, hold: Hold) -> Gains {
-    let kp_nm_rad = if hold == Hold::Driven { limits.kp_nm_rad } else { 0.0 };
+pub fn gains(limits: &Channel, hold: GainMode) -> Gains {
+    let kp_nm_rad = if hold == GainMode::Driven { limits.kp_nm_rad } else { 0.0 };
     Gains { kp_nm_rad, kd_nm_s_rad: limits.kd_nm_s_rad }
 }
 
@@ -143,7 +145,7 @@ fn limp(limits: &Channel, feedback: &Feedback) -> Command {
 }
 
 /// Computes the torque for a target, clamped to the channel's limit.
-pub fn torque(limits: &Channel, target: Target, hold: Hold, feedback: &Feedback) -> Command {
+pub fn torque(limits: &Channel, target: Target, hold: GainMode, feedback: &Feedback) -> Command {
     let Gains { kp_nm_rad: kp, kd_nm_s_rad: kd } = gains(limits, hold);
     let asked = match limits.kind {
         ChannelKind::JointPosition => {
@@ -164,7 +166,7 @@ pub fn setpoint(
     limits: &Channel,
     can: &Capabilities,
     target: Target,
-    hold: Hold,
+    hold: GainMode,
     feedback: &Feedback,
 ) -> Option<Command> {
     let Gains { kp_nm_rad: kp, kd_nm_s_rad: kd } = gains(limits, hold);
@@ -181,7 +183,7 @@ pub fn setpoint(
                 UpdatePolicy::EverySetpoint => Some(Gains { kp_nm_rad, kd_nm_s_rad }),
                 // The drive's own limit holds for the sum.
                 UpdatePolicy::Stored => None,
-                UpdatePolicy::Never if hold == Hold::Damped => return None,
+                UpdatePolicy::Never if hold == GainMode::Damped => return None,
                 UpdatePolicy::Never => None,
             };
             Command::Joint(JointSetpoint {

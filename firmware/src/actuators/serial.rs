@@ -83,7 +83,7 @@ impl Actuators {
                     if packet.is_some() {
                         driver.listening = question;
                         if question {
-                            members(&mut self.list, driver).for_each(Actuator::note_request);
+                            members(&mut self.list, driver).for_each(Actuator::record_query);
                         }
                         return packet;
                     }

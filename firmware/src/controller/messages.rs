@@ -15,7 +15,7 @@ use rollwalk_protocol::wire::{
 use super::Controller;
 use crate::authentication::Admission;
 use crate::gate::{Permit, Verdict};
-use crate::imu::{Imu, Sampled};
+use crate::imu::{Imu, SampleContent};
 use crate::link::Outgoing;
 use crate::motion::Setup;
 use crate::player::PLANNED_SPEED_64THS;
@@ -27,7 +27,7 @@ use crate::tuning::{self, Robot};
 const SLOWEST_HZ: u16 = 20;
 
 /// Values acknowledged with an accepted command: the motion, and a nonce or a number of frames.
-type Done = (Option<NodeId>, u16);
+type AcknowledgedValues = (Option<NodeId>, u16);
 
 impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Processes a frame of the link. Ignores frames for other nodes, and counts damaged ones.
@@ -112,7 +112,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.imu.sampled().accelerometer.map(|of| of.encode(node))
                 }
                 Outgoing::Sample { number } => {
-                    let Sampled { answered, contacts, .. } = self.imu.sampled();
+                    let SampleContent { answered, contacts, .. } = self.imu.sampled();
                     Some(Sample { number, answered, contacts }.encode(node))
                 }
                 Outgoing::Frame(frame) => Some(frame),
@@ -165,8 +165,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         });
     }
 
-    fn execute(&mut self, now_us: u64, action: Action) -> Result<Done, CommandResult> {
-        const NOTHING_TO_SAY: Done = (None, 0);
+    fn execute(
+        &mut self,
+        now_us: u64,
+        action: Action,
+    ) -> Result<AcknowledgedValues, CommandResult> {
+        const NOTHING_TO_SAY: AcknowledgedValues = (None, 0);
         match action {
             Action::Play { code, speed_64ths } => self.play(now_us, code, speed_64ths),
             Action::Stream => {
@@ -259,7 +263,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             obstacle(Fault::ActuatorFault)
         } else if !self.motion.actuators_are_fresh(&self.setup)
             // An actuator that missed "off" would resume its previous setpoint.
-            || !self.motion.actuators.all_known_off()
+            || !self.motion.actuators.are_confirmed_off()
         {
             (CommandResult::PoseUnknown, FaultBits::default().with(Fault::ActuatorSilent))
         } else if self.motion.implausible(&self.setup).is_some() {
@@ -283,7 +287,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     /// Checks that the controller may follow streamed set-points, which carry neither signature nor authenticator.
     fn may_stream(&self) -> Result<(), CommandResult> {
         let has_owner =
-            self.authentication.insists() || self.storage.store().insists_on_signatures();
+            self.authentication.requires_key() || self.storage.store().requires_signatures();
         match self.state() {
             _ if has_owner => Err(CommandResult::Unproven),
             State::Ready => Ok(()),
@@ -319,7 +323,12 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if latched { Ok(()) } else { Err(CommandResult::WrongState) }
     }
 
-    fn play(&mut self, now_us: u64, code: u8, speed_64ths: i8) -> Result<Done, CommandResult> {
+    fn play(
+        &mut self,
+        now_us: u64,
+        code: u8,
+        speed_64ths: i8,
+    ) -> Result<AcknowledgedValues, CommandResult> {
         let speed = u8::try_from(speed_64ths).ok();
         let speed = speed.filter(|speed| (1..=PLANNED_SPEED_64THS).contains(speed));
         let speed = speed.ok_or(CommandResult::BadSpeed)?;
@@ -342,7 +351,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         &mut self,
         now_us: u64,
         node: Result<NodeId, CommandResult>,
-    ) -> Result<Done, CommandResult> {
+    ) -> Result<AcknowledgedValues, CommandResult> {
         if !self.state().accepts_motions() && self.state() != State::Paused {
             let armed = self.state().torque() == Torque::Driven;
             return Err(if armed { CommandResult::WrongState } else { CommandResult::NotArmed });
@@ -386,7 +395,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if admission != Admission::Admitted
             && let Some(count) = self.authentication.count_refused()
         {
-            self.journal.note_refused(now_us, self.state(), count);
+            self.journal.record_refusals(now_us, self.state(), count);
         }
     }
 

@@ -45,24 +45,24 @@ mod tests {
     struct Pin<'a>(core::slice::Iter<'a, Option<bool>>);
 
     #[derive(Debug)]
-    struct Broken;
+    struct BrokenPin;
 
-    impl Error for Broken {
+    impl Error for BrokenPin {
         fn kind(&self) -> ErrorKind {
             ErrorKind::Other
         }
     }
 
     impl ErrorType for Pin<'_> {
-        type Error = Broken;
+        type Error = BrokenPin;
     }
 
     impl InputPin for Pin<'_> {
-        fn is_high(&mut self) -> Result<bool, Broken> {
-            self.0.next().copied().flatten().ok_or(Broken)
+        fn is_high(&mut self) -> Result<bool, BrokenPin> {
+            self.0.next().copied().flatten().ok_or(BrokenPin)
         }
 
-        fn is_low(&mut self) -> Result<bool, Broken> {
+        fn is_low(&mut self) -> Result<bool, BrokenPin> {
             self.is_high().map(|high| !high)
         }
     }

@@ -165,9 +165,9 @@ mod tests {
     use embedded_hal::pwm::{Error, ErrorKind, ErrorType};
 
     #[derive(Debug, PartialEq)]
-    struct Stuck;
+    struct StuckOutput;
 
-    impl Error for Stuck {
+    impl Error for StuckOutput {
         fn kind(&self) -> ErrorKind {
             ErrorKind::Other
         }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     impl ErrorType for Output<'_> {
-        type Error = Stuck;
+        type Error = StuckOutput;
     }
 
     impl SetDutyCycle for Output<'_> {
@@ -188,9 +188,9 @@ mod tests {
             u16::MAX
         }
 
-        fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Stuck> {
+        fn set_duty_cycle(&mut self, duty: u16) -> Result<(), StuckOutput> {
             if !self.works.get() {
-                return Err(Stuck);
+                return Err(StuckOutput);
             }
             self.duty.set(duty);
             Ok(())
@@ -222,12 +222,12 @@ mod tests {
     }
 
     impl Bench<'_> {
-        fn tell(&mut self, frame: Frame) -> Feedback {
+        fn command(&mut self, frame: Frame) -> Feedback {
             Feedback::decode(&self.servo.on_frame(&frame).expect("an answer")).unwrap().1
         }
 
         fn control(&mut self, control: Control) -> Feedback {
-            self.tell(control.encode(5).unwrap())
+            self.command(control.encode(5).unwrap())
         }
 
         fn go(&mut self, position_rad: f32, kp_nm_rad: f32) -> Feedback {
@@ -238,7 +238,7 @@ mod tests {
                 kd_nm_s_rad: 0.5,
                 torque_nm: 0.0,
             };
-            self.tell(setpoint.encode(5).unwrap())
+            self.command(setpoint.encode(5).unwrap())
         }
     }
 
@@ -268,7 +268,7 @@ mod tests {
                 let kp_nm_rad = 20.0;
                 let setpoint =
                     JointSetpoint { position_rad, kp_nm_rad, torque_nm, ..Default::default() };
-                (bench.tell(setpoint.encode(5).unwrap()), bench.duty.get())
+                (bench.command(setpoint.encode(5).unwrap()), bench.duty.get())
             };
             let (_, offset) = go(0.1, 1.0);
             let (told, _) = go(0.1, 1.0);
@@ -361,6 +361,6 @@ mod tests {
         works.set(false);
         let output = Output { duty: &duty, works: &works };
         let failed = PwmServo::new(output, SETTINGS, 0.0).err();
-        assert_eq!(failed, Some(PwmError::Output(Stuck)));
+        assert_eq!(failed, Some(PwmError::Output(StuckOutput)));
     }
 }

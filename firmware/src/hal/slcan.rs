@@ -26,7 +26,7 @@ pub struct Adapter {
 
 /// Result of a line from the host.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Received {
+pub struct LineResult {
     /// Frame for the controller.
     pub frame: Option<Frame>,
     /// Answer to the host.
@@ -35,7 +35,7 @@ pub struct Received {
 
 impl Adapter {
     /// Processes a byte from the host. Returns the result if the byte completes a line.
-    pub fn push(&mut self, byte: u8) -> Option<Received> {
+    pub fn push(&mut self, byte: u8) -> Option<LineResult> {
         let ends = byte == b'\r';
         let message = self.reader.push(byte);
         // An overlong line was skipped up to its end and is refused.
@@ -44,7 +44,7 @@ impl Adapter {
             (None, true) => (None, error()),
             (None, false) => return None,
         };
-        Some(Received { frame, answer })
+        Some(LineResult { frame, answer })
     }
 
     fn execute(&mut self, message: Message) -> (Option<Frame>, Line) {

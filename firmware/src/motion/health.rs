@@ -72,7 +72,7 @@ impl Motion {
     /// Distance between a joint's measured position and its latest set-point without a torque offset, rad.
     fn lag_rad(&self, setup: &Setup, channel: usize) -> Option<f32> {
         let joint = setup.config.channels.get(channel)?.kind == ChannelKind::JointPosition;
-        let setpoint = self.limiter.meant(channel).filter(|_| joint)?;
+        let setpoint = self.limiter.without_offset(channel).filter(|_| joint)?;
         Some((setpoint - self.actuators.measured(&setup.config, channel)?).abs())
     }
 

@@ -1,7 +1,7 @@
 //! Set-points of the host, which replace the player in the motion stage: streamed frames, or answers to samples.
 
-use rollwalk_protocol::library::{Library, Unreadable};
-use rollwalk_protocol::wire::{Answered, Setpoint};
+use rollwalk_protocol::library::{Library, LibraryReadError};
+use rollwalk_protocol::wire::{SampleAnswer, Setpoint};
 
 use super::{Motion, Setup, Stage, ramp_to_safe, safe};
 use crate::limiter::within;
@@ -21,7 +21,7 @@ impl Motion {
     }
 
     /// Answer in force of a tracked robot.
-    pub fn answered(&self, settings: &Settings) -> Option<Answered> {
+    pub fn answered(&self, settings: &Settings) -> Option<SampleAnswer> {
         match &self.stage {
             Stage::Tracking(track) => track.answered(settings.period_s()),
             _ => None,
@@ -35,9 +35,9 @@ impl Motion {
         &mut self,
         setup: &Setup,
         library: Option<Library<'_>>,
-    ) -> Result<(), Unreadable> {
+    ) -> Result<(), LibraryReadError> {
         let tracking = self.tracking.take();
-        let (values, torques) = safe(&library.ok_or(Unreadable)?)?;
+        let (values, torques) = safe(&library.ok_or(LibraryReadError)?)?;
         match tracking {
             Some(tracking) => self.stage = Stage::Tracking(Track::start(tracking, values, torques)),
             None => {
@@ -63,8 +63,8 @@ impl Motion {
         &mut self,
         setup: &Setup,
         library: Option<Library<'_>>,
-    ) -> Result<(), Unreadable> {
-        let library = library.ok_or(Unreadable)?;
+    ) -> Result<(), LibraryReadError> {
+        let library = library.ok_or(LibraryReadError)?;
         let config = &setup.config;
         let feed_forward = self.parameters.feed_forward();
         // From what the actuators were commanded: what was streamed may be out of their limits.

@@ -1,6 +1,6 @@
-//! Boot counter whose value is never used twice: [`Controller::insist_on`] requires one.
+//! Boot counter whose value is never used twice: [`Controller::require_key`] requires one.
 //!
-//! [`Controller::insist_on`]: crate::Controller::insist_on
+//! [`Controller::require_key`]: crate::Controller::require_key
 //!
 //! Each boot appends one record to a [log](super::log) of its own, and the log's generation is the count. The count rises with
 //! each attempt to write. A record that was torn by a power cut may be readable at one boot and fade later. Its count is still
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
     use crate::store::RamFlash;
     use crate::store::log::MOST_UNITS;
-    use crate::store::tests::nor::{ALL_TORN, Nor};
+    use crate::store::tests::nor::{ALL_TORN, NorSimulator};
     use embedded_storage::nor_flash::NorFlash;
 
     #[test]
@@ -111,7 +111,7 @@ mod tests {
     fn no_power_cut_brings_a_number_back() {
         for torn in ALL_TORN {
             for step in 1..RECORD_LEN {
-                let mut flash = Nor::<8, 64>::blank(MOST_UNITS);
+                let mut flash = NorSimulator::<8, 64>::blank(MOST_UNITS);
                 let (mut last, mut cuts) = (0, 0);
                 for boot in 0..60 {
                     let fuel = step * boot % (64 + RECORD_LEN);

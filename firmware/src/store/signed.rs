@@ -74,7 +74,7 @@ impl<S: LibraryStore> Signed<S> {
 }
 
 impl<S: LibraryStore> LibraryStore for Signed<S> {
-    fn insists_on_signatures(&self) -> bool {
+    fn requires_signatures(&self) -> bool {
         self.key.is_some()
     }
 
@@ -176,8 +176,8 @@ mod tests {
     #[test]
     fn only_the_owners_libraries_come_out() {
         let mut store = Signed::new(RamStore::<256>::new(), owner());
-        assert!(store.insists_on_signatures());
-        assert!(!Signed::unchecked(RamStore::<256>::new()).insists_on_signatures());
+        assert!(store.requires_signatures());
+        assert!(!Signed::unchecked(RamStore::<256>::new()).requires_signatures());
         assert_eq!(send(&mut store, &signed_by(1)), Ok(()));
         assert_eq!(store.received(), LIBRARY);
         assert_eq!(store.activate(), Ok(()));

@@ -3,7 +3,7 @@
 //! Two robots receive the same messages of a host. Random attacks between these messages are sent to one of the robots, and
 //! both must behave alike. The campaign of `cargo xtask nightly` counts the attacks.
 
-use crate::authentication::{BOOT, NONCE, Prover, key, ready, say, session};
+use crate::authentication::{BOOT, NONCE, Prover, key, ready, send_raw, session};
 use crate::rig::{Rig, me};
 use crate::robot;
 use proptest::prelude::*;
@@ -224,11 +224,11 @@ fn frames(rig: &mut Rig, attack: &Attack) -> Option<Vec<Frame>> {
 /// Carries out an attack; returns true if the robot executed a command of the attacker.
 fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bool {
     let mut heard = match held.take() {
-        Some(held) => say(rig, &held),
+        Some(held) => send_raw(rig, &held),
         None => vec![],
     };
     if let Some(frames) = frames(rig, attack) {
-        heard.extend(say(rig, &frames));
+        heard.extend(send_raw(rig, &frames));
     }
     match *attack {
         Attack::Session { nonce } => rig.send_message(&SessionRequest { nonce }.encode()),
@@ -241,7 +241,7 @@ fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bo
     }
     // What it kept is none of the host's.
     let request = ParameterRequest { seq: 3, action: ParameterAction::Reset };
-    heard.extend(say(rig, &[request.encode(me())]));
+    heard.extend(send_raw(rig, &[request.encode(me())]));
     heard.iter().any(|answer| match answer {
         FromController::CommandAck(ack) => ack.result != CommandResult::AuthenticationRequired,
         FromController::ParameterAck(ack) => ack.result != ParameterResult::AuthenticationRequired,
@@ -252,7 +252,7 @@ fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bo
 /// Restarts the robot. The host begins its next session, and the attacker still has all messages of the previous one.
 fn power_cycled(rig: Rig, boot: u32) -> Rig {
     let mut rig = rig.power_cycled(robot::config());
-    rig.brain.insist_on(key(), Some(boot));
+    rig.brain.require_key(key(), Some(boot));
     let sent = rig.prover.take().unwrap().sent;
     let session = session(&mut rig, NONCE).unwrap();
     let mut prover = Prover::new(key(), session);

@@ -57,9 +57,9 @@ pub fn session(rig: &mut Rig, nonce: u64) -> Option<LinkSession> {
 }
 
 /// Robot that has booted and requires the key, without a host that has a session.
-fn insisting() -> Rig {
+fn requiring_key() -> Rig {
     let mut rig = Rig::booted();
-    rig.brain.insist_on(key(), Some(BOOT));
+    rig.brain.require_key(key(), Some(BOOT));
     rig.heartbeats_to = me();
     rig
 }
@@ -71,7 +71,7 @@ fn with_host(mut rig: Rig) -> Rig {
 }
 
 pub fn ready() -> Rig {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.run(10);
     rig.arm();
     rig.run_until(State::Ready, 1000);
@@ -79,7 +79,7 @@ pub fn ready() -> Rig {
 }
 
 /// Sends frames exactly as given, without authenticators of the rig, and returns the controller's answers.
-pub fn say(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
+pub fn send_raw(rig: &mut Rig, frames: &[Frame]) -> Vec<FromController> {
     let from = rig.heard.len();
     let prover = rig.prover.take();
     frames.iter().for_each(|frame| rig.send(frame));
@@ -97,7 +97,7 @@ fn results(heard: &[FromController]) -> Vec<CommandResult> {
 
 #[test]
 fn with_the_key_everything_is_as_ever() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.run(10);
     assert_eq!(flash(&mut rig, &robot::library()), TransferResult::Ok);
     rig.arm();
@@ -116,10 +116,10 @@ fn with_the_key_everything_is_as_ever() {
 
 #[test]
 fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
-    let mut rig = insisting();
+    let mut rig = requiring_key();
     rig.host_alive = false;
     let command = rig.next_command(Action::ArmRequest).encode(me());
-    assert_eq!(results(&say(&mut rig, &[command])), [CommandResult::AuthenticationRequired]);
+    assert_eq!(results(&send_raw(&mut rig, &[command])), [CommandResult::AuthenticationRequired]);
     let kp = Parameter::Kp.code();
     let set = ParameterAction::Set { parameter: kp, channel: 0, value: 15.0 };
     let ack = rig.parameter(set);
@@ -139,7 +139,7 @@ fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
     let hello = Request::Hello { major: 2, minor: 0 };
     assert!(matches!(rig.request(&hello), Response::Hello(_)));
     assert!(matches!(rig.request(&Request::Log { since: 0 }), Response::Log(_)));
-    let heard = say(&mut rig, &[Discover.encode(me())]);
+    let heard = send_raw(&mut rig, &[Discover.encode(me())]);
     assert!(matches!(heard[..], [FromController::Discovered(_)]));
     rig.estop();
     assert_eq!(rig.brain.state(), State::EStopped);
@@ -148,7 +148,7 @@ fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
 /// Set-points have no authenticator, so a controller with a key does not follow any, not even from its own host.
 #[test]
 fn no_stream_of_setpoints_is_followed() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.arm();
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Unproven);
@@ -170,13 +170,13 @@ fn no_stream_of_setpoints_is_followed() {
 /// Refused messages neither advance the sequence of the host's commands nor use up its nonce.
 #[test]
 fn what_is_refused_leaves_the_host_s_commands_alone() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.run(10);
     let nonce = rig.command(Action::ArmRequest).value;
     let confirm = rig.next_command(Action::ArmConfirm { nonce });
     for seq in 0..16 {
         let command = Command { seq, action: Action::ArmConfirm { nonce }, ..confirm };
-        let heard = say(&mut rig, &[command.encode(me())]);
+        let heard = send_raw(&mut rig, &[command.encode(me())]);
         assert_eq!(results(&heard), [CommandResult::AuthenticationRequired]);
     }
     let digest = 1;
@@ -220,7 +220,7 @@ fn every_message_counts_once() {
     assert!(frames.len() > 30);
     let before = rig.brain.unauthenticated_messages();
     for pair in &frames {
-        let heard = say(&mut rig, pair);
+        let heard = send_raw(&mut rig, pair);
         let refused = heard.iter().all(|message| match message {
             FromController::CommandAck(ack) => ack.result == CommandResult::AuthenticationRequired,
             FromController::HeartbeatReply(_) => false,
@@ -234,23 +234,23 @@ fn every_message_counts_once() {
     let proof = rig.prover.as_mut().unwrap().proof(0x210, pause.encode(me()).data()).unwrap();
     let disarm = Command { action: Action::Disarm, ..pause }.encode(me());
     let refused = CommandResult::AuthenticationRequired;
-    assert_eq!(results(&say(&mut rig, &[proof, disarm])), [refused]);
-    assert_eq!(results(&say(&mut rig, &[disarm])), [refused]);
+    assert_eq!(results(&send_raw(&mut rig, &[proof, disarm])), [refused]);
+    assert_eq!(results(&send_raw(&mut rig, &[disarm])), [refused]);
     assert_eq!(rig.command(Action::Return).result, CommandResult::Ok, "the host goes on");
 }
 
 #[test]
 fn what_was_overtaken_is_refused() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.run(10);
     let [first, second] = [rig.next_command(Action::Disarm), rig.next_command(Action::Disarm)]
         .map(|command| command.encode(me()));
     let mut proof =
         |frame: &Frame| rig.prover.as_mut().unwrap().proof(0x210, frame.data()).unwrap();
     let (proof_1, proof_2) = (proof(&first), proof(&second));
-    assert_eq!(results(&say(&mut rig, &[proof_2, second])), [CommandResult::Ok]);
+    assert_eq!(results(&send_raw(&mut rig, &[proof_2, second])), [CommandResult::Ok]);
     let refused = [CommandResult::AuthenticationRequired];
-    assert_eq!(results(&say(&mut rig, &[proof_1, first])), refused);
+    assert_eq!(results(&send_raw(&mut rig, &[proof_1, first])), refused);
     // What got lost leaves a gap: up to 255 messages, then the host begins another session.
     for (lost, expected) in [(254, CommandResult::Ok), (256, CommandResult::AuthenticationRequired)]
     {
@@ -263,7 +263,7 @@ fn what_was_overtaken_is_refused() {
 
 #[test]
 fn heartbeats_pass_between_the_frames_of_a_request() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     let prover = rig.prover.as_mut().unwrap();
     let request = [0x13, 1, 2, 3, 4];
     let proof = prover.proof(0x510, &request).unwrap();
@@ -279,18 +279,18 @@ fn heartbeats_pass_between_the_frames_of_a_request() {
 
 #[test]
 fn no_session_outlives_its_boot() {
-    let mut rig = with_host(insisting());
+    let mut rig = with_host(requiring_key());
     rig.run(10);
     assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
     let former = rig.prover.take().unwrap();
     let mut rig = rig.power_cycled(robot::config());
-    rig.brain.insist_on(key(), Some(BOOT + 1));
+    rig.brain.require_key(key(), Some(BOOT + 1));
     // The same nonce again, and the same count of sessions: only the boot differs.
     let session = session(&mut rig, NONCE).unwrap();
     assert_eq!(session.short(), former.session.short());
     for (proof, id, bytes) in &former.sent {
         if let Some(frame) = Frame::standard(*id, bytes) {
-            say(&mut rig, &[*proof, frame]);
+            send_raw(&mut rig, &[*proof, frame]);
         }
     }
     assert_eq!(rig.brain.unauthenticated_messages(), former.sent.len() as u32);
@@ -302,7 +302,7 @@ fn no_session_outlives_its_boot() {
 
 #[test]
 fn sessions_end_by_silence_or_by_others_with_the_key() {
-    let mut rig = insisting();
+    let mut rig = requiring_key();
     rig.host_alive = false;
     let mut hosts: Vec<Prover> = (0..5)
         .map(|host| {
@@ -341,7 +341,7 @@ fn sessions_end_by_silence_or_by_others_with_the_key() {
 
 #[test]
 fn the_same_request_gets_the_same_session_until_it_is_used() {
-    let mut rig = insisting();
+    let mut rig = requiring_key();
     let first = session(&mut rig, NONCE).unwrap();
     assert_eq!(session(&mut rig, NONCE), Some(first));
     rig.prover = Some(Prover::new(key(), first));
@@ -354,7 +354,7 @@ fn the_same_request_gets_the_same_session_until_it_is_used() {
 #[test]
 fn a_controller_that_cannot_count_its_boots_gives_no_session() {
     let mut rig = Rig::booted();
-    rig.brain.insist_on(key(), None);
+    rig.brain.require_key(key(), None);
     assert_eq!(session(&mut rig, NONCE), None);
     let Ok(Response::Reply(reply)) = Response::decode(rig.received()) else { panic!("a reply") };
     assert_eq!((reply.request, reply.result), (SessionRequest::KIND, TransferResult::StoreFailed));
@@ -375,10 +375,10 @@ fn a_controller_without_a_key_knows_no_sessions() {
 
 #[test]
 fn a_flood_leaves_the_log_readable() {
-    let mut rig = insisting();
+    let mut rig = requiring_key();
     rig.host_alive = false;
     for seq in 0..5000 {
-        say(&mut rig, &[Heartbeat { seq: seq as u8, host_ms: 0 }.encode(me())]);
+        send_raw(&mut rig, &[Heartbeat { seq: seq as u8, host_ms: 0 }.encode(me())]);
     }
     let Response::Log(log) = rig.request(&Request::Log { since: 0 }) else { panic!("a log") };
     let refused = log.entries().filter(|(_, entry)| entry.event == Event::Unauthenticated.code());

@@ -1,13 +1,13 @@
 //! Drives of several makers in the test rig: the simulated drives of `rollwalk_drives`, with motors that make every step
 //! visible.
 
-use rollwalk_drives::{Answer, Electronics, Kind, Law, Sent, Shaft};
+use rollwalk_drives::{Answer, DriveCommand, Electronics, Kind, Law, Shaft};
 use rollwalk_firmware::bus::{Bus, MAX_BUSES, Protocol};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use std::collections::BTreeMap;
 
-use crate::rig::Brain;
+use crate::rig::FlashController;
 
 /// Motor that reaches every set-point at once, so that each step of the set-point is visible. With an inertia it is moved by
 /// torque alone.
@@ -17,7 +17,7 @@ pub struct Motor {
     /// Position, rad, or speed of a wheel, rad/s.
     pub value: f32,
     pub enabled: bool,
-    pub log: Vec<Sent>,
+    pub log: Vec<DriveCommand>,
     /// Largest step of a single set-point, rad or rad/s.
     pub largest_step: f32,
     /// Number of set-points that moved the motor.
@@ -53,7 +53,7 @@ impl Motor {
 
     /// Applies a torque as the set-point.
     fn push(&mut self, torque_nm: f32) {
-        self.log.push(Sent::Torque(torque_nm));
+        self.log.push(DriveCommand::Torque(torque_nm));
         if self.enabled {
             self.torque_nm = torque_nm;
             self.largest_torque_nm = self.largest_torque_nm.max(torque_nm.abs());
@@ -130,15 +130,15 @@ impl Drive {
     }
 
     /// Carries out a received message.
-    fn obey(&mut self, sent: Sent) {
+    fn obey(&mut self, sent: DriveCommand) {
         let motor = &mut self.motor;
         let shaft = motor.shaft();
         motor.enabled = self.inner.law(&shaft).is_some();
         match sent {
-            Sent::Odd => panic!("something that nobody has asked for: {:?}", self.inner),
-            Sent::PositionGain | Sent::Watchdog => {}
-            Sent::Torque(torque_nm) => motor.push(torque_nm),
-            Sent::Setpoint { value, kp, kd, torque_nm } => {
+            DriveCommand::Odd => panic!("something that nobody has asked for: {:?}", self.inner),
+            DriveCommand::PositionGain | DriveCommand::Watchdog => {}
+            DriveCommand::Torque(torque_nm) => motor.push(torque_nm),
+            DriveCommand::Setpoint { value, kp, kd, torque_nm } => {
                 motor.log.push(sent);
                 motor.follow(value, kp, kd, torque_nm);
                 match &self.inner.kind {
@@ -150,7 +150,7 @@ impl Drive {
                     _ => assert!(torque_nm.abs() < 2e-4, "{torque_nm} N·m on top"),
                 }
             }
-            Sent::Enable => {
+            DriveCommand::Enable => {
                 motor.log.push(sent);
                 self.begin();
             }
@@ -204,7 +204,7 @@ pub struct Drives {
 
 impl Drives {
     /// Delivers messages on timers, takes all frames from the controller, and delivers the answers.
-    pub fn carry(&mut self, brain: &mut Brain, now_us: u64) {
+    pub fn carry(&mut self, brain: &mut FlashController, now_us: u64) {
         for bus in 0..MAX_BUSES as u8 {
             if !self.list.iter().any(|d| d.motor.channel.bus == bus) {
                 continue;
@@ -228,7 +228,7 @@ impl Drives {
     }
 
     /// Carries one frame or packet and its answers; returns false if the controller has nothing to send.
-    pub fn pass(&mut self, brain: &mut Brain, now_us: u64, bus: u8) -> bool {
+    pub fn pass(&mut self, brain: &mut FlashController, now_us: u64, bus: u8) -> bool {
         let list = self.list.iter_mut().filter(|d| d.motor.channel.bus == bus && d.powered);
         if let Some(frame) = brain.poll_actuator(bus) {
             let answers: Vec<_> = list.filter_map(|d| d.on_frame(now_us, frame)).collect();
@@ -248,7 +248,7 @@ impl Drives {
             }
             // In portions, as a UART hands them out.
             let said = answers.values().fold(Vec::new(), |mut said, answer: &Answer| {
-                said.extend(answer.said(&said));
+                said.extend(answer.line_answer(&said));
                 said
             });
             for portion in said.chunks(7) {

@@ -7,9 +7,9 @@ use rollwalk_protocol::actuator::{ActuatorStatus, Feedback};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Action, ParameterAction, Setpoint, State};
 
-use crate::deeds::{Deed, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::*;
+use crate::stimuli::{Stimulus, act, assert_way_home};
 
 fn frame() -> impl Strategy<Value = Frame> {
     let any_id = 0u16..0x800;
@@ -73,26 +73,26 @@ fn parameter() -> impl Strategy<Value = ParameterAction> {
 }
 
 /// Actions and events with truthful actuators.
-fn honest() -> impl Strategy<Value = Deed> {
+fn honest() -> impl Strategy<Value = Stimulus> {
     prop_oneof![
-        12 => (1u16..250).prop_map(Deed::Run),
-        6 => action().prop_map(Deed::Command),
-        3 => parameter().prop_map(Deed::Parameter),
-        5 => Just(Deed::Arm),
-        2 => Just(Deed::Clear),
-        2 => (0u8..8).prop_map(Deed::Replay),
-        2 => frame().prop_map(Deed::Link),
-        1 => prop::collection::vec(any::<u8>(), 1..40).prop_map(Deed::Transfer),
-        1 => any::<u32>().prop_map(Deed::Begin),
-        1 => Just(Deed::Flash),
-        1 => any::<bool>().prop_map(Deed::Host),
-        1 => any::<bool>().prop_map(Deed::Buses),
-        1 => (0usize..3, any::<bool>()).prop_map(|(i, on)| Deed::Power(i, on)),
-        1 => (0usize..3, any::<u8>()).prop_map(|(i, s)| Deed::Status(i, s & ActuatorStatus::FAULTS)),
-        1 => Just(Deed::Estop),
-        1 => Just(Deed::Board),
-        4 => (any::<u8>(), setpoint()).prop_map(|(frames, first)| Deed::Setpoints(frames / 3, first)),
-        4 => (any::<u8>(), setpoint()).prop_map(|(samples, with)| Deed::Answers(samples / 3, with)),
+        12 => (1u16..250).prop_map(Stimulus::Run),
+        6 => action().prop_map(Stimulus::Command),
+        3 => parameter().prop_map(Stimulus::Parameter),
+        5 => Just(Stimulus::Arm),
+        2 => Just(Stimulus::Clear),
+        2 => (0u8..8).prop_map(Stimulus::Replay),
+        2 => frame().prop_map(Stimulus::Link),
+        1 => prop::collection::vec(any::<u8>(), 1..40).prop_map(Stimulus::Transfer),
+        1 => any::<u32>().prop_map(Stimulus::Begin),
+        1 => Just(Stimulus::Flash),
+        1 => any::<bool>().prop_map(Stimulus::Host),
+        1 => any::<bool>().prop_map(Stimulus::Buses),
+        1 => (0usize..3, any::<bool>()).prop_map(|(i, on)| Stimulus::Power(i, on)),
+        1 => (0usize..3, any::<u8>()).prop_map(|(i, s)| Stimulus::Status(i, s & ActuatorStatus::FAULTS)),
+        1 => Just(Stimulus::Estop),
+        1 => Just(Stimulus::Board),
+        4 => (any::<u8>(), setpoint()).prop_map(|(frames, first)| Stimulus::Setpoints(frames / 3, first)),
+        4 => (any::<u8>(), setpoint()).prop_map(|(samples, with)| Stimulus::Answers(samples / 3, with)),
     ]
 }
 
@@ -110,12 +110,12 @@ fn setpoint() -> impl Strategy<Value = Setpoint> {
     })
 }
 
-fn dishonest() -> impl Strategy<Value = Deed> {
+fn dishonest() -> impl Strategy<Value = Stimulus> {
     prop_oneof![
         4 => honest(),
-        2 => feedback().prop_map(|(bus, frame)| Deed::Actuator(bus, frame)),
-        1 => (0u8..3, frame()).prop_map(|(bus, frame)| Deed::Actuator(bus, frame)),
-        1 => (-2_000_000i64..5_000_000).prop_map(Deed::TimeJump),
+        2 => feedback().prop_map(|(bus, frame)| Stimulus::Actuator(bus, frame)),
+        1 => (0u8..3, frame()).prop_map(|(bus, frame)| Stimulus::Actuator(bus, frame)),
+        1 => (-2_000_000i64..5_000_000).prop_map(Stimulus::TimeJump),
     ]
 }
 
@@ -125,21 +125,21 @@ proptest! {
     /// Checks that the robot recovers after random sequences. Without a host, its torque goes off. With a host and working
     /// actuators, it returns to SAFE.
     #[test]
-    fn the_way_home_is_never_lost(deeds in prop::collection::vec(honest(), 1..60)) {
+    fn the_way_home_is_never_lost(stimuli in prop::collection::vec(honest(), 1..60)) {
         let mut rig = Rig::new(Some(&library()));
-        for deed in &deeds {
-            act(&mut rig, deed);
+        for stimulus in &stimuli {
+            act(&mut rig, stimulus);
         }
         assert_way_home(&mut rig);
     }
 
     /// False feedback and a false clock cause no panic, and commands stay within the limits.
     #[test]
-    fn lies_do_not_get_past_the_limits(deeds in prop::collection::vec(dishonest(), 1..120)) {
+    fn lies_do_not_get_past_the_limits(stimuli in prop::collection::vec(dishonest(), 1..120)) {
         let mut rig = Rig::new(Some(&library()));
         rig.trust_pose = false;
-        for deed in &deeds {
-            act(&mut rig, deed);
+        for stimulus in &stimuli {
+            act(&mut rig, stimulus);
         }
         rig.estop();
         prop_assert_eq!(rig.brain.state(), State::EStopped);
@@ -154,10 +154,11 @@ fn the_sequences_reach_every_state() {
     let mut runner = TestRunner::deterministic();
     let mut seen = std::collections::HashSet::new();
     for _ in 0..200 {
-        let deeds = prop::collection::vec(honest(), 1..60).new_tree(&mut runner).unwrap().current();
+        let stimuli =
+            prop::collection::vec(honest(), 1..60).new_tree(&mut runner).unwrap().current();
         let mut rig = Rig::new(Some(&library()));
-        for deed in &deeds {
-            act(&mut rig, deed);
+        for stimulus in &stimuli {
+            act(&mut rig, stimulus);
             seen.insert(rig.brain.state());
         }
     }
@@ -173,10 +174,10 @@ fn a_torque_that_was_scaled_comes_back() {
     let mut rig = Rig::new(Some(&library()));
     let at = |value, torque_nm| Setpoint { frame: 0, channel: 1, stiff: false, value, torque_nm };
     rig.run(1);
-    for deed in [Deed::Arm, Deed::Run(160), Deed::Command(Action::Stream)] {
-        act(&mut rig, &deed);
+    for stimulus in [Stimulus::Arm, Stimulus::Run(160), Stimulus::Command(Action::Stream)] {
+        act(&mut rig, &stimulus);
     }
     assert_eq!(rig.brain.state(), State::Streaming);
-    act(&mut rig, &Deed::Answers(1, at(-0.165_974_59, -18.017_752)));
+    act(&mut rig, &Stimulus::Answers(1, at(-0.165_974_59, -18.017_752)));
     assert_way_home(&mut rig);
 }

@@ -5,7 +5,6 @@ mod arming;
 mod attacks;
 #[cfg(feature = "authenticated")]
 mod authentication;
-mod deeds;
 mod documentation;
 mod drives;
 mod examples;
@@ -22,6 +21,7 @@ mod protocols;
 mod rig;
 mod robot;
 mod scars;
+mod stimuli;
 mod stopping;
 mod streaming;
 mod tilt;

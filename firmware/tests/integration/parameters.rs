@@ -43,7 +43,7 @@ fn disarm(rig: &mut Rig) {
 }
 
 /// Values of kp in the set-points of a joint since it was enabled.
-fn told(rig: &Rig, joint: usize) -> Vec<f32> {
+fn sent_stiffness(rig: &Rig, joint: usize) -> Vec<f32> {
     rig.servos[joint].setpoints.iter().map(|&(_, kp)| kp).collect()
 }
 
@@ -53,18 +53,20 @@ fn gains_set_while_disarmed_hold_from_the_first_setpoint() {
     assert_eq!(answer(rig.parameter(set(KP, 1, 12.5))), (ParameterResult::Ok, 12.5));
     rig.arm();
     rig.run_until(State::Ready, 1000);
-    assert!(told(&rig, 1).len() > 10 && told(&rig, 1).iter().all(|&kp| kp == 12.5));
-    assert!(told(&rig, 0).iter().all(|&kp| kp == 20.0));
+    assert!(
+        sent_stiffness(&rig, 1).len() > 10 && sent_stiffness(&rig, 1).iter().all(|&kp| kp == 12.5)
+    );
+    assert!(sent_stiffness(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
 #[test]
 fn a_gain_changed_while_driven_does_not_kick() {
     let mut rig = Rig::ready();
     rig.run(10);
-    let from = told(&rig, 0).len();
+    let from = sent_stiffness(&rig, 0).len();
     assert_eq!(answer(rig.parameter(set(KP, 0, 40.0))), (ParameterResult::Ok, 40.0));
     rig.run(120);
-    let kps = &told(&rig, 0)[from..];
+    let kps = &sent_stiffness(&rig, 0)[from..];
     // Half a second at 120 Hz, and half a step of rounding at either end.
     let most = 20.0 / 60.0 + 1.01 * KP_STEP_NM_RAD;
     assert!(kps[0] < 20.0 + most && kps.last() == Some(&40.0), "{kps:?}");
@@ -91,7 +93,7 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     assert_eq!(result(&mut rig, unknown), ParameterResult::UnknownRequest);
     assert_eq!(kp(&mut rig), 20.0);
     rig.run(100);
-    assert!(told(&rig, 0).iter().all(|&kp| kp == 20.0));
+    assert!(sent_stiffness(&rig, 0).iter().all(|&kp| kp == 20.0));
 }
 
 /// Writing flash stops the control loop, which must still watch the cause of a stop afterwards.
@@ -152,7 +154,7 @@ fn what_was_saved_survives_a_power_cycle_and_what_was_not_does_not() {
     assert_eq!((kp(&mut rig), origin(&mut rig)), (11.0, ParameterOrigin::Saved));
     rig.arm();
     rig.run_until(State::Ready, 1000);
-    assert!(told(&rig, 0).iter().all(|&kp| kp == 11.0));
+    assert!(sent_stiffness(&rig, 0).iter().all(|&kp| kp == 11.0));
 
     // Flash is not written while the robot moves. What was refused may be asked for again as it was.
     let save = ParameterRequest { seq: rig.next_parameter_seq(), action: SAVE };

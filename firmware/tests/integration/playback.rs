@@ -7,12 +7,12 @@ use rollwalk_protocol::library::{ClipCursor, ClipId, Index, Library, NodeId, val
 
 use crate::robot::*;
 
-struct Loaded {
+struct LoadedLibrary {
     bytes: Vec<u8>,
     index: Index,
 }
 
-impl Loaded {
+impl LoadedLibrary {
     fn new() -> Self {
         Self::from(library())
     }
@@ -57,7 +57,7 @@ fn run(clip: u8, frames: std::ops::RangeInclusive<u16>) -> Vec<(u8, u16)> {
 
 #[test]
 fn a_motion_that_ends_goes_back_to_safe_by_itself() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let mut walk = GraphCursor::start(&lib).unwrap();
     assert_eq!(walk.at(), (ClipId(STAND_CLIP), 1));
@@ -76,7 +76,7 @@ fn a_motion_that_ends_goes_back_to_safe_by_itself() {
 
 #[test]
 fn a_loop_is_left_only_at_its_exit_frame() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
@@ -101,7 +101,7 @@ fn a_loop_is_left_only_at_its_exit_frame() {
 
 #[test]
 fn a_motion_asked_for_again_is_played_again() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let mut walk = GraphCursor::start(&lib).unwrap();
     let drive = node(&lib, CODE_DRIVE);
@@ -132,7 +132,7 @@ fn a_motion_asked_for_again_is_played_again() {
 
 #[test]
 fn the_latest_goal_counts() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
@@ -152,7 +152,7 @@ fn the_latest_goal_counts() {
 
 #[test]
 fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
-    let loaded = Loaded::from(library_that_settles());
+    let loaded = LoadedLibrary::from(library_that_settles());
     let lib = loaded.open();
     let mut walk = GraphCursor::start(&lib).unwrap();
     let last = SETTLE_FRAMES - 1;
@@ -171,7 +171,7 @@ fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
 
 /// Plays every motion and transition, and calls `each` in every control period.
 fn tour(ticks_per_frame: u16, mut each: impl FnMut(&Player)) {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let mut player = Player::start(&lib, ticks_per_frame).unwrap();
     for code in [CODE_DRIVE, CODE_WALK, CODE_STAND] {
@@ -186,7 +186,7 @@ fn tour(ticks_per_frame: u16, mut each: impl FnMut(&Player)) {
 
 #[test]
 fn every_frame_is_met_exactly() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let config = config();
     let mut frames = 0;
     tour(2, |player| {
@@ -274,7 +274,7 @@ proptest! {
     fn a_motion_starts_when_it_was_said_to(
         requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0u16..200), 1..6),
     ) {
-        let loaded = Loaded::new();
+        let loaded = LoadedLibrary::new();
         let lib = loaded.open();
         let mut walk = GraphCursor::start(&lib).unwrap();
         for (code, wait) in requests {
@@ -300,7 +300,7 @@ proptest! {
     fn safe_is_reached_from_everywhere(
         requests in prop::collection::vec((prop_oneof![Just(CODE_STAND), Just(CODE_DRIVE), Just(CODE_WALK)], 0usize..200), 0..12),
     ) {
-        let loaded = Loaded::new();
+        let loaded = LoadedLibrary::new();
         let lib = loaded.open();
         let mut player = Player::start(&lib, 2).unwrap();
         for (code, ticks) in requests {
@@ -320,8 +320,8 @@ proptest! {
 }
 
 /// Test library with one changed byte near the end of the frames, which makes only this clip unreadable.
-fn with_damaged(clip: u8) -> Loaded {
-    let mut loaded = Loaded::new();
+fn with_damaged(clip: u8) -> LoadedLibrary {
+    let mut loaded = LoadedLibrary::new();
     let clips = loaded.open().clip_count();
     for at in (0..loaded.bytes.len() - 24).rev() {
         loaded.bytes[at] ^= 0x10;
@@ -350,7 +350,7 @@ fn gets_into(clip: u8, mut walk: GraphCursor, lib: &Library<'_>) -> bool {
 
 #[test]
 fn the_way_to_a_goal_is_checked_when_it_is_set() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     let damaged = with_damaged(STAND_TO_WALK);
     let mut walk = GraphCursor::start(&lib).unwrap();
@@ -375,7 +375,7 @@ fn the_way_to_a_goal_is_checked_when_it_is_set() {
 
 #[test]
 fn what_comes_by_itself_is_checked_on_the_way() {
-    let loaded = Loaded::new();
+    let loaded = LoadedLibrary::new();
     let lib = loaded.open();
     // Where the transition arrives.
     let damaged = with_damaged(WALK_CLIP);

@@ -4,7 +4,7 @@ use crate::drives::Drive;
 use crate::flash;
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_WALK, STAND};
-use rollwalk_drives::{Kind, Sent};
+use rollwalk_drives::{DriveCommand, Kind};
 use rollwalk_firmware::bus::{Bus, Buses, Pose, Protocol};
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::actuators::cybergear::{CyberGear, TABLE_MAX_RAD};
@@ -180,7 +180,7 @@ fn estop_is_the_next_frame_for_every_drive() {
         rig.drives.carry(&mut rig.brain, rig.now_us);
         for drive in &rig.drives.list {
             assert!(!drive.motor.enabled, "{protocol:?}");
-            assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}");
+            assert_eq!(drive.motor.log.first(), Some(&DriveCommand::Disable), "{protocol:?}");
             assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}");
         }
         rig.drives.clear_logs();
@@ -205,7 +205,7 @@ fn what_waited_for_a_dead_bus_is_off() {
         rig.run(100);
         for drive in &rig.drives.list {
             assert!(!drive.motor.enabled, "{protocol:?}");
-            assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}");
+            assert_eq!(drive.motor.log.first(), Some(&DriveCommand::Disable), "{protocol:?}");
             assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}");
         }
     }
@@ -253,7 +253,11 @@ fn a_stop_goes_before_the_rest_of_an_order() {
             rig.drives.clear_logs();
             while rig.drives.pass(&mut rig.brain, rig.now_us, 0) {}
             for drive in &rig.drives.list[..2] {
-                assert_eq!(drive.motor.log.first(), Some(&Sent::Disable), "{protocol:?}, {taken}");
+                assert_eq!(
+                    drive.motor.log.first(),
+                    Some(&DriveCommand::Disable),
+                    "{protocol:?}, {taken}"
+                );
                 assert!(drive.motor.log.iter().all(|s| s.is_harmless()), "{protocol:?}, {taken}");
                 assert!(!drive.motor.enabled, "{protocol:?}");
             }
@@ -271,36 +275,59 @@ fn an_order_that_enables_is_whole() {
         rig.run(2);
         for drive in &rig.drives.list {
             let log = &drive.motor.log;
-            let enable = log.iter().position(|&s| s == Sent::Enable).expect("it is enabled");
+            let enable =
+                log.iter().position(|&s| s == DriveCommand::Enable).expect("it is enabled");
             let first = log[..enable].iter().rposition(|s| s.is_harmless()).map_or(0, |n| n + 1);
-            let limp = |sent: &Sent| matches!(sent, Sent::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd == 0.0);
+            let limp = |sent: &DriveCommand| matches!(sent, DriveCommand::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd == 0.0);
             match (protocol, &log[first..]) {
-                (Protocol::Mit(_), [a, Sent::Enable, b, ..]) => assert!(limp(a) && limp(b)),
+                (Protocol::Mit(_), [a, DriveCommand::Enable, b, ..]) => assert!(limp(a) && limp(b)),
                 (
                     Protocol::CyberGear(_),
-                    [Sent::Limits, Sent::Limits, Sent::Mode, a, Sent::Enable, b, ..],
+                    [
+                        DriveCommand::Limits,
+                        DriveCommand::Limits,
+                        DriveCommand::Mode,
+                        a,
+                        DriveCommand::Enable,
+                        b,
+                        ..,
+                    ],
                 ) => assert!(limp(a) && limp(b)),
                 (
                     Protocol::Odrive(_),
                     [
-                        Sent::Limits,
-                        Sent::Gains { kd, .. },
-                        Sent::Mode,
-                        Sent::Setpoint { .. },
-                        Sent::Enable,
+                        DriveCommand::Limits,
+                        DriveCommand::Gains { kd, .. },
+                        DriveCommand::Mode,
+                        DriveCommand::Setpoint { .. },
+                        DriveCommand::Enable,
                         ..,
                     ],
                 ) => assert!((kd - drive.motor.channel.kd_nm_s_rad).abs() < 1e-4),
                 (
                     Protocol::Dynamixel(servos),
-                    [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
+                    [
+                        DriveCommand::Limits,
+                        DriveCommand::Limits,
+                        DriveCommand::Setpoint { .. },
+                        DriveCommand::Enable,
+                        ..,
+                    ],
                 ) if servos.model.has_current() => {}
-                (Protocol::Dynamixel(servos), [Sent::Setpoint { .. }, Sent::Enable, ..])
-                    if !servos.model.has_current() => {}
+                (
+                    Protocol::Dynamixel(servos),
+                    [DriveCommand::Setpoint { .. }, DriveCommand::Enable, ..],
+                ) if !servos.model.has_current() => {}
                 // The limit of its torque; acceleration and speed, and of a joint the pose; torque on.
                 (
                     Protocol::Feetech(_),
-                    [Sent::Limits, Sent::Limits, Sent::Setpoint { .. }, Sent::Enable, ..],
+                    [
+                        DriveCommand::Limits,
+                        DriveCommand::Limits,
+                        DriveCommand::Setpoint { .. },
+                        DriveCommand::Enable,
+                        ..,
+                    ],
                 ) => {}
                 (
                     Protocol::Mit(_)
@@ -311,8 +338,10 @@ fn an_order_that_enables_is_whole() {
                     log,
                 ) => panic!("{protocol:?}: {log:?}"),
                 (_, log) => {
-                    let before = log.iter().take_while(|sent| **sent != Sent::Enable);
-                    let allowed = |sent: &&Sent| !matches!(sent, Sent::Odd | Sent::Torque(_));
+                    let before = log.iter().take_while(|sent| **sent != DriveCommand::Enable);
+                    let allowed = |sent: &&DriveCommand| {
+                        !matches!(sent, DriveCommand::Odd | DriveCommand::Torque(_))
+                    };
                     assert!(before.clone().all(|sent| allowed(&sent)), "{protocol:?}: {log:?}");
                 }
             }
@@ -336,8 +365,7 @@ fn a_silent_drive_damps_the_others_as_far_as_they_can() {
             assert!(!joint.enabled);
             assert!(joint.log.iter().all(|s| s.is_harmless()));
         } else {
-            let damped =
-                |s: &&Sent| matches!(s, Sent::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd > 0.3);
+            let damped = |s: &&DriveCommand| matches!(s, DriveCommand::Setpoint { kp, kd, .. } if *kp == 0.0 && *kd > 0.3);
             let count = joint.log.iter().filter(damped).count();
             assert!(joint.enabled && count >= 98, "{protocol:?}: {count}");
         }
@@ -393,7 +421,7 @@ fn faults_that_drives_keep_are_cleared_while_torque_is_off() {
     }
     rig.run_until(State::TorqueOff, 1000);
     rig.run(60);
-    assert!(rig.drives.list[0].motor.log.contains(&Sent::ClearFaults));
+    assert!(rig.drives.list[0].motor.log.contains(&DriveCommand::ClearFaults));
     rig.clear();
     rig.run(60);
     rig.arm();
@@ -473,7 +501,7 @@ fn a_pose_that_nobody_measures_has_to_be_assumed() {
     rig.drives.list[0].motor.log.clear();
     rig.estop();
     rig.run(1);
-    assert_eq!(rig.drives.list[0].motor.log.first(), Some(&Sent::Disable));
+    assert_eq!(rig.drives.list[0].motor.log.first(), Some(&DriveCommand::Disable));
     assert!(rig.drives.list.iter().all(|d| !d.motor.enabled));
     let joints =
         robot::config().channels.iter().filter(|c| c.kind == ChannelKind::JointPosition).count();
@@ -496,7 +524,7 @@ fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
     rig.run(120);
     let log = &rig.drives.list[0].motor.log[from..];
     let gains = log.iter().filter_map(|sent| match sent {
-        Sent::Gains { kp, .. } => Some(*kp),
+        DriveCommand::Gains { kp, .. } => Some(*kp),
         _ => None,
     });
     let gains: Vec<f32> = gains.collect();
@@ -504,9 +532,9 @@ fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
     assert!((18..=22).contains(&gains.len()), "{gains:?}");
     assert!((gains[gains.len() - 1] - 40.0).abs() < 1e-3, "{gains:?}");
     assert!(gains.windows(2).all(|g| g[1] - g[0] > 0.0 && g[1] - g[0] < 1.01), "{gains:?}");
-    let limits = log.iter().filter(|&&sent| sent == Sent::Limits).count();
+    let limits = log.iter().filter(|&&sent| sent == DriveCommand::Limits).count();
     assert!((18..=22).contains(&limits), "{limits}");
-    let setpoints = log.iter().filter(|sent| matches!(sent, Sent::Setpoint { .. })).count();
+    let setpoints = log.iter().filter(|sent| matches!(sent, DriveCommand::Setpoint { .. })).count();
     assert!(setpoints >= 119, "{setpoints}");
 }
 

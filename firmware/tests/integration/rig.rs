@@ -21,7 +21,7 @@ use rollwalk_protocol::wire::{
     Response, State, Status, Torque,
 };
 
-pub type Brain = Controller<FlashStore<Flash>, FlashParameters<Flash>>;
+pub type FlashController = Controller<FlashStore<Flash>, FlashParameters<Flash>>;
 
 /// Servo that reaches every set-point at once.
 #[derive(Clone, Debug)]
@@ -170,10 +170,10 @@ impl Servo {
 }
 
 /// Frames that the host has received, with their times.
-pub type Heard = Vec<(u64, FromController)>;
+pub type ReceivedFrames = Vec<(u64, FromController)>;
 
 pub struct Rig {
-    pub brain: Brain,
+    pub brain: FlashController,
     pub now_us: u64,
     pub servos: Vec<Servo>,
     /// Drives of other protocols than the Rollwalk profile, in place of the servos.
@@ -188,7 +188,7 @@ pub struct Rig {
     /// True if feedback comes from the servos alone, so that the first set-point must be their pose.
     pub trust_pose: bool,
     sent: Vec<Frame>,
-    pub heard: Heard,
+    pub heard: ReceivedFrames,
     ticks: u32,
     /// Number of the latest heartbeat.
     pub heartbeat_seq: u8,
@@ -531,7 +531,7 @@ impl Rig {
     fn deliver(&mut self, bus: u8, frame: &Frame) {
         let (tick, period) = (self.ticks, self.settings.period_s());
         let (state, trust) = (self.brain.state(), self.trust_pose);
-        let meant_nm = |brain: &Brain, to: u8| {
+        let meant_nm = |brain: &FlashController, to: u8| {
             let is_it = |channel: &Channel| (channel.bus, channel.id) == (bus, to);
             let channel = brain.config().channels.iter().position(is_it);
             channel.and_then(|channel| brain.setpoint(channel)).map_or(0.0, |of| of.torque_nm)

@@ -128,7 +128,7 @@ pub fn library_with_attitudes(code: u8, pitch_rad: f32, spread_rad: f32) -> Vec<
     let motions =
         [CODE_STAND, CODE_DRIVE, CODE_WALK].map(|c| if c == code { bowed } else { level });
     let attitudes = [&motions[..], &[level; 4]].concat();
-    build_told(&config(), &stand(), true, 1.0, &attitudes, &|_| vec![])
+    build_from(&config(), &stand(), true, 1.0, &attitudes, &|_| vec![])
 }
 
 /// Test library with torques, which `torques` computes from the values of each frame.
@@ -138,7 +138,7 @@ pub fn library_with_torques(
     torques: &dyn Fn(&[f32]) -> [f32; CHANNELS],
 ) -> Vec<u8> {
     let of = |frames: &[f32]| frames.chunks(CHANNELS).flat_map(torques).collect();
-    build_told(config, &stand(), true, speed, &[], &of)
+    build_from(config, &stand(), true, speed, &[], &of)
 }
 
 fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
@@ -147,10 +147,10 @@ fn build(config: &RobotConfig, stand: &[f32], looping: bool) -> Vec<u8> {
 
 /// Test library with the wheel speed scaled by `speed`.
 fn build_at(config: &RobotConfig, stand: &[f32], looping: bool, speed: f32) -> Vec<u8> {
-    build_told(config, stand, looping, speed, &[], &|_| vec![])
+    build_from(config, stand, looping, speed, &[], &|_| vec![])
 }
 
-fn build_told(
+fn build_from(
     config: &RobotConfig,
     stand: &[f32],
     looping: bool,

@@ -166,7 +166,7 @@ fn scar_7_any_fault_shows_in_the_status_word() {
 
 /// Effect of a bad link on a frame.
 #[derive(Clone, Copy, Debug)]
-enum Fate {
+enum LinkEffect {
     Arrives,
     IsLost,
     ArrivesTwice,
@@ -174,12 +174,12 @@ enum Fate {
     IsOvertaken(usize),
 }
 
-fn fate() -> impl Strategy<Value = Fate> {
+fn fate() -> impl Strategy<Value = LinkEffect> {
     prop_oneof![
-        3 => Just(Fate::Arrives),
-        1 => Just(Fate::IsLost),
-        1 => Just(Fate::ArrivesTwice),
-        2 => (1usize..4).prop_map(Fate::IsOvertaken),
+        3 => Just(LinkEffect::Arrives),
+        1 => Just(LinkEffect::IsLost),
+        1 => Just(LinkEffect::ArrivesTwice),
+        2 => (1usize..4).prop_map(LinkEffect::IsOvertaken),
     ]
 }
 
@@ -193,10 +193,10 @@ proptest! {
         let mut line: Vec<(usize, usize)> = vec![];
         for (i, fate) in fates.iter().enumerate() {
             match *fate {
-                Fate::Arrives => line.push((i, i)),
-                Fate::IsLost => {}
-                Fate::ArrivesTwice => line.extend([(i, i), (i, i)]),
-                Fate::IsOvertaken(by) => line.push((i + by, i)),
+                LinkEffect::Arrives => line.push((i, i)),
+                LinkEffect::IsLost => {}
+                LinkEffect::ArrivesTwice => line.extend([(i, i), (i, i)]),
+                LinkEffect::IsOvertaken(by) => line.push((i + by, i)),
             }
         }
         line.sort_by_key(|&(at, _)| at);

@@ -3,7 +3,7 @@
 use crate::protocols::{aligned, bench_of, cybergear, dynamixel, mit, odrive, slow_down};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, STAND};
-use rollwalk_drives::Sent;
+use rollwalk_drives::DriveCommand;
 use rollwalk_firmware::bus::{Bus, ControlLoop, Protocol};
 use rollwalk_protocol::actuators::mit::AnswerId;
 use rollwalk_protocol::actuators::odrive::Version;
@@ -103,9 +103,9 @@ fn no_enable_kick() {
         rig.drives.clear_logs();
         rig.run(40);
         for drive in &rig.drives.list {
-            let enabled = drive.motor.log.iter().position(|&s| s == Sent::Enable).unwrap();
+            let enabled = drive.motor.log.iter().position(|&s| s == DriveCommand::Enable).unwrap();
             let torques = drive.motor.log[enabled..].iter().filter_map(|s| match s {
-                Sent::Torque(nm) => Some(nm.abs()),
+                DriveCommand::Torque(nm) => Some(nm.abs()),
                 _ => None,
             });
             let first: Vec<f32> = torques.take(3).collect();

@@ -25,7 +25,7 @@ pub trait LinkBus {
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
     /// Known fault of the bus and its remedy, for messages about a controller that does not answer.
-    fn complaint(&self) -> Option<String> {
+    fn fault_and_remedy(&self) -> Option<String> {
         None
     }
 
@@ -43,8 +43,8 @@ impl<B: LinkBus + ?Sized> LinkBus for &mut B {
         (**self).send(frame)
     }
 
-    fn complaint(&self) -> Option<String> {
-        (**self).complaint()
+    fn fault_and_remedy(&self) -> Option<String> {
+        (**self).fault_and_remedy()
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {

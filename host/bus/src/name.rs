@@ -66,7 +66,7 @@ impl BusName {
      serial:DEVICE[@BAUD] or slcan:DEVICE[@BITRATE], for actuators also tty:DEVICE[@BAUD] or \
      pty:PATH, such as {example}"
 )]
-pub struct BadName {
+pub struct InvalidBusName {
     name: String,
     what: String,
     example: &'static str,
@@ -76,10 +76,10 @@ pub struct BadName {
 const INTERFACE_LEN: usize = 15;
 
 impl FromStr for BusName {
-    type Err = BadName;
+    type Err = InvalidBusName;
 
-    fn from_str(name: &str) -> Result<Self, BadName> {
-        let bad = |what: String, example| BadName { name: name.to_owned(), what, example };
+    fn from_str(name: &str) -> Result<Self, InvalidBusName> {
+        let bad = |what: String, example| InvalidBusName { name: name.to_owned(), what, example };
         let (kind, rest) = match name.split_once(':') {
             Some((kind, rest)) => (kind, Some(rest)),
             None => (name, None),

@@ -1,4 +1,4 @@
-//! Buses in real time: an outlet that sends frames, and a thread that receives them. [`Live`] turns a port into the link of a
+//! Buses in real time: an outlet that sends frames, and a thread that receives them. [`LiveLink`] turns a port into the link of a
 //! session.
 //!
 //! There is no transmit queue between a program and its bus: an outlet accepts a frame only while few others are in flight. A
@@ -10,7 +10,7 @@
 use crate::link::{LinkBus, LinkError};
 use crate::priority;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{BusState, Report};
+use rollwalk_protocol::serial::{BoardReport, BusState};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +30,7 @@ pub enum Event {
     /// Complete transport message with its identifier. A [`Hub`] lets its [`Outlet`] segment the message into frames.
     Message(u16, Vec<u8>),
     /// Status report of the board at the other end of a serial line.
-    Report(Report),
+    Report(BoardReport),
     /// Bytes of a serial line of actuators, in chunks of any size.
     Bytes(Vec<u8>),
 }
@@ -83,7 +83,7 @@ pub trait Outlet: Send {
     }
 
     /// Known fault of the bus and its remedy.
-    fn complaint(&self) -> Option<String> {
+    fn fault_and_remedy(&self) -> Option<String> {
         None
     }
 }
@@ -112,7 +112,7 @@ pub(crate) fn since_us(start: Instant) -> u64 {
 }
 
 /// Event, with the index of its bus.
-type Tagged = (usize, Result<Event, LinkError>);
+type BusEvent = (usize, Result<Event, LinkError>);
 
 /// Several buses that are received concurrently.
 pub struct Hub {
@@ -120,8 +120,8 @@ pub struct Hub {
     pub outlets: Vec<Box<dyn Outlet>>,
     /// Stop flags of the receiving threads.
     over: Vec<Arc<AtomicBool>>,
-    events: Receiver<Tagged>,
-    sender: Sender<Tagged>,
+    events: Receiver<BusEvent>,
+    sender: Sender<BusEvent>,
 }
 
 impl Hub {
@@ -140,7 +140,7 @@ impl Hub {
     /// Closes a port that has failed, so that its device can be opened again.
     pub fn close(&mut self, index: usize) {
         self.over[index].store(true, Ordering::Relaxed);
-        self.outlets[index] = Box::new(Closed);
+        self.outlets[index] = Box::new(ClosedOutlet);
     }
 
     /// Replaces a port that has failed.
@@ -197,9 +197,9 @@ impl Drop for Hub {
 }
 
 /// Outlet of a closed port.
-struct Closed;
+struct ClosedOutlet;
 
-impl Outlet for Closed {
+impl Outlet for ClosedOutlet {
     fn is_free(&self) -> bool {
         false
     }
@@ -210,7 +210,7 @@ impl Outlet for Closed {
 }
 
 /// Link in real time.
-pub struct Live {
+pub struct LiveLink {
     hub: Hub,
     /// Frames that arrived while [`Self::report`] waited.
     frames: VecDeque<Frame>,
@@ -219,7 +219,7 @@ pub struct Live {
     started: Instant,
 }
 
-impl Live {
+impl LiveLink {
     /// Creates the link over a port.
     pub fn new(port: Port) -> Self {
         let (frames, started) = (VecDeque::new(), Instant::now());
@@ -235,7 +235,7 @@ impl Live {
     ///
     /// # Errors
     /// Returns [`LinkError::Busy`] if too many frames are in flight, or the reason why the bus is lost.
-    pub fn report(&mut self, timeout: Duration) -> Result<Option<Report>, LinkError> {
+    pub fn report(&mut self, timeout: Duration) -> Result<Option<BoardReport>, LinkError> {
         if !self.outlet().ask_report()? {
             return Ok(None);
         }
@@ -269,7 +269,7 @@ impl Live {
     }
 }
 
-impl LinkBus for Live {
+impl LinkBus for LiveLink {
     fn now_us(&self) -> u64 {
         since_us(self.started)
     }
@@ -293,7 +293,7 @@ impl LinkBus for Live {
         Ok(None)
     }
 
-    fn complaint(&self) -> Option<String> {
-        self.hub.outlets[0].complaint()
+    fn fault_and_remedy(&self) -> Option<String> {
+        self.hub.outlets[0].fault_and_remedy()
     }
 }

@@ -213,8 +213,8 @@ impl<R: Read + Send> Inlet for SerialInlet<R> {
 mod tests {
     use super::*;
     use crate::link::LinkBus;
-    use crate::port::Live;
-    use rollwalk_protocol::serial::{Report, Reset};
+    use crate::port::LiveLink;
+    use rollwalk_protocol::serial::{BoardReport, Reset};
     use rollwalk_protocol::wire::Node;
     use rollwalk_protocol::wire::isotp::{Event, Output, Timing};
     use rollwalk_protocol::wire::transport::{Endpoint, MAX_MESSAGE, frame_to_controller};
@@ -245,7 +245,8 @@ mod tests {
                 Packet::Link(frame) => vec![Packet::Link(next(&frame))],
                 Packet::Message { id, bytes } => vec![Packet::Message { id: id + 1, bytes }],
                 Packet::Ask => {
-                    let report = Report { reset: Reset::Pin, uptime_ms: 7, ..Report::default() };
+                    let report =
+                        BoardReport { reset: Reset::Pin, uptime_ms: 7, ..BoardReport::default() };
                     let frame = Frame::standard(0x123, &[1]).unwrap();
                     vec![Packet::Link(frame), Packet::Report(report)]
                 }
@@ -270,7 +271,7 @@ mod tests {
     fn frames_and_reports_cross_the_line() {
         let (host, far) = line();
         let board = thread::spawn(move || board(&far, 3));
-        let mut link = Live::new(port("the line", host.try_clone().unwrap(), host));
+        let mut link = LiveLink::new(port("the line", host.try_clone().unwrap(), host));
         let soon = LONG.as_micros() as u64;
 
         let frame = Frame::standard(0x40, &[1, 0, 3]).unwrap();
@@ -296,7 +297,7 @@ mod tests {
     fn messages_cross_the_line_whole() {
         let (host, far) = line();
         let board = thread::spawn(move || board(&far, 1));
-        let mut link = Live::new(port("the line", host.try_clone().unwrap(), host));
+        let mut link = LiveLink::new(port("the line", host.try_clone().unwrap(), host));
         let message: Vec<u8> = (0..MAX_MESSAGE).map(|k| k as u8).collect();
         let mut endpoint = Endpoint::new(Timing::default());
         endpoint.send(&message).unwrap();

@@ -224,7 +224,7 @@ impl Inlet for SimInlet {
 mod tests {
     use super::*;
     use crate::link::LinkBus;
-    use crate::port::Live;
+    use crate::port::LiveLink;
     use rollwalk_protocol::can::Frame;
     use std::io::Write;
 
@@ -238,11 +238,11 @@ mod tests {
     fn programs_and_robot_hear_each_other() {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("robot.sock");
-        let mut robot = Live::new(serve(Some(&socket)).unwrap());
-        let mut first = Live::new(connect(Some(&socket)).unwrap());
+        let mut robot = LiveLink::new(serve(Some(&socket)).unwrap());
+        let mut first = LiveLink::new(connect(Some(&socket)).unwrap());
         first.send(&frame(1)).unwrap();
         assert_eq!(robot.receive(LONG_US), Ok(Some(frame(1))));
-        let mut second = Live::new(connect(Some(&socket)).unwrap());
+        let mut second = LiveLink::new(connect(Some(&socket)).unwrap());
         second.send(&frame(2)).unwrap();
         assert_eq!(robot.receive(LONG_US), Ok(Some(frame(2))));
         assert_eq!(first.receive(LONG_US), Ok(Some(frame(2))));
@@ -265,7 +265,7 @@ mod tests {
     fn a_program_that_does_not_listen_is_put_out_and_not_heard_any_more() {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("robot.sock");
-        let mut robot = Live::new(serve(Some(&socket)).unwrap());
+        let mut robot = LiveLink::new(serve(Some(&socket)).unwrap());
         // A program that has stopped reading.
         let mut deaf = UnixStream::connect(&socket).unwrap();
         deaf.write_all(&Packet::Link(frame(1)).encode().unwrap()).unwrap();

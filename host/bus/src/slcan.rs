@@ -95,7 +95,7 @@ impl Outlet for SlcanOutlet {
         Some(self.bitrate)
     }
 
-    fn complaint(&self) -> Option<String> {
+    fn fault_and_remedy(&self) -> Option<String> {
         let name = self.writer.name();
         if !self.answers.load(Ordering::Relaxed) {
             return Some(format!(
@@ -154,7 +154,7 @@ impl<R: Read + Send> Inlet for SlcanInlet<R> {
 mod tests {
     use super::*;
     use crate::link::LinkBus;
-    use crate::port::Live;
+    use crate::port::LiveLink;
     use rollwalk_protocol::can::Frame;
     use std::os::unix::net::UnixStream;
 
@@ -162,8 +162,8 @@ mod tests {
     fn an_adapter_is_set_up_and_carries_frames() {
         let (host, mut adapter) = UnixStream::pair().unwrap();
         let port = port("the adapter", host.try_clone().unwrap(), host, 8, 1_000_000);
-        let mut link = Live::new(port.unwrap());
-        assert!(link.complaint().unwrap().contains("no SLCAN message"));
+        let mut link = LiveLink::new(port.unwrap());
+        assert!(link.fault_and_remedy().unwrap().contains("no SLCAN message"));
         link.send(&Frame::standard(0x123, &[0xAB]).unwrap()).unwrap();
         let expected = b"\rC\rS8\rO\rt1231AB\r";
         let mut received = vec![0; expected.len()];
@@ -174,7 +174,7 @@ mod tests {
         adapter.write_all(b"0102\r").unwrap();
         let frame = link.receive(u64::MAX >> 1).unwrap().unwrap();
         assert_eq!(frame, Frame::standard(0x321, &[1, 2]).unwrap());
-        assert!(link.complaint().unwrap().contains("the adapter refuses frames"));
+        assert!(link.fault_and_remedy().unwrap().contains("the adapter refuses frames"));
 
         drop(link);
         let mut received = [0; 2];

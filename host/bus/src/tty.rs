@@ -111,7 +111,7 @@ impl Outlet for TtyOutlet {
         self.writer.put(bytes)
     }
 
-    fn complaint(&self) -> Option<String> {
+    fn fault_and_remedy(&self) -> Option<String> {
         self.complaint.clone()
     }
 }
@@ -180,12 +180,13 @@ mod pseudo {
         let device = far.name().ok_or_else(|| failed("the pseudo-terminal has no name".into()))?;
         symlink(&device, link).map_err(|error| failed(error.to_string()))?;
         let name = link.display().to_string();
-        let Port { outlet, inlet } = port(&name, Patient(near), Patient(writer), None);
+        let Port { outlet, inlet } =
+            port(&name, PseudoTerminal(near), PseudoTerminal(writer), None);
         Ok(Port { outlet: Box::new(Linked { outlet, link: link.to_owned(), device }), inlet })
     }
 
     /// End of a pseudo-terminal whose other end may be open or closed.
-    struct Patient(TTYPort);
+    struct PseudoTerminal(TTYPort);
 
     /// True for transient errors: interrupted, timeout, would block.
     fn passes(error: &io::Error) -> bool {
@@ -193,7 +194,7 @@ mod pseudo {
         matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
     }
 
-    impl Read for Patient {
+    impl Read for PseudoTerminal {
         fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
             match self.0.read(bytes) {
                 Err(error) if !passes(&error) => {
@@ -210,7 +211,7 @@ mod pseudo {
         }
     }
 
-    impl Write for Patient {
+    impl Write for PseudoTerminal {
         /// Discards the bytes if no program reads them, like a wire.
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             match self.0.write(bytes) {
@@ -269,7 +270,7 @@ mod tests {
     const LONG: Duration = Duration::from_secs(60);
 
     /// Receives at least `count` bytes from the port.
-    fn heard(hub: &mut Hub, count: usize) -> Vec<u8> {
+    fn received(hub: &mut Hub, count: usize) -> Vec<u8> {
         let (start, mut all) = (Instant::now(), Vec::new());
         while all.len() < count {
             assert!(start.elapsed() < LONG, "{all:?}");
@@ -293,12 +294,12 @@ mod tests {
             // A terminal would take some of these for commands.
             let all: Vec<u8> = (round..=255).collect();
             controller.outlets[0].send_bytes(&all).unwrap();
-            assert_eq!(heard(&mut servos, all.len()), all);
+            assert_eq!(received(&mut servos, all.len()), all);
             servos.outlets[0].send_bytes(&all).unwrap();
             // The two bytes that were sent before may come first.
-            let mut said = heard(&mut controller, all.len());
+            let mut said = received(&mut controller, all.len());
             while !said.ends_with(&all) {
-                said.extend(heard(&mut controller, 1));
+                said.extend(received(&mut controller, 1));
             }
             let busy = open(&link, 1_000_000).err().unwrap();
             assert!(busy.what.starts_with("another program uses"), "{busy}");

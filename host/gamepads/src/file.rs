@@ -1,7 +1,7 @@
 //! Mapping files, which assign actions to buttons and axes (docs/gamepad.md).
 
-use crate::inputs::{self, Input, Push};
-use rollwalk_host::operator::LetGo;
+use crate::inputs::{self, AxisDirection, Input};
+use rollwalk_host::operator::ReleaseReaction;
 use rollwalk_robot::document::{Document, DocumentError, Span, Table, alternatives};
 
 /// Validated mapping.
@@ -16,11 +16,11 @@ pub struct Mapping {
     /// Button that the device's driver calls `BTN_NORTH`.
     pub north: North,
     /// Input that must be held while the robot moves, the deadman.
-    pub deadman: Hold,
+    pub deadman: DeadmanInput,
     /// Axis that sets the playback speed; `None` without one.
     pub speed: Option<Speed>,
     /// Actions of the other buttons.
-    pub buttons: Vec<(Input, Does)>,
+    pub buttons: Vec<(Input, ButtonAction)>,
 }
 
 /// Button on the right that a driver calls `BTN_NORTH`: the top or the left one. The driver calls the remaining one `BTN_WEST`.
@@ -37,11 +37,11 @@ pub enum North {
 
 /// Deadman: the input that must be held while the robot moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hold {
+pub struct DeadmanInput {
     /// Button or direction of an axis.
     pub input: Input,
     /// Reaction of a moving robot when the input is released.
-    pub released: LetGo,
+    pub released: ReleaseReaction,
     /// Time without events after which the gamepad counts as disconnected, s.
     pub silent_s: Option<f64>,
 }
@@ -50,7 +50,7 @@ pub struct Hold {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
     /// Axis and its positive direction.
-    pub push: Push,
+    pub push: AxisDirection,
     /// Dead zone, as a fraction of the travel.
     pub dead_zone: f32,
     /// Speed at rest.
@@ -63,9 +63,9 @@ pub struct Speed {
 
 /// Action of a button.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Does {
+pub enum ButtonAction {
     /// Plays a motion.
-    Play(Motion),
+    Play(MotionChoice),
     /// Switches torque on.
     Arm,
     /// Clears a stop.
@@ -80,7 +80,7 @@ pub enum Does {
 
 /// Motion that a button plays.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Motion {
+pub enum MotionChoice {
     /// Motion with this command code.
     Code(u8),
     /// Motion with this name in the library.
@@ -104,9 +104,9 @@ impl Mapping {
 
 /// Inputs that already have a meaning, with that meaning.
 #[derive(Default)]
-struct Taken(Vec<(Input, String)>);
+struct UsedInputs(Vec<(Input, String)>);
 
-impl Taken {
+impl UsedInputs {
     /// Records the meaning of an input. Reports a fault if the input already has a meaning.
     fn take(&mut self, document: &Document<'_>, span: Span, input: Input, does: &str) {
         match self.0.iter().find(|(taken, _)| *taken == input) {
@@ -125,7 +125,7 @@ fn mapping(document: &Document<'_>) -> Option<Mapping> {
     let root = document.root();
     let name = root.string("name");
     let devices = root.strings("devices");
-    let mut taken = Taken::default();
+    let mut taken = UsedInputs::default();
     let estop = estop(document, &root, &mut taken);
     let north = match root.has("north_is") {
         true => root.choice("north_is", &["top", "left"]),
@@ -154,7 +154,7 @@ fn mapping(document: &Document<'_>) -> Option<Mapping> {
     })
 }
 
-fn estop(document: &Document<'_>, root: &Table<'_>, taken: &mut Taken) -> Option<Vec<Input>> {
+fn estop(document: &Document<'_>, root: &Table<'_>, taken: &mut UsedInputs) -> Option<Vec<Input>> {
     let names = root.strings("estop")?;
     if names.is_empty() {
         let help = "give at least one button, such as estop = [\"BTN_EAST\"]";
@@ -185,7 +185,11 @@ fn input(document: &Document<'_>, what: &str, name: &str, span: Span) -> Option<
     found
 }
 
-fn hold(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Option<Hold> {
+fn hold(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    taken: &mut UsedInputs,
+) -> Option<DeadmanInput> {
     let name = table.string("hold");
     let span = table.span_of("hold");
     let input = name.and_then(|name| input(document, "[deadman]", &name, span.clone()));
@@ -197,11 +201,11 @@ fn hold(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Option
         table.has("silent_s").then(|| table.number_in("silent_s", 0.2..=60.0, "s")).flatten();
     table.done();
     let released = match released? {
-        0 => LetGo::Pause,
-        1 => LetGo::Return,
-        _ => LetGo::Disarm,
+        0 => ReleaseReaction::Pause,
+        1 => ReleaseReaction::Return,
+        _ => ReleaseReaction::Disarm,
     };
-    Some(Hold { input: input?, released, silent_s })
+    Some(DeadmanInput { input: input?, released, silent_s })
 }
 
 fn speed(table: &Table<'_>) -> Option<Speed> {
@@ -232,11 +236,15 @@ fn speed(table: &Table<'_>) -> Option<Speed> {
     })
 }
 
-fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec<(Input, Does)> {
+fn buttons(
+    document: &Document<'_>,
+    table: &Table<'_>,
+    taken: &mut UsedInputs,
+) -> Vec<(Input, ButtonAction)> {
     let mut all = Vec::new();
     for entry in table.named_strings() {
         let input = input(document, "[buttons]", entry.name, entry.name_span.clone());
-        let does = does(entry.text);
+        let does = button_action(entry.text);
         if let Err(help) = &does {
             let message = format!("[buttons]: `{}` cannot be \"{}\"", entry.name, entry.text);
             document.fault(entry.text_span, message, "not an action", help);
@@ -253,13 +261,13 @@ fn buttons(document: &Document<'_>, table: &Table<'_>, taken: &mut Taken) -> Vec
 ///
 /// # Errors
 /// Returns a description of valid actions.
-fn does(text: &str) -> Result<Does, String> {
+fn button_action(text: &str) -> Result<ButtonAction, String> {
     match text {
-        "arm" => return Ok(Does::Arm),
-        "clear" => return Ok(Does::Clear),
-        "pause" => return Ok(Does::Pause),
-        "return" => return Ok(Does::Return),
-        "disarm" => return Ok(Does::Disarm),
+        "arm" => return Ok(ButtonAction::Arm),
+        "clear" => return Ok(ButtonAction::Clear),
+        "pause" => return Ok(ButtonAction::Pause),
+        "return" => return Ok(ButtonAction::Return),
+        "disarm" => return Ok(ButtonAction::Disarm),
         "estop" => return Err("move this button into `estop` above".into()),
         _ => {}
     }
@@ -275,11 +283,11 @@ fn does(text: &str) -> Result<Does, String> {
     }
     if motion.chars().all(|c| c.is_ascii_digit()) {
         return match motion.parse() {
-            Ok(code @ 1..) => Ok(Does::Play(Motion::Code(code))),
+            Ok(code @ 1..) => Ok(ButtonAction::Play(MotionChoice::Code(code))),
             _ => Err("give a command code from 1 to 255".into()),
         };
     }
-    Ok(Does::Play(Motion::Named(motion.to_owned())))
+    Ok(ButtonAction::Play(MotionChoice::Named(motion.to_owned())))
 }
 
 #[cfg(test)]
@@ -316,13 +324,13 @@ BTN_NORTH = "play 12"
     fn a_mapping_is_read() {
         let mapping = Mapping::from_toml("test.toml", RIGHT).unwrap();
         assert_eq!(mapping.estop, [Input::Button(0x131)]);
-        let push = |axis, positive| Push { axis, positive };
+        let push = |axis, positive| AxisDirection { axis, positive };
         assert_eq!(mapping.deadman.input, Input::Push(push(2, true)));
         assert_eq!(mapping.speed.unwrap().opposite, 0.5);
-        let named = Does::Play(Motion::Named("walk".into()));
+        let named = ButtonAction::Play(MotionChoice::Named("walk".into()));
         assert_eq!(mapping.buttons.len(), 3);
         assert!(mapping.buttons.contains(&(Input::Button(0x130), named)));
-        assert!(mapping.buttons.contains(&(Input::Push(push(0x11, false)), Does::Arm)));
+        assert!(mapping.buttons.contains(&(Input::Push(push(0x11, false)), ButtonAction::Arm)));
     }
 
     #[test]

@@ -63,14 +63,14 @@ const AXES: [(&str, u16); 15] = [
 
 /// Direction of an axis: a stick pushed to one side, or a trigger pulled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Push {
+pub struct AxisDirection {
     /// Number of the axis.
     pub axis: u16,
     /// True for the direction of increasing values.
     pub positive: bool,
 }
 
-impl Push {
+impl AxisDirection {
     /// Deflection of an axis in this direction, 0 to 1. `value` is the position of the axis, −1 to 1.
     pub fn how_far(self, value: f32) -> f32 {
         let pushed = if self.positive { value } else { -value };
@@ -84,7 +84,7 @@ pub enum Input {
     /// Button with this number.
     Button(u16),
     /// Axis pushed more than half of its travel in a direction.
-    Push(Push),
+    Push(AxisDirection),
 }
 
 impl Input {
@@ -99,12 +99,12 @@ impl Input {
 }
 
 /// Parses an axis with its direction, such as `ABS_RZ+`.
-pub fn push(name: &str) -> Option<Push> {
+pub fn push(name: &str) -> Option<AxisDirection> {
     let (name, positive) = match name.strip_suffix('+') {
         Some(name) => (name, true),
         None => (name.strip_suffix('-')?, false),
     };
-    AXES.iter().find(|(known, _)| *known == name).map(|&(_, axis)| Push { axis, positive })
+    AXES.iter().find(|(known, _)| *known == name).map(|&(_, axis)| AxisDirection { axis, positive })
 }
 
 /// Names of all inputs, for suggestions.
@@ -118,7 +118,7 @@ pub fn axis_names() -> Vec<String> {
     AXES.iter().flat_map(|(name, _)| [format!("{name}+"), format!("{name}-")]).collect()
 }
 
-impl fmt::Display for Push {
+impl fmt::Display for AxisDirection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name =
             AXES.iter().find(|(_, axis)| *axis == self.axis).map_or("ABS_?", |(name, _)| name);

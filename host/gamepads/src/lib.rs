@@ -5,7 +5,7 @@
 //! |---|---|
 //! | [`inputs`] | buttons and axes by name |
 //! | [`mod@file`] | mapping files |
-//! | [`pad`] | state machine that turns events into operator requests: motion only with the deadman held, emergency stop always |
+//! | [`mapped_gamepad`] | state machine that turns events into operator requests: motion only with the deadman held, emergency stop always |
 //! | [`standard`] | events from the states of gamepads in browsers |
 //!
 //! ```
@@ -19,7 +19,7 @@
 
 pub mod file;
 pub mod inputs;
-pub mod pad;
+pub mod mapped_gamepad;
 pub mod standard;
 #[cfg(test)]
 mod tests;

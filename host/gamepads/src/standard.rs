@@ -2,8 +2,8 @@
 //! reports states, so this module derives events from the differences between two states.
 
 use crate::file::North;
-use crate::inputs::{Input, Push};
-use crate::pad::Event;
+use crate::inputs::{AxisDirection, Input};
+use crate::mapped_gamepad::Event;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -110,7 +110,7 @@ fn state(north: North, seen: &Snapshot) -> State {
         }
     }
     let mut add = |name: &str, value: f32| {
-        if let Some(Input::Push(Push { axis, positive })) = Input::named(name) {
+        if let Some(Input::Push(AxisDirection { axis, positive })) = Input::named(name) {
             // Opposite directions of the cross are one axis.
             *state.axes.entry(axis).or_insert(0.0) += if positive { value } else { -value };
         }
@@ -138,7 +138,7 @@ mod tests {
 
     fn number(name: &str) -> u16 {
         match Input::named(name) {
-            Some(Input::Button(number) | Input::Push(Push { axis: number, .. })) => number,
+            Some(Input::Button(number) | Input::Push(AxisDirection { axis: number, .. })) => number,
             None => panic!("{name}"),
         }
     }

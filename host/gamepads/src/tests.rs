@@ -1,10 +1,10 @@
 //! A recorded session on a gamepad, and random events.
 
-use crate::file::{Mapping, Motion};
+use crate::file::{Mapping, MotionChoice};
 use crate::inputs::Input;
-use crate::pad::{Event, Pad, Wish, normal};
+use crate::mapped_gamepad::{Event, GamepadRequest, MappedGamepad, normal};
 use proptest::prelude::*;
-use rollwalk_host::operator::{Deadman, Intent, LetGo};
+use rollwalk_host::operator::{Deadman, Intent, ReleaseReaction};
 
 const TEXT: &str = r#"
 name = "test"
@@ -49,12 +49,13 @@ fn every_mapping_of_the_folder_ships_and_can_be_read() {
     assert_eq!(found, crate::shipped().count());
 }
 
-fn pad() -> Pad {
-    Pad::new(Mapping::from_toml("test.toml", TEXT).unwrap())
+fn pad() -> MappedGamepad {
+    MappedGamepad::new(Mapping::from_toml("test.toml", TEXT).unwrap())
 }
 
-const RELEASED: Wish = Wish::Want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
-const HELD: Wish = Wish::Want(Intent::Deadman(Deadman::Held));
+const RELEASED: GamepadRequest =
+    GamepadRequest::Intent(Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
+const HELD: GamepadRequest = GamepadRequest::Intent(Intent::Deadman(Deadman::Held));
 
 fn found() -> Event {
     Event::Found { name: "pad".into(), buttons: Vec::new(), axes: vec![(5, 0.0), (1, 0.0)] }
@@ -88,14 +89,17 @@ fn recorded(text: &str) -> Vec<Event> {
     text.lines().filter_map(event).collect()
 }
 
-fn wishes(pad: &mut Pad, events: impl IntoIterator<Item = Event>) -> Vec<Wish> {
+fn requests(
+    pad: &mut MappedGamepad,
+    events: impl IntoIterator<Item = Event>,
+) -> Vec<GamepadRequest> {
     events.into_iter().flat_map(|event| pad.on_event(0, event)).collect()
 }
 
 #[test]
 fn a_recorded_session_arms_plays_and_stops() {
     let mut pad = pad();
-    let start = wishes(&mut pad, [found()]);
+    let start = requests(&mut pad, [found()]);
     assert_eq!(start[0], RELEASED);
     let session = recorded(
         "\
@@ -123,24 +127,27 @@ EV_ABS ABS_HAT0Y 0
 EV_KEY BTN_TL 1
 ",
     );
-    let all = wishes(&mut pad, session);
+    let all = requests(&mut pad, session);
     let first = |input: &str| {
-        Wish::Say(format!("hold ABS_RZ+ first, because {input} moves the robot"), false)
+        GamepadRequest::Message(
+            format!("hold ABS_RZ+ first, because {input} moves the robot"),
+            false,
+        )
     };
-    let full = Wish::Want(Intent::Speed { sixty_fourths: 64 });
+    let full = GamepadRequest::Intent(Intent::Speed { sixty_fourths: 64 });
     assert_eq!(
         all,
         [
             first("BTN_START"),
             HELD,
-            Wish::Want(Intent::Arm),
-            Wish::Play(Motion::Named("walk".into())),
+            GamepadRequest::Intent(Intent::Arm),
+            GamepadRequest::Play(MotionChoice::Named("walk".into())),
             full,
             RELEASED,
             first("BTN_NORTH"),
-            Wish::Want(Intent::Pause),
-            Wish::Want(Intent::Estop),
-            Wish::Want(Intent::Clear),
+            GamepadRequest::Intent(Intent::Pause),
+            GamepadRequest::Intent(Intent::Estop),
+            GamepadRequest::Intent(Intent::Clear),
         ]
     );
 }
@@ -148,13 +155,13 @@ EV_KEY BTN_TL 1
 #[test]
 fn a_stick_sets_the_speed_beyond_its_dead_zone() {
     let mut pad = pad();
-    wishes(&mut pad, [found()]);
+    requests(&mut pad, [found()]);
     let mut speed = |value| {
-        let wishes = wishes(&mut pad, [Event::Axis { axis: 1, value }]);
-        match wishes[..] {
+        let requests = requests(&mut pad, [Event::Axis { axis: 1, value }]);
+        match requests[..] {
             [] => None,
-            [Wish::Want(Intent::Speed { sixty_fourths })] => Some(sixty_fourths),
-            _ => panic!("{wishes:?}"),
+            [GamepadRequest::Intent(Intent::Speed { sixty_fourths })] => Some(sixty_fourths),
+            _ => panic!("{requests:?}"),
         }
     };
     // Half way between the dead zone and the end is three quarters of the planned speed.
@@ -168,30 +175,33 @@ fn what_is_pressed_when_it_is_found_counts_after_it_was_let_go() {
     let mut pad = pad();
     let buttons = vec![0x130, 0x131];
     let axes = vec![(5, 1.0)];
-    let found = wishes(&mut pad, [Event::Found { name: "pad".into(), buttons, axes }]);
+    let found = requests(&mut pad, [Event::Found { name: "pad".into(), buttons, axes }]);
     // But for the stop.
-    assert_eq!(found[..2], [Wish::Want(Intent::Estop), RELEASED]);
+    assert_eq!(found[..2], [GamepadRequest::Intent(Intent::Estop), RELEASED]);
     let trigger = |value| Event::Axis { axis: 5, value };
-    assert_eq!(wishes(&mut pad, [trigger(0.9)]), []);
-    assert_eq!(wishes(&mut pad, [trigger(0.0), trigger(1.0)]), [HELD]);
+    assert_eq!(requests(&mut pad, [trigger(0.9)]), []);
+    assert_eq!(requests(&mut pad, [trigger(0.0), trigger(1.0)]), [HELD]);
 }
 
 #[test]
 fn a_gamepad_that_is_gone_or_silent_holds_nothing() {
     let mut pad = pad();
     let trigger = |value| Event::Axis { axis: 5, value };
-    wishes(&mut pad, [found(), trigger(1.0)]);
-    let gone = wishes(&mut pad, [Event::Gone("unplugged".into())]);
-    assert_eq!(gone, [RELEASED, Wish::Say("the gamepad is disconnected: unplugged".into(), true)]);
-    assert_eq!(wishes(&mut pad, [trigger(0.0), trigger(1.0)]), []);
-    assert_eq!(wishes(&mut pad, [Event::Gone("still".into())]), []);
-    wishes(&mut pad, [found(), trigger(1.0)]);
+    requests(&mut pad, [found(), trigger(1.0)]);
+    let gone = requests(&mut pad, [Event::Gone("unplugged".into())]);
+    assert_eq!(
+        gone,
+        [RELEASED, GamepadRequest::Message("the gamepad is disconnected: unplugged".into(), true)]
+    );
+    assert_eq!(requests(&mut pad, [trigger(0.0), trigger(1.0)]), []);
+    assert_eq!(requests(&mut pad, [Event::Gone("still".into())]), []);
+    requests(&mut pad, [found(), trigger(1.0)]);
     assert_eq!(pad.tick(4_900_000), []);
     assert_eq!(pad.tick(5_000_000)[0], RELEASED);
     assert_eq!(pad.tick(6_000_000), []);
     // It has to be let go before it counts again.
     assert_eq!(pad.on_event(7_000_000, trigger(0.99)), []);
-    assert_eq!(wishes(&mut pad, [trigger(0.0), trigger(1.0)]), [HELD]);
+    assert_eq!(requests(&mut pad, [trigger(0.0), trigger(1.0)]), [HELD]);
 }
 
 #[test]
@@ -221,15 +231,15 @@ fn a_button_that_must_be_held_arms_no_sooner() {
     let start = |down| Event::Button { number: 0x13b, down };
     let trigger = |value| Event::Axis { axis: 5, value };
     let mut pad = pad().arming_after(1_000_000);
-    wishes(&mut pad, [found(), trigger(1.0), start(true)]);
+    requests(&mut pad, [found(), trigger(1.0), start(true)]);
     assert_eq!(pad.tick(999_999), []);
-    assert_eq!(pad.tick(1_000_000), [Wish::Want(Intent::Arm)]);
+    assert_eq!(pad.tick(1_000_000), [GamepadRequest::Intent(Intent::Arm)]);
     assert_eq!(pad.tick(3_000_000), [], "once");
     // Let go of, or the deadman, in between: from the beginning.
     for between in [start(false), trigger(0.0), Event::Gone("unplugged".into())] {
-        wishes(&mut pad, [start(false), trigger(0.0), trigger(1.0), start(true), between]);
+        requests(&mut pad, [start(false), trigger(0.0), trigger(1.0), start(true), between]);
         assert_eq!(pad.tick(2_000_000), []);
-        wishes(&mut pad, [found()]);
+        requests(&mut pad, [found()]);
     }
 }
 
@@ -255,8 +265,11 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-fn moves(wish: &Wish) -> bool {
-    matches!(wish, Wish::Play(_) | Wish::Want(Intent::Arm | Intent::PauseOrResume))
+fn moves(request: &GamepadRequest) -> bool {
+    matches!(
+        request,
+        GamepadRequest::Play(_) | GamepadRequest::Intent(Intent::Arm | Intent::PauseOrResume)
+    )
 }
 
 proptest! {
@@ -271,24 +284,24 @@ proptest! {
         let mut stop_down = false;
         for (event, after_us) in events {
             now_us += after_us;
-            for wish in pad.tick(now_us) {
-                prop_assert!(!moves(&wish));
-                if wish == RELEASED {
+            for request in pad.tick(now_us) {
+                prop_assert!(!moves(&request));
+                if request == RELEASED {
                     held = false;
                 }
             }
             let again = event.clone();
-            let wishes = pad.on_event(now_us, event.clone());
+            let requests = pad.on_event(now_us, event.clone());
             // The stop, whenever it is pressed, and first.
             let pressed = there && event == Event::Button { number: 0x131, down: true };
             if pressed && !stop_down {
-                prop_assert_eq!(&wishes, &[Wish::Want(Intent::Estop)]);
+                prop_assert_eq!(&requests, &[GamepadRequest::Intent(Intent::Estop)]);
             }
             match &event {
                 Event::Found { buttons, .. } => {
                     there = true;
                     stop_down = buttons.contains(&0x131);
-                    prop_assert!(!stop_down || wishes[0] == Wish::Want(Intent::Estop));
+                    prop_assert!(!stop_down || requests[0] == GamepadRequest::Intent(Intent::Estop));
                 }
                 Event::Gone(_) => {
                     there = false;
@@ -297,14 +310,14 @@ proptest! {
                 Event::Button { number: 0x131, down } if there => stop_down = *down,
                 _ => {}
             }
-            for wish in &wishes {
-                match wish {
-                    wish if *wish == HELD => held = true,
-                    wish if *wish == RELEASED => held = false,
+            for request in &requests {
+                match request {
+                    request if *request == HELD => held = true,
+                    request if *request == RELEASED => held = false,
                     _ => {}
                 }
-                prop_assert!(!moves(wish) || held, "{:?} without the deadman", wish);
-                if let Wish::Want(Intent::Speed { sixty_fourths }) = wish {
+                prop_assert!(!moves(request) || held, "{:?} without the deadman", request);
+                if let GamepadRequest::Intent(Intent::Speed { sixty_fourths }) = request {
                     prop_assert!((16..=64).contains(sixty_fourths));
                 }
             }

@@ -1,6 +1,6 @@
 //! Values of a frame's signals, extracted bit by bit according to the database.
 
-use super::{Coding, Message, Order, Presence, Signal};
+use super::{ByteOrder, Message, NumberFormat, Presence, Signal};
 
 /// Value of a signal in a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,9 +27,9 @@ impl Signal {
         let mut raw = 0;
         for i in 0..self.bits {
             let (at, weight) = match self.order {
-                Order::Intel => (self.start + i, i),
+                ByteOrder::Intel => (self.start + i, i),
                 // From the most significant bit down, then on from the top of the next byte.
-                Order::Motorola => {
+                ByteOrder::Motorola => {
                     let from_top = 8 * (self.start / 8) + 7 - self.start % 8 + i;
                     (8 * (from_top / 8) + 7 - from_top % 8, self.bits - 1 - i)
                 }
@@ -44,9 +44,9 @@ impl Signal {
     fn number(&self, raw: u64) -> f64 {
         let unused = 64 - u32::from(self.bits);
         let number = match self.coding {
-            Coding::Unsigned => raw as f64,
-            Coding::Signed => ((raw << unused) as i64 >> unused) as f64,
-            Coding::Float => f64::from(f32::from_bits(raw as u32)),
+            NumberFormat::Unsigned => raw as f64,
+            NumberFormat::Signed => ((raw << unused) as i64 >> unused) as f64,
+            NumberFormat::Float => f64::from(f32::from_bits(raw as u32)),
         };
         number * self.scale
     }

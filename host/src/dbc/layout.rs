@@ -1,6 +1,6 @@
 //! Builder of a message's fields in their order in the frame, as `docs/formats/wire-format.md` lists them.
 
-use super::{Coding, Order, Presence, Signal};
+use super::{ByteOrder, NumberFormat, Presence, Signal};
 use std::borrow::Cow;
 
 /// Fields added so far, and the first bit of the next field.
@@ -24,23 +24,23 @@ impl Layout {
 
     pub fn unsigned(self, name: &str, bits: u16) -> Self {
         let max = (1u128 << bits) - 1;
-        self.field(name, bits, Coding::Unsigned, 1.0, (0.0, max as f64))
+        self.field(name, bits, NumberFormat::Unsigned, 1.0, (0.0, max as f64))
     }
 
     /// Adds a physical value in steps of `scale`, from 0.
     pub fn steps_up(self, name: &str, bits: u16, scale: f64) -> Self {
         let max = ((1u64 << bits) - 1) as f64;
-        self.field(name, bits, Coding::Unsigned, scale, (0.0, round(max * scale)))
+        self.field(name, bits, NumberFormat::Unsigned, scale, (0.0, round(max * scale)))
     }
 
     /// Adds a signed physical value in steps of `scale`. The lowest integer stands for an absent value.
     pub fn steps(self, name: &str, bits: u16, scale: f64) -> Self {
         let max = round(((1u64 << (bits - 1)) - 1) as f64 * scale);
-        self.field(name, bits, Coding::Signed, scale, (-max, max))
+        self.field(name, bits, NumberFormat::Signed, scale, (-max, max))
     }
 
     pub fn float(self, name: &str) -> Self {
-        self.field(name, 32, Coding::Float, 1.0, (0.0, 0.0))
+        self.field(name, 32, NumberFormat::Float, 1.0, (0.0, 0.0))
     }
 
     /// Adds a field of `width` bits with flags of one bit each. Bit numbers count from the field's least significant bit.
@@ -68,7 +68,7 @@ impl Layout {
         mut self,
         name: &str,
         bits: u16,
-        coding: Coding,
+        coding: NumberFormat,
         scale: f64,
         (min, max): (f64, f64),
     ) -> Self {
@@ -76,7 +76,7 @@ impl Layout {
             name: name.to_owned(),
             start: self.at,
             bits,
-            order: Order::Intel,
+            order: ByteOrder::Intel,
             coding,
             scale,
             min,
@@ -126,7 +126,7 @@ impl Layout {
         self.last(|signal| {
             let high_nibble = signal.start % 8 == 4;
             signal.start = if high_nibble { signal.start - 1 } else { signal.start + 7 };
-            signal.order = Order::Motorola;
+            signal.order = ByteOrder::Motorola;
         })
     }
 

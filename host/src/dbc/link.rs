@@ -20,7 +20,7 @@ pub(super) enum Controllers<'a> {
 
 /// Sender of a message.
 #[derive(Clone, Copy, PartialEq)]
-enum From {
+enum Sender {
     Host,
     Controller,
     Anyone,
@@ -32,7 +32,7 @@ struct Kind {
     class: u16,
     number: u16,
     len: u8,
-    from: From,
+    from: Sender,
     /// True if the message may be addressed to all controllers.
     to_all: bool,
     period_ms: u32,
@@ -86,9 +86,9 @@ impl Kind {
     fn message(&self, address: Option<u16>, controller: Option<String>) -> Message {
         let suffix = address.map_or("all".into(), |address| address.to_string());
         let (sender, receiver) = match self.from {
-            From::Host => (Some(HOST.to_owned()), controller),
-            From::Controller => (controller, Some(HOST.to_owned())),
-            From::Anyone => (None, controller),
+            Sender::Host => (Some(HOST.to_owned()), controller),
+            Sender::Controller => (controller, Some(HOST.to_owned())),
+            Sender::Anyone => (None, controller),
         };
         Message {
             schema: self.schema,
@@ -111,17 +111,17 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
     };
     let to = |schema, class, len, comment, layout| Kind {
         to_all: true,
-        ..kind(schema, class, 0, len, From::Host, comment, layout)
+        ..kind(schema, class, 0, len, Sender::Host, comment, layout)
     };
     let from = |schema, class, number, len, comment, layout| {
-        kind(schema, class, number, len, From::Controller, comment, layout)
+        kind(schema, class, number, len, Sender::Controller, comment, layout)
     };
     let state = Layout::sealed().unsigned("state", 8).names(coded(State::ALL, State::code));
     let host_ms = clocked("host_ms", "Clock of the host");
     let controller_ms = clocked("controller_ms", "Clock of the controller");
     [
         Kind {
-            from: From::Anyone,
+            from: Sender::Anyone,
             ..to(
                 "estop",
                 0,
@@ -136,7 +136,7 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             0,
             2,
             8,
-            From::Host,
+            Sender::Host,
             "Authenticates the next message of a class",
             authenticator(),
         ),
@@ -175,7 +175,7 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             4,
             1,
             8,
-            From::Host,
+            Sender::Host,
             "Setpoint of one channel, streamed at 60 Hz or in answer to a sample",
             setpoint(names),
         ),
@@ -189,7 +189,7 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             imu(5e-3, "m/s2"),
         ),
         from("sample", 4, 4, 8, "End of the measurements of one sample", sample()),
-        kind("transport_to_controller", 5, 0, 8, From::Host, "ISO-TP: requests", isotp()),
+        kind("transport_to_controller", 5, 0, 8, Sender::Host, "ISO-TP: requests", isotp()),
         from("transport_to_host", 5, 1, 8, "ISO-TP: responses", isotp()),
         to("parameter", 6, 8, "Reads or sets gains and limits at run time", parameter()),
         from("parameter_ack", 6, 1, 8, "Answer to each PARAMETER", parameter_ack()),

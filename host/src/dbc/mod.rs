@@ -48,7 +48,7 @@ pub struct ChannelName {
 
 /// Byte order of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum ByteOrder {
     /// Least significant byte first; `start` is the least significant bit.
     Intel,
     /// Most significant byte first; `start` is the most significant bit.
@@ -57,7 +57,7 @@ pub enum Order {
 
 /// Number format of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Coding {
+pub enum NumberFormat {
     /// Unsigned integer.
     Unsigned,
     /// Two's complement.
@@ -87,9 +87,9 @@ pub struct Signal {
     /// Length in bits.
     pub bits: u16,
     /// Byte order.
-    pub order: Order,
+    pub order: ByteOrder,
     /// Number format.
-    pub coding: Coding,
+    pub coding: NumberFormat,
     /// Physical value of one step.
     pub scale: f64,
     /// Smallest physical value. Without a range, both limits are 0.

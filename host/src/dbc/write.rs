@@ -1,6 +1,6 @@
 //! Writer of the DBC format as read by cantools, SavvyCAN and Wireshark.
 
-use super::{Coding, Database, Message, Order, Presence, Signal};
+use super::{ByteOrder, Database, Message, NumberFormat, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -30,7 +30,7 @@ pub(super) fn dbc(database: &Database) -> String {
         });
         t.push_str(" ;\n");
     }
-    for (message, signal) in signals(database).filter(|(_, s)| s.coding == Coding::Float) {
+    for (message, signal) in signals(database).filter(|(_, s)| s.coding == NumberFormat::Float) {
         let _ = writeln!(t, "SIG_VALTYPE_ {} {} : 1;", message.id, signal.name);
     }
     text
@@ -52,10 +52,10 @@ fn definition(signal: &Signal) -> String {
         Presence::When(value) => format!(" m{value}"),
     };
     let order = match signal.order {
-        Order::Intel => 1,
-        Order::Motorola => 0,
+        ByteOrder::Intel => 1,
+        ByteOrder::Motorola => 0,
     };
-    let sign = if signal.coding == Coding::Unsigned { '+' } else { '-' };
+    let sign = if signal.coding == NumberFormat::Unsigned { '+' } else { '-' };
     format!(
         "SG_ {name}{presence} : {start}|{bits}@{order}{sign} ({scale},0) [{min}|{max}] \"{unit}\""
     )

@@ -55,11 +55,11 @@ impl Operator {
             Ok(max_block) => {
                 let transfer = Transfer::new(library, max_block);
                 self.flashing = Some(Flashing { transfer, deadline_us: None });
-                self.log.say(now_us, Weight::Note, "transferring the library");
+                self.log.notify(now_us, Weight::Note, "transferring the library");
             }
             Err(why) => {
                 let text = format!("the library was not sent: {why}");
-                self.log.say(now_us, Weight::Refused, text);
+                self.log.notify(now_us, Weight::Refused, text);
             }
         }
     }
@@ -115,7 +115,7 @@ impl Operator {
     pub(super) fn break_off_flashing(&mut self, now_us: u64) {
         if self.flashing.take().is_some() {
             let text = "the transfer of the library was interrupted; the next transfer resumes it";
-            self.log.say(now_us, Weight::Warning, text);
+            self.log.notify(now_us, Weight::Warning, text);
         }
     }
 
@@ -127,7 +127,7 @@ impl Operator {
         } else {
             (Weight::Warning, "the controller uses another library than the transferred one")
         };
-        self.log.say(now_us, weight, text);
+        self.log.notify(now_us, weight, text);
     }
 
     fn end_flashing(&mut self, now_us: u64, ended: Result<(), TransferError>) {
@@ -145,7 +145,7 @@ impl Operator {
                 (Weight::Refused, format!("the controller refused the library: {why}"))
             }
         };
-        self.log.say(now_us, weight, text);
+        self.log.notify(now_us, weight, text);
         // Which library is in use has to be asked for in any case.
         (self.hello, self.ask_hello_us) = (None, now_us);
     }

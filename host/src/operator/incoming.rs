@@ -1,9 +1,9 @@
 //! Processing of the controller's frames: status, faults, measurements, identity and outcomes of commands.
 
 use super::log::Weight;
-use super::orders::{Ended, Order, Outcome};
+use super::orders::{CompletedOrder, Order, OrderOutcome};
 use super::setpoints::{Loop, Setpoints};
-use super::{HELLO_US, Leaving, Operator, has_torque};
+use super::{ExitStage, HELLO_US, Operator, has_torque};
 use crate::authentication::NoSession;
 use crate::client::{Client, Incoming};
 use crate::refusal::session_refusal;
@@ -32,8 +32,8 @@ impl Operator {
                 }
                 // Without a fault the next state is Disarmed.
                 let passing = status.state == State::TorqueOff && status.faults.is_empty();
-                if self.leaving == Leaving::WhenHome && !has_torque(status.state) && !passing {
-                    self.leaving = Leaving::Now;
+                if self.leaving == ExitStage::WhenHome && !has_torque(status.state) && !passing {
+                    self.leaving = ExitStage::Now;
                 }
             }
             Some(Incoming::Fault(report)) => self.link.on_fault(now_us, report, &mut self.log),
@@ -51,7 +51,7 @@ impl Operator {
             Some(Incoming::EstopAck(ack)) => {
                 self.stopped();
                 self.link.on_stopped(ack.state);
-                self.log.say(now_us, Weight::Note, "the emergency stop is acknowledged");
+                self.log.notify(now_us, Weight::Note, "the emergency stop is acknowledged");
             }
             Some(Incoming::Ack(ack)) => {
                 if let Some(ended) = self.orders.on_ack(now_us, ack, &mut self.client) {
@@ -60,7 +60,7 @@ impl Operator {
             }
             Some(Incoming::Response(Response::Hello(hello))) => self.on_hello(now_us, hello),
             Some(Incoming::Restarted) => {
-                self.log.say(now_us, Weight::Warning, "the controller has restarted");
+                self.log.notify(now_us, Weight::Warning, "the controller has restarted");
                 // It may have lost its library, or be another one.
                 self.hello = None;
                 self.ask_hello_us = now_us;
@@ -80,7 +80,7 @@ impl Operator {
         let before = std::mem::replace(&mut self.no_session, begun.err());
         if let Some(why) = self.no_session.filter(|why| before != Some(*why)) {
             let text = format!("controller {} {}", self.peer.node.number(), session_refusal(why));
-            self.log.say(now_us, Weight::Warning, text);
+            self.log.notify(now_us, Weight::Warning, text);
         }
     }
 
@@ -89,7 +89,7 @@ impl Operator {
         self.ask_hello_us = now_us + HELLO_US;
         self.check_flashed(now_us, hello.library);
         if let Some(why) = self.mismatch() {
-            self.log.say(now_us, Weight::Warning, why);
+            self.log.notify(now_us, Weight::Warning, why);
             self.forget_orders();
         }
         let visiting = (hello.major, hello.schema_hash) != (PROTOCOL_MAJOR, SCHEMA_HASH);
@@ -112,26 +112,26 @@ impl Operator {
     }
 
     /// Reports the outcome of an order.
-    pub(super) fn end(&mut self, now_us: u64, ended: Ended) {
-        let Ended { order, outcome, wish } = ended;
+    pub(super) fn end(&mut self, now_us: u64, ended: CompletedOrder) {
+        let CompletedOrder { order, outcome, intent_number } = ended;
         let words = order.words(self.catalog.as_ref());
         let (weight, text) = match outcome {
-            Outcome::Done(ack) => {
+            OrderOutcome::Done(ack) => {
                 let text = self.done(order, ack);
                 (Weight::Note, text)
             }
-            Outcome::Refused(why) => {
+            OrderOutcome::Refused(why) => {
                 (Weight::Refused, format!("the controller refused to {words}: {why}"))
             }
-            Outcome::Unanswered => {
+            OrderOutcome::Unanswered => {
                 (Weight::Warning, format!("no answer to the command to {words}; try again"))
             }
-            Outcome::Unsent => {
+            OrderOutcome::Unsent => {
                 (Weight::Warning, format!("the command to {words} was not sent: no contact"))
             }
         };
-        if let Some(wish) = wish {
-            self.log.answer(now_us, wish, weight, text);
+        if let Some(intent_number) = intent_number {
+            self.log.answer(now_us, intent_number, weight, text);
         }
     }
 

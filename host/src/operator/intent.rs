@@ -45,12 +45,12 @@ pub enum Deadman {
     /// The button is held.
     Held,
     /// The button is released, or its state is unknown.
-    Released(LetGo),
+    Released(ReleaseReaction),
 }
 
 /// Reaction to a released deadman while the robot moves. During alignment, the reaction is always to disarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LetGo {
+pub enum ReleaseReaction {
     /// Pause the motion.
     Pause,
     /// Return to SAFE.

@@ -72,7 +72,7 @@ impl LinkStatus {
         }
         if self.contact != Some(true) {
             let text = if self.contact.is_some() { "contact again" } else { "contact" };
-            log.say(
+            log.notify(
                 now_us,
                 Weight::Note,
                 format!("{text}: the robot is {}", condition(&status, &self.actuators)),
@@ -84,7 +84,7 @@ impl LinkStatus {
             };
             // The fault that caused it follows as a message of its own.
             let words = state_words(&status, &self.actuators);
-            log.say(now_us, weight, format!("the robot is {words}"));
+            log.notify(now_us, weight, format!("the robot is {words}"));
         }
         self.contact = Some(true);
         let old = before.map_or(FaultBits::default(), |(_, last)| last.faults);
@@ -92,11 +92,11 @@ impl LinkStatus {
         let gone = FaultBits(old.0 & !status.faults.0);
         if !new.is_empty() {
             let names = fault_names_on(new, &self.actuators);
-            log.say(now_us, Weight::Warning, format!("fault: {names}"));
+            log.notify(now_us, Weight::Warning, format!("fault: {names}"));
         }
         if !gone.is_empty() {
             let names = fault_names_on(gone, &self.actuators);
-            log.say(now_us, Weight::Note, format!("fault cleared: {names}"));
+            log.notify(now_us, Weight::Note, format!("fault cleared: {names}"));
             self.reports.retain(|&code, _| gone.iter().all(|fault| fault.code() != code));
         }
     }
@@ -116,7 +116,7 @@ impl LinkStatus {
         if !latched && !recent {
             let kind = self.actuators.kind_for(report.fault, report.channel, Some(report.value));
             let name = fault_words(report.fault, kind).name;
-            log.say(now_us, Weight::Warning, format!("fault report: {name}"));
+            log.notify(now_us, Weight::Warning, format!("fault report: {name}"));
         }
     }
 
@@ -141,7 +141,7 @@ impl LinkStatus {
             if let Some(way_out) = way_out.filter(|_| has_torque) {
                 text += &format!("; {way_out}, and {LEFT_ALONE}");
             }
-            log.say(now_us, Weight::Warning, text);
+            log.notify(now_us, Weight::Warning, text);
             return true;
         }
         false

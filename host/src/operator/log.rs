@@ -27,7 +27,8 @@ pub struct Message {
     pub weight: Weight,
     /// Text of the message.
     pub text: String,
-    /// Number of the [intent](super::Operator::wished) whose outcome the message reports. A [`Weight::Note`] reports success.
+    /// Number of the [intent](super::Operator::latest_intent) whose outcome the message reports. A [`Weight::Note`] reports
+    /// success.
     pub answers: Option<u64>,
 }
 
@@ -40,13 +41,19 @@ pub struct Log {
 
 impl Log {
     /// Adds a message.
-    pub fn say(&mut self, at_us: u64, weight: Weight, text: impl Into<String>) {
+    pub fn notify(&mut self, at_us: u64, weight: Weight, text: impl Into<String>) {
         self.push(at_us, weight, text.into(), None);
     }
 
     /// Adds the outcome of an intent.
-    pub fn answer(&mut self, at_us: u64, wish: u64, weight: Weight, text: impl Into<String>) {
-        self.push(at_us, weight, text.into(), Some(wish));
+    pub fn answer(
+        &mut self,
+        at_us: u64,
+        intent_number: u64,
+        weight: Weight,
+        text: impl Into<String>,
+    ) {
+        self.push(at_us, weight, text.into(), Some(intent_number));
     }
 
     fn push(&mut self, at_us: u64, weight: Weight, text: String, answers: Option<u64>) {

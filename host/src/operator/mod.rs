@@ -29,9 +29,9 @@ mod setpoints;
 mod tests;
 mod view;
 
-pub use intent::{Deadman, Intent, LetGo};
+pub use intent::{Deadman, Intent, ReleaseReaction};
 pub use log::{Message, Weight};
-pub use view::{FaultView, JointView, Leaving, LinkView, View};
+pub use view::{ExitStage, FaultView, JointView, LinkView, View};
 
 use crate::actuators::Actuators;
 use crate::authentication::{NoSession, Peer};
@@ -39,7 +39,7 @@ use crate::catalog::Catalog;
 use crate::client::{Client, Outgoing};
 use crate::describe::{self, LEFT_ALONE};
 use crate::stream::{Stream, Target};
-use crate::tracking::Measured;
+use crate::tracking::Measurements;
 use flashing::Flashing;
 use link_status::LinkStatus;
 use log::Log;
@@ -76,14 +76,14 @@ pub struct Operator {
     config_hash: Option<u32>,
     catalog: Option<Catalog>,
     orders: Orders,
-    wished: u64,
+    latest_intent: u64,
     link: LinkStatus,
     log: Log,
     hello: Option<Hello>,
     ask_hello_us: u64,
     latch: Latch,
     deadman: Option<Deadman>,
-    leaving: Leaving,
+    leaving: ExitStage,
     speed_64ths: i8,
     /// Code and speed of the latest accepted motion command.
     asked: Option<(u8, i8)>,
@@ -125,14 +125,14 @@ impl Operator {
             config_hash,
             catalog: None,
             orders: Orders::default(),
-            wished: 0,
+            latest_intent: 0,
             link: LinkStatus::default(),
             log: Log::default(),
             hello: None,
             ask_hello_us: 0,
             latch: Latch::Open,
             deadman: None,
-            leaving: Leaving::No,
+            leaving: ExitStage::No,
             speed_64ths: FULL_SPEED,
             asked: None,
             automatic_us: 0,
@@ -193,7 +193,7 @@ impl Operator {
     }
 
     /// Removes and returns the oldest sample that was not taken yet. A controller sends samples after [`Intent::Track`].
-    pub fn take_sample(&mut self) -> Option<Measured> {
+    pub fn take_sample(&mut self) -> Option<Measurements> {
         self.setpoints.take_sample()
     }
 
@@ -231,28 +231,28 @@ impl Operator {
     pub fn set_attended(&mut self, now_us: u64, attended: bool) {
         if self.unattended == attended {
             if attended {
-                self.log.say(now_us, Weight::Note, "the controls respond again");
+                self.log.notify(now_us, Weight::Note, "the controls respond again");
             } else {
                 self.asked = None;
                 self.drop_moving();
                 let text = format!(
                     "the controls do not respond: heartbeats are withheld, and {LEFT_ALONE}"
                 );
-                self.log.say(now_us, Weight::Warning, text);
+                self.log.notify(now_us, Weight::Warning, text);
             }
         }
         self.unattended = !attended;
     }
 
     /// Shows a message to the operator.
-    pub fn say(&mut self, now_us: u64, weight: Weight, text: impl Into<String>) {
-        self.log.say(now_us, weight, text);
+    pub fn notify(&mut self, now_us: u64, weight: Weight, text: impl Into<String>) {
+        self.log.notify(now_us, weight, text);
     }
 
     /// Handles the loss of the bus. An unacknowledged emergency stop is sent when the bus is back.
     pub fn on_bus_lost(&mut self, now_us: u64, why: &str) {
         if self.bus_lost.replace(why.to_owned()).is_none() {
-            self.log.say(now_us, Weight::Warning, format!("the bus is lost: {why}"));
+            self.log.notify(now_us, Weight::Warning, format!("the bus is lost: {why}"));
         }
         self.complaint = None;
         self.break_off_flashing(now_us);
@@ -263,7 +263,7 @@ impl Operator {
     /// Handles the return of the bus.
     pub fn on_bus_back(&mut self, now_us: u64) {
         if self.bus_lost.take().is_some() {
-            self.log.say(now_us, Weight::Note, "the bus is back");
+            self.log.notify(now_us, Weight::Note, "the bus is back");
         }
         self.client.reset_transport();
         self.hello = None;
@@ -278,8 +278,8 @@ impl Operator {
         };
         if kind(&self.complaint) != kind(&complaint) {
             match &complaint {
-                Some(why) => self.log.say(now_us, Weight::Warning, why),
-                None => self.log.say(now_us, Weight::Note, "the bus has no errors any more"),
+                Some(why) => self.log.notify(now_us, Weight::Warning, why),
+                None => self.log.notify(now_us, Weight::Note, "the bus has no errors any more"),
             }
         }
         self.complaint = complaint;
@@ -380,14 +380,14 @@ impl Operator {
     }
 
     /// Number of the latest intent. A message that [answers](Message::answers) an intent contains its number.
-    pub fn wished(&self) -> u64 {
-        self.wished
+    pub fn latest_intent(&self) -> u64 {
+        self.latest_intent
     }
 
     /// True if the command of this intent is in flight or waits to be sent. If it is false and no message answers the intent,
     /// the command was dropped.
-    pub fn is_asking(&self, wish: u64) -> bool {
-        self.orders.has(wish)
+    pub fn is_asking(&self, intent_number: u64) -> bool {
+        self.orders.has(intent_number)
     }
 
     /// Commanded speed in 64ths of the planned speed.
@@ -396,7 +396,7 @@ impl Operator {
     }
 
     /// Stage of the operator's exit.
-    pub fn leaving(&self) -> Leaving {
+    pub fn leaving(&self) -> ExitStage {
         self.leaving
     }
 
@@ -407,7 +407,7 @@ impl Operator {
     fn update_silence(&mut self, now_us: u64) {
         if self.link.in_contact(now_us) {
             self.silent = false;
-        } else if self.leaving != Leaving::No
+        } else if self.leaving != ExitStage::No
             || matches!(self.deadman, Some(Deadman::Released(_)))
             || self.unwatched && self.link.state().is_some_and(has_torque)
         {
@@ -416,7 +416,7 @@ impl Operator {
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
                     let text = format!("heartbeats are withheld, and {LEFT_ALONE}");
-                    self.log.say(now_us, Weight::Warning, text);
+                    self.log.notify(now_us, Weight::Warning, text);
                 }
             }
             self.silent = true;
@@ -460,7 +460,7 @@ impl Operator {
             return None;
         }
         let status = self.link.status()?;
-        if self.leaving == Leaving::WhenHome {
+        if self.leaving == ExitStage::WhenHome {
             let coming =
                 matches!(status.state, State::Returning | State::Damped | State::TorqueOff);
             return (!coming).then_some((Order::Disarm, HOME_US));
@@ -469,11 +469,11 @@ impl Operator {
             return match (status.state, let_go) {
                 // From the end of a stream, on all its feet, to SAFE.
                 (State::Aligning, _) if self.ends_stream => None,
-                (State::Aligning, _) | (State::Playing, LetGo::Disarm) => {
+                (State::Aligning, _) | (State::Playing, ReleaseReaction::Disarm) => {
                     Some((Order::Disarm, HOME_US))
                 }
-                (State::Playing, LetGo::Pause) => Some((Order::Pause, PAUSE_US)),
-                (State::Playing, LetGo::Return) => Some((Order::Return, HOME_US)),
+                (State::Playing, ReleaseReaction::Pause) => Some((Order::Pause, PAUSE_US)),
+                (State::Playing, ReleaseReaction::Return) => Some((Order::Return, HOME_US)),
                 _ => None,
             };
         }

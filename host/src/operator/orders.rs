@@ -87,7 +87,7 @@ struct Flight {
     command: Command,
     /// True for the second of two steps.
     confirming: bool,
-    wish: Option<u64>,
+    intent_number: Option<u64>,
     numbers: u32,
     next_us: u64,
     until_us: u64,
@@ -95,24 +95,24 @@ struct Flight {
 
 /// Order that waits for the one in flight.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
+struct WaitingOrder {
     order: Order,
-    wish: Option<u64>,
+    intent_number: Option<u64>,
     until_us: u64,
 }
 
 /// Completed order.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ended {
+pub struct CompletedOrder {
     pub order: Order,
-    pub outcome: Outcome,
+    pub outcome: OrderOutcome,
     /// Number of the intent; `None` for an automatic order, whose outcome is not reported.
-    pub wish: Option<u64>,
+    pub intent_number: Option<u64>,
 }
 
 /// Outcome of an order.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Outcome {
+pub enum OrderOutcome {
     Done(CommandAck),
     Refused(String),
     Unanswered,
@@ -122,13 +122,13 @@ pub enum Outcome {
 
 /// Refusal of an order because a stopping order waits.
 #[derive(Clone, Copy, Debug)]
-pub struct StopWaits;
+pub struct StopPending;
 
 /// Orders in flight and waiting.
 #[derive(Clone, Debug, Default)]
 pub struct Orders {
     flight: Option<Flight>,
-    waiting: Option<Waiting>,
+    waiting: Option<WaitingOrder>,
 }
 
 impl Orders {
@@ -144,9 +144,12 @@ impl Orders {
     }
 
     /// True if the order of this intent is in flight or waiting.
-    pub fn has(&self, wish: u64) -> bool {
-        let wishes = [self.flight.and_then(|of| of.wish), self.waiting.and_then(|of| of.wish)];
-        wishes.contains(&Some(wish))
+    pub fn has(&self, intent_number: u64) -> bool {
+        let intent_numbers = [
+            self.flight.and_then(|of| of.intent_number),
+            self.waiting.and_then(|of| of.intent_number),
+        ];
+        intent_numbers.contains(&Some(intent_number))
     }
 
     /// Queues an order in place of the waiting one. A stopping order also withdraws a motion command in flight.
@@ -157,15 +160,15 @@ impl Orders {
         &mut self,
         now_us: u64,
         order: Order,
-        wish: Option<u64>,
+        intent_number: Option<u64>,
         client: &mut Client,
-    ) -> Result<(), StopWaits> {
+    ) -> Result<(), StopPending> {
         if order.stops() {
             self.drop_moving(client);
         } else if self.waiting.is_some_and(|waiting| waiting.order.stops()) {
-            return Err(StopWaits);
+            return Err(StopPending);
         }
-        self.waiting = Some(Waiting { order, wish, until_us: now_us + WAIT_US });
+        self.waiting = Some(WaitingOrder { order, intent_number, until_us: now_us + WAIT_US });
         Ok(())
     }
 
@@ -185,28 +188,39 @@ impl Orders {
     }
 
     /// Sends the command that is due. Returns an order that has timed out.
-    pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<Ended> {
+    pub fn poll(&mut self, now_us: u64, client: &mut Client) -> Option<CompletedOrder> {
         if let Some(flight) = self.flight.filter(|flight| now_us >= flight.until_us) {
             self.flight = None;
             client.withdraw_command();
-            let Flight { order, wish, .. } = flight;
-            return Some(Ended { order, outcome: Outcome::Unanswered, wish });
+            let Flight { order, intent_number, .. } = flight;
+            return Some(CompletedOrder {
+                order,
+                outcome: OrderOutcome::Unanswered,
+                intent_number,
+            });
         }
         if let Some(waiting) = self.waiting.filter(|waiting| now_us >= waiting.until_us) {
             self.waiting = None;
-            let Waiting { order, wish, .. } = waiting;
-            return Some(Ended { order, outcome: Outcome::Unsent, wish });
+            let WaitingOrder { order, intent_number, .. } = waiting;
+            return Some(CompletedOrder { order, outcome: OrderOutcome::Unsent, intent_number });
         }
         if self.flight.is_none()
-            && let Some(Waiting { order, wish, .. }) = self.waiting
+            && let Some(WaitingOrder { order, intent_number, .. }) = self.waiting
             && now_us >= client.next_command_us()
             && let Some(command) = client.command(now_us, order.first_step())
         {
             self.waiting = None;
             let until_us = now_us + COMMAND_LIFE_US;
             let (confirming, numbers) = (false, 1);
-            let flight =
-                Flight { order, command, confirming, wish, numbers, next_us: now_us, until_us };
+            let flight = Flight {
+                order,
+                command,
+                confirming,
+                intent_number,
+                numbers,
+                next_us: now_us,
+                until_us,
+            };
             self.flight = Some(flight);
         }
         if let Some(flight) = &mut self.flight
@@ -219,12 +233,17 @@ impl Orders {
     }
 
     /// Processes an answer. Returns the order that it completes.
-    pub fn on_ack(&mut self, now_us: u64, ack: CommandAck, client: &mut Client) -> Option<Ended> {
+    pub fn on_ack(
+        &mut self,
+        now_us: u64,
+        ack: CommandAck,
+        client: &mut Client,
+    ) -> Option<CompletedOrder> {
         let flight = self.flight.take_if(|flight| {
             (ack.seq, ack.kind) == (flight.command.seq, flight.command.action.kind())
         })?;
         client.withdraw_command();
-        let Flight { order, wish, .. } = flight;
+        let Flight { order, intent_number, .. } = flight;
         let next = match (ack.result, order) {
             (CommandResult::Ok, Order::Arm) if !flight.confirming => {
                 Some((Action::ArmConfirm { nonce: ack.value }, true, 1))
@@ -242,15 +261,22 @@ impl Orders {
             && let Some(command) = client.command(now_us, action)
         {
             let until_us = now_us + COMMAND_LIFE_US;
-            let flight =
-                Flight { order, command, confirming, wish, numbers, next_us: now_us, until_us };
+            let flight = Flight {
+                order,
+                command,
+                confirming,
+                intent_number,
+                numbers,
+                next_us: now_us,
+                until_us,
+            };
             self.flight = Some(flight);
             return None;
         }
         let outcome = match ack.result {
-            CommandResult::Ok => Outcome::Done(ack),
-            result => Outcome::Refused(command_refusal_in(result, Some(ack.state), None)),
+            CommandResult::Ok => OrderOutcome::Done(ack),
+            result => OrderOutcome::Refused(command_refusal_in(result, Some(ack.state), None)),
         };
-        Some(Ended { order, outcome, wish })
+        Some(CompletedOrder { order, outcome, intent_number })
     }
 }

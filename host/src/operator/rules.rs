@@ -1,10 +1,10 @@
 //! Interlocks, which decide on the intents that become orders.
 
 use super::log::Weight;
-use super::orders::{Order, StopWaits};
+use super::orders::{Order, StopPending};
 use super::setpoints::{Loop, Setpoints};
-use super::view::Leaving;
-use super::{Deadman, Intent, LetGo, Operator, has_torque};
+use super::view::ExitStage;
+use super::{Deadman, Intent, Operator, ReleaseReaction, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
@@ -31,8 +31,8 @@ impl Latch {
 
 impl Operator {
     /// Processes an intent.
-    pub fn want(&mut self, now_us: u64, intent: Intent) {
-        self.wished += 1;
+    pub fn request(&mut self, now_us: u64, intent: Intent) {
+        self.latest_intent += 1;
         match intent {
             Intent::Estop => self.estop(now_us),
             Intent::Speed { sixty_fourths } => self.speed_64ths = sixty_fourths.clamp(1, 64),
@@ -91,7 +91,7 @@ impl Operator {
         self.forget_orders();
         // Repeated presses give one message.
         if !self.client.is_stopping() {
-            self.log.say(now_us, Weight::Warning, "EMERGENCY STOP");
+            self.log.notify(now_us, Weight::Warning, "EMERGENCY STOP");
         }
         self.client.estop(now_us);
     }
@@ -108,14 +108,14 @@ impl Operator {
         if matches!(self.link.state(), Some(State::Playing | State::Aligning | State::Paused)) {
             let held = deadman == Deadman::Held;
             let text = if held { "the deadman is held" } else { "the deadman was released" };
-            self.log.say(now_us, Weight::Note, text);
+            self.log.notify(now_us, Weight::Note, text);
         }
     }
 
     fn quit(&mut self, now_us: u64) {
         let torque = self.link.state().is_some_and(has_torque);
         self.leaving = match self.leaving {
-            Leaving::No if torque && !self.visiting => {
+            ExitStage::No if torque && !self.visiting => {
                 self.forget_orders();
                 self.automatic_us = now_us;
                 let text = if self.link.in_contact(now_us) && self.bus_lost.is_none() {
@@ -123,18 +123,20 @@ impl Operator {
                 } else {
                     "no contact: quit again to leave at once"
                 };
-                self.log.say(now_us, Weight::Note, text);
-                Leaving::WhenHome
+                self.log.notify(now_us, Weight::Note, text);
+                ExitStage::WhenHome
             }
-            _ => Leaving::Now,
+            _ => ExitStage::Now,
         };
     }
 
     fn order(&mut self, now_us: u64, order: Order) {
         match self.permit(order) {
             Ok(()) => {
-                let wish = Some(self.wished);
-                if let Err(StopWaits) = self.orders.give(now_us, order, wish, &mut self.client) {
+                let intent_number = Some(self.latest_intent);
+                if let Err(StopPending) =
+                    self.orders.give(now_us, order, intent_number, &mut self.client)
+                {
                     let why = "a stop command is sent first; try again";
                     return self.refuse(now_us, order, why);
                 }
@@ -156,10 +158,10 @@ impl Operator {
                     }
                 }
             }
-            Err(Barred::Refused(why)) => self.refuse(now_us, order, &why),
-            Err(Barred::NeedsNothing(latch, why)) => {
+            Err(IntentRejection::Refused(why)) => self.refuse(now_us, order, &why),
+            Err(IntentRejection::NeedsNothing(latch, why)) => {
                 self.latch = latch;
-                self.log.answer(now_us, self.wished, Weight::Note, why);
+                self.log.answer(now_us, self.latest_intent, Weight::Note, why);
             }
         }
     }
@@ -167,11 +169,11 @@ impl Operator {
     fn refuse(&mut self, now_us: u64, order: Order, why: &str) {
         let words = order.words(self.catalog.as_ref());
         let text = format!("the command to {words} was not sent: {why}");
-        self.log.answer(now_us, self.wished, Weight::Refused, text);
+        self.log.answer(now_us, self.latest_intent, Weight::Refused, text);
     }
 
-    fn permit(&self, order: Order) -> Result<(), Barred> {
-        let refused = |why: &str| Err(Barred::Refused(why.to_owned()));
+    fn permit(&self, order: Order) -> Result<(), IntentRejection> {
+        let refused = |why: &str| Err(IntentRejection::Refused(why.to_owned()));
         if let Some(why) = &self.bus_lost {
             return refused(&format!("the bus is lost ({why})"));
         }
@@ -183,7 +185,7 @@ impl Operator {
         {
             return refused(&why);
         }
-        if self.leaving != Leaving::No && order != Order::Disarm {
+        if self.leaving != ExitStage::No && order != Order::Disarm {
             return refused("this program is ending, and the robot returns to SAFE");
         }
         let state = self.link.state();
@@ -196,7 +198,7 @@ impl Operator {
                 let latched = matches!(state, Some(State::EStopped | State::TorqueOff) | None);
                 if !latched {
                     let why = "there is no stop to clear; arm the robot";
-                    return Err(Barred::NeedsNothing(Latch::Cleared, why));
+                    return Err(IntentRejection::NeedsNothing(Latch::Cleared, why));
                 }
                 return Ok(());
             }
@@ -205,7 +207,10 @@ impl Operator {
                 return refused("the emergency stop is latched; clear the stop, then arm");
             }
             (Order::Arm, Latch::Cleared) if state.is_some_and(has_torque) => {
-                return Err(Barred::NeedsNothing(Latch::Open, "the robot is already armed"));
+                return Err(IntentRejection::NeedsNothing(
+                    Latch::Open,
+                    "the robot is already armed",
+                ));
             }
             (Order::Arm, _) | (_, Latch::Open) => {}
             (_, Latch::Cleared) => {
@@ -218,7 +223,7 @@ impl Operator {
         if let Some(Deadman::Released(let_go)) = self.deadman {
             // With another reaction configured, RETURN would move a paused robot.
             let home = order == Order::Return
-                && (let_go == LetGo::Return || state == Some(State::Streaming));
+                && (let_go == ReleaseReaction::Return || state == Some(State::Streaming));
             if order.moves() || order == Order::Return && !home {
                 return refused("hold the deadman");
             }
@@ -228,7 +233,7 @@ impl Operator {
 }
 
 /// Reason why an intent does not become an order.
-enum Barred {
+enum IntentRejection {
     /// Intent barred by an interlock, with the reason for the operator.
     Refused(String),
     /// Intent whose requested state is already reached, with the new latch and a message to the operator.

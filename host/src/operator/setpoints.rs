@@ -4,7 +4,7 @@
 //! Calls that belong to the kind not in use have no effect.
 
 use crate::stream::{Stream, Target};
-use crate::tracking::{Answer, Measured, Samples};
+use crate::tracking::{Answer, Measurements, Samples};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::{Node, Sample};
 use std::collections::VecDeque;
@@ -26,7 +26,7 @@ pub enum Setpoints {
 pub struct Loop {
     samples: Samples,
     /// Samples that were not taken yet, oldest first.
-    waiting: VecDeque<Measured>,
+    waiting: VecDeque<Measurements>,
     answer: Answer,
     /// Rate of samples, Hz; `None` until the controller has acknowledged it.
     rate_hz: Option<u16>,
@@ -79,7 +79,7 @@ impl Setpoints {
     }
 
     /// Removes and returns the oldest sample that was not taken yet.
-    pub fn take_sample(&mut self) -> Option<Measured> {
+    pub fn take_sample(&mut self) -> Option<Measurements> {
         if let Self::Answers(of) = self { of.waiting.pop_front() } else { None }
     }
 

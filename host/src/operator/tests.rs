@@ -3,7 +3,7 @@
 mod any_sequence;
 
 use super::*;
-use crate::actuators::{ActuatorBus, ActuatorOf, BusKind};
+use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply,
@@ -21,8 +21,8 @@ fn status(state: State, counter: u8) -> Status {
 }
 
 fn catalog() -> Catalog {
-    use crate::catalog::{Motion, Transition};
-    let motion = |code: u8| Motion {
+    use crate::catalog::{CatalogMotion, Transition};
+    let motion = |code: u8| CatalogMotion {
         name: format!("motion_{code}"),
         code: Some(code),
         frames: 60,
@@ -41,7 +41,7 @@ fn catalog() -> Catalog {
 }
 
 /// Operator, with all messages that it has sent.
-struct Desk {
+struct TestOperator {
     operator: Operator,
     now_us: u64,
     sent: Vec<ToController>,
@@ -50,14 +50,14 @@ struct Desk {
     full: bool,
 }
 
-impl Desk {
+impl TestOperator {
     /// Creates an operator in contact with a controller whose clock is known.
     fn new() -> Self {
         let operator = Operator::new(node(), None);
         let mut desk = Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false };
         desk.poll();
         desk.reply();
-        desk.hear(status(State::Ready, 0).encode(node()));
+        desk.receive(status(State::Ready, 0).encode(node()));
         desk.operator.hello = Some(Hello {
             major: PROTOCOL_MAJOR,
             minor: PROTOCOL_MINOR,
@@ -75,9 +75,9 @@ impl Desk {
     }
 
     /// Creates an operator that has received nothing yet, with a released deadman.
-    fn without_contact(let_go: LetGo) -> Self {
+    fn without_contact(let_go: ReleaseReaction) -> Self {
         let mut operator = Operator::new(node(), None);
-        operator.want(0, Intent::Deadman(Deadman::Released(let_go)));
+        operator.request(0, Intent::Deadman(Deadman::Released(let_go)));
         Self { operator, now_us: 0, sent: Vec::new(), heartbeat: 0, full: false }
     }
 
@@ -105,15 +105,15 @@ impl Desk {
     fn reply(&mut self) {
         let reply =
             HeartbeatReply { seq: self.heartbeat, controller_ms: (self.now_us / 1000) as u32 };
-        self.hear(reply.encode(node()));
+        self.receive(reply.encode(node()));
     }
 
-    fn hear(&mut self, frame: Frame) {
+    fn receive(&mut self, frame: Frame) {
         self.operator.on_frame(self.now_us, &frame);
     }
 
-    fn want(&mut self, intent: Intent) {
-        self.operator.want(self.now_us, intent);
+    fn request(&mut self, intent: Intent) {
+        self.operator.request(self.now_us, intent);
     }
 
     fn pass(&mut self, us: u64) {
@@ -137,7 +137,7 @@ impl Desk {
         let command = *self.commands().last().expect("a command was sent");
         let (seq, kind) = (command.seq, command.action.kind());
         let ack = CommandAck { seq, kind, result, state: State::Ready, motion: None, value };
-        self.hear(ack.encode(node()));
+        self.receive(ack.encode(node()));
         self.poll();
     }
 
@@ -148,8 +148,8 @@ impl Desk {
 
 #[test]
 fn a_command_without_answer_is_repeated_with_its_number_and_then_given_up() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Play { code: 3 });
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Play { code: 3 });
     desk.pass(1_000_000);
     let commands = desk.commands();
     // Every 60 ms for half a second.
@@ -161,8 +161,8 @@ fn a_command_without_answer_is_repeated_with_its_number_and_then_given_up() {
 
 #[test]
 fn arming_takes_two_steps_and_confirms_by_itself() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Arm);
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Arm);
     desk.poll();
     desk.answer(CommandResult::Ok, 777);
     desk.answer(CommandResult::Ok, 0);
@@ -173,19 +173,19 @@ fn arming_takes_two_steps_and_confirms_by_itself() {
 
 #[test]
 fn an_outcome_has_the_number_of_the_wish_that_it_answers() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Arm);
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Arm);
     desk.poll();
-    let arm = desk.operator.wished();
+    let arm = desk.operator.latest_intent();
     desk.answer(CommandResult::Ok, 777);
     assert!(desk.operator.is_asking(arm), "the second step");
     desk.answer(CommandResult::Ok, 0);
     assert!(!desk.operator.is_asking(arm));
-    desk.want(Intent::Pause);
+    desk.request(Intent::Pause);
     desk.poll();
     desk.answer(CommandResult::NotArmed, 0);
-    desk.want(Intent::Estop);
-    desk.want(Intent::Return);
+    desk.request(Intent::Estop);
+    desk.request(Intent::Return);
     let answers: Vec<_> =
         desk.operator.log.messages().iter().map(|m| (m.answers, m.weight)).collect();
     let expected = [
@@ -201,8 +201,8 @@ fn an_outcome_has_the_number_of_the_wish_that_it_answers() {
 
 #[test]
 fn a_number_out_of_order_is_counted_on_and_a_refusal_is_told() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Play { code: 3 });
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Play { code: 3 });
     desk.poll();
     desk.answer(CommandResult::OutOfOrder, 0);
     desk.answer(CommandResult::NotArmed, 0);
@@ -216,17 +216,17 @@ fn a_number_out_of_order_is_counted_on_and_a_refusal_is_told() {
 
 #[test]
 fn of_several_motions_the_newest_counts_and_a_pause_waits_for_none() {
-    let mut desk = Desk::new();
+    let mut desk = TestOperator::new();
     for code in 1..=5 {
-        desk.want(Intent::Play { code });
+        desk.request(Intent::Play { code });
         desk.poll();
     }
     desk.answer(CommandResult::Ok, 0);
     let codes = desk.commands().iter().map(|command| command.action).collect::<Vec<_>>();
     let play = |code| Action::Play { code, speed_64ths: 64 };
     assert_eq!(codes, [play(1), play(5)]);
-    desk.want(Intent::Play { code: 6 });
-    desk.want(Intent::Pause);
+    desk.request(Intent::Play { code: 6 });
+    desk.request(Intent::Pause);
     desk.pass(200_000);
     let last = desk.commands().split_off(2);
     assert!(last.iter().all(|command| command.action == Action::Pause), "{last:?}");
@@ -236,17 +236,17 @@ fn of_several_motions_the_newest_counts_and_a_pause_waits_for_none() {
 fn a_motion_does_not_replace_a_stop_that_waits() {
     let orders = [Intent::Disarm, Intent::Return, Intent::Pause];
     for (stop, order) in orders.into_iter().zip([Action::Disarm, Action::Return, Action::Pause]) {
-        let mut desk = Desk::new();
+        let mut desk = TestOperator::new();
         // Until it is answered, the next command waits.
-        desk.want(Intent::Clear);
+        desk.request(Intent::Clear);
         desk.poll();
-        desk.want(stop);
-        let wish = desk.operator.wished();
+        desk.request(stop);
+        let intent_number = desk.operator.latest_intent();
         for other in [Intent::Play { code: 3 }, Intent::Arm, Intent::Stream] {
-            desk.want(other);
+            desk.request(other);
             assert!(desk.last_words().contains("a stop command is sent first"), "{other:?}");
         }
-        assert!(desk.operator.is_asking(wish));
+        assert!(desk.operator.is_asking(intent_number));
         desk.pass(1_500_000);
         let last = desk.commands().last().map(|command| command.action);
         assert_eq!(last, Some(order), "{:?}", desk.commands());
@@ -255,20 +255,20 @@ fn a_motion_does_not_replace_a_stop_that_waits() {
 
 #[test]
 fn a_frame_that_the_bus_did_not_take_is_sent_again_but_not_after_a_stop() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Play { code: 3 });
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Play { code: 3 });
     let frame = desk.operator.poll(desk.now_us).unwrap();
     desk.operator.not_sent(frame);
     assert_eq!(desk.operator.poll(desk.now_us), Some(frame));
     desk.operator.not_sent(frame);
-    desk.want(Intent::Estop);
+    desk.request(Intent::Estop);
     assert_eq!(desk.poll(), [ToController::Estop]);
     assert_eq!(desk.commands(), []);
 }
 
 #[test]
 fn what_is_wrong_with_the_bus_is_said_once_and_shown_as_it_is() {
-    let mut desk = Desk::new();
+    let mut desk = TestOperator::new();
     let said = desk.operator.log.messages().len();
     for damaged in [1, 9, 10] {
         let why = Some(format!("{damaged} damaged frames on can0"));
@@ -286,29 +286,29 @@ fn what_is_wrong_with_the_bus_is_said_once_and_shown_as_it_is() {
 
 #[test]
 fn what_the_bus_did_not_take_does_not_move_the_robot_after_the_deadman_was_let_go() {
-    let let_go = Intent::Deadman(Deadman::Released(LetGo::Pause));
+    let let_go = Intent::Deadman(Deadman::Released(ReleaseReaction::Pause));
     for intent in [Intent::PauseOrResume, Intent::Play { code: 3 }] {
-        let mut desk = Desk::new();
-        desk.hear(status(State::Paused, 1).encode(node()));
-        desk.want(Intent::Deadman(Deadman::Held));
+        let mut desk = TestOperator::new();
+        desk.receive(status(State::Paused, 1).encode(node()));
+        desk.request(Intent::Deadman(Deadman::Held));
         desk.full = true;
-        desk.want(intent);
+        desk.request(intent);
         desk.poll();
-        desk.want(let_go);
+        desk.request(let_go);
         desk.pass(300_000);
         assert_eq!(desk.commands(), [], "{intent:?}");
     }
     // The second step of arming: dropped also on another node's stop, on leaving, and on stopping orders.
     for intent in [Some(let_go), Some(Intent::Quit), Some(Intent::Disarm), None] {
-        let mut desk = Desk::new();
-        desk.want(Intent::Deadman(Deadman::Held));
-        desk.want(Intent::Arm);
+        let mut desk = TestOperator::new();
+        desk.request(Intent::Deadman(Deadman::Held));
+        desk.request(Intent::Arm);
         desk.poll();
         desk.full = true;
         desk.answer(CommandResult::Ok, 777);
         match intent {
-            Some(intent) => desk.want(intent),
-            None => desk.hear(status(State::EStopped, 1).encode(node())),
+            Some(intent) => desk.request(intent),
+            None => desk.receive(status(State::EStopped, 1).encode(node())),
         }
         desk.pass(300_000);
         let confirms = |command: &Command| matches!(command.action, Action::ArmConfirm { .. });
@@ -318,31 +318,31 @@ fn what_the_bus_did_not_take_does_not_move_the_robot_after_the_deadman_was_let_g
 
 #[test]
 fn after_a_stop_it_takes_clearing_and_arming() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Estop);
-    desk.want(Intent::Play { code: 3 });
-    desk.want(Intent::Clear);
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Estop);
+    desk.request(Intent::Play { code: 3 });
+    desk.request(Intent::Clear);
     assert!(desk.last_words().contains("not acknowledged yet"), "{}", desk.last_words());
-    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
-    desk.hear(status(State::EStopped, 1).encode(node()));
-    desk.want(Intent::Arm);
+    desk.receive(EstopAck { state: State::EStopped }.encode(node()));
+    desk.receive(status(State::EStopped, 1).encode(node()));
+    desk.request(Intent::Arm);
     desk.poll();
     assert_eq!(desk.commands(), []);
-    desk.want(Intent::Clear);
+    desk.request(Intent::Clear);
     desk.poll();
     desk.answer(CommandResult::Ok, 5);
     desk.answer(CommandResult::Ok, 0);
-    desk.hear(status(State::Disarmed, 2).encode(node()));
-    desk.want(Intent::Play { code: 3 });
+    desk.receive(status(State::Disarmed, 2).encode(node()));
+    desk.request(Intent::Play { code: 3 });
     assert_eq!(
         desk.last_words(),
         "the command to play code 3 was not sent: the robot was not armed after the emergency stop; arm it first"
     );
-    desk.want(Intent::Arm);
+    desk.request(Intent::Arm);
     desk.poll();
     desk.answer(CommandResult::Ok, 6);
     desk.answer(CommandResult::Ok, 0);
-    desk.want(Intent::Play { code: 3 });
+    desk.request(Intent::Play { code: 3 });
     desk.poll();
     assert!(matches!(desk.commands().last().unwrap().action, Action::Play { code: 3, .. }));
 }
@@ -350,40 +350,40 @@ fn after_a_stop_it_takes_clearing_and_arming() {
 /// Another host has cleared and armed. This operator must still request both, but no command is sent.
 #[test]
 fn what_another_host_has_cleared_needs_no_command() {
-    let mut desk = Desk::new();
-    desk.hear(status(State::EStopped, 1).encode(node()));
-    desk.hear(status(State::Ready, 2).encode(node()));
-    desk.want(Intent::Play { code: 3 });
-    desk.want(Intent::Clear);
-    desk.want(Intent::Arm);
+    let mut desk = TestOperator::new();
+    desk.receive(status(State::EStopped, 1).encode(node()));
+    desk.receive(status(State::Ready, 2).encode(node()));
+    desk.request(Intent::Play { code: 3 });
+    desk.request(Intent::Clear);
+    desk.request(Intent::Arm);
     desk.poll();
     assert_eq!(desk.commands(), []);
-    desk.want(Intent::Play { code: 3 });
+    desk.request(Intent::Play { code: 3 });
     desk.poll();
     assert_eq!(desk.commands().len(), 1);
 }
 
 #[test]
 fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Deadman(Deadman::Held));
-    desk.want(Intent::Play { code: 3 });
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Deadman(Deadman::Held));
+    desk.request(Intent::Play { code: 3 });
     desk.poll();
     // The deadman is released before the motion begins, when there is nothing to pause yet.
-    desk.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
+    desk.request(Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
     desk.poll();
     desk.sent.clear();
-    desk.hear(status(State::Playing, 1).encode(node()));
+    desk.receive(status(State::Playing, 1).encode(node()));
     desk.poll();
     assert_eq!(desk.commands().last().unwrap().action, Action::Pause);
     desk.answer(CommandResult::WrongState, 0);
     desk.pass(150_000);
     assert_eq!(desk.commands().last().unwrap().action, Action::Pause);
     for intent in [Intent::Play { code: 3 }, Intent::Return, Intent::Arm] {
-        desk.want(intent);
+        desk.request(intent);
         assert!(desk.last_words().ends_with("hold the deadman"), "{}", desk.last_words());
     }
-    desk.hear(status(State::Aligning, 2).encode(node()));
+    desk.receive(status(State::Aligning, 2).encode(node()));
     desk.pass(600_000);
     assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
 }
@@ -392,7 +392,7 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
 #[test]
 fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
     let playing = |counter| Status { clip: Some(2), ..status(State::Playing, counter) };
-    let codes = |desk: &Desk| {
+    let codes = |desk: &TestOperator| {
         let code = |command: &Command| match command.action {
             Action::Play { code, speed_64ths } => Some((code, speed_64ths)),
             _ => None,
@@ -401,19 +401,19 @@ fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
     };
     let orders = [None, Some(Intent::Return), Some(Intent::Disarm), Some(Intent::Play { code: 3 })];
     for order in orders {
-        let mut desk = Desk::new();
+        let mut desk = TestOperator::new();
         desk.operator.set_catalog(Some(catalog()));
-        desk.want(Intent::Play { code: 2 });
+        desk.request(Intent::Play { code: 2 });
         desk.poll();
         desk.answer(CommandResult::Ok, 0);
-        desk.hear(playing(1).encode(node()));
+        desk.receive(playing(1).encode(node()));
         if let Some(order) = order {
-            desk.want(order);
+            desk.request(order);
             desk.pass(600_000);
         }
-        desk.hear(playing(2).encode(node()));
+        desk.receive(playing(2).encode(node()));
         desk.sent.clear();
-        desk.want(Intent::Speed { sixty_fourths: 20 });
+        desk.request(Intent::Speed { sixty_fourths: 20 });
         desk.pass(100_000);
         assert_eq!(codes(&desk).contains(&(2, 20)), order.is_none(), "{order:?}");
     }
@@ -421,16 +421,20 @@ fn the_speed_does_not_bring_back_what_an_unanswered_order_has_ended() {
 
 #[test]
 fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means() {
-    for (let_go, goes) in [(LetGo::Pause, false), (LetGo::Return, true), (LetGo::Disarm, false)] {
-        let mut desk = Desk::new();
-        desk.hear(status(State::Paused, 1).encode(node()));
-        desk.want(Intent::Deadman(Deadman::Released(let_go)));
-        desk.want(Intent::Return);
+    for (let_go, goes) in [
+        (ReleaseReaction::Pause, false),
+        (ReleaseReaction::Return, true),
+        (ReleaseReaction::Disarm, false),
+    ] {
+        let mut desk = TestOperator::new();
+        desk.receive(status(State::Paused, 1).encode(node()));
+        desk.request(Intent::Deadman(Deadman::Released(let_go)));
+        desk.request(Intent::Return);
         desk.poll();
         let sent = desk.commands().iter().any(|command| command.action == Action::Return);
         assert_eq!(sent, goes, "{let_go:?}: {}", desk.last_words());
         // In the end torque is off in every case.
-        desk.want(Intent::Disarm);
+        desk.request(Intent::Disarm);
         desk.pass(600_000);
         let last = desk.commands().last().map(|command| command.action);
         assert_eq!(last, Some(Action::Disarm), "{let_go:?}");
@@ -439,24 +443,24 @@ fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means
 
 #[test]
 fn without_contact_and_without_the_deadman_it_is_silent_but_for_asking() {
-    let mut desk = Desk::without_contact(LetGo::Pause);
+    let mut desk = TestOperator::without_contact(ReleaseReaction::Pause);
     desk.pass(1_200_000);
     assert!(!desk.sent.is_empty(), "it asks: a board with several ports answers there");
     assert!(desk.sent.iter().all(|&message| message == ToController::Transport));
-    desk.want(Intent::Deadman(Deadman::Held));
+    desk.request(Intent::Deadman(Deadman::Held));
     desk.sent.clear();
     desk.pass(200_000);
     assert_eq!(desk.sent, [], "what was held again brings nothing back");
-    desk.hear(status(State::Disarmed, 0).encode(node()));
+    desk.receive(status(State::Disarmed, 0).encode(node()));
     assert!(matches!(desk.poll()[..], [ToController::Heartbeat(_), ..]), "{:?}", desk.sent);
 }
 
 /// A loss of contact is reported with the control that the operator has: a key, the deadman or Ctrl-C.
 #[test]
 fn a_loss_of_contact_names_the_control_that_this_program_has() {
-    let told = |state, prepare: fn(&mut Desk)| {
-        let mut desk = Desk::new();
-        desk.hear(status(state, 1).encode(node()));
+    let told = |state, prepare: fn(&mut TestOperator)| {
+        let mut desk = TestOperator::new();
+        desk.receive(status(state, 1).encode(node()));
         prepare(&mut desk);
         desk.pass(600_000);
         let messages = desk.operator.log.messages();
@@ -468,10 +472,10 @@ fn a_loss_of_contact_names_the_control_that_this_program_has() {
     let by = |what: &str| format!("{bare}; {what}, and {LEFT_ALONE}");
     assert_eq!(told(State::Playing, |_| ()), by("quit"));
     assert_eq!(
-        told(State::Playing, |desk| desk.want(Intent::Deadman(Deadman::Held))),
+        told(State::Playing, |desk| desk.request(Intent::Deadman(Deadman::Held))),
         by("release the deadman")
     );
-    let scripted = |desk: &mut Desk| desk.operator = desk.operator.clone().scripted();
+    let scripted = |desk: &mut TestOperator| desk.operator = desk.operator.clone().scripted();
     assert_eq!(told(State::Streaming, scripted), by("end this program with Ctrl-C"));
 }
 
@@ -480,12 +484,12 @@ fn a_loss_of_contact_names_the_control_that_this_program_has() {
 fn faults_of_a_serial_line_are_told_in_its_words() {
     let bus =
         ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };
-    let of = ActuatorOf { bus: 0, id: 1, model: "XL330-M288-T".into() };
-    let mut desk = Desk::new();
+    let of = ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() };
+    let mut desk = TestOperator::new();
     desk.operator.set_actuators(Actuators { buses: vec![bus], channels: vec![of] });
-    desk.hear(status(State::Playing, 1).encode(node()));
+    desk.receive(status(State::Playing, 1).encode(node()));
     let faults = FaultBits::default().with(Fault::BusOff);
-    desk.hear(Status { faults, ..status(State::EStopped, 2) }.encode(node()));
+    desk.receive(Status { faults, ..status(State::EStopped, 2) }.encode(node()));
     let messages: Vec<_> =
         desk.operator.log.messages().iter().map(|message| &*message.text).collect();
     assert!(
@@ -494,7 +498,7 @@ fn faults_of_a_serial_line_are_told_in_its_words() {
     );
     let view = desk.operator.view(desk.now_us);
     assert!(view.advice.starts_with("plug the adapter in again"), "{}", view.advice);
-    desk.hear(status(State::Disarmed, 3).encode(node()));
+    desk.receive(status(State::Disarmed, 3).encode(node()));
     let messages = desk.operator.log.messages();
     assert!(
         messages
@@ -506,9 +510,9 @@ fn faults_of_a_serial_line_are_told_in_its_words() {
 #[test]
 fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hear() {
     for (state, is_left) in [(State::Playing, true), (State::Disarmed, false)] {
-        let mut desk = Desk::new();
+        let mut desk = TestOperator::new();
         desk.operator = desk.operator.unwatched();
-        desk.hear(status(state, 1).encode(node()));
+        desk.receive(status(state, 1).encode(node()));
         desk.pass(600_000);
         let messages: Vec<_> =
             desk.operator.log.messages().iter().map(|message| &*message.text).collect();
@@ -519,7 +523,7 @@ fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hea
         desk.pass(400_000);
         let lives = desk.sent.iter().any(|sent| matches!(sent, ToController::Heartbeat(_)));
         assert_eq!(lives, !is_left, "{state:?}: {:?}", desk.sent);
-        desk.hear(status(State::Returning, 2).encode(node()));
+        desk.receive(status(State::Returning, 2).encode(node()));
         desk.sent.clear();
         desk.pass(100_000);
         assert!(desk.sent.iter().any(|sent| matches!(sent, ToController::Heartbeat(_))));
@@ -528,22 +532,22 @@ fn a_host_without_a_person_leaves_a_robot_with_torque_alone_that_it_does_not_hea
 
 #[test]
 fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Play { code: 2 });
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Play { code: 2 });
     desk.operator.set_attended(desk.now_us, false);
     for counter in 1..20 {
         desk.pass(50_000);
-        desk.hear(status(State::Playing, counter % 16).encode(node()));
+        desk.receive(status(State::Playing, counter % 16).encode(node()));
     }
     assert_eq!(desk.sent, []);
     // Nor what is asked for meanwhile.
-    desk.want(Intent::Play { code: 3 });
+    desk.request(Intent::Play { code: 3 });
     desk.pass(100_000);
     assert_eq!(desk.sent, []);
     // A stop is sent even without an operator.
-    desk.want(Intent::Estop);
+    desk.request(Intent::Estop);
     assert_eq!(desk.poll(), [ToController::Estop]);
-    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.receive(EstopAck { state: State::EStopped }.encode(node()));
     desk.sent.clear();
     desk.pass(200_000);
     assert_eq!(desk.sent, []);
@@ -553,9 +557,9 @@ fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves
 
 #[test]
 fn a_stop_that_the_bus_did_not_take_goes_out_next_also_without_contact() {
-    let mut desk = Desk::without_contact(LetGo::Pause);
+    let mut desk = TestOperator::without_contact(ReleaseReaction::Pause);
     desk.pass(1_200_000);
-    desk.want(Intent::Estop);
+    desk.request(Intent::Estop);
     let stop = Estop.encode(node());
     assert_eq!(desk.operator.poll(desk.now_us), Some(stop));
     desk.operator.not_sent(stop);
@@ -564,22 +568,22 @@ fn a_stop_that_the_bus_did_not_take_goes_out_next_also_without_contact() {
 
 #[test]
 fn a_controller_of_another_protocol_hears_no_heartbeat_but_the_stop() {
-    let mut desk = Desk::new();
+    let mut desk = TestOperator::new();
     let mut other = desk.operator.hello.unwrap();
     other.schema_hash ^= 1;
     desk.operator.on_hello(desk.now_us, other);
-    desk.want(Intent::Arm);
+    desk.request(Intent::Arm);
     desk.pass(300_000);
     assert!(desk.last_words().contains("same release"), "{}", desk.last_words());
     assert_eq!(desk.sent, []);
-    desk.want(Intent::Estop);
+    desk.request(Intent::Estop);
     assert_eq!(desk.poll(), [ToController::Estop]);
     other.schema_hash ^= 1;
     desk.operator.on_hello(desk.now_us, other);
     desk.sent.clear();
     desk.poll();
     assert_eq!(desk.sent, [ToController::Estop], "silent until the stop is acknowledged");
-    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
+    desk.receive(EstopAck { state: State::EStopped }.encode(node()));
     desk.sent.clear();
     desk.poll();
     assert!(matches!(desk.sent[..], [ToController::Heartbeat(_)]), "{:?}", desk.sent);
@@ -587,35 +591,35 @@ fn a_controller_of_another_protocol_hears_no_heartbeat_but_the_stop() {
 
 #[test]
 fn leaving_waits_for_torque_to_go_off_or_for_a_second_wish() {
-    let mut desk = Desk::new();
-    desk.want(Intent::Quit);
+    let mut desk = TestOperator::new();
+    desk.request(Intent::Quit);
     desk.poll();
     assert_eq!(desk.commands().last().unwrap().action, Action::Disarm);
     desk.answer(CommandResult::Ok, 0);
-    assert_eq!(desk.operator.leaving(), Leaving::WhenHome);
-    desk.want(Intent::Play { code: 3 });
+    assert_eq!(desk.operator.leaving(), ExitStage::WhenHome);
+    desk.request(Intent::Play { code: 3 });
     assert!(
         desk.last_words().ends_with("this program is ending, and the robot returns to SAFE"),
         "{}",
         desk.last_words()
     );
-    let mut other = Desk { operator: desk.operator.clone(), sent: Vec::new(), ..desk };
+    let mut other = TestOperator { operator: desk.operator.clone(), sent: Vec::new(), ..desk };
     desk.operator.on_frame(desk.now_us, &status(State::TorqueOff, 1).encode(node()));
-    assert_eq!(desk.operator.leaving(), Leaving::WhenHome);
+    assert_eq!(desk.operator.leaving(), ExitStage::WhenHome);
     desk.operator.on_frame(desk.now_us, &status(State::Disarmed, 2).encode(node()));
-    assert_eq!(desk.operator.leaving(), Leaving::Now);
-    other.want(Intent::Quit);
-    assert_eq!(other.operator.leaving(), Leaving::Now);
+    assert_eq!(desk.operator.leaving(), ExitStage::Now);
+    other.request(Intent::Quit);
+    assert_eq!(other.operator.leaving(), ExitStage::Now);
 }
 
 #[test]
 fn lost_frames_faults_and_silence_are_told() {
-    let mut desk = Desk::new();
+    let mut desk = TestOperator::new();
     let faults = FaultBits::default().with(Fault::HostLost);
     let told = Status { faults, ..status(State::TorqueOff, 4) };
-    desk.hear(told.encode(node()));
+    desk.receive(told.encode(node()));
     let report = FaultReport { counter: 0, fault: Fault::HostLost, channel: None, value: 0.3 };
-    desk.hear(report.encode(node()));
+    desk.receive(report.encode(node()));
     let view = desk.operator.view(desk.now_us);
     assert_eq!((view.link.received, view.link.lost), (2, 3));
     let fault =
@@ -629,15 +633,15 @@ fn lost_frames_faults_and_silence_are_told() {
 
 #[test]
 fn a_controller_that_has_restarted_is_called_that_and_asked_who_it_is() {
-    let mut desk = Desk::new();
+    let mut desk = TestOperator::new();
     desk.now_us = 200_000;
     desk.poll();
     desk.reply();
     assert!(desk.operator.hello().is_some());
     desk.now_us = 400_000;
-    desk.hear(status(State::Disarmed, 1).encode(node()));
+    desk.receive(status(State::Disarmed, 1).encode(node()));
     desk.poll();
-    desk.hear(HeartbeatReply { seq: desk.heartbeat, controller_ms: 40 }.encode(node()));
+    desk.receive(HeartbeatReply { seq: desk.heartbeat, controller_ms: 40 }.encode(node()));
     assert_eq!(desk.last_words(), "the controller has restarted");
     assert!(desk.operator.hello().is_none());
     assert!(desk.poll().contains(&ToController::Transport), "HELLO");
@@ -645,12 +649,12 @@ fn a_controller_that_has_restarted_is_called_that_and_asked_who_it_is() {
 
 #[test]
 fn an_acknowledged_stop_can_be_cleared_before_the_next_status() {
-    let mut desk = Desk::new();
-    desk.hear(status(State::Playing, 1).encode(node()));
-    desk.want(Intent::Estop);
+    let mut desk = TestOperator::new();
+    desk.receive(status(State::Playing, 1).encode(node()));
+    desk.request(Intent::Estop);
     desk.poll();
-    desk.hear(EstopAck { state: State::EStopped }.encode(node()));
-    desk.want(Intent::Clear);
+    desk.receive(EstopAck { state: State::EStopped }.encode(node()));
+    desk.request(Intent::Clear);
     desk.poll();
     let actions: Vec<_> = desk.commands().iter().map(|command| command.action).collect();
     assert_eq!(actions, [Action::ClearRequest], "{}", desk.last_words());

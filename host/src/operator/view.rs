@@ -43,7 +43,7 @@ pub struct View {
     /// True while the deadman is held; `None` without a deadman.
     pub deadman_held: Option<bool>,
     /// Stage of the operator's exit.
-    pub leaving: Leaving,
+    pub leaving: ExitStage,
     /// Progress of a library transfer.
     pub transfer: Option<Progress>,
     /// Messages, oldest first.
@@ -89,7 +89,7 @@ pub struct JointView {
 
 /// Stage of the operator's exit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Leaving {
+pub enum ExitStage {
     /// The operator is not leaving.
     No,
     /// The operator leaves once the robot has reached SAFE and torque is off.

@@ -217,7 +217,7 @@ impl<B: LinkBus> Exchange<B> {
 
     /// Creates the error for a controller that does not answer.
     pub fn silent(&self, what: &'static str) -> SessionError {
-        let mut why = match (self.bus.complaint(), self.status(), self.other) {
+        let mut why = match (self.bus.fault_and_remedy(), self.status(), self.other) {
             (Some(why), ..) => why,
             (None, Some(_), _) => {
                 "its status arrives, but frames of this computer are lost; check the cable and the \

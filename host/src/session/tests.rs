@@ -37,7 +37,7 @@ impl Wire {
     }
 
     /// Schedules a frame of another node at `at_us`, after all frames scheduled earlier.
-    pub fn says(&mut self, at_us: u64, frame: Frame) {
+    pub fn schedule_frame(&mut self, at_us: u64, frame: Frame) {
         self.said.push_back((at_us, frame));
     }
 
@@ -75,9 +75,9 @@ impl LinkBus for Wire {
 fn beside_a_host(wire: &mut Wire) {
     for seq in 0..100 {
         let at_us = 50_000 * u64::from(seq);
-        wire.says(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
+        wire.schedule_frame(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
         let controller_ms = 7000 + 50 * u32::from(seq);
-        wire.says(at_us + 500, HeartbeatReply { seq, controller_ms }.encode(node()));
+        wire.schedule_frame(at_us + 500, HeartbeatReply { seq, controller_ms }.encode(node()));
     }
 }
 
@@ -126,11 +126,14 @@ fn beside_a_host_nothing_is_asked_before_half_a_second_without_transport_frames(
         let mut wire = Wire::silent();
         for seq in 0..100 {
             let at_us = 50_000 * u64::from(seq);
-            wire.says(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
+            wire.schedule_frame(at_us, Heartbeat { seq, host_ms: 0 }.encode(node()));
             if block_us == Some(at_us) {
-                wire.says(at_us, block);
+                wire.schedule_frame(at_us, block);
             }
-            wire.says(at_us + 500, HeartbeatReply { seq, controller_ms: 0 }.encode(node()));
+            wire.schedule_frame(
+                at_us + 500,
+                HeartbeatReply { seq, controller_ms: 0 }.encode(node()),
+            );
         }
         Session::join(&mut wire, node()).err().expect("it does not answer");
         // The controller's next frame triggers the request.
@@ -158,10 +161,10 @@ fn a_host_that_ends_while_another_joins_is_replaced() {
         _ => None,
     });
     for seq in 0..2 {
-        wire.says(50_000 * u64::from(seq), Heartbeat { seq, host_ms: 0 }.encode(node()));
+        wire.schedule_frame(50_000 * u64::from(seq), Heartbeat { seq, host_ms: 0 }.encode(node()));
     }
     for n in 2..60 {
-        wire.says(50_000 * n, Wire::status(State::Returning));
+        wire.schedule_frame(50_000 * n, Wire::status(State::Returning));
     }
     let error = Session::join(&mut wire, node()).err().expect("HELLO is not answered here");
     let text = error.to_string();
@@ -174,7 +177,7 @@ fn a_host_that_ends_while_another_joins_is_replaced() {
 fn another_controller_on_the_bus_is_named() {
     let mut wire = Wire::silent();
     for n in 0..60 {
-        wire.says(50_000 * n, Wire::status(State::Disarmed));
+        wire.schedule_frame(50_000 * n, Wire::status(State::Disarmed));
     }
     let error = Session::connect(&mut wire, Node::new(3).unwrap()).err().unwrap();
     assert_eq!(
@@ -222,7 +225,7 @@ impl LinkBus for Late {
 #[test]
 fn what_arrived_while_the_computer_was_late_is_no_silence() {
     let mut wire = Wire::silent();
-    wire.says(30_000, Wire::status(State::Ready));
+    wire.schedule_frame(30_000, Wire::status(State::Ready));
     let mut exchange = Exchange::new(Late(wire, true), node(), Client::visitor(node()));
     let heard =
         exchange.pump(60_000, |incoming| matches!(incoming, Incoming::Status(_)).then_some(()));

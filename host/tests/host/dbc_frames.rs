@@ -40,7 +40,7 @@ fn number(option: Option<u8>) -> f64 {
     option.map_or(255.0, f64::from)
 }
 
-fn says<const N: usize>(values: [(&str, f64); N]) -> Vec<(String, f64)> {
+fn named_values<const N: usize>(values: [(&str, f64); N]) -> Vec<(String, f64)> {
     values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
@@ -55,7 +55,7 @@ pub fn link() -> BoxedStrategy<Sample> {
         heartbeats(),
         commands(),
         setpoints(),
-        told(),
+        samples(),
         parameters(),
         discovery(),
         transport()
@@ -67,7 +67,7 @@ fn safety() -> impl Strategy<Value = Sample> {
     prop_oneof![
         to().prop_map(|to| ("estop", Estop.encode(to), vec![])),
         (node(), of(State::ALL)).prop_map(|(node, state)| {
-            let values = says([("state", state.code().into())]);
+            let values = named_values([("state", state.code().into())]);
             sealed("estop_ack", EstopAck { state }.encode(node), values)
         }),
         (node(), 0u8..16, of(&Subject::ALL), any::<u8>(), any::<[u8; TAG_LEN]>()).prop_map(
@@ -75,7 +75,7 @@ fn safety() -> impl Strategy<Value = Sample> {
                 let frame = Authenticator { session, subject, counter, tag }.encode(to);
                 // The tag's first byte is its highest.
                 let number = tag.iter().fold(0.0, |all, byte| 256.0 * all + f64::from(*byte));
-                let values = says([
+                let values = named_values([
                     ("session", session.into()),
                     ("class", subject.class().into()),
                     ("counter", counter.into()),
@@ -90,13 +90,13 @@ fn safety() -> impl Strategy<Value = Sample> {
 fn heartbeats() -> impl Strategy<Value = Sample> {
     (to(), node(), any::<u8>(), any::<u32>(), any::<bool>()).prop_map(
         |(to, node, seq, ms, reply)| {
-            let says = |clock| says([("seq", seq.into()), (clock, ms.into())]);
+            let clock_values = |clock| named_values([("seq", seq.into()), (clock, ms.into())]);
             if reply {
                 let frame = HeartbeatReply { seq, controller_ms: ms }.encode(node);
-                sealed("heartbeat_reply", frame, says("controller_ms"))
+                sealed("heartbeat_reply", frame, clock_values("controller_ms"))
             } else {
                 let frame = Heartbeat { seq, host_ms: ms }.encode(to);
-                sealed("heartbeat", frame, says("host_ms"))
+                sealed("heartbeat", frame, clock_values("host_ms"))
             }
         },
     )
@@ -133,7 +133,7 @@ fn commands() -> impl Strategy<Value = Sample> {
             }
             _ => (0, 0.0, 0),
         };
-        let values = says([
+        let values = named_values([
             ("seq", seq.into()),
             ("kind", action.kind().into()),
             ("code", code.into()),
@@ -145,7 +145,7 @@ fn commands() -> impl Strategy<Value = Sample> {
     });
     let ack = (node(), 0u8..16, 0u8..11, of(CommandResult::ALL), of(State::ALL), option());
     let ack = (ack, any::<u16>()).prop_map(|((node, seq, kind, result, state, motion), value)| {
-        let values = says([
+        let values = named_values([
             ("seq", seq.into()),
             ("kind", kind.into()),
             ("result", result.code().into()),
@@ -171,7 +171,7 @@ fn setpoints() -> impl Strategy<Value = Sample> {
             value: value as f32 / 10_000.0,
             torque_nm: f32::from(torque) / 200.0,
         };
-        let values = says([
+        let values = named_values([
             ("frame", frame.into()),
             ("channel", channel.into()),
             ("stiff", stiff.into()),
@@ -182,7 +182,7 @@ fn setpoints() -> impl Strategy<Value = Sample> {
     })
 }
 
-fn told() -> impl Strategy<Value = Sample> {
+fn samples() -> impl Strategy<Value = Sample> {
     prop_oneof![status(), fault(), joint(), imu(), sample()]
 }
 
@@ -192,7 +192,7 @@ fn imu() -> impl Strategy<Value = Sample> {
         let per_unit = if is_gyro { 500.0 } else { 200.0 };
         let three = steps.map(|steps| f32::from(steps) / per_unit);
         let [x, y, z] = steps.map(|steps| f64::from(steps) / f64::from(per_unit));
-        let values = says([("x", x), ("y", y), ("z", z)]);
+        let values = named_values([("x", x), ("y", y), ("z", z)]);
         if is_gyro {
             sealed("gyro", Gyro { rad_s: three }.encode(node), values)
         } else {
@@ -205,7 +205,7 @@ fn sample() -> impl Strategy<Value = Sample> {
     let answered = prop::option::of((any::<u8>(), any::<u8>()));
     let contacts = prop::option::of(0u32..1 << 24);
     (node(), any::<u8>(), answered, contacts).prop_map(|(node, number, answered, contacts)| {
-        let values = says([
+        let values = named_values([
             ("number", number.into()),
             ("answered", answered.map_or(0, |(number, _)| number).into()),
             ("delay", f64::from(answered.map_or(0, |(_, delay)| delay)) / 5000.0),
@@ -213,8 +213,8 @@ fn sample() -> impl Strategy<Value = Sample> {
             ("has_answered", answered.is_some().into()),
             ("contacts", contacts.unwrap_or(0).into()),
         ]);
-        let answered =
-            answered.map(|(number, delay)| Answered { number, delay_s: f32::from(delay) / 5000.0 });
+        let answered = answered
+            .map(|(number, delay)| SampleAnswer { number, delay_s: f32::from(delay) / 5000.0 });
         let sample = rollwalk_protocol::wire::Sample { number, answered, contacts };
         sealed("sample", sample.encode(node), values)
     })
@@ -226,7 +226,7 @@ fn status() -> impl Strategy<Value = Sample> {
     (node(), how, 0u16..4096, 0u8..16, any::<u8>()).prop_map(
         |(node, (state, severity, faults, clip), frame, counter, library)| {
             let faults = faults.into_iter().fold(FaultBits::default(), FaultBits::with);
-            let mut values = says([
+            let mut values = named_values([
                 ("state", state.code().into()),
                 ("severity", severity.code().into()),
                 ("clip", number(clip)),
@@ -254,7 +254,7 @@ fn status() -> impl Strategy<Value = Sample> {
 fn fault() -> impl Strategy<Value = Sample> {
     (node(), any::<u8>(), of(Fault::ALL), option(), float()).prop_map(
         |(node, counter, fault, channel, value)| {
-            let values = says([
+            let values = named_values([
                 ("counter", counter.into()),
                 ("fault", fault.code().into()),
                 ("channel", number(channel)),
@@ -281,7 +281,7 @@ fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, 
         "bad_voltage",
         "hardware",
     ];
-    let mut values = says([
+    let mut values = named_values([
         ("position", f64::from(position) / 5000.0),
         ("velocity", f64::from(velocity) / 500.0),
         ("torque", f64::from(torque) / 200.0),
@@ -325,7 +325,7 @@ fn parameters() -> impl Strategy<Value = Sample> {
             ParameterAction::Set { parameter, channel, value } => (parameter, channel, value),
             _ => (0, 0, 0.0),
         };
-        let values = says([
+        let values = named_values([
             ("seq", seq.into()),
             ("kind", action.kind().into()),
             ("parameter", parameter.into()),
@@ -336,7 +336,7 @@ fn parameters() -> impl Strategy<Value = Sample> {
     });
     let ack = (node(), 0u8..16, 0u8..5, of(ParameterResult::ALL), 0u8..16, option(), float());
     let ack = ack.prop_map(|(node, seq, kind, result, parameter, channel, value)| {
-        let values = says([
+        let values = named_values([
             ("seq", seq.into()),
             ("kind", kind.into()),
             ("parameter", parameter.into()),
@@ -355,7 +355,8 @@ fn discovery() -> impl Strategy<Value = Sample> {
         to().prop_map(|to| ("discover", Discover.encode(to), vec![])),
         (node(), any::<[u8; 6]>(), any::<u8>()).prop_map(|(node, uid, protocol_major)| {
             let shown = uid.iter().fold(0u64, |all, byte| all << 8 | u64::from(*byte));
-            let values = says([("uid", shown as f64), ("protocol_major", protocol_major.into())]);
+            let values =
+                named_values([("uid", shown as f64), ("protocol_major", protocol_major.into())]);
             ("discovered", Discovered { uid, protocol_major }.encode(node), values)
         }),
     ]
@@ -391,7 +392,7 @@ fn transport() -> impl Strategy<Value = Sample> {
 
 fn isotp_says(data: &[u8]) -> Vec<(String, f64)> {
     let head = usize::from(data[0]);
-    let mut values = says([("pci", (head >> 4) as f64)]);
+    let mut values = named_values([("pci", (head >> 4) as f64)]);
     let bytes = |prefix: &str, from: usize| -> Vec<_> {
         let rest = data.get(from..).unwrap_or(&[]).iter().enumerate();
         rest.map(|(i, byte)| (format!("{prefix}_byte_{i}"), f64::from(*byte))).collect()
@@ -399,20 +400,20 @@ fn isotp_says(data: &[u8]) -> Vec<(String, f64)> {
     match head >> 4 {
         0 => {
             let (length, kind) = ((head & 0xF) as f64, f64::from(data[1]));
-            values.extend(says([("single_length", length), ("single_type", kind)]));
+            values.extend(named_values([("single_length", length), ("single_type", kind)]));
             values.extend(bytes("single", 2));
         }
         1 => {
             let length = (head & 0xF) << 8 | usize::from(data[1]);
             let kind = f64::from(data[2]);
-            values.extend(says([("first_length", length as f64), ("first_type", kind)]));
+            values.extend(named_values([("first_length", length as f64), ("first_type", kind)]));
             values.extend(bytes("first", 3));
         }
         2 => {
-            values.extend(says([("next_number", (head & 0xF) as f64)]));
+            values.extend(named_values([("next_number", (head & 0xF) as f64)]));
             values.extend(bytes("next", 1));
         }
-        _ => values.extend(says([
+        _ => values.extend(named_values([
             ("flow_status", (head & 0xF) as f64),
             ("flow_block_size", data[1].into()),
             ("flow_separation", data[2].into()),
@@ -471,7 +472,7 @@ fn joint_with_torque() -> impl Strategy<Value = Sample> {
             kd_nm_s_rad: kd.2 / 10_000.0,
             torque_nm: signed_torque(torque, is_negative),
         };
-        let mut values = says([
+        let mut values = named_values([
             ("position", f64::from(position) / 5000.0),
             ("velocity", f64::from(velocity) / 125.0),
         ]);
@@ -489,7 +490,7 @@ fn wheel_with_torque() -> impl Strategy<Value = Sample> {
             torque_limit_nm: limit.2 / 1000.0,
             torque_nm: signed_torque(torque, is_negative),
         };
-        let mut values = says([("speed", f64::from(speed) / 1e4)]);
+        let mut values = named_values([("speed", f64::from(speed) / 1e4)]);
         values.extend(shorts("torque_limit", limit, kd, torque, is_negative));
         ("wheel_torque_setpoint", setpoint.encode(id).unwrap(), values)
     })
@@ -499,7 +500,7 @@ fn wheel_with_torque() -> impl Strategy<Value = Sample> {
 pub fn actuators() -> BoxedStrategy<Sample> {
     let control = (0u8..128, 0usize..3).prop_map(|(id, which)| {
         let control = [Control::Disable, Control::Enable, Control::Query][which];
-        ("control", control.encode(id).unwrap(), says([("command", which as f64)]))
+        ("control", control.encode(id).unwrap(), named_values([("command", which as f64)]))
     });
     let setpoint = (0u8..128, measured(), any::<u16>(), any::<u16>());
     let setpoint = setpoint.prop_map(|(id, ([position, velocity, _], _), kp, kd)| {
@@ -510,7 +511,7 @@ pub fn actuators() -> BoxedStrategy<Sample> {
             kd_nm_s_rad: f32::from(kd) / 1000.0,
             torque_nm: 0.0,
         };
-        let values = says([
+        let values = named_values([
             ("position", f64::from(position) / 5000.0),
             ("velocity", f64::from(velocity) / 500.0),
             ("kp", f64::from(kp) / 100.0),
@@ -541,7 +542,7 @@ pub fn actuators() -> BoxedStrategy<Sample> {
             torque_limit_nm: f32::from(limit) / 200.0,
             torque_nm: 0.0,
         };
-        let values = says([
+        let values = named_values([
             ("speed", f64::from(speed) / 1e4),
             ("kd", f64::from(kd) / 1000.0),
             ("torque_limit", f64::from(limit) / 200.0),

@@ -118,7 +118,7 @@ impl Odometer {
     }
 
     /// Displacement since the start, or since [`begin_again`](Self::begin_again).
-    pub fn way(&self) -> Way {
+    pub fn displacement(&self) -> Way {
         let (sine, cosine) = self.start_heading_rad.sin_cos();
         let moved = self.com - self.start_com;
         Way {
@@ -181,7 +181,7 @@ impl FallWatch {
 
     /// Returns the fall of a robot that has tilted by more than 1 rad, or whose centre of mass is below 0.4 of its starting
     /// height.
-    pub fn look(&self, world: &World) -> Option<Fall> {
+    pub fn check(&self, world: &World) -> Option<Fall> {
         let (_, rotation) = world.base();
         let cosine = (rotation.transpose() * self.up).dot(&self.start_up_in_body);
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();

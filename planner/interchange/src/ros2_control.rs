@@ -17,7 +17,8 @@ pub const MOCK: &str = "mock_components/GenericSystem";
 /// Cycles of the controller manager per second, its default.
 const UPDATE_RATE_HZ: u32 = 100;
 
-/// A robot as [`urdf`](crate::urdf), with a section for hardware of `plugin`, the name of a `hardware_interface::SystemInterface`.
+/// A robot as [`urdf`](crate::urdf), with a section for hardware of `plugin`, the name of a
+/// `hardware_interface::SystemInterface`.
 ///
 /// # Errors
 /// None: the text is written to memory.

@@ -5,7 +5,7 @@ use super::{choreography_check, choreography_file, footfall, wheels};
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::names;
-use rollwalk_protocol::text::{Shown, is_plain_name};
+use rollwalk_protocol::text::{Printable, is_plain_name};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives, in_other_unit};
 use std::f64::consts::TAU;
@@ -140,7 +140,7 @@ pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     }
     if !is_plain_name(&name) {
         let help = "write visible characters only, without a space at the start or end";
-        let problem = format_args!("is \"{}\"", Shown(&name));
+        let problem = format_args!("is \"{}\"", Printable(&name));
         table.fault("name", problem, "invisible character, or space at an end", help);
         return None;
     }

@@ -9,7 +9,7 @@ use crate::families::{AGREEMENT, Kind};
 use crate::motion::{Ends, Reserve, Subject};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
-use rollwalk_protocol::text::{Shown, is_plain_name};
+use rollwalk_protocol::text::{Printable, is_plain_name};
 use std::fmt::Display;
 
 /// Minimum number of samples for which periodic splines and second differences are defined.
@@ -69,7 +69,7 @@ impl Plan {
         let name = &self.motion.name;
         at.of("motion.name").holds(
             is_plain_name(name) && name.len() <= MAX_PLAN_NAME,
-            format!("\"{}\"", Shown(name)),
+            format!("\"{}\"", Printable(name)),
             format!(
                 "1 to {MAX_PLAN_NAME} bytes of visible characters, without a space at the start or \
                  end"

@@ -21,12 +21,12 @@ pub fn serialize<M: Named, S: Serializer>(model: &M, serializer: S) -> Result<S:
 
 /// Deserializes the model with a given name.
 pub fn deserialize<'de, M: Named, D: Deserializer<'de>>(deserializer: D) -> Result<M, D::Error> {
-    deserializer.deserialize_str(ByName(PhantomData))
+    deserializer.deserialize_str(NameVisitor(PhantomData))
 }
 
-struct ByName<M>(PhantomData<M>);
+struct NameVisitor<M>(PhantomData<M>);
 
-impl<M: Named> Visitor<'_> for ByName<M> {
+impl<M: Named> Visitor<'_> for NameVisitor<M> {
     type Value = M;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -14,7 +14,7 @@ use thiserror::Error;
 /// does not exist, or if the output does not fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("no such frame, or the library changed after it was validated")]
-pub struct Unreadable;
+pub struct LibraryReadError;
 
 /// Length of a portion, bytes. With one portion per frame, a block of the shipped libraries is checked within 0.2 s.
 const PORTION: usize = 64;
@@ -99,21 +99,21 @@ impl BlockPlace {
     pub const NONE: Self = Self { clip_at: 0, check: BlockCheck::NONE };
 
     /// Unchecked block `n` of the clip that begins at `clip_at`.
-    pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, Unreadable> {
+    pub fn new(blocks: &[u8], clip_at: u32, n: u16) -> Result<Self, LibraryReadError> {
         Ok(Self { clip_at, check: BlockCheck::of(block_of(blocks, clip_at, n)?) })
     }
 }
 
 /// Offset of the block after `block` in the track's section, bytes.
-pub(super) fn block_end(block: u32, payload: u16) -> Result<u32, Unreadable> {
-    block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(Unreadable)
+pub(super) fn block_end(block: u32, payload: u16) -> Result<u32, LibraryReadError> {
+    block.checked_add(BLOCK_HEADER_LEN as u32 + u32::from(payload)).ok_or(LibraryReadError)
 }
 
 /// Offset of the block that is `n` blocks after `block`, in bytes from the start of the track's section.
-pub(super) fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, Unreadable> {
+pub(super) fn block_of(blocks: &[u8], mut block: u32, n: u16) -> Result<u32, LibraryReadError> {
     for _ in 0..n {
-        let header = usize::try_from(block).map_err(|_| Unreadable)?;
-        let payload = u16_at(blocks, header.saturating_add(4)).ok_or(Unreadable)?;
+        let header = usize::try_from(block).map_err(|_| LibraryReadError)?;
+        let payload = u16_at(blocks, header.saturating_add(4)).ok_or(LibraryReadError)?;
         block = block_end(block, payload)?;
     }
     Ok(block)

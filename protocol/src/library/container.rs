@@ -3,7 +3,7 @@
 //! The header and the footer never change, not even in a later major version. Every reader can therefore distinguish a damaged
 //! library from one that is too new.
 
-use super::reject::{Reject, Section, Why};
+use super::reject::{Reject, RejectReason, Section};
 use super::{FORMAT_MAJOR, FORMAT_MINOR};
 use crate::crc::{crc32c, file_digest};
 
@@ -132,33 +132,36 @@ pub(crate) fn open(bytes: &[u8]) -> Result<Container, Reject> {
 fn check_header(bytes: &[u8]) -> Result<u16, Reject> {
     let fail = |why| Reject { section: Section::Header, offset: 0, why };
     let truncated = || {
-        fail(Why::Truncated { len: bytes.len() as u64, expected: (HEADER_LEN + FOOTER_LEN) as u64 })
+        fail(RejectReason::Truncated {
+            len: bytes.len() as u64,
+            expected: (HEADER_LEN + FOOTER_LEN) as u64,
+        })
     };
     let h = bytes.get(..HEADER_LEN).ok_or_else(truncated)?;
     let (covered, crc) = h.split_at_checked(HEADER_LEN - 4).ok_or_else(truncated)?;
     if !covered.starts_with(&HEADER_MAGIC) {
-        return Err(fail(Why::NotALibrary));
+        return Err(fail(RejectReason::NotALibrary));
     }
     let stored = u32_at(crc, 0).ok_or_else(truncated)?;
     let computed = crc32c(covered);
     if stored != computed {
-        return Err(fail(Why::Corrupted { stored, computed }));
+        return Err(fail(RejectReason::Corrupted { stored, computed }));
     }
     let major = u16_at(h, 8).ok_or_else(truncated)?;
     let minor = u16_at(h, 10).ok_or_else(truncated)?;
     if major != FORMAT_MAJOR {
-        return Err(fail(Why::OtherMajor { found: major }));
+        return Err(fail(RejectReason::OtherMajor { found: major }));
     }
     if u32_at(h, 16) != Some(0) {
-        return Err(fail(Why::NotALibrary));
+        return Err(fail(RejectReason::NotALibrary));
     }
     let expected = u64::from(u32_at(h, 12).ok_or_else(truncated)?);
     let len = bytes.len() as u64;
     if len < expected {
-        return Err(fail(Why::Truncated { len, expected }));
+        return Err(fail(RejectReason::Truncated { len, expected }));
     }
     if len > expected {
-        return Err(fail(Why::TrailingBytes { len, expected }));
+        return Err(fail(RejectReason::TrailingBytes { len, expected }));
     }
     Ok(minor)
 }
@@ -168,7 +171,10 @@ fn check_footer(bytes: &[u8]) -> Result<(&[u8], u32), Reject> {
     let at = bytes.len().saturating_sub(FOOTER_LEN);
     let fail = |why| Reject { section: Section::Footer, offset: at as u32, why };
     let truncated = || {
-        fail(Why::Truncated { len: bytes.len() as u64, expected: (HEADER_LEN + FOOTER_LEN) as u64 })
+        fail(RejectReason::Truncated {
+            len: bytes.len() as u64,
+            expected: (HEADER_LEN + FOOTER_LEN) as u64,
+        })
     };
     if at < HEADER_LEN {
         return Err(truncated());
@@ -178,17 +184,17 @@ fn check_footer(bytes: &[u8]) -> Result<(&[u8], u32), Reject> {
     let stored = u32_at(crc, 0).ok_or_else(truncated)?;
     let computed = crc32c(covered);
     if stored != computed {
-        return Err(fail(Why::Corrupted { stored, computed }));
+        return Err(fail(RejectReason::Corrupted { stored, computed }));
     }
     let stored_len = u32_at(f, 8).ok_or_else(truncated)?;
     let whole = u64::from(stored_len) == bytes.len() as u64 && u32_at(f, 16) == Some(0);
     if !covered.starts_with(&FOOTER_MAGIC) || !whole {
-        return Err(fail(Why::NotALibrary));
+        return Err(fail(RejectReason::NotALibrary));
     }
     let stored = u32_at(f, 12).ok_or_else(truncated)?;
     let computed = crc32c(body);
     if stored != computed {
-        return Err(fail(Why::Corrupted { stored, computed }));
+        return Err(fail(RejectReason::Corrupted { stored, computed }));
     }
     Ok((body, stored))
 }
@@ -199,7 +205,7 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
     let mut last_tag = 0;
     while at < body.len() {
         let fail = |why| Reject { section: Section::Table, offset: at as u32, why };
-        let beyond = || fail(Why::SectionBeyondEnd);
+        let beyond = || fail(RejectReason::SectionBeyondEnd);
         let tag = u16_at(body, at).ok_or_else(beyond)?;
         let stride = u16_at(body, at + 2).ok_or_else(beyond)?;
         let len = u32_at(body, at + 4).ok_or_else(beyond)?;
@@ -208,7 +214,7 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
         let end = end.filter(|&end| end <= body.len()).ok_or_else(beyond)?;
         // Ascending tags: no section twice, and one order only.
         if tag <= last_tag || stride == 0 || len % u32::from(stride) != 0 {
-            return Err(fail(Why::BadSection { tag }));
+            return Err(fail(RejectReason::BadSection { tag }));
         }
         let index = usize::from(tag) - 1;
         match found.get_mut(index) {
@@ -216,7 +222,7 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
                 *slot = Some(Span { offset: offset as u32, len, stride });
             }
             None if minor > FORMAT_MINOR => {}
-            _ => return Err(fail(Why::BadSection { tag })),
+            _ => return Err(fail(RejectReason::BadSection { tag })),
         }
         last_tag = tag;
         at = end;
@@ -228,7 +234,7 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
         let missing = Reject {
             section: Section::Table,
             offset: body.len() as u32,
-            why: Why::MissingSection { tag: i as u16 + 1 },
+            why: RejectReason::MissingSection { tag: i as u16 + 1 },
         };
         *slot = span.ok_or(missing)?;
     }

@@ -1,7 +1,7 @@
 //! Cursor of a clip, which decodes the next frame or seeks any frame in bounded time.
 
 use super::ClipId;
-use super::block::Unreadable;
+use super::block::LibraryReadError;
 use super::decoder::{Decoder, Shape};
 use super::entry::Entry;
 use super::records::FLAG_LOOPING;
@@ -39,13 +39,13 @@ const _: () = assert!(size_of::<ClipCursor>() == 452, "docs/formats/motion-libra
 
 impl ClipCursor {
     /// Creates a cursor at a frame of a clip.
-    pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
+    pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, LibraryReadError> {
         Self::enter(library, &Entry::new(library, clip, frame)?)
     }
 
     /// Creates a cursor at an entry. Blocks of the entry that have not been checked yet are checked now.
-    pub fn enter(library: &Library<'_>, at: &Entry) -> Result<Self, Unreadable> {
-        let record = library.clip_record(at.clip).ok_or(Unreadable)?;
+    pub fn enter(library: &Library<'_>, at: &Entry) -> Result<Self, LibraryReadError> {
+        let record = library.clip_record(at.clip).ok_or(LibraryReadError)?;
         let shape = Shape {
             clip: at.clip,
             frames: record.frames,
@@ -97,13 +97,21 @@ impl ClipCursor {
     /// Writes the values of the frame to the beginning of `out`: joint angles in rad, wheel motor speeds in rad/s. Further
     /// elements of `out` keep their values. Returns an error if `out` is shorter than the number of channels, or if `library`
     /// is not the cursor's own.
-    pub fn frame_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+    pub fn frame_into(
+        &self,
+        library: &Library<'_>,
+        out: &mut [f32],
+    ) -> Result<(), LibraryReadError> {
         self.track_into(library, Track::Values, out)
     }
 
     /// Writes the torques of the frame to the beginning of `out`, N·m; 0 if the library has no torques. Fails in the same cases
     /// as [`frame_into`](Self::frame_into).
-    pub fn torques_into(&self, library: &Library<'_>, out: &mut [f32]) -> Result<(), Unreadable> {
+    pub fn torques_into(
+        &self,
+        library: &Library<'_>,
+        out: &mut [f32],
+    ) -> Result<(), LibraryReadError> {
         self.track_into(library, Track::Torques, out)
     }
 
@@ -112,18 +120,18 @@ impl ClipCursor {
         library: &Library<'_>,
         track: Track,
         out: &mut [f32],
-    ) -> Result<(), Unreadable> {
+    ) -> Result<(), LibraryReadError> {
         self.check(library)?;
-        let out = out.get_mut(..usize::from(self.shape.channels)).ok_or(Unreadable)?;
+        let out = out.get_mut(..usize::from(self.shape.channels)).ok_or(LibraryReadError)?;
         for (i, (slot, quanta)) in out.iter_mut().zip(self.track_quanta(track)).enumerate() {
-            *slot = library.track_value(track, i, i32::from(quanta)).ok_or(Unreadable)?;
+            *slot = library.track_value(track, i, i32::from(quanta)).ok_or(LibraryReadError)?;
         }
         Ok(())
     }
 
     /// Moves to the next frame. After the last frame, a looping motion continues at its first frame; another clip stays. Do not
     /// use the cursor after an error.
-    pub fn advance(&mut self, library: &Library<'_>) -> Result<Advance, Unreadable> {
+    pub fn advance(&mut self, library: &Library<'_>) -> Result<Advance, LibraryReadError> {
         self.check(library)?;
         let next = self.frame.saturating_add(1);
         if next >= self.shape.frames {
@@ -139,10 +147,10 @@ impl ClipCursor {
     }
 
     /// Moves to any frame of the clip. Do not use the cursor after an error.
-    pub fn seek(&mut self, library: &Library<'_>, frame: u16) -> Result<(), Unreadable> {
+    pub fn seek(&mut self, library: &Library<'_>, frame: u16) -> Result<(), LibraryReadError> {
         self.check(library)?;
         if frame >= self.shape.frames {
-            return Err(Unreadable);
+            return Err(LibraryReadError);
         }
         self.each_track(library, |track, blocks, shape| track.seek(blocks, shape, frame))?;
         self.frame = frame;
@@ -154,17 +162,17 @@ impl ClipCursor {
         self.tracks.iter().all(Decoder::is_checked_ahead)
     }
 
-    fn check(&self, library: &Library<'_>) -> Result<(), Unreadable> {
-        (library.index().id() == self.library).then_some(()).ok_or(Unreadable)
+    fn check(&self, library: &Library<'_>) -> Result<(), LibraryReadError> {
+        (library.index().id() == self.library).then_some(()).ok_or(LibraryReadError)
     }
 
     fn each_track(
         &mut self,
         library: &Library<'_>,
-        step: impl Fn(&mut Decoder, &[u8], &Shape) -> Result<(), Unreadable>,
-    ) -> Result<(), Unreadable> {
+        step: impl Fn(&mut Decoder, &[u8], &Shape) -> Result<(), LibraryReadError>,
+    ) -> Result<(), LibraryReadError> {
         for (decoder, &track) in self.tracks.iter_mut().zip(library.tracks()) {
-            let blocks = library.payload(track.blocks()).ok_or(Unreadable)?;
+            let blocks = library.payload(track.blocks()).ok_or(LibraryReadError)?;
             step(decoder, blocks, &self.shape)?;
         }
         Ok(())
@@ -174,9 +182,9 @@ impl ClipCursor {
 impl Library<'_> {
     /// Writes the torques in the safe pose to the beginning of `out`, N·m; 0 if the library has no torques. Requires the same
     /// length of `out` as [`safe_pose_into`](Self::safe_pose_into).
-    pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), Unreadable> {
+    pub fn safe_torques_into(&self, out: &mut [f32]) -> Result<(), LibraryReadError> {
         let clip = self.safe_node().clip();
-        let frames = self.clip(clip).ok_or(Unreadable)?.frames;
+        let frames = self.clip(clip).ok_or(LibraryReadError)?.frames;
         ClipCursor::new(self, clip, frames.saturating_sub(1))?.torques_into(self, out)
     }
 }

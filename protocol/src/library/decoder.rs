@@ -2,7 +2,7 @@
 //!
 //! Both tracks have the same blocks and groups, so one decoder reads either.
 
-use super::block::{BlockCheck, BlockPlace, Unreadable, block_end, block_of};
+use super::block::{BlockCheck, BlockPlace, LibraryReadError, block_end, block_of};
 use super::codec::{BLOCK_HEADER_LEN, BitReader, GROUP, WIDTH_BITS, unzigzag, width_of};
 use super::container::u16_at;
 use super::{BLOCK_FRAMES, ClipId};
@@ -68,7 +68,12 @@ impl Decoder {
     }
 
     /// Moves to frame `next`, which is the following one and not the first of the clip.
-    pub fn advance(&mut self, blocks: &[u8], shape: &Shape, next: u16) -> Result<(), Unreadable> {
+    pub fn advance(
+        &mut self,
+        blocks: &[u8],
+        shape: &Shape,
+        next: u16,
+    ) -> Result<(), LibraryReadError> {
         if next.is_multiple_of(BLOCK_FRAMES) {
             let block = self.after_block()?;
             return self.enter_block(blocks, shape, block, next);
@@ -81,7 +86,12 @@ impl Decoder {
     }
 
     /// Moves to any frame of the clip.
-    pub fn seek(&mut self, blocks: &[u8], shape: &Shape, frame: u16) -> Result<(), Unreadable> {
+    pub fn seek(
+        &mut self,
+        blocks: &[u8],
+        shape: &Shape,
+        frame: u16,
+    ) -> Result<(), LibraryReadError> {
         let block = block_of(blocks, self.place.clip_at, frame / BLOCK_FRAMES)?;
         self.enter_block(blocks, shape, block, frame - frame % BLOCK_FRAMES)?;
         for _ in 0..frame % BLOCK_FRAMES {
@@ -96,7 +106,7 @@ impl Decoder {
     }
 
     /// Offset of the block after the current one, in bytes from the start of the track's section.
-    pub fn after_block(&self) -> Result<u32, Unreadable> {
+    pub fn after_block(&self) -> Result<u32, LibraryReadError> {
         block_end(self.block, self.payload)
     }
 
@@ -122,19 +132,19 @@ impl Decoder {
         shape: &Shape,
         block: u32,
         first_frame: u16,
-    ) -> Result<(), Unreadable> {
-        let start = usize::try_from(block).map_err(|_| Unreadable)?;
+    ) -> Result<(), LibraryReadError> {
+        let start = usize::try_from(block).map_err(|_| LibraryReadError)?;
         let header = blocks.get(start..).and_then(|b| b.get(..BLOCK_HEADER_LEN));
-        let header = header.ok_or(Unreadable)?;
+        let header = header.ok_or(LibraryReadError)?;
         let expected_frames = shape.frames.saturating_sub(first_frame).min(BLOCK_FRAMES);
         let fits = header.first() == Some(&shape.clip.0)
             && header.get(1).map(|&n| u16::from(n)) == Some(expected_frames)
             && u16_at(header, 2) == Some(first_frame);
         if !fits || !self.place.check.finish_for(blocks, block) {
-            return Err(Unreadable);
+            return Err(LibraryReadError);
         }
         self.block = block;
-        self.payload = u16_at(header, 4).ok_or(Unreadable)?;
+        self.payload = u16_at(header, 4).ok_or(LibraryReadError)?;
         self.place.check = if first_frame.saturating_add(BLOCK_FRAMES) < shape.frames {
             BlockCheck::of(self.after_block()?)
         } else if shape.looping {
@@ -142,12 +152,12 @@ impl Decoder {
         } else {
             BlockCheck::NONE
         };
-        let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
+        let payload = self.payload_bytes(blocks).ok_or(LibraryReadError)?;
         let channels = usize::from(shape.channels);
         for (i, state) in self.states.iter_mut().take(channels).enumerate() {
             state.width = 0;
-            state.value = u16_at(payload, 2 * i).ok_or(Unreadable)? as i16;
-            let delta = u16_at(payload, 2 * (channels + i)).ok_or(Unreadable)? as i16;
+            state.value = u16_at(payload, 2 * i).ok_or(LibraryReadError)? as i16;
+            let delta = u16_at(payload, 2 * (channels + i)).ok_or(LibraryReadError)? as i16;
             state.delta = i32::from(delta).to_le_bytes();
         }
         self.bit = u32::from(shape.channels) * 32;
@@ -156,24 +166,24 @@ impl Decoder {
     }
 
     /// Decodes the next frame of the current block.
-    fn decode_next(&mut self, blocks: &[u8], shape: &Shape) -> Result<(), Unreadable> {
-        let payload = self.payload_bytes(blocks).ok_or(Unreadable)?;
+    fn decode_next(&mut self, blocks: &[u8], shape: &Shape) -> Result<(), LibraryReadError> {
+        let payload = self.payload_bytes(blocks).ok_or(LibraryReadError)?;
         let channels = usize::from(shape.channels);
-        let mut bits = BitReader::new(payload, self.bit).ok_or(Unreadable)?;
+        let mut bits = BitReader::new(payload, self.bit).ok_or(LibraryReadError)?;
         // Of every channel once the width, 4 bits, and a field of 18 at most.
         let mut read = 0u32;
         if self.in_block.is_multiple_of(GROUP) {
             for state in self.states.iter_mut().take(channels) {
-                state.width = width_of(bits.read(WIDTH_BITS).ok_or(Unreadable)? as u8);
+                state.width = width_of(bits.read(WIDTH_BITS).ok_or(LibraryReadError)? as u8);
                 read = read.wrapping_add(u32::from(WIDTH_BITS));
             }
         }
         for state in self.states.iter_mut().take(channels) {
-            let second = unzigzag(bits.read(state.width).ok_or(Unreadable)?);
+            let second = unzigzag(bits.read(state.width).ok_or(LibraryReadError)?);
             read = read.wrapping_add(u32::from(state.width));
             let delta = i32::from_le_bytes(state.delta).wrapping_add(second);
             let value = i32::from(state.value).wrapping_add(delta);
-            state.value = i16::try_from(value).map_err(|_| Unreadable)?;
+            state.value = i16::try_from(value).map_err(|_| LibraryReadError)?;
             state.delta = delta.to_le_bytes();
         }
         self.bit = self.bit.saturating_add(read);

@@ -1,6 +1,6 @@
 //! Entry at which playback will probably continue, with blocks that are checked beforehand.
 
-use super::block::{BlockPlace, Unreadable};
+use super::block::{BlockPlace, LibraryReadError};
 use super::view::{Library, Track};
 use super::{BLOCK_FRAMES, ClipId};
 
@@ -18,15 +18,15 @@ pub struct Entry {
 
 impl Entry {
     /// Creates an unchecked entry at a frame of a clip.
-    pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, Unreadable> {
-        let record = library.clip_record(clip).ok_or(Unreadable)?;
+    pub fn new(library: &Library<'_>, clip: ClipId, frame: u16) -> Result<Self, LibraryReadError> {
+        let record = library.clip_record(clip).ok_or(LibraryReadError)?;
         if frame >= record.frames {
-            return Err(Unreadable);
+            return Err(LibraryReadError);
         }
         let mut places = [BlockPlace::NONE; Track::ALL.len()];
         for (place, &track) in places.iter_mut().zip(library.tracks()) {
-            let (clip_at, _) = library.clip_span(track, clip).ok_or(Unreadable)?;
-            let blocks = library.payload(track.blocks()).ok_or(Unreadable)?;
+            let (clip_at, _) = library.clip_span(track, clip).ok_or(LibraryReadError)?;
+            let blocks = library.payload(track.blocks()).ok_or(LibraryReadError)?;
             *place = BlockPlace::new(blocks, clip_at, frame / BLOCK_FRAMES)?;
         }
         Ok(Self { library: library.index().id(), clip, frame, places })

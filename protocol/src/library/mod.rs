@@ -50,12 +50,12 @@ mod view;
 mod writer;
 
 pub use attitude::{Attitude, MAX_TILT_RAD};
-pub use block::Unreadable;
+pub use block::LibraryReadError;
 pub use container::identity;
 pub use cursor::{Advance, ClipCursor};
 pub use encode::{encode, encode_with_attitudes};
 pub use entry::Entry;
-pub use reject::{Reject, Section, Why};
+pub use reject::{Reject, RejectReason, Section};
 pub use signature::{
     FINGERPRINT_LEN, SIGNATURE_BLOCK_LEN, SIGNATURE_LEN, SIGNATURE_MAGIC, SignedFile,
     signature_head,

@@ -14,7 +14,7 @@ pub struct Reject {
     /// Offset of the fault from the start of the file, bytes.
     pub offset: u32,
     /// Reason for the refusal.
-    pub why: Why,
+    pub why: RejectReason,
 }
 
 /// Section of a library file, including header, section table and footer.
@@ -109,7 +109,7 @@ impl fmt::Display for Section {
 /// Reason for refusing a library.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum Why {
+pub enum RejectReason {
     /// The magic bytes are missing.
     #[error("this is not a motion library")]
     NotALibrary,
@@ -411,43 +411,43 @@ pub enum Why {
     },
 }
 
-impl Why {
+impl RejectReason {
     /// Code on the wire, whose meaning never changes.
     pub fn code(&self) -> u8 {
         match self {
-            Why::NotALibrary => 1,
-            Why::Truncated { .. } => 2,
-            Why::TrailingBytes { .. } => 3,
-            Why::Corrupted { .. } => 4,
-            Why::OtherMajor { .. } => 5,
-            Why::SectionBeyondEnd => 6,
-            Why::BadSection { .. } => 7,
-            Why::MissingSection { .. } => 8,
-            Why::BadConfig(_) => 9,
-            Why::WrongRobot { .. } => 10,
-            Why::WrongRate { .. } => 11,
-            Why::WrongCount { .. } => 12,
-            Why::CountOutOfRange { .. } => 13,
-            Why::BadRecord { .. } => 14,
-            Why::ChannelMismatch { .. } => 15,
-            Why::ClipLength { .. } => 16,
-            Why::BadClip { .. } => 17,
-            Why::BadBlock { .. } => 18,
-            Why::OutOfLimits { .. } => 19,
-            Why::TooFast { .. } => 20,
-            Why::SeamJump { .. } => 21,
-            Why::EndsInMotion { .. } => 22,
-            Why::BadEdge { .. } => 23,
-            Why::ExitBeforeEnd { .. } => 24,
-            Why::EndMismatch { .. } => 25,
-            Why::NoRouteToSafe { .. } => 26,
-            Why::BadRoute { .. } => 27,
-            Why::CodeWithoutMotion { .. } => 28,
-            Why::DuplicateCode { .. } => 29,
-            Why::MotionWithTwoCodes { .. } => 30,
-            Why::NoSafeMotion { .. } => 31,
-            Why::SafeNotAtRest { .. } => 32,
-            Why::BadName { .. } => 33,
+            RejectReason::NotALibrary => 1,
+            RejectReason::Truncated { .. } => 2,
+            RejectReason::TrailingBytes { .. } => 3,
+            RejectReason::Corrupted { .. } => 4,
+            RejectReason::OtherMajor { .. } => 5,
+            RejectReason::SectionBeyondEnd => 6,
+            RejectReason::BadSection { .. } => 7,
+            RejectReason::MissingSection { .. } => 8,
+            RejectReason::BadConfig(_) => 9,
+            RejectReason::WrongRobot { .. } => 10,
+            RejectReason::WrongRate { .. } => 11,
+            RejectReason::WrongCount { .. } => 12,
+            RejectReason::CountOutOfRange { .. } => 13,
+            RejectReason::BadRecord { .. } => 14,
+            RejectReason::ChannelMismatch { .. } => 15,
+            RejectReason::ClipLength { .. } => 16,
+            RejectReason::BadClip { .. } => 17,
+            RejectReason::BadBlock { .. } => 18,
+            RejectReason::OutOfLimits { .. } => 19,
+            RejectReason::TooFast { .. } => 20,
+            RejectReason::SeamJump { .. } => 21,
+            RejectReason::EndsInMotion { .. } => 22,
+            RejectReason::BadEdge { .. } => 23,
+            RejectReason::ExitBeforeEnd { .. } => 24,
+            RejectReason::EndMismatch { .. } => 25,
+            RejectReason::NoRouteToSafe { .. } => 26,
+            RejectReason::BadRoute { .. } => 27,
+            RejectReason::CodeWithoutMotion { .. } => 28,
+            RejectReason::DuplicateCode { .. } => 29,
+            RejectReason::MotionWithTwoCodes { .. } => 30,
+            RejectReason::NoSafeMotion { .. } => 31,
+            RejectReason::SafeNotAtRest { .. } => 32,
+            RejectReason::BadName { .. } => 33,
         }
     }
 }

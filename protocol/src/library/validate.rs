@@ -8,7 +8,7 @@ use super::block::BlockPlace;
 use super::container::{self, Container, MINOR_WITH_ATTITUDES, SECTIONS, Span};
 use super::decoder::{Decoder, Shape};
 use super::records::*;
-use super::reject::{Reject, Section, Why};
+use super::reject::{Reject, RejectReason, Section};
 use super::view::{ClipInfo, ClipKind, Index, Library, Track};
 use super::{
     BLOCK_FRAMES, ClipId, FORMAT_MINOR, MAX_CLIP_FRAMES, MAX_MOTIONS, MAX_TRANSITIONS, RATE_HZ,
@@ -21,7 +21,7 @@ use crate::config::{MAX_CHANNELS, RobotConfig};
 /// Returns a [`Reject`] with the position and the reason of the first fault.
 pub fn validate(bytes: &[u8], config: &RobotConfig) -> Result<Index, Reject> {
     let Container { identity, body_crc, minor, sections } = container::open(bytes)?;
-    let config_fault = |fault| reject(&sections, Section::Manifest, Why::BadConfig(fault));
+    let config_fault = |fault| reject(&sections, Section::Manifest, RejectReason::BadConfig(fault));
     config.check().map_err(config_fault)?;
     let manifest = manifest(bytes, &sections, config)?;
     let Channels { records, max_torques, lsb_exponents, torque_exponents } =
@@ -56,7 +56,7 @@ fn span(sections: &[Span; SECTIONS], section: Section) -> Span {
     section.index().and_then(|i| sections.get(i)).copied().unwrap_or_default()
 }
 
-fn reject(sections: &[Span; SECTIONS], section: Section, why: Why) -> Reject {
+fn reject(sections: &[Span; SECTIONS], section: Section, why: RejectReason) -> Reject {
     Reject { section, offset: span(sections, section).offset, why }
 }
 
@@ -66,15 +66,15 @@ fn manifest(
     config: &RobotConfig,
 ) -> Result<Manifest, Reject> {
     let fail = |why| reject(sections, Section::Manifest, why);
-    let bad = fail(Why::BadRecord { record: 0 });
+    let bad = fail(RejectReason::BadRecord { record: 0 });
     let payload = span(sections, Section::Manifest).of(bytes).ok_or(bad)?;
     let (manifest, _) = postcard::take_from_bytes::<Manifest>(payload).map_err(|_| bad)?;
     let robot = config.hash();
     if manifest.config_hash != robot {
-        return Err(fail(Why::WrongRobot { library: manifest.config_hash, robot }));
+        return Err(fail(RejectReason::WrongRobot { library: manifest.config_hash, robot }));
     }
     if manifest.rate_hz != RATE_HZ {
-        return Err(fail(Why::WrongRate { found: manifest.rate_hz }));
+        return Err(fail(RejectReason::WrongRate { found: manifest.rate_hz }));
     }
     let counts = [
         ("channels", manifest.channels, config.channels.len(), config.channels.len()),
@@ -84,12 +84,12 @@ fn manifest(
     for (what, found, min, max) in counts {
         if usize::from(found) < min || usize::from(found) > max {
             let (found, min, max) = (u32::from(found), min as u32, max as u32);
-            return Err(fail(Why::CountOutOfRange { what, found, min, max }));
+            return Err(fail(RejectReason::CountOutOfRange { what, found, min, max }));
         }
     }
     if manifest.safe_node >= manifest.motions {
         let (found, motions) = (manifest.safe_node, manifest.motions);
-        return Err(fail(Why::NoSafeMotion { found, motions }));
+        return Err(fail(RejectReason::NoSafeMotion { found, motions }));
     }
     Ok(manifest)
 }
@@ -122,9 +122,9 @@ fn channels(
             .and_then(|record| postcard::take_from_bytes::<ChannelRecord>(record).ok());
         let offset = table.record_offset(i);
         let fail = |why| Reject { section: Section::Channels, offset, why };
-        let (found, _) = found.ok_or(fail(Why::BadRecord { record: i as u32 }))?;
+        let (found, _) = found.ok_or(fail(RejectReason::BadRecord { record: i as u32 }))?;
         if quantise::channel_record(channel) != Some(found) {
-            return Err(fail(Why::ChannelMismatch { channel: i as u8 }));
+            return Err(fail(RejectReason::ChannelMismatch { channel: i as u8 }));
         }
         let exponents = all.lsb_exponents.iter_mut().zip(&mut all.torque_exponents);
         let limits = all.records.iter_mut().zip(&mut all.max_torques);
@@ -148,7 +148,7 @@ pub(super) struct Validation<'a> {
 }
 
 impl Validation<'_> {
-    pub fn fail(&self, section: Section, record: usize, why: Why) -> Reject {
+    pub fn fail(&self, section: Section, record: usize, why: RejectReason) -> Reject {
         Reject { section, offset: span(&self.sections, section).record_offset(record), why }
     }
 
@@ -179,20 +179,28 @@ impl Validation<'_> {
             let stride_fits =
                 if plain { table.stride == record_len } else { table.stride >= record_len };
             if found != expected || !stride_fits {
-                return Err(self.fail(section, 0, Why::WrongCount { found, expected }));
+                return Err(self.fail(section, 0, RejectReason::WrongCount { found, expected }));
             }
             let has_more = section == Section::Clips
                 && self.minor >= MINOR_WITH_ATTITUDES
                 && table.stride == CLIP_LEN + ATTITUDE_LEN;
             if self.minor <= FORMAT_MINOR && table.stride != record_len && !has_more {
-                return Err(self.fail(section, 0, Why::BadSection { tag: section.code().into() }));
+                return Err(self.fail(
+                    section,
+                    0,
+                    RejectReason::BadSection { tag: section.code().into() },
+                ));
             }
         }
         for section in [Section::Frames, Section::Names, Section::Torques] {
             let stride = span(&self.sections, section).stride;
             let is_absent = section == Section::Torques && stride == 0;
             if stride != 1 && !is_absent {
-                return Err(self.fail(section, 0, Why::BadSection { tag: section.code().into() }));
+                return Err(self.fail(
+                    section,
+                    0,
+                    RejectReason::BadSection { tag: section.code().into() },
+                ));
             }
         }
         Ok(())
@@ -204,7 +212,7 @@ impl Validation<'_> {
         let expected = &self.library.index().torque_exponents;
         match found.iter().zip(expected).position(|(&found, &expected)| found as i8 != expected) {
             Some(channel) => {
-                let why = Why::ChannelMismatch { channel: channel as u8 };
+                let why = RejectReason::ChannelMismatch { channel: channel as u8 };
                 Err(self.fail(Section::TorqueQuanta, channel, why))
             }
             None => Ok(()),
@@ -220,7 +228,7 @@ impl Validation<'_> {
         for i in 0..self.library.clip_count() {
             let clip = ClipId(i);
             let fail = |why| self.fail(Section::Clips, usize::from(i), why);
-            let broken = fail(Why::BadClip { clip });
+            let broken = fail(RejectReason::BadClip { clip });
             let record = self.library.clip_record(clip).ok_or(broken)?;
             let info = self.library.clip(clip).ok_or(broken)?;
             let transition = info.kind == ClipKind::Transition;
@@ -232,10 +240,11 @@ impl Validation<'_> {
             }
             let (frames, min) = (record.frames, if transition { 2 } else { 1 });
             if frames < min || frames > MAX_CLIP_FRAMES {
-                return Err(fail(Why::ClipLength { clip, frames, min }));
+                return Err(fail(RejectReason::ClipLength { clip, frames, min }));
             }
             for (offset, &track) in offsets.iter_mut().zip(self.library.tracks()) {
-                let broken = self.fail(track.clips(), usize::from(i), Why::BadClip { clip });
+                let broken =
+                    self.fail(track.clips(), usize::from(i), RejectReason::BadClip { clip });
                 let (at, len) = self.library.clip_span(track, clip).ok_or(broken)?;
                 if at != *offset {
                     return Err(broken);
@@ -250,7 +259,11 @@ impl Validation<'_> {
         for (&track, expected) in self.library.tracks().iter().zip(offsets) {
             let found = span(&self.sections, track.blocks()).len;
             if found != expected {
-                return Err(self.fail(track.blocks(), 0, Why::WrongCount { found, expected }));
+                return Err(self.fail(
+                    track.blocks(),
+                    0,
+                    RejectReason::WrongCount { found, expected },
+                ));
             }
         }
         Ok(())
@@ -269,7 +282,7 @@ impl Validation<'_> {
         let mut at = start.saturating_add(offset);
         let mut frame = 0;
         let fail = |at, why| Reject { section: track.blocks(), offset: at, why };
-        let bad_block = |at, frame| fail(at, Why::BadBlock { clip, frame });
+        let bad_block = |at, frame| fail(at, RejectReason::BadBlock { clip, frame });
         let ClipInfo { frames, looping, .. } = *info;
         let channels = self.library.channel_count() as u8;
         let shape = Shape { clip, frames, looping, channels };
@@ -287,7 +300,10 @@ impl Validation<'_> {
                 let rate = self.value(channel, step) * f32::from(RATE_HZ);
                 let max_rate = self.value(channel, self.max_step(channel)) * f32::from(RATE_HZ);
                 let channel = channel as u8;
-                return Err(fail(at, Why::TooFast { clip, frame, channel, rate, max_rate }));
+                return Err(fail(
+                    at,
+                    RejectReason::TooFast { clip, frame, channel, rate, max_rate },
+                ));
             }
             let next = frame.saturating_add(1);
             let is_last = next >= frames;
@@ -314,7 +330,7 @@ impl Validation<'_> {
         if looping && let Some((channel, step)) = self.too_fast(track, &decoder, &first) {
             let max_step = self.value(channel, self.max_step(channel));
             let (step, channel) = (self.value(channel, step), channel as u8);
-            return Err(fail(at, Why::SeamJump { clip, channel, step, max_step }));
+            return Err(fail(at, RejectReason::SeamJump { clip, channel, step, max_step }));
         }
         if track == Track::Values && !looping && info.kind == ClipKind::Motion {
             self.wheels_rest(clip, &decoder).map_err(|why| fail(at, why))?;
@@ -329,7 +345,7 @@ impl Validation<'_> {
         frame: u16,
         channel: usize,
         quanta: i16,
-    ) -> Result<(), Why> {
+    ) -> Result<(), RejectReason> {
         let limits = self.records.get(channel).zip(self.max_torques.get(channel));
         let Some((record, &max_torque)) = limits else { return Ok(()) };
         let (min, max) = match track {
@@ -342,7 +358,7 @@ impl Validation<'_> {
         let value = |quanta: i16| {
             self.library.track_value(track, channel, i32::from(quanta)).unwrap_or(f32::NAN)
         };
-        Err(Why::OutOfLimits {
+        Err(RejectReason::OutOfLimits {
             clip,
             frame,
             channel: channel as u8,
@@ -371,12 +387,12 @@ impl Validation<'_> {
         self.library.value(channel, quanta).unwrap_or(f32::NAN)
     }
 
-    fn wheels_rest(&self, clip: ClipId, decoder: &Decoder) -> Result<(), Why> {
+    fn wheels_rest(&self, clip: ClipId, decoder: &Decoder) -> Result<(), RejectReason> {
         let quanta = decoder.quanta(self.library.channel_count() as u8);
         for (channel, (quanta, record)) in quanta.zip(&self.records).enumerate() {
             if record.kind == 1 && quanta != 0 {
                 let speed = self.value(channel, i32::from(quanta));
-                return Err(Why::EndsInMotion { clip, channel: channel as u8, speed });
+                return Err(RejectReason::EndsInMotion { clip, channel: channel as u8, speed });
             }
         }
         Ok(())

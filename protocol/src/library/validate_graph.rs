@@ -3,7 +3,7 @@
 use super::container::u16_at;
 use super::cursor::ClipCursor;
 use super::records::CodeRecord;
-use super::reject::{Reject, Section, Why};
+use super::reject::{Reject, RejectReason, Section};
 use super::routes::{Arc, hops_to};
 use super::validate::Validation;
 use super::view::Track;
@@ -14,7 +14,7 @@ impl Validation<'_> {
     pub fn edges(&self) -> Result<(), Reject> {
         for id in self.library.edges() {
             let fail = |why| self.fail(Section::Edges, usize::from(id.0), why);
-            let bad = fail(Why::BadEdge { edge: id });
+            let bad = fail(RejectReason::BadEdge { edge: id });
             let edge = self.library.edge(id).ok_or(bad)?;
             let motions = self.library.node_count();
             if edge.from.0 >= motions || edge.to.0 >= motions || edge.from == edge.to {
@@ -28,7 +28,7 @@ impl Validation<'_> {
             }
             let (exit_frame, last) = (edge.exit_frame, source.frames.saturating_sub(1));
             if !source.looping && exit_frame != last {
-                return Err(fail(Why::ExitBeforeEnd { edge: id, exit_frame, last }));
+                return Err(fail(RejectReason::ExitBeforeEnd { edge: id, exit_frame, last }));
             }
             let own_last = own.frames.saturating_sub(1);
             let ends = [
@@ -45,7 +45,7 @@ impl Validation<'_> {
                         |&(_, (found, expected)): &(usize, (i16, i16))| found != expected;
                     if let Some((channel, (found, expected))) = pairs.enumerate().find(different) {
                         let value = |quanta| self.library.track_value(track, channel, quanta);
-                        return Err(fail(Why::EndMismatch {
+                        return Err(fail(RejectReason::EndMismatch {
                             edge: id,
                             end: if track == Track::Values { end } else { torque },
                             channel: channel as u8,
@@ -67,7 +67,7 @@ impl Validation<'_> {
         let safe = self.library.safe_node();
         for node in self.library.nodes() {
             if node != safe && self.library.next_hop(node, safe).is_none() {
-                let why = Why::NoRouteToSafe { node, safe };
+                let why = RejectReason::NoRouteToSafe { node, safe };
                 return Err(self.fail(Section::Routes, cell(node, safe), why));
             }
         }
@@ -85,7 +85,7 @@ impl Validation<'_> {
             let hops = hops_to(to.0, self.library.node_count(), arcs);
             for (from, hop) in self.library.nodes().zip(hops) {
                 if stored.get(cell(from, to)) != Some(&hop) {
-                    let why = Why::BadRoute { from, to };
+                    let why = RejectReason::BadRoute { from, to };
                     return Err(self.fail(Section::Routes, cell(from, to), why));
                 }
             }
@@ -102,18 +102,18 @@ impl Validation<'_> {
             let record: CodeRecord = self
                 .library
                 .record(Section::Codes, i)
-                .ok_or_else(|| fail(Why::BadRecord { record: i as u32 }))?;
+                .ok_or_else(|| fail(RejectReason::BadRecord { record: i as u32 }))?;
             let CodeRecord { code, node } = record;
             if node >= motions {
-                return Err(fail(Why::CodeWithoutMotion { code, node, motions }));
+                return Err(fail(RejectReason::CodeWithoutMotion { code, node, motions }));
             }
             if previous.is_some_and(|previous| previous >= code) {
-                return Err(fail(Why::DuplicateCode { code }));
+                return Err(fail(RejectReason::DuplicateCode { code }));
             }
             previous = Some(code);
             if let Some(seen) = seen.get_mut(usize::from(node)) {
                 if *seen {
-                    return Err(fail(Why::MotionWithTwoCodes { node: NodeId(node) }));
+                    return Err(fail(RejectReason::MotionWithTwoCodes { node: NodeId(node) }));
                 }
                 *seen = true;
             }
@@ -124,7 +124,11 @@ impl Validation<'_> {
     /// Checks that the safe motion rests in the safe pose: in its last frame, or in all frames if it loops.
     pub fn safe_pose(&self) -> Result<(), Reject> {
         let fail = |channel| {
-            self.fail(Section::SafePose, channel, Why::SafeNotAtRest { channel: channel as u8 })
+            self.fail(
+                Section::SafePose,
+                channel,
+                RejectReason::SafeNotAtRest { channel: channel as u8 },
+            )
         };
         let clip = self.library.safe_node().clip();
         let info = self.library.clip(clip).ok_or_else(|| fail(0))?;
@@ -150,7 +154,7 @@ impl Validation<'_> {
         let mut rest = self.library.payload(Section::Names).unwrap_or_default();
         let mut last = NodeId(0);
         for node in self.library.nodes() {
-            let fail = || self.fail(Section::Names, 0, Why::BadName { node });
+            let fail = || self.fail(Section::Names, 0, RejectReason::BadName { node });
             let name = self.library.name(node).ok_or_else(fail)?;
             let is_sound = !name.is_empty() && name.len() <= MAX_NAME;
             let behind = rest.get(1_usize.saturating_add(name.len())..);
@@ -161,7 +165,7 @@ impl Validation<'_> {
         if rest.is_empty() {
             Ok(())
         } else {
-            Err(self.fail(Section::Names, 0, Why::BadName { node: last }))
+            Err(self.fail(Section::Names, 0, RejectReason::BadName { node: last }))
         }
     }
 }

@@ -119,7 +119,7 @@ pub enum Output {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sending {
+enum SendState {
     Idle,
     /// Single or first frame not sent yet.
     Start,
@@ -138,7 +138,7 @@ enum Sending {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Receiving {
+enum ReceiveState {
     Idle,
     /// Receiving a message of `len` bytes.
     Collecting {
@@ -157,10 +157,10 @@ pub struct Endpoint<const N: usize> {
     tx_len: usize,
     tx_at: usize,
     tx_sequence: u8,
-    sending: Sending,
+    sending: SendState,
     rx: [u8; N],
     rx_at: usize,
-    receiving: Receiving,
+    receiving: ReceiveState,
     flow_control: Option<Pdu>,
 }
 
@@ -174,10 +174,10 @@ impl<const N: usize> Endpoint<N> {
             tx_len: 0,
             tx_at: 0,
             tx_sequence: 0,
-            sending: Sending::Idle,
+            sending: SendState::Idle,
             rx: [0; N],
             rx_at: 0,
-            receiving: Receiving::Idle,
+            receiving: ReceiveState::Idle,
             flow_control: None,
         }
     }
@@ -190,26 +190,26 @@ impl<const N: usize> Endpoint<N> {
         let slot = self.tx.get_mut(..message.len()).filter(|slot| !slot.is_empty());
         slot.ok_or(SendError::BadLength)?.copy_from_slice(message);
         (self.tx_len, self.tx_at, self.tx_sequence) = (message.len(), 0, 0);
-        self.sending = Sending::Start;
+        self.sending = SendState::Start;
         Ok(())
     }
 
     /// True if frames of a message remain to be sent.
     pub fn is_sending(&self) -> bool {
-        self.sending != Sending::Idle
+        self.sending != SendState::Idle
     }
 
     /// Previous complete message, until a frame of the next one arrives.
     pub fn received(&self) -> &[u8] {
         match self.receiving {
-            Receiving::Idle => self.rx.get(..self.rx_at).unwrap_or(&[]),
-            Receiving::Collecting { .. } => &[],
+            ReceiveState::Idle => self.rx.get(..self.rx_at).unwrap_or(&[]),
+            ReceiveState::Collecting { .. } => &[],
         }
     }
 
     /// Drops the remaining frames of the message being sent.
     pub fn stop_sending(&mut self) {
-        self.sending = Sending::Idle;
+        self.sending = SendState::Idle;
     }
 
     /// Drops the messages in both directions.
@@ -237,22 +237,22 @@ impl<const N: usize> Endpoint<N> {
             return Output::Send(pdu);
         }
         let late = |since: u64| now_us.saturating_sub(since) > self.timing.timeout_us;
-        if let Receiving::Collecting { since_us, .. } = self.receiving
+        if let ReceiveState::Collecting { since_us, .. } = self.receiving
             && late(since_us)
         {
             self.drop_reception();
             return Output::Failed(IsoTpError::ReceiveTimeout);
         }
         match self.sending {
-            Sending::Idle => Output::Idle,
-            Sending::Start => Output::Send(self.start(now_us)),
-            Sending::Waiting { since_us, .. } if late(since_us) => {
-                self.sending = Sending::Idle;
+            SendState::Idle => Output::Idle,
+            SendState::Start => Output::Send(self.start(now_us)),
+            SendState::Waiting { since_us, .. } if late(since_us) => {
+                self.sending = SendState::Idle;
                 Output::Failed(IsoTpError::SendTimeout)
             }
-            Sending::Waiting { .. } => Output::Idle,
-            Sending::Streaming { not_before_us, .. } if now_us < not_before_us => Output::Idle,
-            Sending::Streaming { left, bounded, st_min_us, .. } => {
+            SendState::Waiting { .. } => Output::Idle,
+            SendState::Streaming { not_before_us, .. } if now_us < not_before_us => Output::Idle,
+            SendState::Streaming { left, bounded, st_min_us, .. } => {
                 Output::Send(self.consecutive(left, bounded, st_min_us, now_us))
             }
         }
@@ -261,13 +261,13 @@ impl<const N: usize> Endpoint<N> {
     fn start(&mut self, now_us: u64) -> Pdu {
         let message = self.tx.get(..self.tx_len).unwrap_or(&[]);
         if message.len() <= 7 {
-            self.sending = Sending::Idle;
+            self.sending = SendState::Idle;
             return Pdu::new(&[message.len() as u8], message);
         }
         let head = [0x10 | (message.len() >> 8) as u8 & 0xF, message.len() as u8];
         self.tx_at = 6;
         self.tx_sequence = 1;
-        self.sending = Sending::Waiting { since_us: now_us, waits: 0 };
+        self.sending = SendState::Waiting { since_us: now_us, waits: 0 };
         Pdu::new(&head, message)
     }
 
@@ -276,12 +276,12 @@ impl<const N: usize> Endpoint<N> {
         let count = rest.len().min(7);
         let pdu = Pdu::new(&[0x20 | self.tx_sequence], rest);
         self.sending = if count == rest.len() {
-            Sending::Idle
+            SendState::Idle
         } else if bounded && left <= 1 {
-            Sending::Waiting { since_us: now_us, waits: 0 }
+            SendState::Waiting { since_us: now_us, waits: 0 }
         } else {
             let not_before_us = now_us.saturating_add(st_min_us);
-            Sending::Streaming { left: left.saturating_sub(1), bounded, st_min_us, not_before_us }
+            SendState::Streaming { left: left.saturating_sub(1), bounded, st_min_us, not_before_us }
         };
         self.tx_at = self.tx_at.saturating_add(count);
         self.tx_sequence = self.tx_sequence.wrapping_add(1) & 0xF;
@@ -289,14 +289,14 @@ impl<const N: usize> Endpoint<N> {
     }
 
     fn on_flow_control(&mut self, status: u8, rest: &[u8], now_us: u64) -> Event {
-        let Sending::Waiting { waits, .. } = self.sending else { return Event::None };
+        let SendState::Waiting { waits, .. } = self.sending else { return Event::None };
         let mut fail = |error| {
-            self.sending = Sending::Idle;
+            self.sending = SendState::Idle;
             Event::Failed(error)
         };
         match (status, rest) {
             (0, &[block_size, st_min, ..]) => {
-                self.sending = Sending::Streaming {
+                self.sending = SendState::Streaming {
                     left: block_size,
                     bounded: block_size > 0,
                     st_min_us: st_min_us(st_min),
@@ -305,7 +305,7 @@ impl<const N: usize> Endpoint<N> {
                 Event::None
             }
             (1, _) if waits < MAX_WAITS => {
-                self.sending = Sending::Waiting { since_us: now_us, waits: waits + 1 };
+                self.sending = SendState::Waiting { since_us: now_us, waits: waits + 1 };
                 Event::None
             }
             (2, _) => fail(IsoTpError::PeerOverflow),
@@ -322,7 +322,7 @@ impl<const N: usize> Endpoint<N> {
         // A new message replaces an incomplete one.
         slot.copy_from_slice(bytes);
         self.rx_at = len;
-        self.receiving = Receiving::Idle;
+        self.receiving = ReceiveState::Idle;
         Event::Received
     }
 
@@ -342,13 +342,13 @@ impl<const N: usize> Endpoint<N> {
         slot.copy_from_slice(bytes);
         self.rx_at = 6;
         let left = self.timing.block_size;
-        self.receiving = Receiving::Collecting { len, sequence: 1, left, since_us: now_us };
+        self.receiving = ReceiveState::Collecting { len, sequence: 1, left, since_us: now_us };
         self.ask_for_more();
         Event::None
     }
 
     fn on_consecutive(&mut self, number: u8, rest: &[u8], now_us: u64) -> Event {
-        let Receiving::Collecting { len, sequence, left, .. } = self.receiving else {
+        let ReceiveState::Collecting { len, sequence, left, .. } = self.receiving else {
             return Event::None;
         };
         let count = len.saturating_sub(self.rx_at).min(7);
@@ -362,13 +362,13 @@ impl<const N: usize> Endpoint<N> {
         slot.iter_mut().zip(bytes).for_each(|(slot, byte)| *slot = *byte);
         self.rx_at = end;
         if end == len {
-            self.receiving = Receiving::Idle;
+            self.receiving = ReceiveState::Idle;
             return Event::Received;
         }
         let block_done = self.timing.block_size > 0 && left <= 1;
         let left = if block_done { self.timing.block_size } else { left.saturating_sub(1) };
         let sequence = (sequence + 1) & 0xF;
-        self.receiving = Receiving::Collecting { len, sequence, left, since_us: now_us };
+        self.receiving = ReceiveState::Collecting { len, sequence, left, since_us: now_us };
         if block_done {
             self.ask_for_more();
         }
@@ -381,7 +381,7 @@ impl<const N: usize> Endpoint<N> {
     }
 
     fn drop_reception(&mut self) {
-        self.receiving = Receiving::Idle;
+        self.receiving = ReceiveState::Idle;
         self.rx_at = 0;
     }
 }

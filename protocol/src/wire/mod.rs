@@ -44,7 +44,7 @@ pub use parameter::{
     Parameter, ParameterAck, ParameterAction, ParameterOrigin, ParameterRequest, ParameterResult,
 };
 pub use safety::{Estop, EstopAck};
-pub use sample::{Accelerometer, Answered, Gyro, Sample};
+pub use sample::{Accelerometer, Gyro, Sample, SampleAnswer};
 pub use setpoint::Setpoint;
 pub use status::{FaultReport, State, Status, Torque};
 pub use telemetry::JointTelemetry;

@@ -68,7 +68,7 @@ pub struct Sample {
     /// Number of the sample, modulo 256. Set-points that answer it have this number as their frame.
     pub number: u8,
     /// Answer in force when this sample was taken; `None` before the first answer.
-    pub answered: Option<Answered>,
+    pub answered: Option<SampleAnswer>,
     /// Ground contact of each end effector, one bit each, in the order of the robot file, at most 24. `None` without contact
     /// switches.
     pub contacts: Option<u32>,
@@ -76,7 +76,7 @@ pub struct Sample {
 
 /// Answer to a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answered {
+pub struct SampleAnswer {
     /// Number of the answered sample.
     pub number: u8,
     /// Time from the measurements until the answer was in force, s; at most 0.051 s.
@@ -108,7 +108,7 @@ impl Sample {
         if !(is_known && is_zero) {
             return Err(DecodeError::BadValue);
         }
-        let of = Answered { number: answered, delay_s: f32::from(delay) / DELAY_STEPS };
+        let of = SampleAnswer { number: answered, delay_s: f32::from(delay) / DELAY_STEPS };
         let sample = Self {
             number,
             answered: has(ANSWERED).then_some(of),

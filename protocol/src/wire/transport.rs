@@ -269,7 +269,7 @@ pub struct Reply {
     pub next: u32,
     /// Code of the section ([`crate::library::Section::code`]) after [`TransferResult::Rejected`].
     pub section: u8,
-    /// Code of the reason ([`crate::library::Why::code`] or [`UNSIGNED`]) after [`TransferResult::Rejected`].
+    /// Code of the reason ([`crate::library::RejectReason::code`] or [`UNSIGNED`]) after [`TransferResult::Rejected`].
     pub why: u8,
 }
 

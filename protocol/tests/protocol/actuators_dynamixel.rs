@@ -4,8 +4,8 @@
 use crate::actuators_all::{joint, sent, wheel};
 use proptest::prelude::*;
 use rollwalk_protocol::actuators::dynamixel::packet::{
-    BROADCAST, HEADER, MAX_PARTS, Message, Part, READ, REBOOT, STATUS, Taken, WRITE, crc16, next,
-    packet, take,
+    BROADCAST, HEADER, MAX_PARTS, Message, Part, READ, REBOOT, ReceivedPacket, STATUS, WRITE,
+    crc16, next, packet, take,
 };
 use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W150};
 use rollwalk_protocol::actuators::dynamixel::{
@@ -102,12 +102,12 @@ fn parts(stream: &[u8]) -> Vec<(usize, u8, [u8; 10])> {
     for (at, &byte) in stream.iter().enumerate() {
         line.push(byte);
         while let Some(taken) = next(&mut line, false, true) {
-            let Taken::Part(Part { id, error: 0, data }) = taken else { continue };
+            let ReceivedPacket::Part(Part { id, error: 0, data }) = taken else { continue };
             found.push((at, id, data));
         }
     }
     while let Some(taken) = next(&mut line, true, true) {
-        let Taken::Part(Part { id, error: 0, data }) = taken else { continue };
+        let ReceivedPacket::Part(Part { id, error: 0, data }) = taken else { continue };
         found.push((stream.len(), id, data));
     }
     found
@@ -165,7 +165,7 @@ fn a_packet_after_parts_that_failed() {
     let whole = fast(&[(3, [1; 10]), (7, [2; 10])]);
     let answer = packet(5, STATUS, &[0]).unwrap();
     let message = Message { id: 5, instruction: STATUS, parameters: [0].into_iter().collect() };
-    let expected = Some(Taken::Message(message));
+    let expected = Some(ReceivedPacket::Message(message));
     // Only the beginning came, and its bytes were taken while the line was not silent yet.
     let mut line = ReceiveBuffer::default();
     whole[..8].iter().for_each(|&byte| line.push(byte));

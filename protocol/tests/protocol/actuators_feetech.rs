@@ -18,7 +18,7 @@ fn bytes(hex: &str) -> Vec<u8> {
     hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
-fn heard(stream: &[u8]) -> Vec<Answer> {
+fn received(stream: &[u8]) -> Vec<Answer> {
     let mut line = ReceiveBuffer::default();
     let mut found = Vec::new();
     for &byte in stream {
@@ -62,7 +62,7 @@ fn instructions_of_the_manual() {
 fn answers_of_the_manual() {
     let both =
         "FF FF 01 0A 00 00 08 00 00 00 00 79 1E 55 FF FF 02 0A 00 FF 07 00 00 00 00 77 23 53";
-    let told: Vec<_> = heard(&bytes(both)).iter().map(|answer| SERVOS.decode(answer)).collect();
+    let told: Vec<_> = received(&bytes(both)).iter().map(|answer| SERVOS.decode(answer)).collect();
     assert_eq!(told.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [1, 2]);
     assert_eq!((told[0].1.position_rad, told[0].1.temperature_c), (Some(0.0), Some(30.0)));
     // A step less than the middle.
@@ -71,12 +71,12 @@ fn answers_of_the_manual() {
     assert_eq!((told[1].1.torque_nm, told[1].1.faults), (Some(0.0), Some(Faults::NONE)));
     assert_eq!(told[1].1.enabled, None);
     for other in ["FF FF 01 02 00 FC", "FF FF 01 04 00 18 05 DD"] {
-        assert_eq!(heard(&bytes(other)), []);
+        assert_eq!(received(&bytes(other)), []);
     }
     // Example 7, heard again on a half-duplex line: no answer is in it.
     let goal = joint(0.3, 0.0, 0.0, None);
     let echo = sent(&SERVOS, 1, Command::Joint(goal)).unwrap();
-    assert_eq!(heard(&[&echo[0][..], &bytes(both)].concat()).len(), 2);
+    assert_eq!(received(&[&echo[0][..], &bytes(both)].concat()).len(), 2);
 }
 
 /// Positions and speeds have the sign in bit 15, loads in bit 10.
@@ -219,12 +219,12 @@ fn one_packet_for_all_servos() {
 fn answers_survive_what_is_none() {
     let whole = answer(7, 0, [1, 2, 3, 4, 5, 6, 7, 8]);
     for before in ["FF", "FF FF", "FF FF FF", "00 FF FF 03", "FF FF 01 F0", "FF FF FD 0B 00"] {
-        let found = heard(&[bytes(before), whole.clone()].concat());
+        let found = received(&[bytes(before), whole.clone()].concat());
         assert_eq!(found.len(), 1, "{before}");
     }
     // The header of one that was cut: the bytes of the next are its own, with a wrong sum.
     let cut = [&whole[..9], &whole].concat();
-    assert_eq!(heard(&cut).len(), 1);
+    assert_eq!(received(&cut).len(), 1);
     // An echo that was cut waits for its end until the line is silent.
     let mut line = ReceiveBuffer::default();
     bytes("FF FF FE 20 83 2A 06 01").iter().for_each(|&byte| line.push(byte));
@@ -236,7 +236,7 @@ fn answers_survive_what_is_none() {
 proptest! {
     #[test]
     fn answers_come_back(id in 0..=MAX_ID, status: u8, data: [u8; 8]) {
-        prop_assert_eq!(heard(&answer(id, status, data)), [Answer { id, status, data }]);
+        prop_assert_eq!(received(&answer(id, status, data)), [Answer { id, status, data }]);
     }
 
     /// A single wrong byte hides the answer, unless it makes another header.
@@ -245,7 +245,7 @@ proptest! {
         let mut wrong = answer(id, 0, data);
         wrong[at] ^= bits;
         let as_sent = Answer { id, status: 0, data };
-        prop_assert!(!heard(&wrong).contains(&as_sent));
+        prop_assert!(!received(&wrong).contains(&as_sent));
     }
 
     /// Answers that are extracted from random bytes are on the line, one after the other.
@@ -254,7 +254,7 @@ proptest! {
         prop_oneof![3 => Just(0xFFu8), 2 => Just(10), 1 => Just(BROADCAST), 4 => any::<u8>()], 0..600)
     ) {
         let mut from = 0;
-        for told in heard(&stream) {
+        for told in received(&stream) {
             let whole = answer(told.id, told.status, told.data);
             let found = stream[from..].windows(14).position(|window| window == whole);
             from += found.expect("what was taken was on the line") + 14;

@@ -17,7 +17,11 @@ fn frames(drive: &Odrive, id: u8, command: Command) -> Vec<String> {
     sent(drive, id, command).unwrap().iter().map(can_text).collect()
 }
 
-fn told(drive: &Odrive, id: u16, data: [u8; 8]) -> (u8, rollwalk_protocol::actuators::Feedback) {
+fn decode_answer(
+    drive: &Odrive,
+    id: u16,
+    data: [u8; 8],
+) -> (u8, rollwalk_protocol::actuators::Feedback) {
     drive.decode(&Frame::standard(id, &data).unwrap()).unwrap()
 }
 
@@ -93,9 +97,9 @@ fn gains_of_the_cascade() {
 /// loop.
 #[test]
 fn recorded_heartbeats() {
-    let (node, heartbeat) = told(&DRIVE, 0x001, [0, 0, 0, 0, 1, 0, 0, 0]);
+    let (node, heartbeat) = decode_answer(&DRIVE, 0x001, [0, 0, 0, 0, 1, 0, 0, 0]);
     assert_eq!((node, heartbeat.enabled, heartbeat.faults), (0, Some(false), Some(Faults::NONE)));
-    let (node, heartbeat) = told(&DRIVE, 0x7E1, [0, 0, 0, 0, 8, 0, 0, 0]);
+    let (node, heartbeat) = decode_answer(&DRIVE, 0x7E1, [0, 0, 0, 0, 8, 0, 0, 0]);
     assert_eq!((node, heartbeat.enabled, heartbeat.faults), (63, Some(true), Some(Faults::NONE)));
 }
 
@@ -104,7 +108,7 @@ fn recorded_heartbeats() {
 /// flag in 0.5, with "trajectory done" in its highest bit, and reserved in 0.6.
 #[test]
 fn heartbeats_of_0_5_and_0_6_differ() {
-    let faults = |drive, data| told(drive, 0x021, data).1.faults.unwrap();
+    let faults = |drive, data| decode_answer(drive, 0x021, data).1.faults.unwrap();
     let done_05 = [0, 0, 0, 0, 8, 0, 0, 0x80];
     assert_eq!(faults(&DRIVE, done_05), Faults::NONE);
     let done_06 = [0, 0, 0, 0, 8, 1, 1, 0];
@@ -126,7 +130,7 @@ fn heartbeat_without_axis_error_still_tells_of_a_broken_motor() {
     for byte in 5..8 {
         let mut data = [0, 0, 0, 0, 8, 0, 0, 0];
         data[byte] = 1;
-        assert!(!told(&DRIVE, 0x001, data).1.faults.unwrap().none(), "{byte}");
+        assert!(!decode_answer(&DRIVE, 0x001, data).1.faults.unwrap().none(), "{byte}");
     }
 }
 
@@ -139,12 +143,15 @@ fn what_it_measures() {
         [a, b, c, d, e, f, g, h]
     };
     let geared = Odrive { reduction: -2.0, ..PRO };
-    let (_, moved) = told(&geared, 0x029, two(1.0, -0.5));
+    let (_, moved) = decode_answer(&geared, 0x029, two(1.0, -0.5));
     assert_eq!((moved.position_rad, moved.speed_rad_s), (Some(-TAU / 2.0), Some(TAU / 4.0)));
-    assert_eq!(told(&geared, 0x034, two(0.0, 5.0)).1.torque_nm, Some(-1.0));
-    assert_eq!(told(&geared, 0x03C, two(0.0, 0.25)).1.torque_nm, Some(-0.5));
-    assert_eq!(told(&geared, 0x035, two(30.0, 45.5)).1.temperature_c, Some(45.5));
-    assert_eq!(told(&geared, 0x023, [0, 1, 0, 0, 0, 0, 0, 0]).1.faults, Some(Faults::BAD_VOLTAGE));
+    assert_eq!(decode_answer(&geared, 0x034, two(0.0, 5.0)).1.torque_nm, Some(-1.0));
+    assert_eq!(decode_answer(&geared, 0x03C, two(0.0, 0.25)).1.torque_nm, Some(-0.5));
+    assert_eq!(decode_answer(&geared, 0x035, two(30.0, 45.5)).1.temperature_c, Some(45.5));
+    assert_eq!(
+        decode_answer(&geared, 0x023, [0, 1, 0, 0, 0, 0, 0, 0]).1.faults,
+        Some(Faults::BAD_VOLTAGE)
+    );
     // In 0.5 these are sensorless estimates, ADC voltages and errors of the motor.
     for id in [0x035, 0x03C, 0x023] {
         assert_eq!(DRIVE.decode(&Frame::standard(id, &two(1.0, 1.0)).unwrap()), None);
@@ -166,7 +173,7 @@ proptest! {
     fn no_error_goes_unseen(error in 1u32.., new: bool) {
         let [a, b, c, d] = error.to_le_bytes();
         let drive = if new { PRO } else { DRIVE };
-        let (_, heartbeat) = told(&drive, 0x001, [a, b, c, d, 8, 0, 0, 0]);
+        let (_, heartbeat) = decode_answer(&drive, 0x001, [a, b, c, d, 8, 0, 0, 0]);
         prop_assert!(!heartbeat.faults.unwrap().none());
     }
 

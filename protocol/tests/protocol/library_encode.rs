@@ -18,7 +18,7 @@ fn motion(frames: &[f32], looping: bool) -> MotionSpec<'_> {
 }
 
 #[track_caller]
-fn says(text: String, sentence: &str) {
+fn assert_contains(text: String, sentence: &str) {
     assert!(text.contains(sentence), "{text:?} does not say {sentence:?}");
 }
 
@@ -26,33 +26,51 @@ fn says(text: String, sentence: &str) {
 fn errors_say_what_is_wrong() {
     let config = robot(1, 1);
     let refuse = |frames: &[f32], looping| error(&config, &[motion(frames, looping)], &[]);
-    says(error(&config, &[], &[]), "motions: 0; expected 1 to 32");
-    says(refuse(&[0.0; 3], true), "motion 0: 3 values; expected 1 to 3600 frames of 2 channels");
-    says(refuse(&[], true), "motion 0: 0 values; expected");
-    says(refuse(&vec![0.0; 7202], true), "motion 0: 7202 values; expected");
-    says(refuse(&[f32::NAN, 0.0], true), "motion 0, frame 0, channel 0: NaN is outside the limits");
-    says(refuse(&[0.0, 0.0, 0.0, 8.1], true), "motion 0, frame 1, channel 1: 8.1 is outside");
-    says(refuse(&[0.0, 0.0, 0.5, 0.0], true), "the robot would refuse this library: frames");
-    says(
+    assert_contains(error(&config, &[], &[]), "motions: 0; expected 1 to 32");
+    assert_contains(
+        refuse(&[0.0; 3], true),
+        "motion 0: 3 values; expected 1 to 3600 frames of 2 channels",
+    );
+    assert_contains(refuse(&[], true), "motion 0: 0 values; expected");
+    assert_contains(refuse(&vec![0.0; 7202], true), "motion 0: 7202 values; expected");
+    assert_contains(
+        refuse(&[f32::NAN, 0.0], true),
+        "motion 0, frame 0, channel 0: NaN is outside the limits",
+    );
+    assert_contains(
+        refuse(&[0.0, 0.0, 0.0, 8.1], true),
+        "motion 0, frame 1, channel 1: 8.1 is outside",
+    );
+    assert_contains(
+        refuse(&[0.0, 0.0, 0.5, 0.0], true),
+        "the robot would refuse this library: frames",
+    );
+    assert_contains(
         refuse(&[0.0, 1.5], false),
         "motion 0, frame 0, channel 1: the value at this end is 1.5; expected a value within 1 of 0",
     );
     let two = [motion(&[0.0; 2], true), motion(&[0.0; 2], true)];
-    says(error(&config, &two, &[]), "motions 0 and 1 have the same command code 1");
+    assert_contains(error(&config, &two, &[]), "motions 0 and 1 have the same command code 1");
     let two = [two[0], MotionSpec { code: 2, ..two[1] }];
-    says(error(&config, &two, &[]), "motions 0 and 1 have the same name");
+    assert_contains(error(&config, &two, &[]), "motions 0 and 1 have the same name");
     let two = [two[0], MotionSpec { name: "n", ..two[1] }];
     for name in ["a\0", "a\n", " a", "\u{202e}a"] {
         let unclear = [two[0], MotionSpec { name, ..two[1] }];
-        says(error(&config, &unclear, &[]), "motion 1: its name has invisible characters");
+        assert_contains(
+            error(&config, &unclear, &[]),
+            "motion 1: its name has invisible characters",
+        );
     }
-    says(error(&config, &two, &[]), "motion 1 has no route to the safe motion 0");
+    assert_contains(error(&config, &two, &[]), "motion 1 has no route to the safe motion 0");
     let long = "x".repeat(33);
-    says(
+    assert_contains(
         error(&config, &[MotionSpec { name: &long, ..two[0] }], &[]),
         "33 bytes; expected 1 to 32",
     );
-    says(error(&config, &[MotionSpec { name: "", ..two[0] }], &[]), "its name has 0 bytes");
+    assert_contains(
+        error(&config, &[MotionSpec { name: "", ..two[0] }], &[]),
+        "its name has 0 bytes",
+    );
     let back = |from, exit_frame, frames| TransitionSpec {
         from,
         exit_frame,
@@ -61,27 +79,33 @@ fn errors_say_what_is_wrong() {
         frames,
         torques: &[],
     };
-    says(
+    assert_contains(
         error(&config, &two, &[back(1, 1, &[0.0; 4])]),
         "joins motion 1 at frame 1, which does not",
     );
-    says(
+    assert_contains(
         error(&config, &two, &[back(2, 0, &[0.0; 4])]),
         "joins motion 2 at frame 0, which does not",
     );
-    says(
+    assert_contains(
         error(&config, &two, &[back(1, 0, &[0.0; 2])]),
         "transition 0: 2 values; expected 2 to 3600",
     );
-    says(
+    assert_contains(
         error(&config, &two, &[back(1, 0, &[0.0, 0.0, 0.01, 0.0])]),
         "transition 0, frame 1, channel 0: the value at this end is 0.009765625; expected a value within 0.005 of 0",
     );
     let many: Vec<_> = (0..33).map(|i| MotionSpec { code: i, ..two[0] }).collect();
-    says(error(&config, &many, &[]), "motions: 33; expected 1 to 32");
+    assert_contains(error(&config, &many, &[]), "motions: 33; expected 1 to 32");
     let spec = LibrarySpec { config: &config, motions: &two[..1], transitions: &[], safe: 1 };
-    says(encode(&spec, &mut [0; 999]).unwrap_err().to_string(), "number of the safe motion: 1");
-    says(error(&robot(0, 0), &two, &[]), "configuration is unusable: channel 0: channels is 0");
+    assert_contains(
+        encode(&spec, &mut [0; 999]).unwrap_err().to_string(),
+        "number of the safe motion: 1",
+    );
+    assert_contains(
+        error(&robot(0, 0), &two, &[]),
+        "configuration is unusable: channel 0: channels is 0",
+    );
 }
 
 #[test]
@@ -119,7 +143,10 @@ fn the_largest_step_is_the_rate_and_one_quantum() {
         encode(&spec, &mut [0; 999]).map(|_| ()).map_err(|error| error.to_string())
     };
     assert_eq!(step(103.0), Ok(()));
-    says(step(104.0).unwrap_err(), "clip 1, frame 1, channel 0: the rate of change is 6.09375");
+    assert_contains(
+        step(104.0).unwrap_err(),
+        "clip 1, frame 1, channel 0: the rate of change is 6.09375",
+    );
 }
 
 #[test]

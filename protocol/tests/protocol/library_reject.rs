@@ -4,7 +4,7 @@ use crate::fixture::{Fixture, robot};
 use crate::refusal::{self, expect};
 use crate::reseal::{HEADER, find_section, reseal};
 use rollwalk_protocol::library::{
-    Library, LibrarySpec, MotionSpec, Reject, Section, Why, encode, validate,
+    Library, LibrarySpec, MotionSpec, Reject, RejectReason, Section, encode, validate,
 };
 
 /// Byte range of the payload of the section with this tag, which must exist.
@@ -42,7 +42,7 @@ fn corrupted() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1 << bit;
             let reject = validate(&damaged, &fixture.config).unwrap_err();
-            let expected = at < 8 || matches!(reject.why, Why::Corrupted { .. });
+            let expected = at < 8 || matches!(reject.why, RejectReason::Corrupted { .. });
             assert!(expected, "byte {at} bit {bit}: {reject}");
         }
     }
@@ -87,7 +87,7 @@ fn a_footer_that_belongs_to_another_file() {
 #[test]
 fn future_major_version() {
     let reject = refusal(|bytes| bytes[8] = 2);
-    assert_eq!(reject.why, Why::OtherMajor { found: 2 });
+    assert_eq!(reject.why, RejectReason::OtherMajor { found: 2 });
     expect(reject, Section::Header, "format version 2, but this reader supports version 1");
 }
 
@@ -144,9 +144,9 @@ fn tables_have_as_many_records_as_the_manifest_says() {
             // Channels are read one by one before tables are counted.
             let missing = tag == 2 && !more;
             let expected = if missing {
-                matches!(reject.why, Why::BadRecord { record: 2 })
+                matches!(reject.why, RejectReason::BadRecord { record: 2 })
             } else {
-                matches!(reject.why, Why::WrongCount { .. })
+                matches!(reject.why, RejectReason::WrongCount { .. })
             };
             assert!(
                 expected && usize::from(reject.section.code()) == tag,
@@ -170,7 +170,7 @@ fn routes_and_safe_pose_never_get_wider() {
             bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
             bytes.splice(table, wider);
         });
-        assert!(matches!(reject.why, Why::WrongCount { .. }), "{reject}");
+        assert!(matches!(reject.why, RejectReason::WrongCount { .. }), "{reject}");
         assert_eq!(usize::from(reject.section.code()), tag);
     }
 }
@@ -182,7 +182,10 @@ fn wrong_robot() {
     other.channels[0].kp_nm_rad += 1.0;
     let reject = validate(&bytes, &other).unwrap_err();
     expect(reject, Section::Manifest, "built for another robot");
-    assert_eq!(reject.why, Why::WrongRobot { library: fixture.config.hash(), robot: other.hash() });
+    assert_eq!(
+        reject.why,
+        RejectReason::WrongRobot { library: fixture.config.hash(), robot: other.hash() }
+    );
 }
 
 #[test]
@@ -362,7 +365,9 @@ fn seam_jumps() {
         let delta = i16::from_le_bytes(bytes[at..at + 2].try_into().unwrap()) + 8;
         bytes[at..at + 2].copy_from_slice(&delta.to_le_bytes());
     });
-    let Why::SeamJump { channel: 0, step, max_step, .. } = reject.why else { panic!("{reject}") };
+    let RejectReason::SeamJump { channel: 0, step, max_step, .. } = reject.why else {
+        panic!("{reject}")
+    };
     assert!(step > max_step);
     expect(reject, Section::Frames, "the step from the last to the first frame is");
 }
@@ -492,7 +497,7 @@ fn tables_have_whole_records() {
 #[test]
 fn nothing_follows_the_last_block() {
     let reject = appended(4, &[0; 7]);
-    assert!(matches!(reject.why, Why::WrongCount { .. }), "{reject}");
+    assert!(matches!(reject.why, RejectReason::WrongCount { .. }), "{reject}");
     assert_eq!(reject.section, Section::Frames);
 }
 
@@ -519,7 +524,7 @@ fn nothing_is_hidden_between_the_fields() {
             bytes[header + 4..header + 8].copy_from_slice(&(wider.len() as u32).to_le_bytes());
             bytes.splice(table, wider);
         });
-        assert_eq!(reject.why, Why::BadSection { tag: tag as u16 }, "{reject}");
+        assert_eq!(reject.why, RejectReason::BadSection { tag: tag as u16 }, "{reject}");
     }
     // Two manifests.
     let reject = refusal(|bytes| {
@@ -529,7 +534,7 @@ fn nothing_is_hidden_between_the_fields() {
         let copy = bytes.split_off(bytes.len() - table.len());
         bytes.splice(table.end..table.end, copy);
     });
-    assert_eq!(reject.why, Why::WrongCount { found: 2, expected: 1 }, "{reject}");
+    assert_eq!(reject.why, RejectReason::WrongCount { found: 2, expected: 1 }, "{reject}");
     // Strides of what is no table.
     for tag in [4, 9] {
         let reject = refusal(|bytes| {
@@ -538,7 +543,7 @@ fn nothing_is_hidden_between_the_fields() {
             bytes[payload.start - 6..payload.start - 4]
                 .copy_from_slice(&(stride as u16).to_le_bytes());
         });
-        assert_eq!(reject.why, Why::BadSection { tag: tag as u16 }, "{reject}");
+        assert_eq!(reject.why, RejectReason::BadSection { tag: tag as u16 }, "{reject}");
     }
     // Attitudes came with 1.1.
     let reject = refusal(|bytes| {
@@ -552,7 +557,7 @@ fn nothing_is_hidden_between_the_fields() {
         bytes.splice(table, wider);
         bytes[10] = 0;
     });
-    assert_eq!(reject.why, Why::BadSection { tag: 3 }, "{reject}");
+    assert_eq!(reject.why, RejectReason::BadSection { tag: 3 }, "{reject}");
 }
 
 #[test]
@@ -585,7 +590,7 @@ fn routes_are_the_shortest_ones() {
             changed[routes.start + cell] = edge as u8;
             reseal(&mut changed);
             let reject = validate(&changed, &fixture.config).unwrap_err();
-            assert!(matches!(reject.why, Why::BadRoute { .. }), "{reject}");
+            assert!(matches!(reject.why, RejectReason::BadRoute { .. }), "{reject}");
             refused += 1;
         }
     }

@@ -4,7 +4,7 @@ use crate::fixture::{Fixture, TROT_EXIT};
 use crate::reseal::{find_section, reseal};
 use rollwalk_protocol::library::{
     Advance, Attitude, ClipCursor, ClipId, ClipKind, ClipRef, Edge, EdgeId, EncodeError, Entry,
-    Library, LibrarySpec, NodeId, Unreadable, Why, encode_with_attitudes, validate,
+    Library, LibraryReadError, LibrarySpec, NodeId, RejectReason, encode_with_attitudes, validate,
 };
 
 #[test]
@@ -65,7 +65,7 @@ fn seeking_finds_what_playing_finds() {
             assert_eq!(sought.advance(&library), played.advance(&library));
             assert!(sought.quanta().eq(played.quanta()));
         }
-        assert_eq!(sought.seek(&library, frames), Err(Unreadable));
+        assert_eq!(sought.seek(&library, frames), Err(LibraryReadError));
     }
 }
 
@@ -133,9 +133,9 @@ fn other_bytes_do_not_open() {
     let (clip, other_index) = (ClipId(1), validate(&other, &f.config).unwrap());
     let other = Library::open(&other, &other_index).unwrap();
     let mut cursor = ClipCursor::new(&Library::open(&bytes, &index).unwrap(), clip, 0).unwrap();
-    assert_eq!(cursor.advance(&other), Err(Unreadable));
-    assert_eq!(cursor.seek(&other, 0), Err(Unreadable));
-    assert_eq!(cursor.frame_into(&other, &mut [0.0; 3]), Err(Unreadable));
+    assert_eq!(cursor.advance(&other), Err(LibraryReadError));
+    assert_eq!(cursor.seek(&other, 0), Err(LibraryReadError));
+    assert_eq!(cursor.frame_into(&other, &mut [0.0; 3]), Err(LibraryReadError));
     // Written over in the middle, where opening does not look: the block's CRC notices.
     let mut damaged = bytes.clone();
     damaged[300] ^= 4;
@@ -206,7 +206,8 @@ fn attitudes_come_back_and_a_library_without_says_none() {
                 .copy_from_slice(&value.to_le_bytes());
             reseal(&mut forged);
             let reject = validate(&forged, &f.config).unwrap_err();
-            let refused = matches!(reject.why, Why::BadClip { clip: found } if found.0 == clip);
+            let refused =
+                matches!(reject.why, RejectReason::BadClip { clip: found } if found.0 == clip);
             assert!(refused, "clip {clip}, byte {at}: {reject}");
         }
     }
@@ -234,9 +235,9 @@ fn a_place_that_was_checked_ahead_is_that_place() {
                 assert!(entered.quanta().eq(plain.quanta()));
             }
         }
-        assert_eq!(Entry::new(&library, clip, frames), Err(Unreadable));
+        assert_eq!(Entry::new(&library, clip, frames), Err(LibraryReadError));
     }
-    assert_eq!(Entry::new(&library, ClipId(library.clip_count()), 0), Err(Unreadable));
+    assert_eq!(Entry::new(&library, ClipId(library.clip_count()), 0), Err(LibraryReadError));
     // An entry stays with its library.
     let mut other = Fixture::new();
     other.trot[30] += 0.01;

@@ -2,49 +2,55 @@
 //! `docs/formats/motion-library.md`.
 
 use rollwalk_protocol::config::ConfigError;
-use rollwalk_protocol::library::{ClipId, EdgeId, NodeId, Section, Why};
+use rollwalk_protocol::library::{ClipId, EdgeId, NodeId, RejectReason, Section};
 
 /// Reasons, each with its text on the page.
-fn reasons() -> [(Why, &'static str); 33] {
+fn reasons() -> [(RejectReason, &'static str); 33] {
     let (clip, frame, channel) = (ClipId(0), 0, 0);
     let (edge, node, safe, from, to) = (EdgeId(0), NodeId(0), NodeId(0), NodeId(0), NodeId(0));
     let (value, min, max, rate, max_rate) = (0.0, 0.0, 0.0, 0.0, 0.0);
     let (speed, step, max_step, end) = (0.0, 0.0, 0.0, "first frame");
     let bad_config = ConfigError { channel, field: "id", value, must: "" };
     [
-        (Why::NotALibrary, "not a library"),
-        (Why::Truncated { len: 0, expected: 0 }, "truncated"),
-        (Why::TrailingBytes { len: 0, expected: 0 }, "bytes follow"),
-        (Why::Corrupted { stored: 0, computed: 0 }, "corrupted"),
-        (Why::OtherMajor { found: 0 }, "other major version"),
-        (Why::SectionBeyondEnd, "section beyond the end"),
-        (Why::BadSection { tag: 0 }, "bad section"),
-        (Why::MissingSection { tag: 0 }, "section missing"),
-        (Why::BadConfig(bad_config), "bad configuration"),
-        (Why::WrongRobot { library: 0, robot: 0 }, "wrong robot"),
-        (Why::WrongRate { found: 0 }, "wrong rate"),
-        (Why::WrongCount { found: 0, expected: 0 }, "wrong number of records"),
-        (Why::CountOutOfRange { what: "", found: 0, min: 0, max: 0 }, "count out of range"),
-        (Why::BadRecord { record: 0 }, "record does not decode"),
-        (Why::ChannelMismatch { channel }, "channel differs"),
-        (Why::ClipLength { clip, frames: 0, min: 0 }, "clip length"),
-        (Why::BadClip { clip }, "bad clip record"),
-        (Why::BadBlock { clip, frame }, "bad block"),
-        (Why::OutOfLimits { clip, frame, channel, value, min, max }, "out of limits"),
-        (Why::TooFast { clip, frame, channel, rate, max_rate }, "too fast"),
-        (Why::SeamJump { clip, channel, step, max_step }, "seam jumps"),
-        (Why::EndsInMotion { clip, channel, speed }, "ends with a turning wheel"),
-        (Why::BadEdge { edge }, "transition joins nothing"),
-        (Why::ExitBeforeEnd { edge, exit_frame: 0, last: 0 }, "leaves before the end"),
-        (Why::EndMismatch { edge, end, channel, found: 0.0, expected: 0.0 }, "ends do not meet"),
-        (Why::NoRouteToSafe { node, safe }, "no route to SAFE"),
-        (Why::BadRoute { from, to }, "wrong route"),
-        (Why::CodeWithoutMotion { code: 0, node: 0, motions: 0 }, "code without motion"),
-        (Why::DuplicateCode { code: 0 }, "duplicate code"),
-        (Why::MotionWithTwoCodes { node }, "motion with two codes"),
-        (Why::NoSafeMotion { found: 0, motions: 0 }, "no safe motion"),
-        (Why::SafeNotAtRest { channel }, "safe motion does not rest"),
-        (Why::BadName { node }, "bad name"),
+        (RejectReason::NotALibrary, "not a library"),
+        (RejectReason::Truncated { len: 0, expected: 0 }, "truncated"),
+        (RejectReason::TrailingBytes { len: 0, expected: 0 }, "bytes follow"),
+        (RejectReason::Corrupted { stored: 0, computed: 0 }, "corrupted"),
+        (RejectReason::OtherMajor { found: 0 }, "other major version"),
+        (RejectReason::SectionBeyondEnd, "section beyond the end"),
+        (RejectReason::BadSection { tag: 0 }, "bad section"),
+        (RejectReason::MissingSection { tag: 0 }, "section missing"),
+        (RejectReason::BadConfig(bad_config), "bad configuration"),
+        (RejectReason::WrongRobot { library: 0, robot: 0 }, "wrong robot"),
+        (RejectReason::WrongRate { found: 0 }, "wrong rate"),
+        (RejectReason::WrongCount { found: 0, expected: 0 }, "wrong number of records"),
+        (
+            RejectReason::CountOutOfRange { what: "", found: 0, min: 0, max: 0 },
+            "count out of range",
+        ),
+        (RejectReason::BadRecord { record: 0 }, "record does not decode"),
+        (RejectReason::ChannelMismatch { channel }, "channel differs"),
+        (RejectReason::ClipLength { clip, frames: 0, min: 0 }, "clip length"),
+        (RejectReason::BadClip { clip }, "bad clip record"),
+        (RejectReason::BadBlock { clip, frame }, "bad block"),
+        (RejectReason::OutOfLimits { clip, frame, channel, value, min, max }, "out of limits"),
+        (RejectReason::TooFast { clip, frame, channel, rate, max_rate }, "too fast"),
+        (RejectReason::SeamJump { clip, channel, step, max_step }, "seam jumps"),
+        (RejectReason::EndsInMotion { clip, channel, speed }, "ends with a turning wheel"),
+        (RejectReason::BadEdge { edge }, "transition joins nothing"),
+        (RejectReason::ExitBeforeEnd { edge, exit_frame: 0, last: 0 }, "leaves before the end"),
+        (
+            RejectReason::EndMismatch { edge, end, channel, found: 0.0, expected: 0.0 },
+            "ends do not meet",
+        ),
+        (RejectReason::NoRouteToSafe { node, safe }, "no route to SAFE"),
+        (RejectReason::BadRoute { from, to }, "wrong route"),
+        (RejectReason::CodeWithoutMotion { code: 0, node: 0, motions: 0 }, "code without motion"),
+        (RejectReason::DuplicateCode { code: 0 }, "duplicate code"),
+        (RejectReason::MotionWithTwoCodes { node }, "motion with two codes"),
+        (RejectReason::NoSafeMotion { found: 0, motions: 0 }, "no safe motion"),
+        (RejectReason::SafeNotAtRest { channel }, "safe motion does not rest"),
+        (RejectReason::BadName { node }, "bad name"),
     ]
 }
 

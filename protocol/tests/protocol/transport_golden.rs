@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rollwalk_protocol::faults::{Event, Fault};
-use rollwalk_protocol::library::{Reject, Section, Why};
+use rollwalk_protocol::library::{Reject, RejectReason, Section};
 use rollwalk_protocol::wire::transport::*;
 use rollwalk_protocol::wire::{LOG_ENTRY_BYTES, Log, LogEntry, MAX_LOG_ENTRIES, State};
 
@@ -59,7 +59,8 @@ fn responses() {
     );
     let reply = Reply::new(0x11, TransferResult::OutOfOrder, 1024);
     response(Response::Reply(reply), "901103000400000000");
-    let reject = Reject { section: Section::Routes, offset: 0x0102, why: Why::SectionBeyondEnd };
+    let reject =
+        Reject { section: Section::Routes, offset: 0x0102, why: RejectReason::SectionBeyondEnd };
     response(
         Response::Reply(Reply::rejected(0x12, &reject)),
         "90120702010000 0606".replace(' ', "").as_str(),

@@ -163,7 +163,7 @@ fn sample() {
     let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.805] };
     assert_eq!(text(accelerometer.encode(node())), "433#c1000038ffa907");
     assert_eq!(Accelerometer::decode(&accelerometer.encode(node())), Ok((node(), accelerometer)));
-    let answered = |number, delay_s| Some(Answered { number, delay_s });
+    let answered = |number, delay_s| Some(SampleAnswer { number, delay_s });
     for (answered, contacts, golden) in [
         (answered(0xFE, 0.0166), Some(0b1010), "434#3dfffe530a000003"),
         (None, None, "434#12ff000000000000"),

@@ -105,8 +105,8 @@ impl Check<'_> {
         for (center, (foot_kg, inertia)) in &feet {
             rest -= inertia + about(*foot_kg, center - com);
         }
-        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the mass of a
-        // rigid foot where that is, and not as a ball.
+        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the
+        // mass of a rigid foot where that is, and not as a ball.
         let moments = rest.symmetric_eigenvalues();
         if moments.min() <= 0.0 {
             let help = format!(

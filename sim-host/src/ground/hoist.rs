@@ -40,7 +40,7 @@ impl Hoist {
 
 /// Condition for releasing the robot.
 #[derive(Clone, Debug)]
-pub enum LetsGo {
+pub enum ReleaseCondition {
     /// The robot begins to play.
     WhenItPlays,
     /// The motors all have torque and stand still, or have had torque for some seconds.

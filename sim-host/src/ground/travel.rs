@@ -37,8 +37,8 @@ impl Travel {
     }
 
     /// Path along the ground.
-    pub fn way(&self) -> Way {
-        self.odometer.way()
+    pub fn displacement(&self) -> Way {
+        self.odometer.displacement()
     }
 
     /// Tilt, slip, forces and work.

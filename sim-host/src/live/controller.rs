@@ -1,14 +1,14 @@
 //! Firmware as a process on real buses: its link and actuator buses have adapters, as on a board.
 
-use super::{Kept, Reopen};
-use crate::core::{Core, Local};
+use super::{Reopen, RobotBus};
+use crate::core::{Core, LocalController};
 use crate::interface::Interface;
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Event, Hub, Port};
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::BusState;
-use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, Stepped};
+use rollwalk_protocol::tunnel::{Buses, Input, MAX_ACTUATOR_BUSES, Step, StepResult};
 use rollwalk_protocol::wire::Torque;
 use std::iter;
 use std::time::{Duration, Instant};
@@ -25,12 +25,12 @@ use std::time::{Duration, Instant};
 /// # Errors
 /// Returns no error, since the controller runs in this process.
 pub fn run(
-    core: &mut Local,
+    core: &mut LocalController,
     period: Duration,
     port: Port,
     keeper: &mut dyn Reopen,
     actuators: Vec<Port>,
-    mut goes_on: impl FnMut(&mut Local) -> bool,
+    mut goes_on: impl FnMut(&mut LocalController) -> bool,
 ) -> Result<(), LinkError> {
     let start = Instant::now();
     let mut board = Board::new(core, port, keeper, actuators);
@@ -45,7 +45,7 @@ pub fn run(
         let heard = if is_due { None } else { board.hub.next_event(next_tick) };
         let now_us = start.elapsed().as_micros() as u64;
         let input = match heard {
-            Some((index, heard)) => board.hear(now_us, index, heard),
+            Some((index, heard)) => board.handle_event(now_us, index, heard),
             None => {
                 // After a stall one tick is late; missed ticks are not repeated, and the next one leaves servos on serial
                 // lines the time for their answers.
@@ -79,7 +79,7 @@ const CATCH_UP: usize = 64;
 
 /// Controller with its buses.
 struct Board<'a> {
-    core: &'a mut Local,
+    core: &'a mut LocalController,
     keeper: &'a mut dyn Reopen,
     hub: Hub,
     /// Buses by port of the hub: first the link, then the actuator buses.
@@ -87,7 +87,7 @@ struct Board<'a> {
 }
 
 struct Bus {
-    kept: Kept,
+    kept: RobotBus,
     /// Previous reported state.
     state: BusState,
 }
@@ -99,7 +99,7 @@ fn number(index: usize) -> Option<u8> {
 
 impl<'a> Board<'a> {
     fn new(
-        core: &'a mut Local,
+        core: &'a mut LocalController,
         link: Port,
         keeper: &'a mut dyn Reopen,
         actuators: Vec<Port>,
@@ -109,14 +109,14 @@ impl<'a> Board<'a> {
         let hub = Hub::new(iter::once(link).chain(actuators));
         let bus = |index| {
             let interface = number(index).map_or(Interface::Link, Interface::Actuator);
-            Bus { kept: Kept::new(interface, index), state: BusState::Active }
+            Bus { kept: RobotBus::new(interface, index), state: BusState::Active }
         };
         let buses = (0..hub.outlets.len()).map(bus).collect();
         Self { core, keeper, hub, buses }
     }
 
     /// Processes an event of a bus. Returns the controller's input, if any.
-    fn hear(
+    fn handle_event(
         &mut self,
         now_us: u64,
         index: usize,
@@ -150,7 +150,7 @@ impl<'a> Board<'a> {
         for _ in 0..CATCH_UP {
             let Some((index, heard)) = self.hub.next_event(Instant::now()) else { return Ok(()) };
             let now_us = start.elapsed().as_micros() as u64;
-            let input = self.hear(now_us, index, heard);
+            let input = self.handle_event(now_us, index, heard);
             self.step(now_us, input)?;
         }
         Ok(())
@@ -195,7 +195,7 @@ impl<'a> Board<'a> {
     }
 
     /// Sends the controller's frame for each bus. Returns true if there was any.
-    fn send(&mut self, now_us: u64, stepped: &Stepped) -> bool {
+    fn send(&mut self, now_us: u64, stepped: &StepResult) -> bool {
         let mut any = false;
         for (index, frame) in iter::once(&stepped.link).chain(&stepped.actuators).enumerate() {
             if let Some(frame) = frame {
@@ -259,9 +259,9 @@ mod tests {
     use std::thread;
 
     /// Outlet that passes frames to the test.
-    struct To(Sender<Frame>);
+    struct TestOutlet(Sender<Frame>);
 
-    impl Outlet for To {
+    impl Outlet for TestOutlet {
         fn is_free(&self) -> bool {
             true
         }
@@ -272,9 +272,9 @@ mod tests {
     }
 
     /// Receives only frames that the test injects.
-    struct Silence;
+    struct TestInlet;
 
-    impl Inlet for Silence {
+    impl Inlet for TestInlet {
         fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
             thread::sleep(Duration::from_millis(10));
             Ok(None)
@@ -284,14 +284,14 @@ mod tests {
     /// Bus with the receiver of its frames. Once the receiver is dropped, the bus accepts no frame.
     fn bus() -> (Port, Receiver<Frame>) {
         let (to, sent) = channel();
-        (Port { outlet: Box::new(To(to)), inlet: Box::new(Silence) }, sent)
+        (Port { outlet: Box::new(TestOutlet(to)), inlet: Box::new(TestInlet) }, sent)
     }
 
     /// Records lost buses, and reopens none of them.
     #[derive(Default)]
-    struct Lost(Vec<Interface>);
+    struct LossRecord(Vec<Interface>);
 
-    impl Reopen for Lost {
+    impl Reopen for LossRecord {
         fn lost(&mut self, bus: Interface, _why: &LinkError) {
             self.0.push(bus);
         }
@@ -301,8 +301,12 @@ mod tests {
         }
     }
 
-    fn core() -> Local {
-        Local::new(one_leg::config(), one_leg::robot().controller_buses(), Settings::default())
+    fn core() -> LocalController {
+        LocalController::new(
+            one_leg::config(),
+            one_leg::robot().controller_buses(),
+            Settings::default(),
+        )
     }
 
     /// Runs control periods from `now_us` on, and returns the time at which they end.
@@ -336,7 +340,7 @@ mod tests {
     #[test]
     fn an_actuator_bus_that_takes_nothing_any_more_is_lost() {
         let ((link, _host), (first, _motors), (second, gone)) = (bus(), bus(), bus());
-        let (mut core, mut lost) = (core(), Lost::default());
+        let (mut core, mut lost) = (core(), LossRecord::default());
         let mut board = Board::new(&mut core, link, &mut lost, vec![first, second]);
         let now_us = periods(&mut board, 0, 10);
         assert!(!board.core.controller_mut().faults().contains(Fault::BusOff));
@@ -350,11 +354,11 @@ mod tests {
     #[test]
     fn to_clear_a_bus_that_is_off_does_not_make_it_well() {
         let ((link, host), (first, _motors), (second, _more)) = (bus(), bus(), bus());
-        let (mut core, mut lost) = (core(), Lost::default());
+        let (mut core, mut lost) = (core(), LossRecord::default());
         let mut board = Board::new(&mut core, link, &mut lost, vec![first, second]);
         let mut now_us = periods(&mut board, 0, 10);
         assert_eq!(board.core.controller_mut().state(), State::Disarmed);
-        board.hear(now_us, 2, Ok(Event::State(BusState::Off)));
+        board.handle_event(now_us, 2, Ok(Event::State(BusState::Off)));
         for (state, seq) in [(State::EStopped, 1), (State::Disarmed, 3)] {
             now_us = periods(&mut board, now_us, 10);
             assert_eq!(board.core.controller_mut().state(), State::EStopped);
@@ -367,7 +371,7 @@ mod tests {
             let is_off = controller.faults().contains(Fault::BusOff);
             assert_eq!(is_off, state == State::EStopped);
             // Before the second round the bus reports that it is active.
-            board.hear(now_us, 2, Ok(Event::State(BusState::Active)));
+            board.handle_event(now_us, 2, Ok(Event::State(BusState::Active)));
         }
         drop(board);
         assert!(lost.0.is_empty(), "an interface that is off is still there");

@@ -33,7 +33,7 @@ pub trait Reopen {
 }
 
 /// Bus of a robot: a port of a hub that is reopened after a loss.
-struct Kept {
+struct RobotBus {
     bus: Interface,
     /// Index of the port in the hub.
     index: usize,
@@ -41,7 +41,7 @@ struct Kept {
     gone: Option<Instant>,
 }
 
-impl Kept {
+impl RobotBus {
     /// Creates an open bus.
     fn new(bus: Interface, index: usize) -> Self {
         Self { bus, index, gone: None }
@@ -84,9 +84,9 @@ const WAITING: usize = 64;
 
 /// Frames that wait for a busy bus, oldest first.
 #[derive(Default)]
-struct Waiting(VecDeque<Frame>);
+struct FrameQueue(VecDeque<Frame>);
 
-impl Waiting {
+impl FrameQueue {
     fn push(&mut self, frame: Frame) {
         self.push_within(frame, WAITING);
     }

@@ -1,6 +1,6 @@
 //! Motors of a robot as a process on real buses.
 
-use super::{Kept, Reopen, Waiting};
+use super::{FrameQueue, Reopen, RobotBus};
 use crate::body::Body;
 use crate::clock::{Periodic, SimTime};
 use crate::interface::Interface;
@@ -28,10 +28,10 @@ pub fn run(
 ) -> Result<(), StepError> {
     let start = Instant::now();
     let mut hub = Hub::new(buses);
-    let mut waiting: Vec<_> = hub.outlets.iter().map(|_| Waiting::default()).collect();
+    let mut waiting: Vec<_> = hub.outlets.iter().map(|_| FrameQueue::default()).collect();
     let mut lines: Vec<_> = hub.outlets.iter().map(|_| Vec::new()).collect();
     let mut kept: Vec<_> = (0..hub.outlets.len())
-        .map(|index| Kept::new(Interface::Actuator(index as u8), index))
+        .map(|index| RobotBus::new(Interface::Actuator(index as u8), index))
         .collect();
     let mut steps = Periodic::new(MOTOR_RATE_HZ);
     let mut next_load = start;
@@ -86,7 +86,7 @@ pub fn run(
         }
         for (waiting, bus) in waiting.iter_mut().zip(&mut kept) {
             if !bus.is_there(&mut hub, keeper) {
-                *waiting = Waiting::default();
+                *waiting = FrameQueue::default();
             } else if let Err(error) = waiting.send(hub.outlets[bus.index].as_mut()) {
                 bus.lose(&mut hub, keeper, &error);
             }
@@ -111,7 +111,7 @@ fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec
         }
         if !turns.is_empty() {
             all.push(turns.values().fold(Vec::new(), |mut said, answer| {
-                said.extend(answer.said(&said));
+                said.extend(answer.line_answer(&said));
                 said
             }));
         }

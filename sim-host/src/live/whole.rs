@@ -1,6 +1,6 @@
 //! Whole simulated robot in real time, of which only the link leaves the process.
 
-use super::{Kept, Reopen, Waiting};
+use super::{FrameQueue, Reopen, RobotBus};
 use crate::clock::SimTime;
 use crate::interface::{Interface, LogEntry};
 use crate::rig::Rig;
@@ -48,9 +48,9 @@ pub fn run(
 ) -> Result<(), LinkError> {
     let start = Instant::now();
     let mut clock = Clock { now_us: rig.now_us(), elapsed_us: 0 };
-    let (mut hub, mut link) = (Hub::new([port]), Kept::new(Interface::Link, 0));
+    let (mut hub, mut link) = (Hub::new([port]), RobotBus::new(Interface::Link, 0));
     // Frames of each direction that wait because the next bus has no room for them.
-    let (mut inward, mut outward) = (Waiting::default(), Waiting::default());
+    let (mut inward, mut outward) = (FrameQueue::default(), FrameQueue::default());
     loop {
         let now_us = clock.now_us(start.elapsed().as_micros() as u64);
         rig.run_until(SimTime::from_us(now_us));
@@ -63,7 +63,7 @@ pub fn run(
             outward.push(frame);
         }
         if !link.is_there(&mut hub, keeper) {
-            outward = Waiting::default();
+            outward = FrameQueue::default();
         } else if let Err(error) = outward.send(hub.outlets[0].as_mut()) {
             link.lose(&mut hub, keeper, &error);
         }
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn setpoints_that_come_at_once_all_wait() {
-        let mut inward = Waiting::default();
+        let mut inward = FrameQueue::default();
         let of =
             |frame, channel| Setpoint { frame, channel, stiff: false, value: 0.0, torque_nm: 0.0 };
         for frame in 0..10 {

@@ -2,18 +2,18 @@
 
 use super::{Core, LinkError, Rig};
 use crate::interface::{Interface, PacketEntry};
-use crate::line::{Heard, Speaker};
+use crate::line::{CrossedPacket, LineSender};
 use crate::wire::ActuatorLine;
 
 impl<C: Core> Rig<C> {
     /// Handles the next event of a serial line. Bytes are passed to the controller, or to the servos, which begin to answer.
-    pub(super) fn hear_line(&mut self, number: u8) -> Result<(), LinkError> {
+    pub(super) fn handle_line_event(&mut self, number: u8) -> Result<(), LinkError> {
         let Some(ActuatorLine { line, is_cut, .. }) = self.lines.get_mut(&number) else {
             return Ok(());
         };
-        let Some(Heard { at, from, bytes }) = line.advance(self.now) else { return Ok(()) };
+        let Some(CrossedPacket { at, from, bytes }) = line.advance(self.now) else { return Ok(()) };
         let (interface, from_controller) =
-            (Interface::Actuator(number), from == Speaker::Controller);
+            (Interface::Actuator(number), from == LineSender::Controller);
         self.packets.push(PacketEntry {
             at_us: at.as_us(),
             interface,

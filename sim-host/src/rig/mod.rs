@@ -28,7 +28,7 @@ mod observer;
 use crate::body::Body;
 use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
-use crate::core::{Core, Local};
+use crate::core::{Core, LocalController};
 use crate::faults::{Faults, FramePath};
 use crate::ground::{BodySample, Grounded, Travel};
 use crate::interface::{Interface, LogEntry, PacketEntry};
@@ -38,7 +38,7 @@ use crate::wire::{ActuatorBus, ActuatorLine, Wire};
 use nalgebra::Vector3;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_firmware::Settings;
-use rollwalk_firmware::player::Playing;
+use rollwalk_firmware::player::PlaybackPosition;
 use rollwalk_multibody::ground::Ground;
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::actuators::bus::ControlLoop;
@@ -62,7 +62,7 @@ pub const MOTOR_RATE_HZ: u32 = 4000;
 const HOST_QUEUE: usize = 10;
 
 /// Robot with its controller and its buses.
-pub struct Rig<C = Local> {
+pub struct Rig<C = LocalController> {
     now: SimTime,
     controller: C,
     /// Error after which the controller is out of reach; `None` if it can be reached.
@@ -91,7 +91,7 @@ pub struct Rig<C = Local> {
 }
 
 /// Kinds of events.
-enum Next {
+enum NextEvent {
     Link,
     Actuator(u8),
     Line(u8),
@@ -110,7 +110,7 @@ impl Rig {
     /// Returns an error if the robot violates a rule of robot files.
     pub fn new(robot: &Robot) -> Result<Self, InvalidRobot> {
         let (config, buses) = (robot.controller_config()?, robot.controller_buses());
-        Self::with_core(robot, Local::new(config, buses, Settings::default()))
+        Self::with_core(robot, LocalController::new(config, buses, Settings::default()))
     }
 
     /// Restarts the controller of the robot, as after a power cycle.
@@ -309,32 +309,32 @@ impl<C: Core> Rig<C> {
         }
         self.now = at;
         let noticed = match next {
-            Next::Link => self.end_link_frame(),
-            Next::Actuator(bus) => self.end_actuator_frame(bus),
-            Next::Line(bus) => match self.hear_line(bus) {
+            NextEvent::Link => self.end_link_frame(),
+            NextEvent::Actuator(bus) => self.end_actuator_frame(bus),
+            NextEvent::Line(bus) => match self.handle_line_event(bus) {
                 Ok(()) => None,
                 Err(error) => {
                     self.lost = Some(error);
                     return false;
                 }
             },
-            Next::Late(path) => match self.faults.pop(at, path) {
+            NextEvent::Late(path) => match self.faults.pop(at, path) {
                 Some(frame) => self.arrive(path, &frame),
                 None => return true,
             },
-            Next::Edge => {
+            NextEvent::Edge => {
                 self.begin_and_end_faults();
                 None
             }
-            Next::Babble(index) => {
+            NextEvent::Babble(index) => {
                 self.babble(index);
                 return true;
             }
-            Next::Drives => {
+            NextEvent::Drives => {
                 self.send_timed_frames(at);
                 return true;
             }
-            Next::Motors => {
+            NextEvent::Motors => {
                 self.motor_step.advance();
                 if let Err(error) = self.body.step(at, 1.0 / f64::from(MOTOR_RATE_HZ)) {
                     self.lost = Some(LinkError::Down(format!(
@@ -347,7 +347,7 @@ impl<C: Core> Rig<C> {
                 }
                 return true;
             }
-            Next::Control => {
+            NextEvent::Control => {
                 self.control_period.advance();
                 self.body.update_loads();
                 self.recorder.end_period();
@@ -395,7 +395,7 @@ impl<C: Core> Rig<C> {
                 ground.on_playing(at, sent.playing.map(|(clip, ..)| ClipId(clip)));
             }
             if is_tick && let Some((clip, frame, phase)) = sent.playing {
-                let playing = Playing { clip: ClipId(clip), frame, phase };
+                let playing = PlaybackPosition { clip: ClipId(clip), frame, phase };
                 let values = self.body.values();
                 let offsets = (0..values.len()).map(|of| self.controller.torque_offset(of));
                 self.recorder.begin_period(at, playing, values, offsets.collect());
@@ -428,20 +428,22 @@ impl<C: Core> Rig<C> {
     }
 
     /// Earliest event. Events at the same time are in the documented order.
-    fn next_event(&self) -> (SimTime, Next) {
-        let link = self.link.bus.next_completion().map(|at| (at, Next::Link));
+    fn next_event(&self) -> (SimTime, NextEvent) {
+        let link = self.link.bus.next_completion().map(|at| (at, NextEvent::Link));
         let actuators = self.actuator_buses.iter().filter_map(|(&number, bus)| {
-            Some((bus.wire.bus.next_completion()?, Next::Actuator(number)))
+            Some((bus.wire.bus.next_completion()?, NextEvent::Actuator(number)))
         });
         let lines = self.lines.iter();
-        let lines = lines.filter_map(|(&bus, of)| Some((of.line.next_event()?, Next::Line(bus))));
-        let late = self.faults.next_due().map(|(at, path)| (at.max(self.now), Next::Late(path)));
-        let edge = self.faults.next_edge(self.edges_until).map(|at| (at, Next::Edge));
+        let lines =
+            lines.filter_map(|(&bus, of)| Some((of.line.next_event()?, NextEvent::Line(bus))));
+        let late =
+            self.faults.next_due().map(|(at, path)| (at.max(self.now), NextEvent::Late(path)));
+        let edge = self.faults.next_edge(self.edges_until).map(|at| (at, NextEvent::Edge));
         let babblers = self.babblers.iter().enumerate().filter(|(_, b)| b.next < b.until);
-        let babblers = babblers.map(|(index, b)| (b.next.max(self.now), Next::Babble(index)));
-        let drives = self.body.next_timer().map(|at| (at.max(self.now), Next::Drives));
-        let motors = (self.motor_step.next(), Next::Motors);
-        let control = (self.control_period.next(), Next::Control);
+        let babblers = babblers.map(|(index, b)| (b.next.max(self.now), NextEvent::Babble(index)));
+        let drives = self.body.next_timer().map(|at| (at.max(self.now), NextEvent::Drives));
+        let motors = (self.motor_step.next(), NextEvent::Motors);
+        let control = (self.control_period.next(), NextEvent::Control);
         let frames = link.into_iter().chain(actuators).chain(lines);
         let faults = late.into_iter().chain(edge).chain(babblers);
         // `min_by_key` returns the first of several minima.

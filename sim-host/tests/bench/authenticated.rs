@@ -12,7 +12,7 @@ use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::authentication::{LINK_KEY_LEN, LinkKey};
 use rollwalk_protocol::wire::{Action, CommandResult, Node, Parameter, ParameterResult, State};
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_sim_host::store::VerifyingKey;
 
@@ -25,10 +25,10 @@ fn peer(key: u8) -> Peer {
     Peer { node: node(), credentials: Some(Credentials { key, nonce: 0x0123_4567_89AB_CDEF }) }
 }
 
-fn insisting() -> Rig {
+fn requiring_key() -> Rig {
     let buses = robot::robot().controller_buses();
-    let mut core = Local::new(robot::config(), buses, Settings::default());
-    core.insist_on(peer(1).credentials.unwrap().key, 0);
+    let mut core = LocalController::new(robot::config(), buses, Settings::default());
+    core.require_key(peer(1).credentials.unwrap().key, 0);
     Rig::with_core(&robot::robot(), core).unwrap()
 }
 
@@ -58,8 +58,8 @@ const OWNER: [u8; 32] = [
 #[test]
 fn a_robot_with_a_library_key_follows_no_stream() {
     let buses = robot::robot().controller_buses();
-    let core = Local::new(robot::config(), buses, Settings::default())
-        .insisting_on_libraries_of(VerifyingKey::from_bytes(&OWNER).unwrap());
+    let core = LocalController::new(robot::config(), buses, Settings::default())
+        .with_library_key(VerifyingKey::from_bytes(&OWNER).unwrap());
     let rig = Rig::with_core(&robot::robot(), core).unwrap();
     let mut session = Session::connect(rig, Peer { node: node(), credentials: None }).unwrap();
     let track = Action::Track { rate_hz: 120, kp_percent: 10, kd_percent: 20 };
@@ -73,7 +73,7 @@ fn a_robot_with_a_library_key_follows_no_stream() {
 
 #[test]
 fn with_the_key_all_works_and_nothing_is_refused() {
-    let mut rig = from_flash_to_disarm(insisting()).into_bus();
+    let mut rig = from_flash_to_disarm(requiring_key()).into_bus();
     assert_eq!(refused(&mut rig), 0);
     // The next host, and the next boot.
     let mut session = Session::connect(rig.power_cycled(), peer(1)).unwrap();
@@ -84,13 +84,13 @@ fn with_the_key_all_works_and_nothing_is_refused() {
 #[test]
 fn on_a_bad_link_as_well() {
     for seed in 0..3 {
-        from_flash_to_disarm(Lossy::new(insisting(), 30, seed));
+        from_flash_to_disarm(Lossy::new(requiring_key(), 30, seed));
     }
 }
 
 #[test]
 fn without_the_key_the_error_says_what_to_do() {
-    let mut session = Session::connect(insisting(), node()).unwrap();
+    let mut session = Session::connect(requiring_key(), node()).unwrap();
     let text = "authentication required; give the robot's link key with --link-key FILE or ROLLWALK_LINK_KEY \
                 (emergency stops require none)";
     let error = session.arm().unwrap_err();
@@ -110,13 +110,13 @@ fn without_the_key_the_error_says_what_to_do() {
 
 #[test]
 fn a_wrong_key_and_a_needless_one_are_told_from_a_silent_robot() {
-    let error = Session::connect(insisting(), peer(2)).err().unwrap();
+    let error = Session::connect(requiring_key(), peer(2)).err().unwrap();
     assert_eq!(error, SessionError::NoSession { node: 1, why: NoSession::WrongKey });
     assert!(error.to_string().contains("has another link key"), "{error}");
     let error = Session::connect(rig(), peer(1)).err().unwrap();
     assert_eq!(error, SessionError::NoSession { node: 1, why: NoSession::NotNeeded });
     let absent = Peer { node: Node::new(7).unwrap(), ..peer(1) };
-    let error = Session::connect(insisting(), absent).err().unwrap();
+    let error = Session::connect(requiring_key(), absent).err().unwrap();
     assert!(matches!(error, SessionError::Silent { what: "session", .. }), "{error}");
 }
 
@@ -152,7 +152,7 @@ impl LinkBus for Restarted {
 
 #[test]
 fn after_a_restart_of_the_robot_its_host_begins_another_session_by_itself() {
-    let mut session = from_flash_to_disarm(Restarted(Some(insisting())));
+    let mut session = from_flash_to_disarm(Restarted(Some(requiring_key())));
     session.bus_mut().restart();
     // Its host notices by heartbeats, and one that sends none by its command.
     session.run_for(S).unwrap();
@@ -167,7 +167,7 @@ fn after_a_restart_of_the_robot_its_host_begins_another_session_by_itself() {
 
 #[test]
 fn a_visitor_with_the_key_commands_beside_the_host() {
-    let mut session = Session::connect(insisting(), peer(1)).unwrap();
+    let mut session = Session::connect(requiring_key(), peer(1)).unwrap();
     session.flash(&robot::library(), |_| {}).unwrap();
     session.arm().unwrap();
     session.run_for(S).unwrap();
@@ -199,15 +199,15 @@ fn run(operator: &mut Operator, rig: &mut Rig, us: u64) {
 
 #[test]
 fn a_console_with_the_key_plays_and_outlives_a_restart() {
-    let mut rig = from_flash_to_disarm(insisting()).into_bus();
+    let mut rig = from_flash_to_disarm(requiring_key()).into_bus();
     let mut operator = Operator::new(peer(1), Some(robot::config().hash()));
     let state = |operator: &Operator, rig: &Rig| operator.view(rig.now_us()).status.unwrap().state;
     for _ in 0..2 {
         run(&mut operator, &mut rig, 2 * S);
-        operator.want(rig.now_us(), Intent::Arm);
+        operator.request(rig.now_us(), Intent::Arm);
         run(&mut operator, &mut rig, 4 * S);
         assert_eq!(state(&operator, &rig), State::Ready);
-        operator.want(rig.now_us(), Intent::Play { code: BOW });
+        operator.request(rig.now_us(), Intent::Play { code: BOW });
         run(&mut operator, &mut rig, S);
         assert_eq!(state(&operator, &rig), State::Playing);
         rig = rig.power_cycled();
@@ -216,7 +216,7 @@ fn a_console_with_the_key_plays_and_outlives_a_restart() {
 
 #[test]
 fn a_console_says_that_its_key_is_wrong_and_can_still_stop() {
-    let mut rig = insisting();
+    let mut rig = requiring_key();
     let mut operator = Operator::new(peer(2), None);
     run(&mut operator, &mut rig, 2 * S);
     let told = |operator: &Operator, what: &str| {
@@ -224,7 +224,7 @@ fn a_console_says_that_its_key_is_wrong_and_can_still_stop() {
         messages.iter().filter(|message| message.text.contains(what)).count()
     };
     assert_eq!(told(&operator, "has another link key"), 1);
-    operator.want(rig.now_us(), Intent::Estop);
+    operator.request(rig.now_us(), Intent::Estop);
     run(&mut operator, &mut rig, S);
     assert_eq!(operator.view(rig.now_us()).status.unwrap().state, State::EStopped);
 }

@@ -9,12 +9,12 @@ use rollwalk_sim_host::rig::Rig;
 use std::sync::{Arc, Mutex};
 
 /// Link whose transmit queue is full at every other attempt to send.
-struct Busy {
+struct BusyLink {
     rig: Rig,
     tries: u32,
 }
 
-impl LinkBus for Busy {
+impl LinkBus for BusyLink {
     fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
@@ -30,12 +30,12 @@ impl LinkBus for Busy {
 }
 
 /// Link that carries `left` more frames of the host, and afterwards none in either direction.
-struct Breaking {
+struct BreakingLink {
     rig: Rig,
     left: u32,
 }
 
-impl LinkBus for Breaking {
+impl LinkBus for BreakingLink {
     fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
@@ -55,7 +55,7 @@ impl LinkBus for Breaking {
 fn a_frame_that_finds_the_queue_full_is_kept() {
     let mut plain = connect(rig());
     plain.flash(&robot::library(), |_| {}).unwrap();
-    let mut busy = connect(Busy { rig: rig(), tries: 0 });
+    let mut busy = connect(BusyLink { rig: rig(), tries: 0 });
     busy.flash(&robot::library(), |_| {}).unwrap();
     let (plain, busy) = (plain.into_bus(), busy.into_bus());
     let frames = |rig| transport_frames(rig).count();
@@ -90,7 +90,7 @@ fn a_library_is_kept_before_its_host_is_told() {
 fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
     let library = robot::library();
     // Enough for a block of 512 bytes and a piece of the next, at 7 bytes a frame.
-    let mut session = connect(Breaking { rig: rig(), left: 100 });
+    let mut session = connect(BreakingLink { rig: rig(), left: 100 });
     let error = session.flash(&library, |_| {}).unwrap_err();
     assert!(matches!(error, SessionError::Silent { node: 1, what: "transfer", .. }));
 
@@ -103,7 +103,7 @@ fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
 }
 
 /// Link that changes frames.
-struct Lying<F> {
+struct CorruptingLink<F> {
     rig: Rig,
     /// Function that returns the answers to a frame of the host. If there are none, the frame is passed on to the robot.
     sends: F,
@@ -112,7 +112,7 @@ struct Lying<F> {
     tells: Option<u16>,
 }
 
-impl<F: FnMut(&Frame) -> Vec<Frame>> LinkBus for Lying<F> {
+impl<F: FnMut(&Frame) -> Vec<Frame>> LinkBus for CorruptingLink<F> {
     fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
@@ -148,7 +148,7 @@ fn an_answer_that_tells_more_than_there_is_counts_as_lost() {
     let sends = |_: &Frame| Vec::new();
     let tells = Some(60_000);
     assert!(robot::library().len() < 60_000);
-    let mut session = connect(Lying { rig: rig(), sends, answers: Vec::new(), tells });
+    let mut session = connect(CorruptingLink { rig: rig(), sends, answers: Vec::new(), tells });
     session.flash(&robot::library(), |_| {}).unwrap();
     assert_eq!(session.bus().tells, None);
 }
@@ -165,7 +165,8 @@ fn a_library_that_is_not_in_use_after_its_transfer_is_noticed() {
         }
         _ => Vec::new(),
     };
-    let mut session = connect(Lying { rig: rig(), sends, answers: Vec::new(), tells: None });
+    let mut session =
+        connect(CorruptingLink { rig: rig(), sends, answers: Vec::new(), tells: None });
     let error = session.flash(&robot::library(), |_| {}).unwrap_err();
     assert_eq!(error, SessionError::NotInUse { found: None });
     assert_eq!(session.hello().library, None);

@@ -32,7 +32,7 @@ fn ground(session: &Session<Rig>) -> &Grounded {
 }
 
 /// Ratio of the force on the feet to the robot's weight.
-fn borne(session: &Session<Rig>) -> f64 {
+fn weight_fraction(session: &Session<Rig>) -> f64 {
     let robot = agilebot();
     let mass_kg: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
     let touches =
@@ -45,11 +45,11 @@ fn a_robot_hangs_in_the_hoist_until_it_plays_and_again_without_torque() {
     let mut session = in_hoist(0.0);
     session.run_for(S).unwrap();
     assert!(ground(&session).is_held());
-    assert!(borne(&session).abs() < 0.3, "{}", borne(&session));
+    assert!(weight_fraction(&session).abs() < 0.3, "{}", weight_fraction(&session));
     session.arm().unwrap();
     session.run_for(2 * S).unwrap();
     assert!(!ground(&session).is_held());
-    assert!((borne(&session) - 1.0).abs() < 0.01, "{}", borne(&session));
+    assert!((weight_fraction(&session) - 1.0).abs() < 0.01, "{}", weight_fraction(&session));
     session.disarm().unwrap();
     session.run_for(5 * S).unwrap();
     assert!(ground(&session).is_held());
@@ -69,7 +69,7 @@ fn what_became_of_each_clip_in_the_world_is_told() {
     let squat = travels.iter().find(|travel| travel.clip == ClipId(1)).expect("it was played");
     assert!(squat.duration_s() > 3.0, "{squat:?}");
     // No planner made it: the wheels roll forth and back against the swinging legs, and slip. It goes nowhere, and costs work.
-    let (way, totals) = (squat.way(), squat.totals());
+    let (way, totals) = (squat.displacement(), squat.totals());
     assert!(way.forward_m.hypot(way.left_m) < 0.1 && way.turn_rad.abs() < 0.2, "{way:?}");
     assert!(totals.tilt_max_rad < 0.2 && totals.slid_m > 0.1 && totals.work_j > 0.1, "{totals:?}");
     assert!(totals.force_max_n > 10.0 && totals.force_max_n < 100.0, "{totals:?}");
@@ -127,7 +127,7 @@ fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
     session.arm().unwrap();
     session.run_for(3 * S).unwrap();
     assert!(!ground(&session).is_held() && ground(&session).falls().len() == 1);
-    assert!((borne(&session) - 1.0).abs() < 0.02, "{}", borne(&session));
+    assert!((weight_fraction(&session) - 1.0).abs() < 0.02, "{}", weight_fraction(&session));
 }
 
 /// A robot that sinks onto its links without torque has not fallen.

@@ -2,11 +2,11 @@
 
 use crate::{connect, robot};
 use rollwalk_bus::link::LinkError;
-use rollwalk_bus::port::{Event, Inlet, Live, Outlet, Port};
+use rollwalk_bus::port::{Event, Inlet, LiveLink, Outlet, Port};
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::can::Frame;
 use rollwalk_sim_host::body::Body;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::interface::Interface;
 use rollwalk_sim_host::live::{Reopen, controller, motors};
 use rollwalk_sim_host::servo::Servo;
@@ -15,9 +15,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-struct To(Sender<Frame>);
+struct TestOutlet(Sender<Frame>);
 
-impl Outlet for To {
+impl Outlet for TestOutlet {
     fn is_free(&self) -> bool {
         true
     }
@@ -27,9 +27,9 @@ impl Outlet for To {
     }
 }
 
-struct From(Receiver<Frame>);
+struct TestInlet(Receiver<Frame>);
 
-impl Inlet for From {
+impl Inlet for TestInlet {
     fn next_event(&mut self) -> Result<Option<Event>, LinkError> {
         match self.0.recv_timeout(Duration::from_millis(10)) {
             Ok(frame) => Ok(Some(Event::Frame(frame))),
@@ -42,14 +42,16 @@ impl Inlet for From {
 /// Returns both ends of a bus.
 fn bus() -> [Port; 2] {
     let ((to_far, far), (to_near, near)) = (channel(), channel());
-    [(to_far, near), (to_near, far)]
-        .map(|(to, from)| Port { outlet: Box::new(To(to)), inlet: Box::new(From(from)) })
+    [(to_far, near), (to_near, far)].map(|(to, from)| Port {
+        outlet: Box::new(TestOutlet(to)),
+        inlet: Box::new(TestInlet(from)),
+    })
 }
 
 /// Reopens no bus.
-struct Closed;
+struct NoReopening;
 
-impl Reopen for Closed {
+impl Reopen for NoReopening {
     fn lost(&mut self, _bus: Interface, _why: &LinkError) {}
 
     fn reopen(&mut self, _bus: Interface) -> Option<Port> {
@@ -65,23 +67,31 @@ fn in_real_time_a_controller_that_ends_switches_torque_off() {
     thread::scope(|scope| {
         scope.spawn(|| {
             let mut body = Body::new(&robot::robot());
-            motors::run(&mut body, vec![hip_motors, knee_motors], &mut Closed, &mut (), |body| {
-                let count = body.servos().iter().filter(|servo| Servo::is_driving(servo)).count();
-                driving.store(count, Ordering::SeqCst);
-                !ends.load(Ordering::SeqCst)
-            })
+            motors::run(
+                &mut body,
+                vec![hip_motors, knee_motors],
+                &mut NoReopening,
+                &mut (),
+                |body| {
+                    let count =
+                        body.servos().iter().filter(|servo| Servo::is_driving(servo)).count();
+                    driving.store(count, Ordering::SeqCst);
+                    !ends.load(Ordering::SeqCst)
+                },
+            )
             .unwrap();
         });
         let controller = scope.spawn(|| {
             let buses = robot::robot().controller_buses();
             let (settings, library) = (Settings::default(), robot::library());
             let period = Duration::from_secs(1) / u32::from(settings.control_hz);
-            let mut core = Local::with_library(robot::config(), buses, settings, &library);
-            let goes_on = |_: &mut Local| !leaves.load(Ordering::SeqCst);
-            controller::run(&mut core, period, link, &mut Closed, vec![hip, knee], goes_on)
+            let mut core =
+                LocalController::with_library(robot::config(), buses, settings, &library);
+            let goes_on = |_: &mut LocalController| !leaves.load(Ordering::SeqCst);
+            controller::run(&mut core, period, link, &mut NoReopening, vec![hip, knee], goes_on)
                 .unwrap();
         });
-        connect(Live::new(host)).arm().unwrap();
+        connect(LiveLink::new(host)).arm().unwrap();
         let armed = driving.load(Ordering::SeqCst);
         leaves.store(true, Ordering::SeqCst);
         controller.join().unwrap();

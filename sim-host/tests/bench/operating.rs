@@ -5,7 +5,7 @@ use crate::{S, connect, rig};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator, View};
+use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, ReleaseReaction, View};
 use rollwalk_protocol::faults;
 use rollwalk_protocol::library::{ClipId, Library, validate};
 use rollwalk_protocol::wire::{Node, State};
@@ -41,8 +41,8 @@ impl<B: LinkBus> Console<B> {
         self.wait(text, has_it);
     }
 
-    fn want(&mut self, intent: Intent) {
-        self.operator.want(self.bus.now_us(), intent);
+    fn request(&mut self, intent: Intent) {
+        self.operator.request(self.bus.now_us(), intent);
     }
 
     fn run(&mut self, us: u64) {
@@ -50,10 +50,10 @@ impl<B: LinkBus> Console<B> {
         self.run_until(until_us, |_| false);
     }
 
-    /// Runs until `wished` returns true for the view. Panics if this takes too long.
-    fn wait(&mut self, what: &str, wished: impl FnMut(&View) -> bool) {
+    /// Runs until `condition` returns true for the view. Panics if this takes too long.
+    fn wait(&mut self, what: &str, condition: impl FnMut(&View) -> bool) {
         let until_us = self.bus.now_us() + 20 * S;
-        let found = self.run_until(until_us, wished);
+        let found = self.run_until(until_us, condition);
         let view = self.operator.view(self.bus.now_us());
         assert!(found, "waited for {what}: {:?}, {:#?}", view.status, view.messages);
     }
@@ -62,7 +62,7 @@ impl<B: LinkBus> Console<B> {
         self.wait(&format!("{state:?}"), |view| view.status.is_some_and(|s| s.state == state));
     }
 
-    fn run_until(&mut self, until_us: u64, mut wished: impl FnMut(&View) -> bool) -> bool {
+    fn run_until(&mut self, until_us: u64, mut condition: impl FnMut(&View) -> bool) -> bool {
         loop {
             let now_us = self.bus.now_us();
             while let Some(frame) = self.operator.poll(now_us) {
@@ -75,7 +75,7 @@ impl<B: LinkBus> Console<B> {
                     Err(error) => panic!("{error}"),
                 }
             }
-            if wished(&self.operator.view(now_us)) {
+            if condition(&self.operator.view(now_us)) {
                 return true;
             }
             if now_us >= until_us {
@@ -118,22 +118,22 @@ fn arms_plays_pauses_and_goes_home() {
     // A heartbeat and its answer take 130 bits each on a bus with little else.
     assert!(view.link.round_trip_us.unwrap() < 2_000, "{:?}", view.link);
     assert_eq!(view.joints.len(), 3);
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
-    console.want(Intent::Play { code: SWING });
+    console.request(Intent::Play { code: SWING });
     console.wait("swing", |view| view.status.unwrap().clip == clip(SWING));
-    console.want(Intent::PauseOrResume);
+    console.request(Intent::PauseOrResume);
     console.wait_for(State::Paused);
-    console.want(Intent::PauseOrResume);
+    console.request(Intent::PauseOrResume);
     console.wait_for(State::Playing);
-    console.want(Intent::Play { code: BOW });
-    console.want(Intent::Play { code: ROLL });
+    console.request(Intent::Play { code: BOW });
+    console.request(Intent::Play { code: ROLL });
     console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
-    console.want(Intent::Return);
+    console.request(Intent::Return);
     console.wait_for(State::Ready);
     assert_eq!(console.view().status.unwrap().clip, clip(STAND));
-    console.want(Intent::Quit);
-    console.wait("home", |view| view.leaving == Leaving::Now);
+    console.request(Intent::Quit);
+    console.wait("home", |view| view.leaving == ExitStage::Now);
     assert_eq!(console.state(), State::Disarmed);
     assert!(!console.view().messages.iter().any(|message| message.text.contains("refused")));
 }
@@ -141,14 +141,14 @@ fn arms_plays_pauses_and_goes_home() {
 #[test]
 fn a_loop_changes_its_speed_while_it_plays() {
     let mut console = Console::new(rig());
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
-    console.want(Intent::Play { code: ROLL });
+    console.request(Intent::Play { code: ROLL });
     console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
     console.run(2 * S);
     // As a stick does it: in many small steps.
     for sixty_fourths in (32..64).rev() {
-        console.want(Intent::Speed { sixty_fourths });
+        console.request(Intent::Speed { sixty_fourths });
         console.run(20_000);
     }
     console.run(2 * S);
@@ -161,45 +161,45 @@ fn a_loop_changes_its_speed_while_it_plays() {
 #[test]
 fn a_stop_is_left_by_clearing_and_arming() {
     let mut console = Console::new(rig());
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
-    console.want(Intent::Play { code: SWING });
-    console.want(Intent::Estop);
+    console.request(Intent::Play { code: SWING });
+    console.request(Intent::Estop);
     console.wait_for(State::EStopped);
     assert!(!console.view().stopping);
-    console.want(Intent::Arm);
-    console.want(Intent::Play { code: SWING });
+    console.request(Intent::Arm);
+    console.request(Intent::Play { code: SWING });
     console.run(S);
     assert_eq!(console.state(), State::EStopped);
-    console.want(Intent::Clear);
+    console.request(Intent::Clear);
     console.wait_for(State::Disarmed);
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
-    console.want(Intent::Play { code: SWING });
+    console.request(Intent::Play { code: SWING });
     console.wait_for(State::Playing);
 }
 
 #[test]
 fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
     for (let_go, ends) in [
-        (LetGo::Pause, State::Paused),
-        (LetGo::Return, State::Ready),
-        (LetGo::Disarm, State::Disarmed),
+        (ReleaseReaction::Pause, State::Paused),
+        (ReleaseReaction::Return, State::Ready),
+        (ReleaseReaction::Disarm, State::Disarmed),
     ] {
         let mut console = Console::new(rig());
-        console.want(Intent::Deadman(Deadman::Released(let_go)));
-        console.want(Intent::Arm);
+        console.request(Intent::Deadman(Deadman::Released(let_go)));
+        console.request(Intent::Arm);
         console.run(S);
         assert_eq!(console.state(), State::Disarmed, "not armed without it");
-        console.want(Intent::Deadman(Deadman::Held));
-        console.want(Intent::Arm);
+        console.request(Intent::Deadman(Deadman::Held));
+        console.request(Intent::Arm);
         console.wait_for(State::Ready);
-        console.want(Intent::Play { code: ROLL });
+        console.request(Intent::Play { code: ROLL });
         console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
-        console.want(Intent::Deadman(Deadman::Released(let_go)));
+        console.request(Intent::Deadman(Deadman::Released(let_go)));
         console.wait_for(ends);
         // Neither time nor pressing it again makes it move.
-        console.want(Intent::Deadman(Deadman::Held));
+        console.request(Intent::Deadman(Deadman::Held));
         console.run(2 * S);
         assert_eq!(console.state(), ends);
     }
@@ -208,12 +208,12 @@ fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
 /// The host can send but no longer receive. Its heartbeats must not keep a loop playing that the host may be unable to halt.
 #[test]
 fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its_operator_leaves() {
-    for intent in [Intent::Deadman(Deadman::Released(LetGo::Pause)), Intent::Quit] {
+    for intent in [Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)), Intent::Quit] {
         let mut console = Console::new(rig());
-        console.want(Intent::Deadman(Deadman::Held));
-        console.want(Intent::Arm);
+        console.request(Intent::Deadman(Deadman::Held));
+        console.request(Intent::Arm);
         console.wait_for(State::Ready);
-        console.want(Intent::Play { code: ROLL });
+        console.request(Intent::Play { code: ROLL });
         console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
         let from = console.bus.now();
         let until = from + SimTime::from_ms(13_000);
@@ -222,10 +222,10 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
         console.run(2 * S);
         let turns = |console: &Console<Rig>| console.bus.body().values()[2].abs() > 0.1;
         assert!(turns(&console), "with the deadman held it goes on");
-        console.want(intent);
+        console.request(intent);
         console.run(S);
         // It cannot be taken back before the robot is heard.
-        console.want(Intent::Deadman(Deadman::Held));
+        console.request(Intent::Deadman(Deadman::Held));
         console.run(9 * S);
         assert!(!turns(&console), "{intent:?}");
         assert!(console.bus.body().servos().iter().all(|servo| !servo.is_driving()));
@@ -241,12 +241,12 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
 fn a_deadman_let_go_at_any_instant_halts_the_robot() {
     for delay_us in (0..60_000).step_by(3_000) {
         let mut console = Console::new(rig());
-        console.want(Intent::Deadman(Deadman::Held));
-        console.want(Intent::Arm);
+        console.request(Intent::Deadman(Deadman::Held));
+        console.request(Intent::Arm);
         console.wait_for(State::Ready);
-        console.want(Intent::Play { code: ROLL });
+        console.request(Intent::Play { code: ROLL });
         console.run(delay_us);
-        console.want(Intent::Deadman(Deadman::Released(LetGo::Pause)));
+        console.request(Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
         console.run(3 * S);
         assert!(matches!(console.state(), State::Paused | State::Ready), "{delay_us} µs");
         let wheel = console.view().joints[&2].telemetry.velocity_rad_s;
@@ -257,9 +257,9 @@ fn a_deadman_let_go_at_any_instant_halts_the_robot() {
 #[test]
 fn a_robot_whose_operator_is_gone_returns_by_itself() {
     let mut console = Console::new(rig());
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
-    console.want(Intent::Play { code: SWING });
+    console.request(Intent::Play { code: SWING });
     console.wait("swing", |view| view.status.unwrap().clip == clip(SWING));
     // The program hangs for a while: frames wait.
     let until_us = console.bus.now_us() + 10 * S;
@@ -276,9 +276,9 @@ fn a_robot_whose_operator_is_gone_returns_by_itself() {
     assert!(
         view.faults.iter().any(|fault| fault.fault == faults::Fault::HostLost && fault.present)
     );
-    console.want(Intent::Clear);
+    console.request(Intent::Clear);
     console.wait_for(State::Disarmed);
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.wait_for(State::Ready);
 }
 
@@ -294,7 +294,7 @@ fn a_link_that_loses_frames_delays_but_does_not_derail() {
         ] {
             // Whatever is not answered is asked again, as an operator does.
             for _ in 0..5 {
-                console.want(intent);
+                console.request(intent);
                 let until_us = console.bus.now_us() + 8 * S;
                 let there = |view: &View| view.status.is_some_and(|s| s.state == state);
                 if console.run_until(until_us, there) {
@@ -317,7 +317,7 @@ fn another_robots_operator_does_not_arm() {
     let operator = Operator::new(Node::new(1).unwrap(), Some(1));
     let mut console = Console { bus: session.into_bus(), operator };
     console.run(S);
-    console.want(Intent::Arm);
+    console.request(Intent::Arm);
     console.run(S);
     assert_eq!(console.state(), State::Disarmed);
     assert!(console.view().mismatch.unwrap().contains("for another robot"));
@@ -331,7 +331,7 @@ fn a_library_is_transferred_beside_all_else_over_a_bad_link() {
         console.wait("a transfer", |view| view.transfer.is_some_and(|transfer| transfer.done > 0));
         console.wait_to_read("the controller uses the transferred library");
         assert_eq!(console.view().transfer, None);
-        console.want(Intent::Arm);
+        console.request(Intent::Arm);
         console.wait_for(State::Ready);
         console.flash(robot::library());
         console.wait_to_read("the robot is not disarmed");
@@ -357,7 +357,7 @@ fn a_stop_during_a_transfer_ends_it() {
     let mut console = Console::new(rig());
     console.flash(robot::library());
     console.wait("a transfer", |view| view.transfer.is_some());
-    console.want(Intent::Estop);
+    console.request(Intent::Estop);
     console.wait("the end of the transfer", |view| view.transfer.is_none());
     console.wait_for(State::EStopped);
 }

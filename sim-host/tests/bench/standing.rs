@@ -31,7 +31,8 @@ fn sinks_until_its_leg_hangs() {
     let start = rig.body().values();
     rig.run_until(SimTime::from_ms(60_000));
     let end = rig.body().values();
-    // A minute is long for friction and weight. Thigh and shank hang down: with all joints at 0 the leg is straight and below the hip.
+    // A minute is long for friction and weight. Thigh and shank hang down: with all joints at 0 the leg is straight and below the
+    // hip.
     assert!(start[0].abs() > 0.2 && start[1].abs() > 0.5);
     assert!(end[0].abs() < 0.01 && end[1].abs() < 0.01, "{end:?}");
 }

@@ -56,13 +56,13 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
 }
 
 /// Link that accepts no frame while `full`, and records the frames that it accepted.
-struct Full {
+struct FullLink {
     rig: Rig,
     full: bool,
     taken: Vec<Frame>,
 }
 
-impl LinkBus for Full {
+impl LinkBus for FullLink {
     fn now_us(&self) -> u64 {
         self.rig.now_us()
     }
@@ -83,7 +83,7 @@ impl LinkBus for Full {
 #[test]
 fn what_the_link_did_not_take_does_not_come_before_an_emergency_stop() {
     let rig = armed().into_bus();
-    let mut session = connect(Full { rig, full: false, taken: Vec::new() });
+    let mut session = connect(FullLink { rig, full: false, taken: Vec::new() });
     session.bus_mut().full = true;
     assert!(matches!(session.select(SWING), Err(SessionError::Silent { .. })));
     (session.bus_mut().full, session.bus_mut().taken) = (false, Vec::new());

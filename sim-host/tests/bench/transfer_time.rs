@@ -106,13 +106,13 @@ fn on_a_serial_line_at_1_mbaud_a_transfer_takes_at_most_half_again_of_the_line_s
 }
 
 /// Link that breaks permanently when the controller has received `at` bytes.
-struct Cut<B> {
+struct CutLink<B> {
     bus: B,
     has: std::rc::Rc<std::cell::Cell<usize>>,
     at: usize,
 }
 
-impl<B: LinkBus> LinkBus for Cut<B> {
+impl<B: LinkBus> LinkBus for CutLink<B> {
     fn now_us(&self) -> u64 {
         self.bus.now_us()
     }
@@ -137,7 +137,7 @@ fn cut_at_every_block<B: LinkBus>(mut bus: B, wait: impl Fn(&mut B)) {
     let mut cuts = 0;
     for at in (0..library.len()).step_by(512).skip(1) {
         let has = std::rc::Rc::new(std::cell::Cell::new(0));
-        let cut = Cut { bus, has: has.clone(), at };
+        let cut = CutLink { bus, has: has.clone(), at };
         let mut session = Session::connect(cut, node).unwrap();
         let mut begun = None;
         let outcome = session.flash(&library, |progress| {

@@ -4,10 +4,10 @@
 
 use crate::messages::robot::Seen;
 use rollwalk_gamepads::file::{Mapping, North};
-use rollwalk_gamepads::pad::{Pad, Wish};
+use rollwalk_gamepads::mapped_gamepad::{GamepadRequest, MappedGamepad};
 use rollwalk_gamepads::standard::{Snapshot, Standard};
 use rollwalk_gamepads::{shipped, shipped_for};
-use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
+use rollwalk_host::operator::{Deadman, Intent, Operator, ReleaseReaction};
 
 /// Time for which the arming button must be held, µs.
 const ARM_HOLD_US: u64 = 1_000_000;
@@ -19,56 +19,56 @@ const UNSEEN_US: u64 = 250_000;
 pub struct Gamepad {
     standard: Standard,
     /// Gamepad with its mapping, and its name; `None` before the first is seen.
-    pad: Option<(Pad, String)>,
+    pad: Option<(MappedGamepad, String)>,
     seen_us: u64,
 }
 
 impl Gamepad {
     /// Creates the state before a gamepad was seen; its deadman switch counts as released.
     pub fn new(now_us: u64, operator: &mut Operator) -> Self {
-        operator.want(now_us, Intent::Deadman(Deadman::Released(LetGo::Pause)));
+        operator.request(now_us, Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
         Self { standard: Standard::default(), pad: None, seen_us: now_us }
     }
 
     /// Operator requests from the states that the page has reported since the previous call.
-    pub fn wishes(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<Wish> {
-        let mut wishes = Vec::new();
+    pub fn requests(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<GamepadRequest> {
+        let mut requests = Vec::new();
         if !seen.is_empty() {
             self.seen_us = now_us;
         } else if now_us.saturating_sub(self.seen_us) >= UNSEEN_US {
-            wishes = self.gone(now_us, "the page has not reported the gamepad for 0.25 s");
+            requests = self.gone(now_us, "the page has not reported the gamepad for 0.25 s");
         }
         for seen in seen {
-            wishes.extend(match seen {
+            requests.extend(match seen {
                 Seen::There(snapshot) => self.there(now_us, &snapshot),
                 Seen::Gone { gone } => self.gone(now_us, &gone),
             });
         }
         if let Some((pad, _)) = &mut self.pad {
-            wishes.extend(pad.tick(now_us));
+            requests.extend(pad.tick(now_us));
         }
-        wishes
+        requests
     }
 
-    fn there(&mut self, now_us: u64, snapshot: &Snapshot) -> Vec<Wish> {
+    fn there(&mut self, now_us: u64, snapshot: &Snapshot) -> Vec<GamepadRequest> {
         let another = self.pad.as_ref().is_none_or(|(_, id)| *id != snapshot.id);
-        let mut wishes =
+        let mut requests =
             if another { self.gone(now_us, "another gamepad is in use") } else { Vec::new() };
         if another {
-            let pad =
-                mapping(&snapshot.id).map(|mapping| Pad::new(mapping).arming_after(ARM_HOLD_US));
+            let pad = mapping(&snapshot.id)
+                .map(|mapping| MappedGamepad::new(mapping).arming_after(ARM_HOLD_US));
             self.pad = pad.map(|pad| (pad, snapshot.id.clone()));
         }
         let north = self.pad.as_ref().map_or(North::Top, |(pad, _)| pad.north());
         for event in self.standard.events(north, snapshot) {
             if let Some((pad, _)) = &mut self.pad {
-                wishes.extend(pad.on_event(now_us, event));
+                requests.extend(pad.on_event(now_us, event));
             }
         }
-        wishes
+        requests
     }
 
-    fn gone(&mut self, now_us: u64, why: &str) -> Vec<Wish> {
+    fn gone(&mut self, now_us: u64, why: &str) -> Vec<GamepadRequest> {
         match (self.standard.gone(why), &mut self.pad) {
             (Some(event), Some((pad, _))) => pad.on_event(now_us, event),
             _ => Vec::new(),

@@ -25,7 +25,7 @@ use rollwalk_host::actuators::Actuators;
 use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::key_file;
-use rollwalk_host::operator::{Deadman, Intent, LetGo, Operator};
+use rollwalk_host::operator::{Deadman, Intent, Operator, ReleaseReaction};
 use rollwalk_protocol::library::{Library, validate};
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::authentication::LinkKey;
@@ -44,8 +44,8 @@ impl Key {
 }
 
 impl From<Wish> for Intent {
-    fn from(wish: Wish) -> Self {
-        match wish {
+    fn from(request: Wish) -> Self {
+        match request {
             Wish::Arm => Self::Arm,
             Wish::Play { code } => Self::Play { code },
             Wish::PauseOrResume => Self::PauseOrResume,
@@ -55,7 +55,9 @@ impl From<Wish> for Intent {
             Wish::Clear => Self::Clear,
             Wish::Speed { sixty_fourths } => Self::Speed { sixty_fourths },
             Wish::Deadman { held: true } => Self::Deadman(Deadman::Held),
-            Wish::Deadman { held: false } => Self::Deadman(Deadman::Released(LetGo::Pause)),
+            Wish::Deadman { held: false } => {
+                Self::Deadman(Deadman::Released(ReleaseReaction::Pause))
+            }
             Wish::Quit => Self::Quit,
         }
     }
@@ -113,7 +115,7 @@ pub fn request(
             received = binary;
             connection.attend(now_us, attended, gamepad);
         }
-        Wanted::Wish(wish) => connection.want(now_us, wish),
+        Wanted::Wish(request) => connection.request(now_us, request),
         Wanted::Flash => connection.flash(now_us, binary)?,
         Wanted::Name => connection.name(binary)?,
         Wanted::Connect { .. } | Wanted::Leave => {}
@@ -229,9 +231,9 @@ impl Connection {
     }
 
     /// Executes an operator request.
-    pub fn want(&mut self, now_us: u64, wish: Wish) {
+    pub fn request(&mut self, now_us: u64, request: Wish) {
         let now_us = self.now_us(now_us);
-        self.operator.want(now_us, wish.into());
+        self.operator.request(now_us, request.into());
     }
 
     /// Records whether an operator is at the page, and executes the requests of the gamepad.
@@ -239,9 +241,9 @@ impl Connection {
         let now_us = self.now_us(page_us);
         self.operator.set_attended(now_us, attended);
         let Some(pad) = &mut self.gamepad else { return };
-        for wish in pad.wishes(page_us, gamepad) {
+        for request in pad.requests(page_us, gamepad) {
             let catalog = catalog_in_use(&self.operator, &self.catalogs);
-            wish.give(now_us, &mut self.operator, catalog.as_ref());
+            request.execute(now_us, &mut self.operator, catalog.as_ref());
         }
     }
 

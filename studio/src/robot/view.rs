@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe;
-use rollwalk_host::operator::{FaultView, Leaving, View, Weight};
+use rollwalk_host::operator::{ExitStage, FaultView, View, Weight};
 use rollwalk_multibody::{Configuration, Frames, Standing, Tree};
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::{State, Torque};
@@ -87,9 +87,9 @@ pub fn robot_view(
         gamepad: None,
         stopping: view.stopping,
         leaving: match view.leaving {
-            Leaving::No => "no",
-            Leaving::WhenHome => "when_home",
-            Leaving::Now => "now",
+            ExitStage::No => "no",
+            ExitStage::WhenHome => "when_home",
+            ExitStage::Now => "now",
         },
         speed_64ths: view.speed_64ths,
         channels: channels.collect(),
@@ -106,7 +106,7 @@ fn seconds(us: u64) -> f64 {
 }
 
 fn motions(catalog: &Catalog) -> Vec<MotionOf> {
-    let motion = |motion: &rollwalk_host::catalog::Motion| MotionOf {
+    let motion = |motion: &rollwalk_host::catalog::CatalogMotion| MotionOf {
         name: motion.name.clone(),
         code: motion.code,
         looping: motion.looping,

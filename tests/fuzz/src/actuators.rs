@@ -6,7 +6,7 @@ use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::Protocol;
 use rollwalk_protocol::actuators::cybergear::{CyberGear, SAMPLE_MAX_RAD, TABLE_MAX_RAD};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
-use rollwalk_protocol::actuators::dynamixel::packet::{Taken, next, take};
+use rollwalk_protocol::actuators::dynamixel::packet::{ReceivedPacket, next, take};
 use rollwalk_protocol::actuators::dynamixel::table::XM540_W150;
 use rollwalk_protocol::actuators::feetech::{self, Feetech};
 use rollwalk_protocol::actuators::maestro::{Maestro, Pulse};
@@ -283,8 +283,8 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
                     line.push(byte);
                     while let Some(taken) = next(&mut line, byte == 0, all.dynamixel.reads_fast) {
                         assert_finite(match taken {
-                            Taken::Message(message) => all.dynamixel.decode(&message),
-                            Taken::Part(part) => Some(all.dynamixel.decode_part(&part)),
+                            ReceivedPacket::Message(message) => all.dynamixel.decode(&message),
+                            ReceivedPacket::Part(part) => Some(all.dynamixel.decode_part(&part)),
                         });
                     }
                 }

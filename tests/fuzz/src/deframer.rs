@@ -4,8 +4,8 @@
 use rollwalk_protocol::actuators::dynamixel::packet::{Message, packet, take};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{self, Gateway, Packet, Report};
-use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, Stepped};
+use rollwalk_protocol::serial::{self, Gateway, Packet, BoardReport};
+use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, StepResult};
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::isotp::{Output, Timing};
 use rollwalk_protocol::wire::transport::{Endpoint, frame_to_host};
@@ -164,7 +164,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let inputs =
         [None, Some(Input::Tick), Some(Input::Link(frame)), Some(Input::Actuator(1, frame))];
     let mut stepped =
-        Stepped { playing: Some((3, 40, 0.5)), link: Some(frame), ..Stepped::default() };
+        StepResult { playing: Some((3, 40, 0.5)), link: Some(frame), ..StepResult::default() };
     stepped.actuators[1] = Some(frame);
     let lines = inputs
         .into_iter()
@@ -186,7 +186,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         Packet::Link(first),
         Packet::Message { id: 0x510, bytes: &[0x11; 40] },
         Packet::Ask,
-        Packet::Report(Report::default()),
+        Packet::Report(BoardReport::default()),
     ];
     let line: Vec<u8> = packets.iter().flat_map(|p| p.encode().expect("fits")).collect();
     seeds.push([&[2, 2, 0x12, 7][..], &line, &line[..30], &[0], &line].concat());

@@ -11,17 +11,17 @@ use rollwalk_protocol::wire::authentication::SessionRequest;
 use rollwalk_protocol::wire::{Action, ParameterAction, Request, Setpoint, State, Torque};
 
 use crate::authentication;
-use crate::deeds::{Deed, act, assert_way_home};
+use crate::stimuli::{Stimulus, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
 
-/// Maximum number of deeds of an input; each takes at most ten simulated seconds.
+/// Maximum number of stimuli of an input; each takes at most ten simulated seconds.
 const DEEDS: usize = 80;
 
 /// Identifiers that the controller evaluates.
 const KNOWN: [u16; 10] = [0x010, 0x0F0, 0x110, 0x1F0, 0x210, 0x510, 0x610, 0x710, 0x7F0, 0x012];
 
-/// Tags of deeds, for seeds.
+/// Tags of stimuli, for seeds.
 mod tag {
     pub const RUN: u8 = 0;
     pub const PLAY: u8 = 1;
@@ -44,7 +44,7 @@ mod tag {
     pub const SETPOINTS: u8 = 18;
     pub const TRACK: u8 = 19;
     pub const ANSWERS: u8 = 20;
-    /// Smallest tag of a deed that sends false data.
+    /// Smallest tag of a stimulus that sends false data.
     pub const FEEDBACK: u8 = 21;
     pub const FRAME: u8 = 22;
     pub const TIME: u8 = 23;
@@ -119,57 +119,57 @@ fn feedback(u: &mut Unstructured<'_>) -> Result<Frame> {
     Ok(feedback.encode(u.int_in_range(1..=2)?).expect("an address"))
 }
 
-fn deed(u: &mut Unstructured<'_>, lies: bool) -> Result<Deed> {
+fn stimulus(u: &mut Unstructured<'_>, lies: bool) -> Result<Stimulus> {
     let count = if lies { tag::TIME } else { tag::ANSWERS } + 1;
     let servo = |u: &mut Unstructured<'_>| u.choose_index(robot::CHANNELS);
     Ok(match u.arbitrary::<u8>()? % count {
-        tag::RUN => Deed::Run(u.arbitrary::<u8>()?.into()),
+        tag::RUN => Stimulus::Run(u.arbitrary::<u8>()?.into()),
         tag::PLAY => {
             let code = *u.choose(&[CODE_STAND, CODE_DRIVE, CODE_WALK])?;
-            Deed::Command(Action::Play { code, speed_64ths: 64 })
+            Stimulus::Command(Action::Play { code, speed_64ths: 64 })
         }
-        tag::ACTION => Deed::Command(action(u)?),
-        tag::ARM => Deed::Arm,
-        tag::CLEAR => Deed::Clear,
+        tag::ACTION => Stimulus::Command(action(u)?),
+        tag::ARM => Stimulus::Arm,
+        tag::CLEAR => Stimulus::Clear,
         // Numbers go round at 16: what was sent nine commands ago, and is still valid, counts as new.
-        tag::REPLAY => Deed::Replay(u.arbitrary::<u8>()? % 8),
-        tag::LINK => Deed::Link(frame(u)?),
+        tag::REPLAY => Stimulus::Replay(u.arbitrary::<u8>()? % 8),
+        tag::LINK => Stimulus::Link(frame(u)?),
         tag::MESSAGE => {
             let len = usize::from(u.arbitrary::<u8>()? % 40 + 1).min(u.len());
             let bytes = u.bytes(len)?;
             // There is no empty message.
-            Deed::Transfer(if bytes.is_empty() { vec![1] } else { bytes.to_vec() })
+            Stimulus::Transfer(if bytes.is_empty() { vec![1] } else { bytes.to_vec() })
         }
-        tag::BEGIN => Deed::Begin(u.arbitrary()?),
-        tag::FLASH => Deed::Flash,
-        tag::HOST => Deed::Host(u.arbitrary()?),
-        tag::BUSES => Deed::Buses(u.arbitrary()?),
-        tag::POWER => Deed::Power(servo(u)?, u.arbitrary()?),
-        tag::STATUS => Deed::Status(servo(u)?, u.arbitrary::<u8>()? & ActuatorStatus::FAULTS),
-        tag::ESTOP => Deed::Estop,
-        tag::BOARD => Deed::Board,
-        tag::PARAMETER => Deed::Parameter(parameter(u)?),
-        tag::STREAM => Deed::Command(Action::Stream),
-        tag::SETPOINTS => Deed::Setpoints(u.arbitrary::<u8>()?, setpoint(u)?),
+        tag::BEGIN => Stimulus::Begin(u.arbitrary()?),
+        tag::FLASH => Stimulus::Flash,
+        tag::HOST => Stimulus::Host(u.arbitrary()?),
+        tag::BUSES => Stimulus::Buses(u.arbitrary()?),
+        tag::POWER => Stimulus::Power(servo(u)?, u.arbitrary()?),
+        tag::STATUS => Stimulus::Status(servo(u)?, u.arbitrary::<u8>()? & ActuatorStatus::FAULTS),
+        tag::ESTOP => Stimulus::Estop,
+        tag::BOARD => Stimulus::Board,
+        tag::PARAMETER => Stimulus::Parameter(parameter(u)?),
+        tag::STREAM => Stimulus::Command(Action::Stream),
+        tag::SETPOINTS => Stimulus::Setpoints(u.arbitrary::<u8>()?, setpoint(u)?),
         tag::TRACK => {
             let rate_hz = 15 + u16::from(u.arbitrary::<u8>()? % 110);
             let (kp_percent, kd_percent) = (u.arbitrary::<u8>()? % 102, u.arbitrary::<u8>()? % 102);
-            Deed::Command(Action::Track { rate_hz, kp_percent, kd_percent })
+            Stimulus::Command(Action::Track { rate_hz, kp_percent, kd_percent })
         }
-        tag::ANSWERS => Deed::Answers(u.arbitrary()?, setpoint(u)?),
-        tag::FEEDBACK => Deed::Actuator(u.int_in_range(0..=2)?, feedback(u)?),
-        tag::FRAME => Deed::Actuator(u.int_in_range(0..=2)?, frame(u)?),
-        _ => Deed::TimeJump(i64::from(u.arbitrary::<i16>()?) * 100),
+        tag::ANSWERS => Stimulus::Answers(u.arbitrary()?, setpoint(u)?),
+        tag::FEEDBACK => Stimulus::Actuator(u.int_in_range(0..=2)?, feedback(u)?),
+        tag::FRAME => Stimulus::Actuator(u.int_in_range(0..=2)?, frame(u)?),
+        _ => Stimulus::TimeJump(i64::from(u.arbitrary::<i16>()?) * 100),
     })
 }
 
-/// Runs a sequence of deeds on a controller. With `insists` the controller requires a key. No deed has the key, so torque must
-/// stay off.
+/// Runs a sequence of stimuli on a controller. With `insists` the controller requires a key. No stimulus has the key, so torque
+/// must stay off.
 fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
     let mut rig = Rig::new(Some(&robot::library()));
     rig.trust_pose = !lies;
     if insists {
-        rig.brain.insist_on(authentication::key(), Some(1));
+        rig.brain.require_key(authentication::key(), Some(1));
         // Its library is loaded by the self test.
         rig.run(20);
     }
@@ -177,7 +177,7 @@ fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
         if u.is_empty() {
             break;
         }
-        act(&mut rig, &deed(u, lies)?);
+        act(&mut rig, &stimulus(u, lies)?);
         if insists {
             assert_eq!(rig.brain.state().torque(), Torque::Off);
             assert!(rig.brain.library().is_some());
@@ -200,10 +200,10 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Runs a sequence of deeds. The first byte selects whether actuators and clock send false data, and whether the controller
+/// Runs a sequence of stimuli. The first byte selects whether actuators and clock send false data, and whether the controller
 /// requires a key.
 pub fn run(data: &[u8]) {
-    // An error means that a deed was cut off.
+    // An error means that a stimulus was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 
@@ -234,7 +234,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     // Seeds that lead nowhere would go unnoticed.
     let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false, false);
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
-    let seed = |how: u8, deeds: &[u8]| [&[how], deeds].concat();
+    let seed = |how: u8, stimuli: &[u8]| [&[how], stimuli].concat();
     let mut seeds: Vec<_> = [
         &day[..],
         &stopped,
@@ -249,13 +249,13 @@ pub fn seeds() -> Vec<Vec<u8>> {
         &link,
     ]
     .into_iter()
-    .flat_map(|deeds| [seed(0, deeds), seed(2, deeds), seed(1, deeds)])
+    .flat_map(|stimuli| [seed(0, stimuli), seed(2, stimuli), seed(1, stimuli)])
     .collect();
     seeds.push(seed(1, &lying));
     let request = SessionRequest { nonce: 7 }.encode();
     let proof = [LINK, 9, 8, 0x21, 1, 2, 3, 4, 5, 6, 7, LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0];
     let session =
         [&[RUN, 30, MESSAGE, request.len() as u8 - 1][..], &request, &proof, &armed].concat();
-    seeds.extend([&session, &day, &flashed].map(|deeds| seed(8, deeds)));
+    seeds.extend([&session, &day, &flashed].map(|stimuli| seed(8, stimuli)));
     seeds
 }

@@ -11,7 +11,7 @@ use rollwalk_protocol::crc::file_digest;
 pub mod nor;
 
 /// Flash type of the bench.
-pub type Flash = nor::Nor<8, 2048>;
+pub type Flash = nor::NorSimulator<8, 2048>;
 
 const TRIAL_BOOTS: u8 = 3;
 

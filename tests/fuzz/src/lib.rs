@@ -32,7 +32,7 @@ pub mod wire;
 // The bench of the firmware's tests, as it is there.
 #[path = "../../../firmware/tests/integration/deeds.rs"]
 #[allow(missing_docs)]
-pub mod deeds;
+pub mod stimuli;
 #[path = "../../../firmware/tests/integration/drives.rs"]
 #[allow(missing_docs, dead_code)]
 pub mod drives;

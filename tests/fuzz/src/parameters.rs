@@ -5,7 +5,7 @@ use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashParameters, ParameterSet, ParameterStore};
 use rollwalk_protocol::crc::crc32c;
 
-use crate::flash::nor::{ALL_TORN, Torn};
+use crate::flash::nor::{ALL_TORN, CutDamage};
 use crate::watched::{Power, Watched};
 
 const UNIT: usize = 256;
@@ -115,7 +115,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
             0 | 1 => bench.save(u.arbitrary()?),
             2 => bench.mount(),
             3 | 4 => {
-                let torn: Torn = *u.choose(&ALL_TORN)?;
+                let torn: CutDamage = *u.choose(&ALL_TORN)?;
                 bench.power.cut_after(torn, usize::from(u.arbitrary::<u16>()? % 1000));
             }
             _ => {
@@ -141,7 +141,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
 
 /// Runs operations on a memory; the first byte selects the flash.
 pub fn run(data: &[u8]) {
-    // An error means that a deed was cut off.
+    // An error means that a stimulus was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 

@@ -9,7 +9,7 @@ use arbitrary::{Result, Unstructured};
 use rollwalk_firmware::store::{FlashStore, LibraryStore, MappedFlash, StoreError};
 use rollwalk_protocol::crc::file_digest;
 
-use crate::flash::nor::{ALL_TORN, Torn};
+use crate::flash::nor::{ALL_TORN, CutDamage};
 use crate::watched::{Power, Watched};
 use forge::FLASH_LEN;
 
@@ -169,9 +169,9 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
         if u.is_empty() {
             break;
         }
-        let deed = u.arbitrary::<u8>()?;
+        let stimulus = u.arbitrary::<u8>()?;
         // What it answers is judged by what plays.
-        let _: Result<(), StoreError> = match deed % 12 {
+        let _: Result<(), StoreError> = match stimulus % 12 {
             0 => bench.begin(u.arbitrary()?).map(|_| ()),
             1 | 2 => {
                 let (offset, len) = u.arbitrary::<(u16, u8)>()?;
@@ -197,7 +197,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
                 Ok(())
             }
             9 => {
-                let torn: Torn = *u.choose(&ALL_TORN)?;
+                let torn: CutDamage = *u.choose(&ALL_TORN)?;
                 bench.power.cut_after(torn, usize::from(u.arbitrary::<u16>()? % 2000));
                 Ok(())
             }
@@ -229,7 +229,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
 
 /// Runs operations on a store; the first byte selects the flash.
 pub fn run(data: &[u8]) {
-    // An error means that a deed was cut off.
+    // An error means that a stimulus was cut off.
     let _ = play(&mut Unstructured::new(data));
 }
 

@@ -6,16 +6,16 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rollwalk_firmware::store::MappedFlash;
 
-use crate::flash::nor::{Nor, Torn};
+use crate::flash::nor::{NorSimulator, CutDamage};
 
 /// Flash with words of 8 bytes, and with units that are small enough for an input to reach all of them.
-pub type Cells = Nor<8, 256>;
+pub type Cells = NorSimulator<8, 256>;
 
 /// Switches that take effect with the next operation.
 #[derive(Default)]
 struct Switches {
     has_power: Cell<bool>,
-    cut: RefCell<Option<Option<(Torn, usize)>>>,
+    cut: RefCell<Option<Option<(CutDamage, usize)>>>,
     failing: Cell<Option<Option<u64>>>,
 }
 
@@ -30,7 +30,7 @@ impl Power {
     }
 
     /// Cuts the power after `bytes` bytes of writing and erasing.
-    pub fn cut_after(&self, torn: Torn, bytes: usize) {
+    pub fn cut_after(&self, torn: CutDamage, bytes: usize) {
         self.0.cut.replace(Some(Some((torn, bytes))));
     }
 
@@ -77,7 +77,7 @@ impl Watched {
     fn operate<T>(&mut self, operation: impl FnOnce(&mut Cells) -> T) -> T {
         let switches = &self.power.0;
         if let Some(cut) = switches.cut.borrow_mut().take() {
-            let (torn, fuel) = cut.map_or((Torn::Short, None), |(torn, fuel)| (torn, Some(fuel)));
+            let (torn, fuel) = cut.map_or((CutDamage::Short, None), |(torn, fuel)| (torn, Some(fuel)));
             self.cells.arm(torn, fuel);
         }
         if let Some(rate) = switches.failing.take() {

@@ -4,15 +4,15 @@
 
 use embedded_hal::pwm::{ErrorType, SetDutyCycle};
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_drives::{Answer, Drive, Electronics, Sent, Shaft};
+use rollwalk_drives::{Answer, Drive, DriveCommand, Electronics, Shaft};
 use rollwalk_firmware::hal::pwm::{PwmServo, PwmSettings};
-use rollwalk_firmware::player::Playing;
+use rollwalk_firmware::player::PlaybackPosition;
 use rollwalk_firmware::{Buses, Settings};
 use rollwalk_protocol::actuators::maestro::Pulse;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use rollwalk_robot::Robot;
-use rollwalk_sim_host::core::Local;
+use rollwalk_sim_host::core::LocalController;
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 use std::convert::Infallible;
@@ -26,7 +26,7 @@ const PWM_PERIOD_US: f32 = 20_000.0;
 #[derive(Clone, Copy, Debug)]
 pub struct Told {
     /// Motion that the controller played in that control period.
-    pub playing: Playing,
+    pub playing: PlaybackPosition,
     pub channel: usize,
     /// Angle, rad, or speed of a wheel, rad/s.
     pub value: f32,
@@ -38,7 +38,7 @@ pub struct Told {
 
 /// Controller, drives and the host's end of the link.
 pub struct Bench {
-    core: Local,
+    core: LocalController,
     motors: Vec<Motor>,
     inbox: VecDeque<Frame>,
     now_us: u64,
@@ -82,7 +82,12 @@ impl Bench {
     pub fn new(robot: &Robot, library: &[u8], pwm: Option<u8>) -> Self {
         let config = robot.controller_config().expect("a valid robot");
         let buses = robot.controller_buses();
-        let core = Local::with_library(config.clone(), buses.clone(), Settings::default(), library);
+        let core = LocalController::with_library(
+            config.clone(),
+            buses.clone(),
+            Settings::default(),
+            library,
+        );
         let nominal = robot.joints.iter().map(|joint| joint.nominal_rad);
         let nominal = nominal.chain(std::iter::repeat(0.0));
         let motors = config.channels.iter().zip(nominal);
@@ -140,8 +145,10 @@ impl Bench {
         }
     }
 
-    fn note(&mut self, playing: Option<Playing>, channel: usize, sent: Sent) {
-        if let (Some(playing), Sent::Setpoint { value, kp, kd, torque_nm }) = (playing, sent) {
+    fn note(&mut self, playing: Option<PlaybackPosition>, channel: usize, sent: DriveCommand) {
+        if let (Some(playing), DriveCommand::Setpoint { value, kp, kd, torque_nm }) =
+            (playing, sent)
+        {
             self.told.push(Told { playing, channel, value, torque_nm, gains: [kp, kd] });
         }
     }
@@ -166,7 +173,7 @@ impl Motor {
         Self { channel: *channel, shaft: Shaft { position_rad, ..Shaft::default() }, drive }
     }
 
-    fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<(Sent, Option<Frame>)> {
+    fn on_frame(&mut self, now_us: u64, frame: &Frame) -> Option<(DriveCommand, Option<Frame>)> {
         match &mut self.drive {
             Kind::Drive(drive) => {
                 let reply = drive.on_frame(now_us, frame, &self.shaft);
@@ -177,12 +184,15 @@ impl Motor {
                 let answer = servo.on_frame(frame)?;
                 let pulse_us = f32::from(duty.get()) * PWM_PERIOD_US / f32::from(u16::MAX);
                 let value = (pulse_us - PULSE.centre_us) / PULSE.us_per_rad;
-                Some((Sent::Setpoint { value, kp: 0.0, kd: 0.0, torque_nm: 0.0 }, Some(answer)))
+                Some((
+                    DriveCommand::Setpoint { value, kp: 0.0, kd: 0.0, torque_nm: 0.0 },
+                    Some(answer),
+                ))
             }
         }
     }
 
-    fn on_packet(&mut self, now_us: u64, packet: &[u8]) -> (Vec<Sent>, Option<Answer>) {
+    fn on_packet(&mut self, now_us: u64, packet: &[u8]) -> (Vec<DriveCommand>, Option<Answer>) {
         let Kind::Drive(drive) = &mut self.drive else { return (Vec::new(), None) };
         let reply = drive.on_packet(now_us, packet, &self.shaft);
         self.follow();

@@ -27,7 +27,7 @@ use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::library::{ClipId, Library, NodeId, validate};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::clock::SimTime;
-use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::core::{Core, LocalController};
 use rollwalk_sim_host::interface::LogEntry;
 use rollwalk_sim_host::one_leg;
 use scenario::Scenario;
@@ -176,9 +176,9 @@ pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
     let (config, settings) = (subject.config(), Settings::default());
     let buses = subject.robot.controller_buses();
     let core = if case.scenario == Scenario::Flash {
-        Local::new(config, buses, settings)
+        LocalController::new(config, buses, settings)
     } else {
-        Local::with_library(config, buses, settings, &subject.library)
+        LocalController::with_library(config, buses, settings, &subject.library)
     };
     run_with(subject, case, core)
 }

@@ -9,23 +9,23 @@ use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::Fault;
-use rollwalk_protocol::tunnel::{Input, Step, Stepped};
+use rollwalk_protocol::tunnel::{Input, Step, StepResult};
 use rollwalk_protocol::wire::{Action, Command, CommandAck, Node, State, ToController};
-use rollwalk_sim_host::core::{Core, Local};
+use rollwalk_sim_host::core::{Core, LocalController};
 use std::collections::BTreeSet;
 
 use rollwalk_sim_host::one_leg::BOW;
 
 /// Faulty behaviour of a controller.
-type Bug = Box<dyn FnMut(&mut Local, Step) -> Stepped>;
+type Bug = Box<dyn FnMut(&mut LocalController, Step) -> StepResult>;
 
 struct Planted {
-    core: Local,
+    core: LocalController,
     bug: Bug,
 }
 
 impl Core for Planted {
-    fn step(&mut self, step: Step) -> Result<Stepped, LinkError> {
+    fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
         Ok((self.bug)(&mut self.core, step))
     }
 
@@ -65,7 +65,7 @@ fn runs(
         let case = Case { scenario, loss_per_mille, seed };
         let config = subject.config();
         let (buses, settings) = (subject.robot.controller_buses(), Settings::default());
-        let core = Local::with_library(config, buses, settings, &subject.library);
+        let core = LocalController::with_library(config, buses, settings, &subject.library);
         run_with(&subject, case, Planted { core, bug: bug() }).0
     })
 }

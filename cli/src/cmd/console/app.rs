@@ -6,9 +6,9 @@ use super::screen;
 use crate::gamepad::reader::Gamepad;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_host::authentication::Peer;
-use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::operated::Operated;
 use rollwalk_terminal::{Exit, output};
@@ -84,11 +84,11 @@ impl<'a> App<'a> {
         peer: Peer,
         lookup: Lookup,
         gamepad: Option<Gamepad>,
-        bus: Live,
+        bus: LiveLink,
     ) -> Self {
         let mut operator = Operator::new(peer, lookup.config_hash());
         if let Some(gamepad) = &gamepad {
-            operator.want(0, Intent::Deadman(gamepad.released()));
+            operator.request(0, Intent::Deadman(gamepad.released()));
         }
         let asked_to_end = Arc::default();
         for signal in [SIGINT, SIGTERM] {
@@ -125,7 +125,7 @@ impl<'a> App<'a> {
             self.read_keys()?;
             self.look_names(now_us);
             self.operated.send();
-            if self.operated.operator.leaving() == Leaving::Now {
+            if self.operated.operator.leaving() == ExitStage::Now {
                 return Ok(self.operated.operator.view(now_us));
             }
             if now_us >= draw_us {
@@ -143,7 +143,7 @@ impl<'a> App<'a> {
                 };
                 terminal.draw(|frame| screen::draw(frame, &scene))?;
             }
-            self.operated.hear();
+            self.operated.receive();
         }
     }
 
@@ -153,7 +153,7 @@ impl<'a> App<'a> {
 
     fn read_keys(&mut self) -> io::Result<()> {
         if self.asked_to_end.swap(false, Ordering::Relaxed) {
-            self.operated.operator.want(self.now_us(), Intent::Quit);
+            self.operated.operator.request(self.now_us(), Intent::Quit);
         }
         while event::poll(Duration::ZERO)? {
             // A new size shows when the screen is drawn next.
@@ -162,7 +162,7 @@ impl<'a> App<'a> {
             let speed = self.operated.operator.speed_64ths();
             match self.keyboard.press(now_us, key, &self.names, speed) {
                 None => {}
-                Some(Meaning::Want(intent)) => self.operated.operator.want(now_us, intent),
+                Some(Meaning::Want(intent)) => self.operated.operator.request(now_us, intent),
                 Some(Meaning::Help) => self.help = !self.help,
                 Some(Meaning::Scroll(by)) => {
                     self.scroll = self.scroll.saturating_add_signed(by).min(64);
@@ -174,8 +174,8 @@ impl<'a> App<'a> {
 
     fn read_gamepad(&mut self, now_us: u64) {
         let Some(gamepad) = &mut self.gamepad else { return };
-        for wish in gamepad.wishes(now_us) {
-            wish.give(now_us, &mut self.operated.operator, self.names.catalog.as_ref());
+        for request in gamepad.requests(now_us) {
+            request.execute(now_us, &mut self.operated.operator, self.names.catalog.as_ref());
         }
     }
 
@@ -191,10 +191,10 @@ impl<'a> App<'a> {
         if hello.library.is_none() {
             let text =
                 "the controller has no library: quit, and flash one with `rollwalk flash LIB.rwl`";
-            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.operated.operator.notify(now_us, Weight::Warning, text);
         } else if other {
             let text = "the library of the controller differs from --library";
-            self.operated.operator.say(now_us, Weight::Warning, text);
+            self.operated.operator.notify(now_us, Weight::Warning, text);
         }
         self.operated.operator.set_catalog(names.catalog.clone());
         self.operated.operator.set_actuators(names.actuators.clone());

@@ -4,9 +4,9 @@
 
 use nalgebra::Vector3;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Intent, Leaving, Operator, View, Weight};
+use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_host::stream::Target;
-use rollwalk_host::tracking::{Measured, Tracking};
+use rollwalk_host::tracking::{Measurements, Tracking};
 use rollwalk_multibody::{Tree, Wheel};
 use rollwalk_physics::motor::Law;
 use rollwalk_pilot::{AGAIN_US, ARM_AGAIN_US, ARMS};
@@ -185,7 +185,7 @@ impl<'p> Conductor<'p> {
             self.sequence.stop();
         }
         if self.phase == Phase::Playing && moves && !std::mem::replace(&mut self.stops, true) {
-            operator.say(
+            operator.notify(
                 now_us,
                 Weight::Note,
                 "the robot completes its cycle, then returns to SAFE",
@@ -203,7 +203,7 @@ impl<'p> Conductor<'p> {
         let streams = status.state == State::Streaming;
         let begun_us = *self.begun_us.get_or_insert(now_us);
         if self.phase == Phase::Arming && now_us - begun_us > ARMED_US {
-            operator.say(now_us, Weight::Warning, "the robot is not armed after 30 s");
+            operator.notify(now_us, Weight::Warning, "the robot is not armed after 30 s");
             return self.end(now_us, operator);
         }
         match (self.phase, status.state) {
@@ -211,7 +211,7 @@ impl<'p> Conductor<'p> {
             (Phase::Arming, State::Disarmed) => self.arm(now_us, &view, operator),
             (Phase::Arming, State::Ready) => {
                 (self.phase, self.again_us) = (Phase::Beginning, now_us + AGAIN_US);
-                operator.want(now_us, Intent::Track(self.tracking));
+                operator.request(now_us, Intent::Track(self.tracking));
             }
             (Phase::Arming, State::Aligning | State::Boot | State::SelfTest) => {}
             (Phase::Beginning, _) if streams => self.phase = Phase::Standing,
@@ -223,25 +223,25 @@ impl<'p> Conductor<'p> {
                      owner's key never accepts setpoints",
                     self.tracking.rate_hz
                 );
-                operator.say(now_us, Weight::Warning, text);
+                operator.notify(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
             (Phase::Standing | Phase::Playing, _) if streams => {}
             (Phase::Homeward, _) if streams && now_us >= self.again_us => {
                 self.again_us = now_us + AGAIN_US;
-                operator.want(now_us, Intent::Return);
+                operator.request(now_us, Intent::Return);
             }
             (Phase::Homeward, State::Streaming | State::Aligning) => {}
             (Phase::Homeward, _) => {
                 self.phase = Phase::Over;
-                operator.want(now_us, Intent::Quit);
+                operator.request(now_us, Intent::Quit);
             }
             (_, state) => {
                 let text = format!("the motion has ended: the robot is {}", state_name(state));
-                operator.say(now_us, Weight::Warning, text);
+                operator.notify(now_us, Weight::Warning, text);
                 self.phase = Phase::Over;
-                if operator.leaving() == Leaving::No {
-                    operator.want(now_us, Intent::Quit);
+                if operator.leaving() == ExitStage::No {
+                    operator.request(now_us, Intent::Quit);
                 }
             }
         }
@@ -252,14 +252,14 @@ impl<'p> Conductor<'p> {
         let Some(hello) = &view.hello else { return };
         if hello.library != Some(self.library) {
             let text = "the controller has another library: build and flash this library first";
-            operator.say(now_us, Weight::Refused, text);
+            operator.notify(now_us, Weight::Refused, text);
             self.end(now_us, operator);
         } else if now_us >= self.again_us && view.asking.is_none() {
             if self.arms == 0 {
                 return self.end(now_us, operator);
             }
             (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
-            operator.want(now_us, Intent::Arm);
+            operator.request(now_us, Intent::Arm);
         }
     }
 
@@ -267,9 +267,9 @@ impl<'p> Conductor<'p> {
     fn end(&mut self, now_us: u64, operator: &mut Operator) {
         if !matches!(self.phase, Phase::Homeward | Phase::Over) {
             (self.phase, self.again_us) = (Phase::Homeward, now_us + AGAIN_US);
-            operator.want(now_us, Intent::Return);
+            operator.request(now_us, Intent::Return);
         } else {
-            operator.want(now_us, Intent::Quit);
+            operator.request(now_us, Intent::Quit);
         }
     }
 
@@ -282,13 +282,13 @@ impl<'p> Conductor<'p> {
         }
     }
 
-    fn answer_one(&mut self, now_us: u64, measured: &Measured, operator: &mut Operator) {
+    fn answer_one(&mut self, now_us: u64, measured: &Measurements, operator: &mut Operator) {
         if let Some((rate_hz, lost)) = operator.sampled() {
             self.tally.lost = lost;
             if rate_hz != self.tracking.rate_hz && self.phase == Phase::Standing {
                 let text =
                     format!("the controller takes {rate_hz} samples/s: give --rate {rate_hz}");
-                operator.say(now_us, Weight::Refused, text);
+                operator.notify(now_us, Weight::Refused, text);
                 return self.end(now_us, operator);
             }
         }
@@ -297,14 +297,14 @@ impl<'p> Conductor<'p> {
         let lost_contacts = self.planned_contacts && self.contacts.is_some();
         if lost_contacts && !std::mem::replace(&mut self.said_contacts, true) {
             let text = "the contact switches send no data any more: the planned contacts are used";
-            operator.say(now_us, Weight::Warning, text);
+            operator.notify(now_us, Weight::Warning, text);
         }
         self.tally.answered += 1;
         self.tally.untracked += u64::from(untracked.is_some());
         if untracked != self.why {
             if let Some(why) = untracked.filter(|_| self.phase == Phase::Playing) {
                 let text = format!("not tracked, setpoints follow the plan in open loop: {why}");
-                operator.say(now_us, Weight::Warning, text);
+                operator.notify(now_us, Weight::Warning, text);
             }
             self.why = untracked;
         }
@@ -313,7 +313,7 @@ impl<'p> Conductor<'p> {
         self.go_on(now_us, measured.number, operator);
     }
 
-    fn count(&mut self, measured: &Measured) {
+    fn count(&mut self, measured: &Measurements) {
         self.first.get_or_insert(measured.number);
         self.last = measured.number;
         self.tally.stale += measured.stale as u64;
@@ -326,7 +326,7 @@ impl<'p> Conductor<'p> {
     }
 
     /// Computes the set-points that answer a sample.
-    fn tick(&mut self, measured: &Measured) -> (Vec<Law>, Option<Untracked>) {
+    fn tick(&mut self, measured: &Measurements) -> (Vec<Law>, Option<Untracked>) {
         let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
         // Of a channel that was never heard no state is known.
         let joint = |channel: usize| measured.joints.get(channel).copied().flatten();
@@ -355,7 +355,7 @@ impl<'p> Conductor<'p> {
     }
 
     /// Most recent contact readings, if they are fresh. Switches may be read less often than samples are taken.
-    fn fresh_contacts(&mut self, measured: &Measured) -> Option<u32> {
+    fn fresh_contacts(&mut self, measured: &Measurements) -> Option<u32> {
         let number = measured.number;
         self.contacts = measured.contacts.map(|contacts| (contacts, number)).or(self.contacts);
         let (contacts, heard) = self.contacts?;
@@ -380,7 +380,7 @@ impl<'p> Conductor<'p> {
                 if latency_s >= LATENCY_MAX_S {
                     let text = "setpoints act 50 ms or more after their sample: the link or this \
                         computer is too slow";
-                    operator.say(now_us, Weight::Refused, text);
+                    operator.notify(now_us, Weight::Refused, text);
                     return self.end(now_us, operator);
                 }
                 sequence.change_latency(latency_s);
@@ -391,13 +391,13 @@ impl<'p> Conductor<'p> {
                      sample",
                     1e3 * latency_s
                 );
-                operator.say(now_us, Weight::Note, text);
+                operator.notify(now_us, Weight::Note, text);
             }
             Phase::Standing if stood_s >= KNOWN_S => {
                 let why = self.why.map_or_else(String::new, |why| format!(": {why}"));
                 let text =
                     format!("the state of the robot is still unknown after {KNOWN_S} s{why}");
-                operator.say(now_us, Weight::Warning, text);
+                operator.notify(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
             // On all its feet, as far as it has come to that.
@@ -419,7 +419,7 @@ impl<'p> Conductor<'p> {
                         cycle => format!(", cycle {}", cycle + 1),
                     };
                     let text = format!("{}{cycle}", leg.plan().motion.name);
-                    operator.say(now_us, Weight::Note, text);
+                    operator.notify(now_us, Weight::Note, text);
                 }
             }
             _ => {}

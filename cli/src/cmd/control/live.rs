@@ -1,8 +1,8 @@
 //! Loop that runs a [`Conductor`] with a bus, a clock and Ctrl-C.
 
 use super::conductor::{Conductor, LATENCY_MAX_S, Phase, Tally};
-use rollwalk_bus::port::Live;
-use rollwalk_host::operator::{Intent, Leaving, Operator};
+use rollwalk_bus::port::LiveLink;
+use rollwalk_host::operator::{ExitStage, Intent, Operator};
 use rollwalk_pilot::END_US;
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::operated::{Operated, farewell, say_new};
@@ -22,7 +22,7 @@ const MISSED: f64 = 0.01;
 /// Returns an error if standard output is closed.
 pub fn run(
     link: &LinkArgs,
-    bus: Live,
+    bus: LiveLink,
     operator: Operator,
     conductor: &mut Conductor<'_>,
     json: bool,
@@ -53,11 +53,11 @@ pub fn run(
             over_us.get_or_insert(now_us);
         }
         let overtime_us = over_us.map_or(0, |over_us| now_us - over_us);
-        if overtime_us > END_US && operated.operator.leaving() == Leaving::No {
-            operated.operator.want(now_us, Intent::Quit);
+        if overtime_us > END_US && operated.operator.leaving() == ExitStage::No {
+            operated.operator.request(now_us, Intent::Quit);
         }
         let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
-        if operated.operator.leaving() == Leaving::Now || is_lost {
+        if operated.operator.leaving() == ExitStage::Now || is_lost {
             let ended = farewell(&view);
             let report = Report::new(conductor, &mut took_ms);
             output::say(report.verdict());
@@ -70,7 +70,7 @@ pub fn run(
                 ended => ended,
             });
         }
-        operated.hear();
+        operated.receive();
     }
 }
 

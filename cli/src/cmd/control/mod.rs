@@ -11,7 +11,7 @@ mod tests;
 use clap::ValueEnum;
 use conductor::Conductor;
 use miette::{IntoDiagnostic, miette};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
@@ -192,11 +192,11 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     live::run(link, bus, operator, &mut conductor, args.json)
 }
 
-fn open(link: &LinkArgs) -> miette::Result<Live> {
+fn open(link: &LinkArgs) -> miette::Result<LiveLink> {
     link.live().map_err(cannot_open)
 }
 
-fn has_host(bus: &mut Live, link: &LinkArgs) -> bool {
+fn has_host(bus: &mut LiveLink, link: &LinkArgs) -> bool {
     listener::find_host(bus, link.node).is_ok_and(|listener| listener.has_host())
 }
 

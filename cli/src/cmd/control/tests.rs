@@ -5,7 +5,7 @@ use super::conductor::{Conductor, Phase, wheels};
 use super::route::{self, Play};
 use super::{timing, tracking};
 use rollwalk_bus::link::LinkBus;
-use rollwalk_host::operator::{Leaving, Operator};
+use rollwalk_host::operator::{ExitStage, Operator};
 use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_protocol::can::Frame;
@@ -191,7 +191,7 @@ fn plays(bench: &Bench<'_>) -> bool {
 }
 
 fn has_left(bench: &Bench<'_>) -> bool {
-    bench.operator.leaving() == Leaving::Now
+    bench.operator.leaving() == ExitStage::Now
 }
 
 #[test]

@@ -46,7 +46,7 @@ pub fn scores(plans: &[&Plan], rig: &Rig, robot: &Robot) -> BTreeMap<ClipId, Sco
         let score = scores.entry(clip).or_default();
         let planned = spline.setpoints(phase_frames / f64::from(RATE_HZ));
         let joints = planned.joint_rad.len();
-        for (channel, commanded) in record.meant().enumerate() {
+        for (channel, commanded) in record.targets().enumerate() {
             let commanded = f64::from(commanded);
             let (worst, planned) = match channel.checked_sub(joints) {
                 None => (&mut score.command_joint_rad, planned.joint_rad[channel]),

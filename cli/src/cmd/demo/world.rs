@@ -57,7 +57,7 @@ fn row(plan: &Plan, travel: &Travel) -> Row {
         Ends::Periodic => (travel.duration_s() / plan.motion.duration_s).round().max(1.0),
         _ => 1.0,
     };
-    let achieved = travel.way();
+    let achieved = travel.displacement();
     let mean: Way = achieved.values().map(|value| value / cycles).into();
     let errors = (0..3).filter_map(|of| Some((planned.ratio(&mean, of)? - 1.0).abs()));
     // A loop that was left in its middle went a part of its way that the goal does not tell.

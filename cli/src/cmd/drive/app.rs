@@ -6,11 +6,11 @@ use super::steps::{self, Step};
 use crate::gamepad::reader::Gamepad;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
-use rollwalk_bus::port::Live;
-use rollwalk_gamepads::pad::Wish;
+use rollwalk_bus::port::LiveLink;
+use rollwalk_gamepads::mapped_gamepad::GamepadRequest;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::operator::{Deadman, Intent, Leaving, Operator, Weight};
+use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, Weight};
 use rollwalk_pilot::{After, END_US, Phase, Pilot, Steered, Tally};
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::{State, Status};
@@ -61,7 +61,7 @@ impl<'a> App<'a> {
     /// Starts a drive on an open bus.
     pub fn new(
         link: &'a LinkArgs,
-        bus: Live,
+        bus: LiveLink,
         operator: Operator,
         steered: Steered,
         controls: Controls,
@@ -97,7 +97,7 @@ impl<'a> App<'a> {
         }
         if let Some(gamepad) = &self.gamepad {
             let released = Intent::Deadman(gamepad.released());
-            self.operated.operator.want(0, released);
+            self.operated.operator.request(0, released);
         }
         let mut draw_us = 0;
         loop {
@@ -113,7 +113,7 @@ impl<'a> App<'a> {
             }
             self.steered.pilot.steer(self.controls.wanted(sticks));
             self.turn(now_us);
-            if self.operated.operator.leaving() == Leaving::Now {
+            if self.operated.operator.leaving() == ExitStage::Now {
                 return Ok(self.ending(true));
             }
             if now_us >= draw_us {
@@ -132,7 +132,7 @@ impl<'a> App<'a> {
                 };
                 terminal.draw(|frame| screen::draw(frame, &scene))?;
             }
-            self.operated.hear();
+            self.operated.receive();
         }
     }
 
@@ -172,15 +172,15 @@ impl<'a> App<'a> {
                 self.tell(now_us, time_s, steering);
             }
             let overtime_us = over_us.map_or(0, |over_us: u64| now_us - over_us);
-            if overtime_us > END_US && self.operated.operator.leaving() == Leaving::No {
-                self.operated.operator.want(now_us, Intent::Quit);
+            if overtime_us > END_US && self.operated.operator.leaving() == ExitStage::No {
+                self.operated.operator.request(now_us, Intent::Quit);
             }
             // After as long again the drive ends.
             let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
-            if self.operated.operator.leaving() == Leaving::Now || is_lost {
+            if self.operated.operator.leaving() == ExitStage::Now || is_lost {
                 return self.ending(is_whole && !is_lost);
             }
-            self.operated.hear();
+            self.operated.receive();
         }
     }
 
@@ -216,7 +216,7 @@ impl<'a> App<'a> {
             self.is_other = true;
             let text = "the library of the controller differs from the given library: the SAFE pose may \
                  be another one";
-            operator.say(now_us, Weight::Warning, text);
+            operator.notify(now_us, Weight::Warning, text);
         }
         self.operated.send();
     }
@@ -237,7 +237,7 @@ impl<'a> App<'a> {
                 Some(Meaning::Steered) if self.is_let_go(now_us) => self.controls.rest(),
                 Some(Meaning::Steered) => self.steered.pilot.rise(),
                 Some(Meaning::Stop(after)) => self.stop(after),
-                Some(Meaning::Want(intent)) => self.want(intent),
+                Some(Meaning::Want(intent)) => self.request(intent),
             }
         }
         Ok(())
@@ -248,12 +248,12 @@ impl<'a> App<'a> {
         let now_us = self.operated.now_us();
         if self.steered.pilot.phase() == Phase::Off && after == After::Rest {
             // A motion that a button of the gamepad began.
-            self.operated.operator.want(now_us, Intent::Return);
+            self.operated.operator.request(now_us, Intent::Return);
         }
         self.steered.pilot.stop(now_us, after, &mut self.operated.operator);
     }
 
-    fn want(&mut self, intent: Intent) {
+    fn request(&mut self, intent: Intent) {
         let now_us = self.operated.now_us();
         if intent == Intent::Arm {
             self.steered.pilot.rise();
@@ -261,32 +261,36 @@ impl<'a> App<'a> {
         if matches!(intent, Intent::Estop | Intent::Arm) {
             self.controls.rest();
         }
-        self.operated.operator.want(now_us, intent);
+        self.operated.operator.request(now_us, intent);
     }
 
     /// Executes the buttons of the gamepad, and returns the deflections of its sticks.
     fn read_gamepad(&mut self, now_us: u64) -> [f64; 3] {
         let Some(gamepad) = &mut self.gamepad else { return [0.0; 3] };
-        let wishes = gamepad.wishes(now_us);
+        let requests = gamepad.requests(now_us);
         let sticks = sticks(|push| gamepad.pushed(push));
         let follows = self.steered.pilot.phase() != Phase::Off;
-        for wish in wishes {
-            match wish {
+        for request in requests {
+            match request {
                 // The robot stops first, on all its feet.
-                Wish::Want(Intent::Return | Intent::Pause | Intent::PauseOrResume) if follows => {
+                GamepadRequest::Intent(Intent::Return | Intent::Pause | Intent::PauseOrResume)
+                    if follows =>
+                {
                     self.stop(After::Rest);
                 }
-                Wish::Want(Intent::Disarm) if follows => self.stop(After::Disarm),
-                Wish::Want(Intent::Deadman(deadman)) => {
+                GamepadRequest::Intent(Intent::Disarm) if follows => self.stop(After::Disarm),
+                GamepadRequest::Intent(Intent::Deadman(deadman)) => {
                     if deadman != Deadman::Held {
                         self.controls.rest();
                     }
-                    self.operated.operator.want(now_us, Intent::Deadman(deadman));
+                    self.operated.operator.request(now_us, Intent::Deadman(deadman));
                 }
-                Wish::Want(intent) => self.want(intent),
+                GamepadRequest::Intent(intent) => self.request(intent),
                 // Motions are for a robot that does not stream.
-                Wish::Play(_) if follows => {}
-                wish => wish.give(now_us, &mut self.operated.operator, Some(&self.catalog)),
+                GamepadRequest::Play(_) if follows => {}
+                request => {
+                    request.execute(now_us, &mut self.operated.operator, Some(&self.catalog))
+                }
             }
         }
         sticks

@@ -1,7 +1,7 @@
 //! Steering inputs of the operator: keys of a terminal and sticks of a gamepad.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use rollwalk_gamepads::inputs::{Push, push};
+use rollwalk_gamepads::inputs::{AxisDirection, push};
 use rollwalk_host::operator::Intent;
 use rollwalk_pilot::{After, Fastest, Wanted};
 use rollwalk_planner::receding::Steering;
@@ -122,10 +122,10 @@ impl Controls {
 
 /// Returns the deflections of a gamepad's sticks, −1 to 1: forward, left and turning left. `pushed` returns the deflection of
 /// an axis in one direction, 0 to 1.
-pub fn sticks(pushed: impl Fn(Push) -> f32) -> [f64; 3] {
+pub fn sticks(pushed: impl Fn(AxisDirection) -> f32) -> [f64; 3] {
     AXES.map(|name| {
         let to = push(name).expect("an axis of that name");
-        let other = Push { positive: !to.positive, ..to };
+        let other = AxisDirection { positive: !to.positive, ..to };
         let value = f64::from(pushed(to)) - f64::from(pushed(other));
         value.signum() * ((value.abs() - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0)
     })
@@ -165,7 +165,7 @@ mod tests {
     fn sticks_have_a_dead_zone_and_signs_that_fit() {
         // Pushed away and to the right: up is negative on a stick.
         let at = |axis: u16, value: f32| {
-            move |to: Push| if to.axis == axis { to.how_far(value) } else { 0.0 }
+            move |to: AxisDirection| if to.axis == axis { to.how_far(value) } else { 0.0 }
         };
         let [forward, left, turn] = sticks(at(1, -1.0));
         assert_eq!((forward, left, turn), (1.0, 0.0, 0.0));

@@ -2,7 +2,7 @@
 //! computing time.
 
 use rollwalk_bus::link::LinkBus;
-use rollwalk_host::operator::{Deadman, Intent, Leaving, LetGo, Operator};
+use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, ReleaseReaction};
 use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_pilot::{After, Courses, Phase, Pilot, Request, Route, Wanted};
@@ -152,7 +152,7 @@ fn a_steered_robot_walks_as_it_is_steered_and_goes_home() {
     assert!((turn - 0.3).abs() < 0.1, "{turn} rad/s");
     let now_us = drive.now_us();
     drive.pilot.stop(now_us, After::Leave, &mut drive.operator);
-    drive.run_until(20 * S, |drive| drive.operator.leaving() == Leaving::Now);
+    drive.run_until(20 * S, |drive| drive.operator.leaving() == ExitStage::Now);
     assert_eq!(drive.state(), State::Disarmed);
     assert_eq!(drive.falls(), 0);
     let tally = drive.pilot.tally();
@@ -186,15 +186,15 @@ fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
     let mut drive = Drive::new("walk");
     drive.steer(0.1, 0.0);
     drive.run(2 * S);
-    drive.operator.want(drive.now_us(), Intent::Estop);
+    drive.operator.request(drive.now_us(), Intent::Estop);
     drive.run_until(S, |drive| drive.state() == State::EStopped);
     drive.steer(0.0, 0.0);
     // The hoist picks the robot up.
     drive.run(5 * S);
     assert_eq!(drive.pilot.phase(), Phase::Off);
-    drive.operator.want(drive.now_us(), Intent::Clear);
+    drive.operator.request(drive.now_us(), Intent::Clear);
     drive.run_until(2 * S, |drive| drive.state() == State::Disarmed);
-    drive.operator.want(drive.now_us(), Intent::Arm);
+    drive.operator.request(drive.now_us(), Intent::Arm);
     drive.pilot.rise();
     drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
     drive.steer(0.1, 0.0);
@@ -208,7 +208,7 @@ fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
 #[test]
 fn a_stream_that_another_program_ends_is_not_begun_again_by_itself() {
     let mut drive = Drive::new("walk");
-    drive.operator.want(drive.now_us(), Intent::Return);
+    drive.operator.request(drive.now_us(), Intent::Return);
     drive.run_until(10 * S, |drive| drive.state() == State::Ready);
     drive.steer(0.1, 0.0);
     drive.run(2 * S);
@@ -219,12 +219,12 @@ fn a_stream_that_another_program_ends_is_not_begun_again_by_itself() {
 
 #[test]
 fn a_robot_whose_deadman_is_let_go_goes_home_on_its_feet() {
-    for let_go in [LetGo::Pause, LetGo::Return] {
+    for let_go in [ReleaseReaction::Pause, ReleaseReaction::Return] {
         let mut drive = Drive::new("walk");
-        drive.operator.want(drive.now_us(), Intent::Deadman(Deadman::Held));
+        drive.operator.request(drive.now_us(), Intent::Deadman(Deadman::Held));
         drive.steer(0.1, 0.0);
         drive.run(2 * S);
-        drive.operator.want(drive.now_us(), Intent::Deadman(Deadman::Released(let_go)));
+        drive.operator.request(drive.now_us(), Intent::Deadman(Deadman::Released(let_go)));
         drive.steer(0.0, 0.0);
         drive.run(S);
         assert_eq!(drive.state(), State::Streaming);

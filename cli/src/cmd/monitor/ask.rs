@@ -26,8 +26,8 @@ impl<B: LinkBus> LinkBus for Kept<'_, B> {
         Ok(())
     }
 
-    fn complaint(&self) -> Option<String> {
-        self.bus.complaint()
+    fn fault_and_remedy(&self) -> Option<String> {
+        self.bus.fault_and_remedy()
     }
 
     fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {

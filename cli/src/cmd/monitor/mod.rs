@@ -12,7 +12,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::decode::{DecodedFrame, decode};
-use rollwalk_host::joints::{Known, Reader};
+use rollwalk_host::joints::{Reader, RobotContext};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_robot::{Robot, Solid};
@@ -176,9 +176,9 @@ fn known<'a>(
     catalog: Option<&'a Catalog>,
     packed: Option<&'a Packed>,
     config: Option<&'a RobotConfig>,
-) -> Option<Known<'a>> {
+) -> Option<RobotContext<'a>> {
     let library = packed.zip(config).map(|(packed, config)| (packed.library(), config));
-    catalog.map(|catalog| Known { catalog, library })
+    catalog.map(|catalog| RobotContext { catalog, library })
 }
 
 fn listen(
@@ -199,8 +199,9 @@ fn listen(
             None if bus.now_us() >= silent_us.saturating_add(SILENCE_US)
                 && bus.now_us() < end_us =>
             {
-                let why =
-                    bus.complaint().unwrap_or_else(|| "check that the robot is switched on".into());
+                let why = bus
+                    .fault_and_remedy()
+                    .unwrap_or_else(|| "check that the robot is switched on".into());
                 output::say(format_args!("no frames on {}: {why}", args.link.bus));
                 monitor.keep()?;
                 // Once is enough.

@@ -1,7 +1,7 @@
 //! Telemetry in a series of files; Foxglove can open each file separately.
 
 use miette::{Report, miette};
-use rollwalk_host::joints::Known;
+use rollwalk_host::joints::RobotContext;
 use rollwalk_host::telemetry::Telemetry;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::Node;
@@ -15,7 +15,7 @@ use std::{iter, mem};
 /// Telemetry file that is being written.
 pub struct Recording<'a> {
     node: Node,
-    known: Option<Known<'a>>,
+    known: Option<RobotContext<'a>>,
     path: PathBuf,
     series: Series,
     telemetry: Telemetry<'a, BufWriter<File>>,
@@ -36,7 +36,7 @@ impl<'a> Recording<'a> {
         output: &Output,
         rotation: Rotation,
         node: Node,
-        known: Option<Known<'a>>,
+        known: Option<RobotContext<'a>>,
     ) -> miette::Result<Self> {
         let (series, file) = Series::begin(output, rotation)?;
         let path = output.path().to_owned();

@@ -2,7 +2,7 @@
 
 use super::wanted::Chosen;
 use rollwalk_bus::link::LinkBus;
-use rollwalk_host::catalog::Motion;
+use rollwalk_host::catalog::CatalogMotion;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::library::RATE_HZ;
 use rollwalk_protocol::wire::{STATUS_PERIOD_MS, State, Status};
@@ -44,7 +44,8 @@ pub fn play(
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
             output::say(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
-            // The program that holds the robot may send it elsewhere meanwhile. Without a catalog it is not known where the motion is.
+            // The program that holds the robot may send it elsewhere meanwhile. Without a catalog it is not known where the
+            // motion is.
             match chosen.motion {
                 Some((node, motion)) => {
                     wait_for(session, chosen, node, ack.value)?;
@@ -98,7 +99,7 @@ fn wait_for(
 fn finish(
     session: &mut LiveSession,
     chosen: &Chosen,
-    motion: &Motion,
+    motion: &CatalogMotion,
     speed_64ths: i8,
     played_before: bool,
 ) -> Result<(), SessionError> {

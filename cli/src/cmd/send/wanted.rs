@@ -1,7 +1,7 @@
 //! Motions that the user requests, and their entries in the controller's library.
 
 use miette::miette;
-use rollwalk_host::catalog::{Catalog, Motion};
+use rollwalk_host::catalog::{Catalog, CatalogMotion};
 use std::fmt;
 use std::str::FromStr;
 
@@ -54,7 +54,7 @@ pub struct Chosen<'a> {
     /// Requested playing time, s.
     pub seconds: Option<f64>,
     /// Index and entry of the motion in the catalogue, if known.
-    pub motion: Option<(usize, &'a Motion)>,
+    pub motion: Option<(usize, &'a CatalogMotion)>,
 }
 
 impl Chosen<'_> {
@@ -111,7 +111,7 @@ pub fn choose<'a>(
 
 /// List of the command codes and their motions.
 fn codes(catalog: &Catalog) -> String {
-    let known = |motion: &Motion| Some(format!("{} ({})", motion.code?, motion.name));
+    let known = |motion: &CatalogMotion| Some(format!("{} ({})", motion.code?, motion.name));
     catalog.motions.iter().filter_map(known).collect::<Vec<_>>().join(", ")
 }
 
@@ -131,8 +131,12 @@ mod tests {
 
     #[test]
     fn a_code_counts_as_wrong_only_by_the_controllers_own_library() {
-        let motion =
-            |name: &str, code| Motion { name: name.into(), code, frames: 60, looping: false };
+        let motion = |name: &str, code| CatalogMotion {
+            name: name.into(),
+            code,
+            frames: 60,
+            looping: false,
+        };
         let catalog = Catalog {
             robot: "pup".into(),
             config_hash: 1,

@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         plan: ways.get(usize::from(travel.clip.0)).map(|planned| planned.judge(travel)),
         name: catalog.clip(travel.clip.0).unwrap_or_default(),
         played_s: travel.duration_s(),
-        way: travel.way(),
+        way: travel.displacement(),
         totals: travel.totals(),
     };
     let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();

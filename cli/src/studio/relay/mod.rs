@@ -9,7 +9,7 @@ mod traffic;
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_terminal::link::{DEPTH, cannot_open, live};
 use rollwalk_terminal::output;
 use std::convert::Infallible;
@@ -114,7 +114,7 @@ impl Relay {
     }
 
     /// Opens the bus, with a second attempt if another page has just released it.
-    fn open(&self) -> Result<Live, OpenError> {
+    fn open(&self) -> Result<LiveLink, OpenError> {
         live(&self.bus).or_else(|_| {
             thread::sleep(CLOSING);
             live(&self.bus)
@@ -125,7 +125,7 @@ impl Relay {
 /// Passes frames in both directions, and prints problems of the bus on the terminal; ends only with an error.
 fn pass_on(
     socket: &mut WebSocket<TcpStream>,
-    bus: &mut Live,
+    bus: &mut LiveLink,
     name: &BusName,
 ) -> Result<Infallible, End> {
     let gone = |_| End::Gone;
@@ -156,7 +156,7 @@ fn pass_on(
                 Err(error) => return Err(lost(error)),
             }
         }
-        let complaint = bus.complaint();
+        let complaint = bus.fault_and_remedy();
         if complaint.is_some() != complains {
             complains = complaint.is_some();
             output::say(complaint.unwrap_or_else(|| format!("{name}: the bus works again")));

@@ -4,7 +4,7 @@ use super::{Running, start, start_with};
 use crate::studio::relay::Relay;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::name::BusName;
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::sim;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::serial::Packet;
@@ -21,7 +21,7 @@ const SHORT_US: u64 = 50_000;
 
 /// Robot's end of a bus, and a server that relays the bus.
 struct Bench {
-    robot: Live,
+    robot: LiveLink,
     server: Running,
     _folder: TempDir,
 }
@@ -29,7 +29,7 @@ struct Bench {
 fn bench() -> Bench {
     let folder = tempfile::tempdir().unwrap();
     let socket = folder.path().join("robot.sock");
-    let robot = Live::new(sim::serve(Some(&socket)).unwrap());
+    let robot = LiveLink::new(sim::serve(Some(&socket)).unwrap());
     let bus = BusName::Sim { socket: Some(socket) };
     let server = start_with(&[], Some(Relay::new(bus).unwrap()));
     Bench { robot, server, _folder: folder }

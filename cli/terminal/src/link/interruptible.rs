@@ -2,21 +2,21 @@
 
 use crate::interrupt;
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_protocol::can::Frame;
 
 /// Interval between checks for Ctrl-C, µs.
 const CHECK_US: u64 = 50_000;
 
 pub struct Interruptible {
-    live: Live,
+    live: LiveLink,
     /// True if Ctrl-C is ignored because the robot is returning to SAFE.
     ignores: bool,
 }
 
 impl Interruptible {
     /// Wraps a link so that Ctrl-C interrupts its waits.
-    pub fn new(live: Live) -> Self {
+    pub fn new(live: LiveLink) -> Self {
         Self { live, ignores: false }
     }
 
@@ -53,7 +53,7 @@ impl LinkBus for Interruptible {
         }
     }
 
-    fn complaint(&self) -> Option<String> {
-        self.live.complaint()
+    fn fault_and_remedy(&self) -> Option<String> {
+        self.live.fault_and_remedy()
     }
 }

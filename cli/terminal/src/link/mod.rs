@@ -14,7 +14,7 @@ use crate::{Exit, interrupt, keys, output};
 use miette::{Diagnostic, Report, miette};
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::priority;
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::session::{Session, SessionError};
@@ -61,10 +61,10 @@ pub fn cannot_open(error: OpenError) -> Report {
 ///
 /// # Errors
 /// Returns an error if the bus does not exist or cannot be used. The error contains the command to type.
-pub fn live(bus: &BusName) -> Result<Live, OpenError> {
+pub fn live(bus: &BusName) -> Result<LiveLink, OpenError> {
     // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
     priority::raise();
-    open::open(bus, DEPTH).map(Live::new)
+    open::open(bus, DEPTH).map(LiveLink::new)
 }
 
 /// Session on a bus of this computer.
@@ -96,7 +96,7 @@ impl LinkArgs {
     ///
     /// # Errors
     /// Returns the errors of [`live`].
-    pub fn live(&self) -> Result<Live, OpenError> {
+    pub fn live(&self) -> Result<LiveLink, OpenError> {
         live(&self.bus)
     }
 

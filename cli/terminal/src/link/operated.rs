@@ -6,7 +6,7 @@
 use super::LinkArgs;
 use crate::{Exit, output};
 use rollwalk_bus::link::{LinkBus, LinkError};
-use rollwalk_bus::port::Live;
+use rollwalk_bus::port::LiveLink;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Message, Operator, View};
 use rollwalk_protocol::can::Frame;
@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Maximum time that [`Operated::hear`] listens, µs.
+/// Maximum time that [`Operated::receive`] listens, µs.
 const LISTEN_US: u64 = 10_000;
 /// Interval between attempts to open a lost bus, µs.
 const REOPEN_US: u64 = 1_000_000;
@@ -25,7 +25,7 @@ const BUSY_US: u64 = 500;
 /// Operator on a bus.
 pub struct Operated<'a> {
     link: &'a LinkArgs,
-    bus: Option<Live>,
+    bus: Option<LiveLink>,
     /// Operator: sends commands and tracks the state of the robot.
     pub operator: Operator,
     started: Instant,
@@ -36,7 +36,7 @@ pub struct Operated<'a> {
 
 impl<'a> Operated<'a> {
     /// Starts an operator on an open bus.
-    pub fn new(link: &'a LinkArgs, bus: Live, operator: Operator) -> Self {
+    pub fn new(link: &'a LinkArgs, bus: LiveLink, operator: Operator) -> Self {
         let (bus, started) = (Some(bus), Instant::now());
         Self { link, bus, operator, started, reopen_us: 0, heard: None }
     }
@@ -79,7 +79,7 @@ impl<'a> Operated<'a> {
     }
 
     /// Receives frames until the operator has something to do.
-    pub fn hear(&mut self) {
+    pub fn receive(&mut self) {
         let now_us = self.now_us();
         let wait_us =
             self.operator.next_poll_us(now_us).saturating_sub(now_us).clamp(BUSY_US, LISTEN_US);
@@ -96,7 +96,7 @@ impl<'a> Operated<'a> {
     pub fn diagnose(&mut self) {
         let now_us = self.now_us();
         if let Some(bus) = &self.bus {
-            self.operator.on_complaint(now_us, bus.complaint());
+            self.operator.on_complaint(now_us, bus.fault_and_remedy());
         }
     }
 

@@ -139,7 +139,7 @@ impl Replay {
                 world.set_law(channel, law);
             }
             world.system_mut().step_recorded(part_s, &mut recorder).ok()?;
-            if fall_watch.look(&world).is_some() {
+            if fall_watch.check(&world).is_some() {
                 return None;
             }
         }

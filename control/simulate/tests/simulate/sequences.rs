@@ -96,7 +96,7 @@ impl Plans {
     }
 
     /// Planned displacement of the body, computed from the samples of the plans instead of their splines.
-    fn way(&self, cycles: u32) -> Isometry3<f64> {
+    fn displacement(&self, cycles: u32) -> Isometry3<f64> {
         let of = |plan: &Plan| {
             let [first, last] = plan.ends().map(planar);
             first.inverse() * last
@@ -260,7 +260,7 @@ fn play(
         for _ in 0..steps {
             world.step(tick_s / f64::from(steps)).unwrap();
         }
-        if fall_watch.look(&world).is_some() {
+        if fall_watch.check(&world).is_some() {
             outcome.fell_at_s = Some(time_s);
             break;
         }
@@ -289,7 +289,7 @@ fn check(outcome: &Outcome) {
 /// Plays all plans with exact and with noisy sensors. Noise lets the estimate drift by less than 3 % of the distance.
 #[test]
 fn a_robot_stands_walks_and_stands_on_a_slow_bus() {
-    let planned = WALK.way(3);
+    let planned = WALK.displacement(3);
     let exact = play(&WALK, 3, Bus { noise: Noise::default(), ..BUS }, |_, _| {});
     check(&exact);
     let [mm, mrad] = exact.off(&planned);
@@ -304,7 +304,7 @@ fn a_robot_stands_walks_and_stands_on_a_slow_bus() {
 /// Loses one of twelve samples, without contact switches.
 #[test]
 fn without_switches_and_all_of_its_samples_a_robot_walks_as_well() {
-    let planned = WALK.way(2);
+    let planned = WALK.displacement(2);
     let outcome = play(&WALK, 2, Bus { switches: false, loses: Some(12), ..BUS }, |_, _| {});
     check(&outcome);
     let [mm, mrad] = outcome.off(&planned);
@@ -324,7 +324,7 @@ fn a_sequence_ends_early_where_its_plans_can_be_left() {
             }
         });
         assert!(outcome.fell_at_s.is_none() && outcome.untracked == 0, "{outcome:?}");
-        let [mm, mrad] = outcome.off(&WALK.way(cycles));
+        let [mm, mrad] = outcome.off(&WALK.displacement(cycles));
         assert!(mm < 5.0 && mrad < 12.0, "{cycles}: {mm} {mrad} {outcome:?}");
         assert_eq!(outcome.legs.contains(&2), cycles > 0);
         assert_eq!(outcome.legs.last(), Some(&4));
@@ -391,7 +391,7 @@ fn plans_that_do_not_follow_each_other_make_no_sequence() {
 fn sequences_of_both_gaits_come_where_their_plans_lead() {
     for (library, gait) in [("agilebot_library", "walk"), ("agilebot_skills_library", "trot")] {
         let plans = Plans::of(library, gait);
-        let planned = plans.way(3);
+        let planned = plans.displacement(3);
         for (seed, switches) in [(1, true), (2, false), (3, true), (4, false)] {
             for rate_hz in [120, 240] {
                 let outcome = play(&plans, 3, Bus { rate_hz, seed, switches, ..BUS }, |_, _| {});

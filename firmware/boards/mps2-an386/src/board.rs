@@ -8,7 +8,7 @@ use crate::store::{self, Flash, Stores};
 use cortex_m::Peripherals;
 use rollwalk_firmware::{Controller, Settings};
 use rollwalk_protocol::tunnel::{
-    Answer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, Stepped,
+    Answer, Figures, Hello, Input, MAX_ACTUATOR_BUSES, Request, Step, StepResult,
 };
 use rollwalk_protocol::wire::State;
 use static_cell::StaticCell;
@@ -30,11 +30,11 @@ impl Board {
     /// Creates the controller, and measures the stack that this takes. Returns `None` on a second call.
     pub fn start(peripherals: Peripherals) -> Option<Self> {
         let Stores { libraries, boots } = store::mount()?;
-        let store = image_keys::trusting(libraries)?;
+        let store = image_keys::require_signatures(libraries)?;
         let buses = robot::buses()?;
         let build = || Controller::with_buses(robot::config(), buses, store, Settings::default());
         let controller = CONTROLLER.try_init_with(build)?;
-        image_keys::insist(controller, boots)?;
+        image_keys::require_key(controller, boots)?;
         let start_stack_bytes = stack::deepest();
         stack::paint();
         let cost = Cost::new(peripherals.SYST);
@@ -56,7 +56,7 @@ impl Board {
         }
     }
 
-    fn step(&mut self, Step { now_us, input, free }: Step) -> Stepped {
+    fn step(&mut self, Step { now_us, input, free }: Step) -> StepResult {
         let Self { controller, cost, steps, .. } = self;
         *steps = steps.wrapping_add(1);
         match input {
@@ -73,7 +73,7 @@ impl Board {
                 cost.of(|| controller.on_actuator_frame(now_us, bus, &frame));
             }
         }
-        let mut stepped = Stepped::default();
+        let mut stepped = StepResult::default();
         if free.link() {
             stepped.link = cost.of(|| controller.poll_link(now_us));
         }

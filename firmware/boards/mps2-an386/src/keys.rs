@@ -72,7 +72,7 @@ fn commands(cost: &mut Cost) -> Option<[u32; 3]> {
     let buses = robot::buses()?;
     let build = || Controller::with_buses(robot::config(), buses, store, settings);
     let controller = CONTROLLER.try_init_with(build)?;
-    controller.insist_on(public_keys::link(), BootCounter::mount(boots).ok()?.count().ok());
+    controller.require_key(public_keys::link(), BootCounter::mount(boots).ok()?.count().ok());
     let node = Node::new(settings.node)?;
     let session = LinkSession { number: offer(controller, node)?.number, nonce: NONCE };
     let mut sent = |counter: Option<u8>, forge: u8| {

@@ -5,7 +5,7 @@
 
 use crate::registers::{
     BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
-    INTERRUPT_RX, Received, STATE, STATE_RX_FULL, STATE_TX_FULL,
+    INTERRUPT_RX, ReceiveInterrupt, STATE, STATE_RX_FULL, STATE_TX_FULL,
 };
 use core::cell::Cell;
 use core::ptr::{read_volatile, write_volatile};
@@ -36,10 +36,10 @@ static LOST: AtomicBool = AtomicBool::new(false);
 
 /// Transmit interrupt of the UART, which wakes the processor when there is room again.
 #[derive(Clone, Copy)]
-struct Sent;
+struct TransmitInterrupt;
 
 // SAFETY: the number in the board's interrupt table.
-unsafe impl InterruptNumber for Sent {
+unsafe impl InterruptNumber for TransmitInterrupt {
     fn number(self) -> u16 {
         1
     }
@@ -61,8 +61,8 @@ impl Line {
             write_volatile(BAUDDIV, DIVISOR);
             let interrupts = CTRL_RX_INTERRUPT | CTRL_TX_INTERRUPT;
             write_volatile(CTRL, CTRL_TX_ENABLE | CTRL_RX_ENABLE | interrupts);
-            NVIC::unmask(Received);
-            NVIC::unmask(Sent);
+            NVIC::unmask(ReceiveInterrupt);
+            NVIC::unmask(TransmitInterrupt);
         }
         Some(Self { received, waiting: Deque::new() })
     }

@@ -19,10 +19,10 @@ pub const INTERRUPT_RX: u32 = 1 << 1;
 pub const DIVISOR: u32 = 16;
 
 #[derive(Clone, Copy)]
-pub struct Received;
+pub struct ReceiveInterrupt;
 
 // SAFETY: the number in the board's interrupt table.
-unsafe impl InterruptNumber for Received {
+unsafe impl InterruptNumber for ReceiveInterrupt {
     fn number(self) -> u16 {
         0
     }

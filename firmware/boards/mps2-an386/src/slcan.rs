@@ -37,12 +37,12 @@ static CONTROLLER: StaticCell<Core> = StaticCell::new();
 fn main() -> ! {
     let Some(peripherals) = cortex_m::Peripherals::take() else { halt::halt() };
     let Some(Stores { libraries, boots }) = store::mount() else { halt::halt() };
-    let Some(store) = image_keys::trusting(libraries) else { halt::halt() };
+    let Some(store) = image_keys::require_signatures(libraries) else { halt::halt() };
     let settings = Settings::default();
     let Some(buses) = robot::buses() else { halt::halt() };
     let build = || Controller::with_buses(robot::config(), buses, store, settings);
     let Some(controller) = CONTROLLER.try_init_with(build) else { halt::halt() };
-    let Some(()) = image_keys::insist(controller, boots) else { halt::halt() };
+    let Some(()) = image_keys::require_key(controller, boots) else { halt::halt() };
     let Some(line) = Line::new() else { halt::halt() };
     let clock = Clock::start(peripherals.SYST, settings.control_hz);
     let adapter = Adapter::default();

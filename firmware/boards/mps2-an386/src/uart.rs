@@ -4,7 +4,7 @@
 
 use crate::registers::{
     BAUDDIV, CTRL, CTRL_RX_ENABLE, CTRL_RX_INTERRUPT, CTRL_TX_ENABLE, DATA, DIVISOR, INTERRUPT,
-    INTERRUPT_RX, Received, STATE, STATE_RX_FULL, STATE_TX_FULL,
+    INTERRUPT_RX, ReceiveInterrupt, STATE, STATE_RX_FULL, STATE_TX_FULL,
 };
 use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::NVIC;
@@ -20,7 +20,7 @@ impl Uart {
         unsafe {
             write_volatile(BAUDDIV, DIVISOR);
             write_volatile(CTRL, CTRL_TX_ENABLE | CTRL_RX_ENABLE | CTRL_RX_INTERRUPT);
-            NVIC::unmask(Received);
+            NVIC::unmask(ReceiveInterrupt);
         }
         Self(())
     }
@@ -32,7 +32,7 @@ impl Uart {
             while read_volatile(STATE) & STATE_RX_FULL == 0 {
                 cortex_m::asm::wfi();
                 write_volatile(INTERRUPT, INTERRUPT_RX);
-                NVIC::unpend(Received);
+                NVIC::unpend(ReceiveInterrupt);
             }
             read_volatile(DATA) as u8
         }

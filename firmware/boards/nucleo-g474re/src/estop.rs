@@ -14,11 +14,11 @@ const LINE: usize = 10;
 
 static OPENED: AtomicBool = AtomicBool::new(false);
 
-pub struct Contact {
+pub struct EstopContact {
     pin: Input<'static>,
 }
 
-impl Contact {
+impl EstopContact {
     /// Contact on PA10, with the pin's own pull-up.
     pub fn new(pin: Peri<'static, peripherals::PA10>) -> Self {
         let pin = Input::new(pin, Pull::Up);

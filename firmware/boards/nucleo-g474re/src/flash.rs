@@ -45,13 +45,13 @@ pub fn broken_words() -> u32 {
 // SAFETY: touches an atomic and the flash's error register.
 #[exception]
 unsafe fn NonMaskableInt() {
-    if !note_broken_word() {
+    if !record_broken_word() {
         fault::halt()
     }
 }
 
 /// Records an uncorrectable word of bank 2, in the NMI. Returns true if that was the cause of the NMI.
-fn note_broken_word() -> bool {
+fn record_broken_word() -> bool {
     let errors = FLASH.eccr().read();
     let ours = errors.eccd() && errors.bk_ecc() && !errors.sysf_ecc();
     if ours {
@@ -80,7 +80,7 @@ impl ReadNorFlash for Part {
     const READ_SIZE: usize = READ;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        let mut at = self.place(offset, bytes.len(), READ)? as *const u32;
+        let mut at = self.locate(offset, bytes.len(), READ)? as *const u32;
         let before = broken_words();
         uncached(|| {
             for bytes in bytes.chunks_exact_mut(4) {
@@ -108,7 +108,7 @@ impl NorFlash for Part {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         let len = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)?;
-        let first = self.place(from, len as usize, PAGE)?.saturating_sub(START) / PAGE as u32;
+        let first = self.locate(from, len as usize, PAGE)?.saturating_sub(START) / PAGE as u32;
         uncached(|| {
             for page in first..first.saturating_add(len / PAGE as u32) {
                 operate(|| {
@@ -126,7 +126,7 @@ impl NorFlash for Part {
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        let mut at = self.place(offset, bytes.len(), WORD)? as *mut u32;
+        let mut at = self.locate(offset, bytes.len(), WORD)? as *mut u32;
         let (words, _) = bytes.as_chunks::<WORD>();
         uncached(|| {
             for [a, b, c, d, e, f, g, h] in words {

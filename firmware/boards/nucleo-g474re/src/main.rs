@@ -40,17 +40,17 @@ use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peripherals, peripherals};
 use heapless::Vec;
 use rollwalk_firmware::periods::Periods;
-use rollwalk_protocol::serial::{BusState, Report, Reset};
+use rollwalk_protocol::serial::{BusState, BoardReport, Reset};
 use rollwalk_protocol::wire::{State, Torque};
 
 use can::Bus;
 use clock::Clock;
-use estop::Contact;
+use estop::EstopContact;
 use host::Host;
 use line::Line;
 use link::Link;
 use serial::Serial;
-use start::{Core, Started};
+use start::{Core, ReadyController};
 use usart::Sender;
 use watchdog::Watchdog;
 
@@ -76,7 +76,7 @@ fn main() -> ! {
     let (settings, period_us) = start::settings(chip::uid());
     let Some(parts) = flash::parts() else { fault::halt() };
     let started = start::start(parts, settings);
-    let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
+    let Some(ReadyController { controller, on_can, on_serial }) = started else { fault::halt() };
     // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
     if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
@@ -106,11 +106,11 @@ fn main() -> ! {
         // The loop stopped, perhaps with torque on. Whoever is there shall look before it goes on.
         controller.estop(now_us);
     }
-    let report = Report {
+    let report = BoardReport {
         config_hash: controller.config().hash(),
         reset,
         brown_out_level: chip::brown_out_level(),
-        ..Report::default()
+        ..BoardReport::default()
     };
     let board = Board {
         controller,
@@ -119,7 +119,7 @@ fn main() -> ! {
         line,
         serial: Link::new(serial),
         host: Host::new(settings.node, HostPort::Can),
-        contact: Contact::new(p.PA10),
+        contact: EstopContact::new(p.PA10),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
         torque: Torque::Off,
         periods: Periods::start(now_us, settings.control_hz),
@@ -155,14 +155,14 @@ struct Board {
     line: Option<(u8, Line<Sender>)>,
     serial: Link<Serial>,
     host: Host<HostPort>,
-    contact: Contact,
+    contact: EstopContact,
     light: Output<'static>,
     /// Torque at the previous check.
     torque: Torque,
     periods: Periods,
     period_us: u64,
     watchdog: Watchdog,
-    report: Report,
+    report: BoardReport,
     /// True if the emergency stop for a link in bus-off was raised.
     stopped_for_link: bool,
     clock: Clock,

@@ -2,7 +2,7 @@
 
 use crate::chip::CORE_HZ;
 use crate::link::Port;
-use crate::received::{Received, Writer};
+use crate::received::{ReceiveQueue, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use embassy_stm32::pac::{LPUART1, interrupt};
@@ -13,7 +13,7 @@ use heapless::spsc::Consumer;
 const BAUD: u32 = 1_000_000;
 
 /// Receive queue for 5 ms of continuous data.
-static RECEIVED: Received<512> = Received::new();
+static RECEIVED: ReceiveQueue<512> = ReceiveQueue::new();
 static WRITER: Writer = Writer::new();
 
 pub struct Serial(Consumer<'static, u8>);

@@ -5,7 +5,7 @@
 
 use crate::chip::CORE_HZ;
 use crate::line::{Line, Transmitter};
-use crate::received::{Received, Writer};
+use crate::received::{ReceiveQueue, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use embassy_stm32::pac::{USART3, interrupt};
@@ -16,7 +16,7 @@ use embassy_stm32::{Peri, peripherals};
 const DIVISORS: core::ops::RangeInclusive<u32> = 16..=0xFFFF;
 
 /// Receive queue for 5 ms at 1 Mbaud.
-static RECEIVED: Received<512> = Received::new();
+static RECEIVED: ReceiveQueue<512> = ReceiveQueue::new();
 static WRITER: Writer = Writer::new();
 
 /// Transmitter of the line.

@@ -10,9 +10,9 @@ use embassy_rp::pac::{IO_BANK0, SIO};
 /// Pin GP22, at pin 29 of the board, next to ground at 28.
 const PIN: usize = 22;
 
-pub struct Contact(());
+pub struct EstopContact(());
 
-impl Contact {
+impl EstopContact {
     /// Contact with the pin's own pull-up.
     pub fn new() -> Self {
         chip::input::<PIN>();

@@ -35,7 +35,7 @@ impl ReadNorFlash for Part {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        let at = self.place(offset, bytes.len(), 1)? as usize;
+        let at = self.locate(offset, bytes.len(), 1)? as usize;
         let mut place = (FLASH_BASE as usize).wrapping_add(at) as *const u8;
         for byte in bytes {
             // SAFETY: within the part, by `place`.
@@ -56,7 +56,7 @@ impl NorFlash for Part {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         let len = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)?;
-        let at = self.place(from, len as usize, ERASE_SIZE)?;
+        let at = self.locate(from, len as usize, ERASE_SIZE)?;
         for sector in (at..at.saturating_add(len)).step_by(ERASE_SIZE) {
             Self::driver()
                 .blocking_erase(sector, sector.saturating_add(ERASE_SIZE as u32))
@@ -66,7 +66,7 @@ impl NorFlash for Part {
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        let mut at = self.place(offset, bytes.len(), WORD)?;
+        let mut at = self.locate(offset, bytes.len(), WORD)?;
         let (words, _) = bytes.as_chunks::<WORD>();
         for word in words {
             Self::driver().blocking_write(at, word).map_err(|_| NorFlashErrorKind::Other)?;

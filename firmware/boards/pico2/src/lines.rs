@@ -7,7 +7,7 @@
 
 use crate::chip::{self, CORE_HZ, FUNCTION_PIO0};
 use crate::line::{Line, Transmitter};
-use crate::received::{Received, Writer};
+use crate::received::{ReceiveQueue, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, PIO0, RESETS, interrupt};
 use embassy_rp::pio::program::pio_asm;
@@ -20,7 +20,7 @@ const RECEIVER_AT: u8 = 8;
 const CYCLES: u32 = 8;
 
 /// Receive queues of the lines, each for 5 ms at 1 Mbaud.
-static RECEIVED: [Received<512>; COUNT] = [const { Received::new() }; COUNT];
+static RECEIVED: [ReceiveQueue<512>; COUNT] = [const { ReceiveQueue::new() }; COUNT];
 static WRITERS: [Writer; COUNT] = [const { Writer::new() }; COUNT];
 
 /// Transmitter of a line.

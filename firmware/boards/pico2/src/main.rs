@@ -37,15 +37,15 @@ use cortex_m_rt::entry;
 use embassy_rp::pac::SIO;
 use heapless::Vec;
 use rollwalk_firmware::periods::Periods;
-use rollwalk_protocol::serial::{Report, Reset};
+use rollwalk_protocol::serial::{BoardReport, Reset};
 use rollwalk_protocol::wire::Torque;
 
-use estop::Contact;
+use estop::EstopContact;
 use host::Host;
 use line::Line;
 use lines::Sender;
 use link::Link;
-use start::{Core, Started};
+use start::{Core, ReadyController};
 use uart::Uart;
 use usb::Usb;
 use watchdog::Watchdog;
@@ -65,7 +65,7 @@ fn main() -> ! {
     chip::output::<LIGHT>();
     let (settings, _) = start::settings(chip::uid());
     let started = start::start(flash::parts(), settings);
-    let Some(Started { controller, on_can, on_serial }) = started else { fault::halt() };
+    let Some(ReadyController { controller, on_can, on_serial }) = started else { fault::halt() };
     // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
     if on_serial.len() > lines::COUNT || !on_can.is_empty() {
         fault::halt();
@@ -83,14 +83,14 @@ fn main() -> ! {
         // The loop stopped, perhaps with torque on. The operator shall look before it goes on.
         controller.estop(now_us);
     }
-    let report = Report { config_hash: controller.config().hash(), reset, ..Report::default() };
+    let report = BoardReport { config_hash: controller.config().hash(), reset, ..BoardReport::default() };
     let board = Board {
         controller,
         actuators,
         usb: Link::new(Usb::new(settings.uid)),
         uart: Link::new(uart),
         host: Host::new(settings.node, HostPort::Usb),
-        contact: Contact::new(),
+        contact: EstopContact::new(),
         torque: Torque::Off,
         periods: Periods::start(now_us, settings.control_hz),
         watchdog: Watchdog::start(),
@@ -120,12 +120,12 @@ struct Board {
     usb: Link<Usb>,
     uart: Link<Uart>,
     host: Host<HostPort>,
-    contact: Contact,
+    contact: EstopContact,
     /// Torque at the previous check.
     torque: Torque,
     periods: Periods,
     watchdog: Watchdog,
-    report: Report,
+    report: BoardReport,
 }
 
 impl Board {

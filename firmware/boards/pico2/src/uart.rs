@@ -2,7 +2,7 @@
 
 use crate::chip::{self, CORE_HZ};
 use crate::link::Port;
-use crate::received::{Received, Writer};
+use crate::received::{ReceiveQueue, Writer};
 use cortex_m::peripheral::NVIC;
 use embassy_rp::pac::{Interrupt, UART0, interrupt};
 use heapless::spsc::Consumer;
@@ -17,7 +17,7 @@ const TX: usize = 0;
 const RX: usize = 1;
 
 /// Receive queue for 10 ms of continuous data.
-static RECEIVED: Received<1024> = Received::new();
+static RECEIVED: ReceiveQueue<1024> = ReceiveQueue::new();
 static WRITER: Writer = Writer::new();
 
 pub struct Uart(Consumer<'static, u8>);

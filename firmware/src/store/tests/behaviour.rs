@@ -1,10 +1,10 @@
 //! Behaviour of the store without failures, and with decaying flash.
 
-use super::nor::Nor;
+use super::nor::NorSimulator;
 use super::*;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 
-type Flash = Nor<8, 256>;
+type Flash = NorSimulator<8, 256>;
 
 fn reboot(store: FlashStore<Flash>) -> FlashStore<Flash> {
     FlashStore::mount(store.into_flash(), TRIAL_BOOTS).unwrap()
@@ -228,9 +228,18 @@ fn a_rotten_library_gives_way_to_the_other_one() {
 
 #[test]
 fn unusable_flash_is_refused() {
-    assert_eq!(FlashStore::mount(Nor::<8, 256>::blank(3), 3).err(), Some(GeometryError::Capacity));
-    assert_eq!(FlashStore::mount(Nor::<64, 256>::blank(8), 3).err(), Some(GeometryError::WordSize));
-    assert_eq!(FlashStore::mount(Nor::<8, 80>::blank(8), 3).err(), Some(GeometryError::EraseSize));
+    assert_eq!(
+        FlashStore::mount(NorSimulator::<8, 256>::blank(3), 3).err(),
+        Some(GeometryError::Capacity)
+    );
+    assert_eq!(
+        FlashStore::mount(NorSimulator::<64, 256>::blank(8), 3).err(),
+        Some(GeometryError::WordSize)
+    );
+    assert_eq!(
+        FlashStore::mount(NorSimulator::<8, 80>::blank(8), 3).err(),
+        Some(GeometryError::EraseSize)
+    );
     let mut store = FlashStore::mount(Flash::blank(4), 3).unwrap();
     assert_eq!(store.capacity(), 256 - 64);
     assert_eq!(store.begin(store.capacity() + 1, 0), Err(StoreError::OutOfRange));
@@ -240,13 +249,13 @@ fn unusable_flash_is_refused() {
 }
 
 /// Flash with other read and write sizes.
-struct Odd<const READ: usize, const WRITE: usize>(RamFlash<[u8; 8 * 4096]>);
+struct ResizedFlash<const READ: usize, const WRITE: usize>(RamFlash<[u8; 8 * 4096]>);
 
-impl<const READ: usize, const WRITE: usize> ErrorType for Odd<READ, WRITE> {
+impl<const READ: usize, const WRITE: usize> ErrorType for ResizedFlash<READ, WRITE> {
     type Error = NorFlashErrorKind;
 }
 
-impl<const READ: usize, const WRITE: usize> ReadNorFlash for Odd<READ, WRITE> {
+impl<const READ: usize, const WRITE: usize> ReadNorFlash for ResizedFlash<READ, WRITE> {
     const READ_SIZE: usize = READ;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
@@ -258,7 +267,7 @@ impl<const READ: usize, const WRITE: usize> ReadNorFlash for Odd<READ, WRITE> {
     }
 }
 
-impl<const READ: usize, const WRITE: usize> NorFlash for Odd<READ, WRITE> {
+impl<const READ: usize, const WRITE: usize> NorFlash for ResizedFlash<READ, WRITE> {
     const WRITE_SIZE: usize = WRITE;
     const ERASE_SIZE: usize = 4096;
 
@@ -271,7 +280,7 @@ impl<const READ: usize, const WRITE: usize> NorFlash for Odd<READ, WRITE> {
     }
 }
 
-impl<const READ: usize, const WRITE: usize> MappedFlash for Odd<READ, WRITE> {
+impl<const READ: usize, const WRITE: usize> MappedFlash for ResizedFlash<READ, WRITE> {
     fn mapped(&self) -> &[u8] {
         self.0.mapped()
     }
@@ -279,7 +288,7 @@ impl<const READ: usize, const WRITE: usize> MappedFlash for Odd<READ, WRITE> {
 
 /// Errors of both stores on such a flash.
 fn refused<const READ: usize, const WRITE: usize>() -> [Option<GeometryError>; 2] {
-    let blank = || Odd::<READ, WRITE>(RamFlash::new([0xFF; _]));
+    let blank = || ResizedFlash::<READ, WRITE>(RamFlash::new([0xFF; _]));
     [FlashStore::mount(blank(), 3).err(), FlashParameters::mount(blank()).err()]
 }
 

@@ -12,7 +12,7 @@ use crate::store::MappedFlash;
 
 /// Damage of a power cut to the word or erase unit that it hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Torn {
+pub enum CutDamage {
     /// Bytes before the cut are written or erased, the others unchanged.
     Short,
     /// Further random bits of the word are cleared, or of the erased unit set.
@@ -25,16 +25,21 @@ pub enum Torn {
     Fading,
 }
 
-pub const ALL_TORN: [Torn; 5] =
-    [Torn::Short, Torn::SomeBits, Torn::Garbage, Torn::Unreadable, Torn::Fading];
+pub const ALL_TORN: [CutDamage; 5] = [
+    CutDamage::Short,
+    CutDamage::SomeBits,
+    CutDamage::Garbage,
+    CutDamage::Unreadable,
+    CutDamage::Fading,
+];
 
 /// Flash with words of `W` bytes and erase units of `E` bytes.
 #[derive(Clone)]
-pub struct Nor<const W: usize, const E: usize> {
+pub struct NorSimulator<const W: usize, const E: usize> {
     cells: Vec<u8>,
     unreadable: Vec<bool>,
     fading: Vec<bool>,
-    torn: Torn,
+    torn: CutDamage,
     random: u64,
     powered: bool,
     /// Number of bytes that can be written and erased before the power cut; `None` for no cut.
@@ -55,7 +60,7 @@ pub struct Nor<const W: usize, const E: usize> {
     pub worn: Option<usize>,
 }
 
-impl<const W: usize, const E: usize> Nor<W, E> {
+impl<const W: usize, const E: usize> NorSimulator<W, E> {
     pub fn blank(units: usize) -> Self {
         Self::with(vec![0xFF; units * E])
     }
@@ -66,7 +71,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
             cells,
             unreadable: vec![false; words],
             fading: vec![false; words],
-            torn: Torn::Short,
+            torn: CutDamage::Short,
             random: 1,
             powered: true,
             fuel: None,
@@ -82,7 +87,7 @@ impl<const W: usize, const E: usize> Nor<W, E> {
     }
 
     /// Schedules a power cut after `fuel` bytes written and erased; `None` for no cut.
-    pub fn arm(&mut self, torn: Torn, fuel: Option<usize>) {
+    pub fn arm(&mut self, torn: CutDamage, fuel: Option<usize>) {
         self.torn = torn;
         self.fuel = fuel;
         self.used = 0;
@@ -154,11 +159,11 @@ impl<const W: usize, const E: usize> Nor<W, E> {
     }
 }
 
-impl<const W: usize, const E: usize> ErrorType for Nor<W, E> {
+impl<const W: usize, const E: usize> ErrorType for NorSimulator<W, E> {
     type Error = NorFlashErrorKind;
 }
 
-impl<const W: usize, const E: usize> ReadNorFlash for Nor<W, E> {
+impl<const W: usize, const E: usize> ReadNorFlash for NorSimulator<W, E> {
     const READ_SIZE: usize = W;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
@@ -177,7 +182,7 @@ impl<const W: usize, const E: usize> ReadNorFlash for Nor<W, E> {
     }
 }
 
-impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
+impl<const W: usize, const E: usize> NorFlash for NorSimulator<W, E> {
     const WRITE_SIZE: usize = W;
     const ERASE_SIZE: usize = E;
 
@@ -200,15 +205,15 @@ impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
         self.cut_erases += 1;
         let hit = (from + done) / W;
         match self.torn {
-            Torn::Short | Torn::Fading => {}
-            Torn::SomeBits => {
+            CutDamage::Short | CutDamage::Fading => {}
+            CutDamage::SomeBits => {
                 for at in from + done..to {
                     let risen = self.random();
                     self.cells[at] |= risen;
                 }
             }
-            Torn::Garbage => (from / W..to / W).for_each(|word| self.spoil(word, false)),
-            Torn::Unreadable => (hit..to / W).for_each(|word| self.spoil(word, true)),
+            CutDamage::Garbage => (from / W..to / W).for_each(|word| self.spoil(word, false)),
+            CutDamage::Unreadable => (hit..to / W).for_each(|word| self.spoil(word, true)),
         }
         Err(NorFlashErrorKind::Other)
     }
@@ -236,16 +241,16 @@ impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
         self.cut_writes += 1;
         let hit = (offset + done) / W;
         match self.torn {
-            Torn::Short => {}
-            Torn::SomeBits => {
+            CutDamage::Short => {}
+            CutDamage::SomeBits => {
                 for at in offset + done..(hit + 1) * W {
                     let kept = self.random();
                     self.cells[at] &= bytes[at - offset] | kept;
                 }
             }
-            Torn::Garbage => self.spoil(hit, false),
-            Torn::Unreadable => self.spoil(hit, true),
-            Torn::Fading => {
+            CutDamage::Garbage => self.spoil(hit, false),
+            CutDamage::Unreadable => self.spoil(hit, true),
+            CutDamage::Fading => {
                 for at in offset + done..(hit + 1) * W {
                     self.cells[at] &= bytes[at - offset];
                 }
@@ -256,7 +261,7 @@ impl<const W: usize, const E: usize> NorFlash for Nor<W, E> {
     }
 }
 
-impl<const W: usize, const E: usize> MappedFlash for Nor<W, E> {
+impl<const W: usize, const E: usize> MappedFlash for NorSimulator<W, E> {
     fn mapped(&self) -> &[u8] {
         &self.cells
     }
@@ -268,7 +273,7 @@ mod tests {
 
     #[test]
     fn bits_fall_and_rise_only_by_erasing() {
-        let mut nor = Nor::<4, 256>::blank(2);
+        let mut nor = NorSimulator::<4, 256>::blank(2);
         nor.write(4, &[0xF0, 1, 2, 3]).unwrap();
         nor.write(4, &[0x0F; 4]).unwrap();
         assert_eq!((&nor.mapped()[4..8], nor.overwrites), (&[0, 1, 2, 3][..], 1));
@@ -280,7 +285,7 @@ mod tests {
     #[test]
     fn a_cut_stops_everything_and_leaves_what_it_should() {
         for torn in ALL_TORN {
-            let mut nor = Nor::<4, 256>::blank(2);
+            let mut nor = NorSimulator::<4, 256>::blank(2);
             nor.arm(torn, Some(9));
             nor.write(0, &[1; 8]).unwrap();
             assert!(nor.write(8, &[1; 8]).is_err());
@@ -290,13 +295,13 @@ mod tests {
             assert_eq!(nor.mapped()[..8], [1; 8]);
             assert_eq!(nor.mapped()[12..16], [0xFF; 4]);
             let mut word = [0; 4];
-            assert_eq!(nor.read(8, &mut word).is_err(), torn == Torn::Unreadable);
-            assert_eq!(word == [1, 0xFF, 0xFF, 0xFF], torn == Torn::Short);
-            assert_eq!(word == [1; 4], torn == Torn::Fading);
+            assert_eq!(nor.read(8, &mut word).is_err(), torn == CutDamage::Unreadable);
+            assert_eq!(word == [1, 0xFF, 0xFF, 0xFF], torn == CutDamage::Short);
+            assert_eq!(word == [1; 4], torn == CutDamage::Fading);
             nor.fade();
             assert_eq!(
                 nor.read(8, &mut word).is_err(),
-                matches!(torn, Torn::Unreadable | Torn::Fading)
+                matches!(torn, CutDamage::Unreadable | CutDamage::Fading)
             );
 
             nor.arm(torn, Some(100));

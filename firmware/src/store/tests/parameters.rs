@@ -5,7 +5,7 @@
 
 use proptest::prelude::*;
 
-use super::nor::{ALL_TORN, Nor, Torn};
+use super::nor::{ALL_TORN, CutDamage, NorSimulator};
 use super::std::string::String;
 use super::std::{format, println};
 use super::*;
@@ -41,9 +41,9 @@ fn set(seed: u16) -> ParameterSet {
 }
 
 /// Parameter set that ignores its checksum.
-struct Gullible(ParameterSet);
+struct UncheckedSet(ParameterSet);
 
-impl Record<SET_LEN> for Gullible {
+impl Record<SET_LEN> for UncheckedSet {
     fn encode(&self, generation: u32) -> [u8; SET_LEN] {
         self.0.encode(generation)
     }
@@ -57,7 +57,7 @@ impl Record<SET_LEN> for Gullible {
 }
 
 #[derive(Default, Debug)]
-struct Report {
+struct CutCounts {
     cuts: usize,
     second_cuts: usize,
     /// Number of cuts after which the new set was stored although its save was not acknowledged.
@@ -67,13 +67,13 @@ struct Report {
 struct Bench<const W: usize, const E: usize> {
     before: Option<ParameterSet>,
     new: ParameterSet,
-    torn: Torn,
+    torn: CutDamage,
     bug: Bug,
 }
 
 impl<const W: usize, const E: usize> Bench<W, E> {
     /// Saves the new set; returns the flash, and true if the save was acknowledged.
-    fn save(&self, flash: Nor<W, E>) -> (Nor<W, E>, bool) {
+    fn save(&self, flash: NorSimulator<W, E>) -> (NorSimulator<W, E>, bool) {
         let mut store = FlashParameters::mount(flash).unwrap();
         if self.bug == Bug::EraseNewest {
             store.log.forget_the_newest();
@@ -92,10 +92,10 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Checks that the set after a reset is the previous or the new one. Returns true if it is the new one.
-    fn judge(&self, flash: &Nor<W, E>, saved: bool) -> Result<bool, String> {
+    fn judge(&self, flash: &NorSimulator<W, E>, saved: bool) -> Result<bool, String> {
         let mut flash = flash.clone();
         let loaded = if self.bug == Bug::BelieveAnything {
-            Log::mount::<SET_LEN, Gullible, _>(&mut flash).unwrap().1.map(|set| set.0)
+            Log::mount::<SET_LEN, UncheckedSet, _>(&mut flash).unwrap().1.map(|set| set.0)
         } else {
             FlashParameters::mount(flash.clone()).unwrap().load()
         };
@@ -112,9 +112,9 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         Ok(is_new)
     }
 
-    fn run(&self, start: &Nor<W, E>) -> Result<Report, String> {
-        let mut report = Report::default();
-        let used = |flash: &Nor<W, E>| {
+    fn run(&self, start: &NorSimulator<W, E>) -> Result<CutCounts, String> {
+        let mut report = CutCounts::default();
+        let used = |flash: &NorSimulator<W, E>| {
             let mut flash = flash.clone();
             flash.arm(self.torn, None);
             let (flash, saved) = self.save(flash);
@@ -145,7 +145,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Saves until the power fails after `fuel` bytes, then restores power.
-    fn cut(&self, start: &Nor<W, E>, fuel: usize) -> Nor<W, E> {
+    fn cut(&self, start: &NorSimulator<W, E>, fuel: usize) -> NorSimulator<W, E> {
         let mut flash = start.clone();
         flash.arm(self.torn, Some(fuel));
         let (mut flash, saved) = self.save(flash);
@@ -159,8 +159,8 @@ impl<const W: usize, const E: usize> Bench<W, E> {
 fn start<const W: usize, const E: usize>(
     units: usize,
     saves: u16,
-) -> (Nor<W, E>, Option<ParameterSet>) {
-    let mut store = FlashParameters::mount(Nor::<W, E>::blank(units)).unwrap();
+) -> (NorSimulator<W, E>, Option<ParameterSet>) {
+    let mut store = FlashParameters::mount(NorSimulator::<W, E>::blank(units)).unwrap();
     (0..saves).for_each(|i| store.save(&set(i)).unwrap());
     let last = store.load();
     assert_eq!(last, saves.checked_sub(1).map(set));
@@ -209,10 +209,10 @@ fn words_of_32_bytes() {
 #[test]
 fn planted_bugs_are_found() {
     for (bug, torn) in [
-        (Bug::EraseNewest, Torn::Short),
-        (Bug::InPlace, Torn::Short),
-        (Bug::BelieveAnything, Torn::Short),
-        (Bug::TwoUnits, Torn::Fading),
+        (Bug::EraseNewest, CutDamage::Short),
+        (Bug::InPlace, CutDamage::Short),
+        (Bug::BelieveAnything, CutDamage::Short),
+        (Bug::TwoUnits, CutDamage::Fading),
     ] {
         let found = (1..5).find_map(|i| {
             let (flash, before) = start::<8, 512>(3, i);
@@ -249,11 +249,11 @@ fn golden_bytes_of_a_set() {
 fn flash_that_cannot_hold_a_set_is_refused() {
     let refused = |result: Result<_, GeometryError>| result.err();
     assert_eq!(
-        refused(FlashParameters::mount(Nor::<8, 256>::blank(5)).map(|_| ())),
+        refused(FlashParameters::mount(NorSimulator::<8, 256>::blank(5)).map(|_| ())),
         Some(GeometryError::Capacity)
     );
     assert_eq!(
-        refused(FlashParameters::mount(Nor::<64, 512>::blank(3)).map(|_| ())),
+        refused(FlashParameters::mount(NorSimulator::<64, 512>::blank(3)).map(|_| ())),
         Some(GeometryError::WordSize)
     );
 }
@@ -280,7 +280,7 @@ fn a_set_that_comes_back_is_older_than_what_was_saved_without_it() {
 /// Occasional writes fail without a power cut: sets whose save succeeded are there.
 #[test]
 fn a_flash_with_bad_days_keeps_what_it_said_it_keeps() {
-    let mut store = FlashParameters::mount(Nor::<8, 2048>::blank(3)).unwrap();
+    let mut store = FlashParameters::mount(NorSimulator::<8, 2048>::blank(3)).unwrap();
     store.flash.failing = Some(3);
     let mut kept = None;
     for i in 0..200 {
@@ -300,7 +300,7 @@ proptest! {
         spoilt in prop::collection::vec(any::<u16>(), 0..4),
         blank_from in 0usize..1536,
     ) {
-        let mut flash = Nor::<8, 512>::with(cells);
+        let mut flash = NorSimulator::<8, 512>::with(cells);
         flash.cells()[blank_from..].fill(0xFF);
         spoilt.iter().for_each(|&at| flash.make_unreadable(usize::from(at) % 1536));
         let mut store = FlashParameters::mount(flash).unwrap();

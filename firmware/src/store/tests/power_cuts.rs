@@ -3,7 +3,7 @@
 //!
 //! The test checks itself: every scheduled cut must happen, in writes and in erases, and it must find planted bugs.
 
-use super::nor::{ALL_TORN, Nor, Torn};
+use super::nor::{ALL_TORN, CutDamage, NorSimulator};
 use super::std::string::String;
 use super::std::{format, println};
 use super::*;
@@ -38,7 +38,7 @@ struct Progress {
 
 /// Number of power cuts of each kind.
 #[derive(Default, Debug)]
-struct Report {
+struct CutCounts {
     cuts: usize,
     cut_writes: usize,
     cut_erases: usize,
@@ -48,12 +48,12 @@ struct Report {
 struct Bench<const W: usize, const E: usize> {
     old: Vec<u8>,
     new: Vec<u8>,
-    torn: Torn,
+    torn: CutDamage,
     bug: Bug,
 }
 
 impl<const W: usize, const E: usize> Bench<W, E> {
-    fn mount(&self, flash: Nor<W, E>) -> FlashStore<Nor<W, E>> {
+    fn mount(&self, flash: NorSimulator<W, E>) -> FlashStore<NorSimulator<W, E>> {
         let mut store = FlashStore::mount(flash, TRIAL_BOOTS).unwrap();
         if self.bug == Bug::RecordBeforeData
             && let (_, Some(StoreState { confirmed: Some(image), .. })) =
@@ -66,7 +66,11 @@ impl<const W: usize, const E: usize> Bench<W, E> {
 
     /// Sends the new library, activates it, resets, and confirms it. Returns the flash as an error if the power fails.
     #[expect(clippy::result_large_err, reason = "the flash comes back either way")]
-    fn live(&self, flash: Nor<W, E>, progress: &mut Progress) -> Result<Nor<W, E>, Nor<W, E>> {
+    fn live(
+        &self,
+        flash: NorSimulator<W, E>,
+        progress: &mut Progress,
+    ) -> Result<NorSimulator<W, E>, NorSimulator<W, E>> {
         let mut store = self.mount(flash);
         if store.bytes() != self.new {
             if self.send(&mut store).is_err() {
@@ -91,13 +95,13 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         if flash.has_power() { Ok(flash) } else { Err(flash) }
     }
 
-    fn spoil_log(&self, store: &mut FlashStore<Nor<W, E>>) {
+    fn spoil_log(&self, store: &mut FlashStore<NorSimulator<W, E>>) {
         if self.bug == Bug::EraseNewestRecord {
             store.log.forget_the_newest();
         }
     }
 
-    fn send(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
+    fn send(&self, store: &mut FlashStore<NorSimulator<W, E>>) -> Result<(), StoreError> {
         let (len, digest) = (self.new.len(), file_digest(&self.new));
         match self.bug {
             Bug::None | Bug::EraseNewestRecord => {}
@@ -116,7 +120,10 @@ impl<const W: usize, const E: usize> Bench<W, E> {
         send(store, &self.new)
     }
 
-    fn send_after_record(&self, store: &mut FlashStore<Nor<W, E>>) -> Result<(), StoreError> {
+    fn send_after_record(
+        &self,
+        store: &mut FlashStore<NorSimulator<W, E>>,
+    ) -> Result<(), StoreError> {
         let (len, digest) = (self.new.len(), file_digest(&self.new));
         store.begin(len, digest)?;
         let slot = store.state.candidate_slot();
@@ -140,7 +147,7 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Checks the active library after a reset.
-    fn judge(&self, flash: &Nor<W, E>, progress: Progress) -> Result<(), String> {
+    fn judge(&self, flash: &NorSimulator<W, E>, progress: Progress) -> Result<(), String> {
         let store = self.mount(flash.clone());
         let playing = store.bytes();
         let name = match playing {
@@ -166,8 +173,8 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     }
 
     /// Cuts power at every byte. For each cut, cuts again at every `second_step`th byte of the recovery.
-    fn run(&self, start: &Nor<W, E>, second_step: usize) -> Result<Report, String> {
-        let mut report = Report::default();
+    fn run(&self, start: &NorSimulator<W, E>, second_step: usize) -> Result<CutCounts, String> {
+        let mut report = CutCounts::default();
         let mut whole = start.clone();
         whole.arm(self.torn, None);
         let Ok(whole) = self.live(whole, &mut Progress::default()) else {
@@ -197,11 +204,11 @@ impl<const W: usize, const E: usize> Bench<W, E> {
     /// Completes the transfer after a cut, first without and then with a second cut.
     fn recover(
         &self,
-        flash: &Nor<W, E>,
+        flash: &NorSimulator<W, E>,
         progress: Progress,
         fuel: usize,
         step: usize,
-        report: &mut Report,
+        report: &mut CutCounts,
     ) -> Result<(), String> {
         let mut whole = flash.clone();
         whole.arm(self.torn, None);
@@ -237,9 +244,13 @@ impl<const W: usize, const E: usize> Bench<W, E> {
 }
 
 /// Creates a flash with the old library, and with `turn` additional records in the log.
-fn start<const W: usize, const E: usize>(old: &[u8], new: &[u8], turn: usize) -> Nor<W, E> {
+fn start<const W: usize, const E: usize>(
+    old: &[u8],
+    new: &[u8],
+    turn: usize,
+) -> NorSimulator<W, E> {
     let slot_units = (old.len().max(new.len()) + 64).div_ceil(E);
-    let mut store = holding(Nor::blank(LOG_UNITS + 2 * slot_units), old);
+    let mut store = holding(NorSimulator::blank(LOG_UNITS + 2 * slot_units), old);
     for _ in 0..turn {
         store.log.append(&mut store.flash, &store.state).unwrap();
     }
@@ -306,7 +317,7 @@ fn scar_5_planted_bugs_are_found() {
     {
         let (old, new) = (library(1, 150), library(2, 150));
         let found = (0..8).find_map(|turn| {
-            let bench = Bench { old: old.clone(), new: new.clone(), torn: Torn::Garbage, bug };
+            let bench = Bench { old: old.clone(), new: new.clone(), torn: CutDamage::Garbage, bug };
             bench.run(&start::<8, 256>(&old, &new, turn), 0).err()
         });
         println!("{bug:?}: {found:?}");

@@ -1,11 +1,11 @@
 //! Arbitrary content of the flash: the store never panics and never returns a damaged library.
 
-use super::nor::Nor;
+use super::nor::NorSimulator;
 use super::*;
 use crate::store::record::Record;
 use proptest::prelude::*;
 
-type Flash = Nor<4, 256>;
+type Flash = NorSimulator<4, 256>;
 const UNITS: usize = 8;
 
 /// Mounts the flash, validates its library, and transfers, activates and confirms another one.

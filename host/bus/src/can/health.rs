@@ -75,7 +75,7 @@ impl Health {
     }
 
     /// Description of the fault, with the command that helps; `None` without a fault.
-    pub fn complaint(&self, interface: &str, bitrate: Option<u32>) -> Option<String> {
+    pub fn fault_and_remedy(&self, interface: &str, bitrate: Option<u32>) -> Option<String> {
         let rate = bitrate.map(|rate| format!(" at {rate} bit/s")).unwrap_or_default();
         let wrong = match self.state {
             BusState::Off => format!(
@@ -125,7 +125,10 @@ mod tests {
         let mut health = Health::default();
         // TX warning.
         health.report(&error(CONTROLLER, [0, 0x08, 0, 0, 0, 0, 96, 0]));
-        assert_eq!((health.state(), health.complaint("can0", None)), (BusState::Active, None));
+        assert_eq!(
+            (health.state(), health.fault_and_remedy("can0", None)),
+            (BusState::Active, None)
+        );
         // TX passive, then the reason for it.
         health.report(&error(CONTROLLER, [0, 0x20, 0, 0, 0, 0, 128, 0]));
         assert_eq!(health.state(), BusState::Passive);
@@ -158,21 +161,21 @@ mod tests {
         // Stuff errors, as a wrong bitrate makes them.
         health.report(&error(PROTOCOL, [0, 0, 0x04, 0, 0, 0, 0, 0]));
         health.report(&error(PROTOCOL, [0, 0, 0x04, 0x08, 0, 0, 0, 0]));
-        let complaint = health.complaint("can0", Some(500_000)).unwrap();
+        let complaint = health.fault_and_remedy("can0", Some(500_000)).unwrap();
         assert!(complaint.starts_with("2 damaged frames on can0 at 500000 bit/s"), "{complaint}");
         health.report(&error(CONTROLLER, [0, 0x40, 0, 0, 0, 0, 0, 0]));
-        assert_eq!(health.complaint("can0", Some(500_000)), None);
+        assert_eq!(health.fault_and_remedy("can0", Some(500_000)), None);
     }
 
     #[test]
     fn complaints_say_what_to_type() {
         let mut health = Health::default();
         health.report(&error(BUS_OFF, [0; 8]));
-        let complaint = health.complaint("can1", None).unwrap();
+        let complaint = health.fault_and_remedy("can1", None).unwrap();
         assert!(complaint.contains("sudo ip link set can1 down; sudo ip link set can1 up"));
         let mut health = Health::default();
         health.stuck();
-        let complaint = health.complaint("can1", Some(1_000_000)).unwrap();
+        let complaint = health.fault_and_remedy("can1", Some(1_000_000)).unwrap();
         assert!(complaint.contains("ip -details -statistics link show can1"), "{complaint}");
         assert!(complaint.contains("1000000 bit/s"), "{complaint}");
     }

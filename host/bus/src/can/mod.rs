@@ -153,8 +153,8 @@ impl Outlet for CanOutlet {
         self.0.bitrate
     }
 
-    fn complaint(&self) -> Option<String> {
-        self.0.condition().health.complaint(&self.0.name, self.0.bitrate)
+    fn fault_and_remedy(&self) -> Option<String> {
+        self.0.condition().health.fault_and_remedy(&self.0.name, self.0.bitrate)
     }
 }
 

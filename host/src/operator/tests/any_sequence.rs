@@ -7,8 +7,8 @@ use rollwalk_protocol::wire::FromController;
 
 /// Step of a random sequence.
 #[derive(Clone, Debug)]
-enum Happens {
-    Wish(Intent),
+enum RandomStep {
+    Intent(Intent),
     Frame(Frame),
     /// The latest command is answered.
     Answer(CommandResult, u16),
@@ -24,10 +24,12 @@ fn state() -> impl Strategy<Value = State> {
     prop::sample::select(State::ALL)
 }
 
-fn happens() -> impl Strategy<Value = Happens> {
-    let let_go = prop::sample::select(&[LetGo::Pause, LetGo::Return, LetGo::Disarm][..]);
+fn random_step() -> impl Strategy<Value = RandomStep> {
+    let let_go = prop::sample::select(
+        &[ReleaseReaction::Pause, ReleaseReaction::Return, ReleaseReaction::Disarm][..],
+    );
     let deadman = prop_oneof![Just(Deadman::Held), let_go.prop_map(Deadman::Released)];
-    let wish = prop_oneof![
+    let intent = prop_oneof![
         2 => Just(Intent::Arm),
         4 => (0u8..5).prop_map(|code| Intent::Play { code }),
         2 => Just(Intent::PauseOrResume),
@@ -75,21 +77,21 @@ fn happens() -> impl Strategy<Value = Happens> {
         1 => any_frame,
     ];
     prop_oneof![
-        6 => wish.prop_map(Happens::Wish),
-        4 => frame.prop_map(Happens::Frame),
+        6 => intent.prop_map(RandomStep::Intent),
+        4 => frame.prop_map(RandomStep::Frame),
         4 => (prop_oneof![4 => Just(CommandResult::Ok), 1 => result], any::<u16>())
-            .prop_map(|(result, value)| Happens::Answer(result, value)),
-        2 => Just(Happens::Reply),
-        4 => (0u64..400_000).prop_map(Happens::Time),
-        1 => Just(Happens::BusLost),
-        1 => Just(Happens::BusBack),
-        1 => Just(Happens::Full),
+            .prop_map(|(result, value)| RandomStep::Answer(result, value)),
+        2 => Just(RandomStep::Reply),
+        4 => (0u64..400_000).prop_map(RandomStep::Time),
+        1 => Just(RandomStep::BusLost),
+        1 => Just(RandomStep::BusBack),
+        1 => Just(RandomStep::Full),
     ]
 }
 
 /// Checks the invariants of all sent frames, in order.
 #[derive(Default)]
-struct Watch {
+struct InvariantCheck {
     /// Flags of clearing and arming since the latest stop was sent or received; `None` if there was no stop.
     since_stop: Option<(bool, bool)>,
     held: Option<bool>,
@@ -99,8 +101,8 @@ struct Watch {
     gone: Vec<Command>,
 }
 
-impl Watch {
-    fn wish(&mut self, intent: Intent) {
+impl InvariantCheck {
+    fn request(&mut self, intent: Intent) {
         match (intent, &mut self.since_stop) {
             (Intent::Estop, stop) => *stop = Some((false, false)),
             (Intent::Clear, Some((cleared, _))) => *cleared = true,
@@ -145,22 +147,22 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
     #[test]
-    fn whatever_happens(all in prop::collection::vec(happens(), 1..80)) {
-        let mut desk = Desk::new();
+    fn whatever_happens(all in prop::collection::vec(random_step(), 1..80)) {
+        let mut desk = TestOperator::new();
         desk.operator.set_catalog(Some(catalog()));
-        let mut watch = Watch::default();
+        let mut watch = InvariantCheck::default();
         for happens in all {
             let before = desk.sent.len();
             match happens {
-                Happens::Wish(intent) => {
-                    watch.wish(intent);
-                    desk.want(intent);
+                RandomStep::Intent(intent) => {
+                    watch.request(intent);
+                    desk.request(intent);
                     let new = desk.poll();
                     if intent == Intent::Estop {
                         prop_assert_eq!(new.first(), Some(&ToController::Estop));
                     }
                 }
-                Happens::Frame(frame) => {
+                RandomStep::Frame(frame) => {
                     // A stop of another node counts as well.
                     // Of this controller.
                     let heard = FromController::decode(&frame).ok().filter(|of| of.0 == node());
@@ -172,19 +174,19 @@ proptest! {
                     if stopped {
                         watch.since_stop = watch.since_stop.or(Some((false, false)));
                     }
-                    desk.hear(frame);
+                    desk.receive(frame);
                     desk.poll();
                 }
-                Happens::Answer(result, value) => {
+                RandomStep::Answer(result, value) => {
                     if !desk.commands().is_empty() {
                         desk.answer(result, value);
                     }
                 }
-                Happens::Reply => desk.reply(),
-                Happens::Time(us) => desk.pass(us),
-                Happens::BusLost => desk.operator.on_bus_lost(desk.now_us, "unplugged"),
-                Happens::BusBack => desk.operator.on_bus_back(desk.now_us),
-                Happens::Full => desk.full = true,
+                RandomStep::Reply => desk.reply(),
+                RandomStep::Time(us) => desk.pass(us),
+                RandomStep::BusLost => desk.operator.on_bus_lost(desk.now_us, "unplugged"),
+                RandomStep::BusBack => desk.operator.on_bus_back(desk.now_us),
+                RandomStep::Full => desk.full = true,
             }
             for message in &desk.sent[before..] {
                 watch.sent(message)?;

@@ -26,8 +26,8 @@ pub mod packet;
 pub mod table;
 
 use packet::{
-    BROADCAST, FAST_SYNC_READ, MAX_ID, MAX_PARTS, Message, PART_BYTES, Part, SYNC_READ, SYNC_WRITE,
-    Taken,
+    BROADCAST, FAST_SYNC_READ, MAX_ID, MAX_PARTS, Message, PART_BYTES, Part, ReceivedPacket,
+    SYNC_READ, SYNC_WRITE,
 };
 use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
 
@@ -457,9 +457,9 @@ impl SerialCodec for Dynamixel {
     fn take(&self, buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
         loop {
             let told = match packet::next(buffer, is_silent, self.reads_fast)? {
-                Taken::Part(part) => Some(self.decode_part(&part)),
+                ReceivedPacket::Part(part) => Some(self.decode_part(&part)),
                 // Our own packets come back on a half-duplex line.
-                Taken::Message(message) => self.decode(&message),
+                ReceivedPacket::Message(message) => self.decode(&message),
             };
             if let Some((id, feedback)) = told {
                 return Some(Answer::Actuator(id, feedback));

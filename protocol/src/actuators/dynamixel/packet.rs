@@ -83,8 +83,8 @@ pub fn packet(id: u8, instruction: u8, parameters: &[u8]) -> Option<Packet> {
 /// the packet counts as invalid.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     match next(buffer, is_silent, false)? {
-        Taken::Message(message) => Some(message),
-        Taken::Part(_) => None,
+        ReceivedPacket::Message(message) => Some(message),
+        ReceivedPacket::Part(_) => None,
     }
 }
 
@@ -94,7 +94,7 @@ pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Message> {
     reason = "there are no boxes without alloc, and it is not kept"
 )]
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Taken {
+pub enum ReceivedPacket {
     /// A packet.
     Message(Message),
     /// Part of an answer to [`FAST_SYNC_READ`], from one servo.
@@ -103,7 +103,11 @@ pub enum Taken {
 
 /// Removes the next packet, as [`take`] does. Set `with_parts` while answers to [`FAST_SYNC_READ`] are expected: their parts
 /// are then returned one by one.
-pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Option<Taken> {
+pub fn next(
+    buffer: &mut ReceiveBuffer,
+    is_silent: bool,
+    with_parts: bool,
+) -> Option<ReceivedPacket> {
     if is_silent && buffer.bytes().is_empty() {
         buffer.parts = None;
     }
@@ -121,7 +125,7 @@ pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Op
             }
             if buffer.parts.is_some() {
                 if let Some(part) = take_part(buffer) {
-                    return Some(Taken::Part(part));
+                    return Some(ReceivedPacket::Part(part));
                 }
                 if buffer.parts.is_some() && !is_silent {
                     return None;
@@ -142,7 +146,7 @@ pub fn next(buffer: &mut ReceiveBuffer, is_silent: bool, with_parts: bool) -> Op
                 Some(packet) => {
                     if let Some(message) = message(packet) {
                         buffer.drop_front(whole);
-                        return Some(Taken::Message(message));
+                        return Some(ReceivedPacket::Message(message));
                     }
                 }
                 None if is_silent => {}

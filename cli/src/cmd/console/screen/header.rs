@@ -8,7 +8,7 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use rollwalk_host::actuators::{conditions, fault_words};
-use rollwalk_host::operator::{FaultView, JointView, Leaving, View};
+use rollwalk_host::operator::{ExitStage, FaultView, JointView, View};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, Quantity, Severity};
 use rollwalk_protocol::wire::State;
@@ -156,7 +156,7 @@ fn doing(scene: &Scene) -> String {
     if let Some(gamepad) = scene.gamepad {
         parts.push(gamepad.to_owned());
     }
-    if view.leaving == Leaving::WhenHome {
+    if view.leaving == ExitStage::WhenHome {
         parts.push("LEAVING: q leaves at once".into());
     }
     if let Some(asking) = &view.asking {

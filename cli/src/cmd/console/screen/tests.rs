@@ -5,9 +5,9 @@ use super::draw;
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use rollwalk_host::actuators::{ActuatorBus, ActuatorOf, Actuators, BusKind};
-use rollwalk_host::catalog::{Catalog, Motion, Transition};
-use rollwalk_host::operator::{FaultView, JointView, Leaving, LinkView, Message, View, Weight};
+use rollwalk_host::actuators::{ActuatorBus, Actuators, BusKind, ChannelActuator};
+use rollwalk_host::catalog::{Catalog, CatalogMotion, Transition};
+use rollwalk_host::operator::{ExitStage, FaultView, JointView, LinkView, Message, View, Weight};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{JointTelemetry, State, Status};
@@ -36,7 +36,7 @@ fn compare(name: &str, screen: &str) {
 }
 
 fn names() -> Names {
-    let motion = |(name, frames, looping): (&str, u16, bool), code| Motion {
+    let motion = |(name, frames, looping): (&str, u16, bool), code| CatalogMotion {
         name: name.into(),
         code: Some(code),
         frames,
@@ -117,7 +117,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         asking: None,
         stopping: false,
         deadman_held: Some(true),
-        leaving: Leaving::No,
+        leaving: ExitStage::No,
         transfer: None,
         messages: [
             say(0, Weight::Note, "contact: the robot is disarmed"),
@@ -241,7 +241,7 @@ fn a_servo_that_is_too_hot_is_named_with_its_limit() {
 fn of_a_serial_line() -> Actuators {
     let bit_rate = 1_000_000;
     let bus = ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate };
-    let of = |id| ActuatorOf { bus: 0, id, model: "XL330-M288-T".into() };
+    let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
     Actuators { buses: vec![bus], channels: (1..15).map(of).collect() }
 }
 

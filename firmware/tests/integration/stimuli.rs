@@ -11,7 +11,7 @@ use crate::robot::*;
 
 /// Action or event on a controller.
 #[derive(Clone, Debug)]
-pub enum Deed {
+pub enum Stimulus {
     Run(u16),
     Command(Action),
     Parameter(ParameterAction),
@@ -37,31 +37,31 @@ pub enum Deed {
     Answers(u8, Setpoint),
 }
 
-pub fn act(rig: &mut Rig, deed: &Deed) {
-    match deed {
-        Deed::Run(ticks) => rig.run(u32::from(*ticks)),
-        Deed::Command(action) => {
+pub fn act(rig: &mut Rig, stimulus: &Stimulus) {
+    match stimulus {
+        Stimulus::Run(ticks) => rig.run(u32::from(*ticks)),
+        Stimulus::Command(action) => {
             rig.command(*action);
         }
-        Deed::Parameter(action) => {
+        Stimulus::Parameter(action) => {
             rig.parameter(*action);
         }
-        Deed::Arm => {
+        Stimulus::Arm => {
             let request = rig.command(Action::ArmRequest);
             rig.command(Action::ArmConfirm { nonce: request.value });
         }
-        Deed::Clear => {
+        Stimulus::Clear => {
             let request = rig.command(Action::ClearRequest);
             rig.command(Action::ClearConfirm { nonce: request.value });
         }
-        Deed::Replay(back) => rig.replay(usize::from(*back)),
-        Deed::Link(frame) => rig.send(frame),
-        Deed::Actuator(bus, frame) => rig.brain.on_actuator_frame(rig.now_us, *bus, frame),
-        Deed::Transfer(bytes) => rig.send_message(bytes),
-        Deed::Begin(len) => {
+        Stimulus::Replay(back) => rig.replay(usize::from(*back)),
+        Stimulus::Link(frame) => rig.send(frame),
+        Stimulus::Actuator(bus, frame) => rig.brain.on_actuator_frame(rig.now_us, *bus, frame),
+        Stimulus::Transfer(bytes) => rig.send_message(bytes),
+        Stimulus::Begin(len) => {
             rig.try_request(&Request::Begin { len: *len, digest: 5 });
         }
-        Deed::Flash => {
+        Stimulus::Flash => {
             let bytes = library();
             let digest = rollwalk_protocol::crc::file_digest(&bytes);
             rig.try_request(&Request::Begin { len: bytes.len() as u32, digest });
@@ -71,22 +71,22 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
             rig.try_request(&Request::Finish);
             rig.try_request(&Request::Activate { digest });
         }
-        Deed::Host(alive) => rig.host_alive = *alive,
-        Deed::Buses(up) => rig.buses_up = *up,
-        Deed::Power(i, on) => {
+        Stimulus::Host(alive) => rig.host_alive = *alive,
+        Stimulus::Buses(up) => rig.buses_up = *up,
+        Stimulus::Power(i, on) => {
             rig.servos[*i].powered = *on;
             rig.servos[*i].enabled &= *on;
         }
-        Deed::Status(i, status) => rig.servos[*i].status = *status,
-        Deed::Estop => {
+        Stimulus::Status(i, status) => rig.servos[*i].status = *status,
+        Stimulus::Estop => {
             rig.estop();
             assert_eq!(rig.brain.state(), State::EStopped);
         }
-        Deed::Board => {
+        Stimulus::Board => {
             rig.brain.estop(rig.now_us);
             assert_eq!(rig.brain.state(), State::EStopped);
         }
-        Deed::Setpoints(frames, first) => {
+        Stimulus::Setpoints(frames, first) => {
             rig.send(&first.encode(me()));
             for ahead in 1..=*frames {
                 for (channel, value) in (0..).zip(STAND) {
@@ -97,7 +97,7 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
                 rig.run(2);
             }
         }
-        Deed::Answers(samples, with) => {
+        Stimulus::Answers(samples, with) => {
             for _ in 0..*samples {
                 rig.run(1);
                 let number = rig.heard.iter().rev().find_map(|(_, message)| match message {
@@ -112,7 +112,7 @@ pub fn act(rig: &mut Rig, deed: &Deed) {
                 }
             }
         }
-        Deed::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),
+        Stimulus::TimeJump(us) => rig.now_us = rig.now_us.saturating_add_signed(*us),
     }
 }
 
@@ -135,7 +135,7 @@ pub fn assert_way_home(rig: &mut Rig) {
         rig.run(60);
     }
     if rig.brain.library().is_none() {
-        act(rig, &Deed::Flash);
+        act(rig, &Stimulus::Flash);
     }
     // A joint without gain gets nowhere.
     assert_eq!(rig.parameter(ParameterAction::Reset).result, ParameterResult::Ok);

@@ -1,7 +1,7 @@
 //! State machine that turns gamepad events and time into operator requests.
 
-use crate::file::{Does, Mapping, Motion, North, Speed};
-use crate::inputs::{Input, Push};
+use crate::file::{ButtonAction, Mapping, MotionChoice, North, Speed};
+use crate::inputs::{AxisDirection, Input};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::operator::{Deadman, Intent, Operator, Weight};
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,34 +46,34 @@ pub enum Event {
 
 /// Request that results from an event.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
+pub enum GamepadRequest {
     /// Intent of the operator.
-    Want(Intent),
+    Intent(Intent),
     /// Request to play a motion.
-    Play(Motion),
+    Play(MotionChoice),
     /// Message to the operator; true for an error.
-    Say(String, bool),
+    Message(String, bool),
 }
 
-impl Wish {
+impl GamepadRequest {
     /// Passes the request to the operator's core. `catalog` maps names of motions in the active library to command codes.
-    pub fn give(self, now_us: u64, operator: &mut Operator, catalog: Option<&Catalog>) {
+    pub fn execute(self, now_us: u64, operator: &mut Operator, catalog: Option<&Catalog>) {
         match self {
-            Self::Want(intent) => operator.want(now_us, intent),
-            Self::Play(Motion::Code(code)) => operator.want(now_us, Intent::Play { code }),
-            Self::Play(Motion::Named(name)) => {
+            Self::Intent(intent) => operator.request(now_us, intent),
+            Self::Play(MotionChoice::Code(code)) => operator.request(now_us, Intent::Play { code }),
+            Self::Play(MotionChoice::Named(name)) => {
                 match catalog.and_then(|catalog| catalog.motion(&name)?.code) {
-                    Some(code) => operator.want(now_us, Intent::Play { code }),
+                    Some(code) => operator.request(now_us, Intent::Play { code }),
                     None => {
                         let text = format!(
                             "the library does not have a motion `{name}` with a command code"
                         );
-                        operator.say(now_us, Weight::Refused, text);
+                        operator.notify(now_us, Weight::Refused, text);
                     }
                 }
             }
-            Self::Say(text, wrong) => {
-                operator.say(now_us, if wrong { Weight::Warning } else { Weight::Note }, text);
+            Self::Message(text, wrong) => {
+                operator.notify(now_us, if wrong { Weight::Warning } else { Weight::Note }, text);
             }
         }
     }
@@ -81,7 +81,7 @@ impl Wish {
 
 /// Gamepad with its mapping.
 #[derive(Clone, Debug)]
-pub struct Pad {
+pub struct MappedGamepad {
     mapping: Mapping,
     is_there: bool,
     down: BTreeSet<Input>,
@@ -98,7 +98,7 @@ pub struct Pad {
     arming: Option<(Input, u64)>,
 }
 
-impl Pad {
+impl MappedGamepad {
     /// Creates a gamepad that is not connected yet.
     pub fn new(mapping: Mapping) -> Self {
         Self {
@@ -141,21 +141,21 @@ impl Pad {
     }
 
     /// Deflection of an axis in this direction, 0 to 1; 0 while the deadman is not held.
-    pub fn pushed(&self, push: Push) -> f32 {
+    pub fn pushed(&self, push: AxisDirection) -> f32 {
         let value = self.axes.get(&push.axis).filter(|_| self.held);
         value.map_or(0.0, |&value| push.how_far(value))
     }
 
-    fn let_go(&self) -> Wish {
-        Wish::Want(Intent::Deadman(self.released()))
+    fn let_go(&self) -> GamepadRequest {
+        GamepadRequest::Intent(Intent::Deadman(self.released()))
     }
 
     /// Processes an event, and returns the resulting requests.
-    pub fn on_event(&mut self, now_us: u64, event: Event) -> Vec<Wish> {
+    pub fn on_event(&mut self, now_us: u64, event: Event) -> Vec<GamepadRequest> {
         self.heard_us = now_us;
         match event {
-            Event::Found { name, buttons, axes } => self.found(&name, &buttons, &axes),
-            Event::Gone(why) => self.gone(&why),
+            Event::Found { name, buttons, axes } => self.connected(&name, &buttons, &axes),
+            Event::Gone(why) => self.disconnected(&why),
             // Events of a disconnected gamepad are stale.
             Event::Button { .. } | Event::Axis { .. } if !self.is_there => Vec::new(),
             Event::Button { number, down } => self.press(now_us, Input::Button(number), down),
@@ -165,8 +165,8 @@ impl Pad {
 
     /// Processes timeouts. A deadman that is held without events for too long counts as released, and a button that is held for
     /// long enough arms.
-    pub fn tick(&mut self, now_us: u64) -> Vec<Wish> {
-        let mut wishes = self.tick_silence(now_us);
+    pub fn tick(&mut self, now_us: u64) -> Vec<GamepadRequest> {
+        let mut requests = self.tick_silence(now_us);
         if !self.held {
             self.arming = None;
         }
@@ -174,12 +174,12 @@ impl Pad {
             now_us.saturating_sub(since_us) >= self.arm_hold_us
         };
         if self.arming.take_if(long).is_some() {
-            wishes.push(Wish::Want(Intent::Arm));
+            requests.push(GamepadRequest::Intent(Intent::Arm));
         }
-        wishes
+        requests
     }
 
-    fn tick_silence(&mut self, now_us: u64) -> Vec<Wish> {
+    fn tick_silence(&mut self, now_us: u64) -> Vec<GamepadRequest> {
         let Some(silent_s) = self.mapping.deadman.silent_s else { return Vec::new() };
         let silent_us = (silent_s * 1e6) as u64;
         if !self.held || now_us.saturating_sub(self.heard_us) < silent_us {
@@ -189,13 +189,20 @@ impl Pad {
         self.stale.insert(self.mapping.deadman.input);
         let text =
             format!("no data from the gamepad for {silent_s} s: the deadman counts as released");
-        vec![self.let_go(), Wish::Say(text, true)]
+        vec![self.let_go(), GamepadRequest::Message(text, true)]
     }
 
-    fn found(&mut self, name: &str, buttons: &[u16], axes: &[(u16, f32)]) -> Vec<Wish> {
+    fn connected(
+        &mut self,
+        name: &str,
+        buttons: &[u16],
+        axes: &[(u16, f32)],
+    ) -> Vec<GamepadRequest> {
         self.down = buttons.iter().map(|&number| Input::Button(number)).collect();
         for &(axis, value) in axes {
-            for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
+            for push in
+                [AxisDirection { axis, positive: true }, AxisDirection { axis, positive: false }]
+            {
                 if push.how_far(value) > PRESSED {
                     self.down.insert(Input::Push(push));
                 }
@@ -205,24 +212,24 @@ impl Pad {
         self.held = false;
         self.arming = None;
         self.speed = None;
-        let mut wishes = Vec::new();
+        let mut requests = Vec::new();
         // A stop that is held down is a stop.
         if self.mapping.estop.iter().any(|input| self.down.contains(input)) {
-            wishes.push(Wish::Want(Intent::Estop));
+            requests.push(GamepadRequest::Intent(Intent::Estop));
         }
-        wishes.push(self.let_go());
-        wishes.push(Wish::Say(format!("gamepad: {name}"), false));
+        requests.push(self.let_go());
+        requests.push(GamepadRequest::Message(format!("gamepad: {name}"), false));
         self.is_there = true;
         self.axes = axes.iter().copied().collect();
         if let Some(Speed { push, .. }) = self.mapping.speed
             && let Some(&value) = self.axes.get(&push.axis)
         {
-            wishes.extend(self.set_speed(value));
+            requests.extend(self.set_speed(value));
         }
-        wishes
+        requests
     }
 
-    fn gone(&mut self, why: &str) -> Vec<Wish> {
+    fn disconnected(&mut self, why: &str) -> Vec<GamepadRequest> {
         self.held = false;
         self.arming = None;
         self.down.clear();
@@ -230,27 +237,32 @@ impl Pad {
         if !std::mem::take(&mut self.is_there) {
             return Vec::new();
         }
-        vec![self.let_go(), Wish::Say(format!("the gamepad is disconnected: {why}"), true)]
+        vec![
+            self.let_go(),
+            GamepadRequest::Message(format!("the gamepad is disconnected: {why}"), true),
+        ]
     }
 
-    fn push(&mut self, now_us: u64, axis: u16, value: f32) -> Vec<Wish> {
+    fn push(&mut self, now_us: u64, axis: u16, value: f32) -> Vec<GamepadRequest> {
         self.axes.insert(axis, value);
-        let mut wishes = Vec::new();
-        for push in [Push { axis, positive: true }, Push { axis, positive: false }] {
+        let mut requests = Vec::new();
+        for push in
+            [AxisDirection { axis, positive: true }, AxisDirection { axis, positive: false }]
+        {
             let how_far = push.how_far(value);
             if how_far > PRESSED {
-                wishes.extend(self.press(now_us, Input::Push(push), true));
+                requests.extend(self.press(now_us, Input::Push(push), true));
             } else if how_far < LET_GO {
-                wishes.extend(self.press(now_us, Input::Push(push), false));
+                requests.extend(self.press(now_us, Input::Push(push), false));
             }
         }
         if self.mapping.speed.is_some_and(|speed| speed.push.axis == axis) {
-            wishes.extend(self.set_speed(value));
+            requests.extend(self.set_speed(value));
         }
-        wishes
+        requests
     }
 
-    fn set_speed(&mut self, value: f32) -> Option<Wish> {
+    fn set_speed(&mut self, value: f32) -> Option<GamepadRequest> {
         let speed = self.mapping.speed?;
         let sixty_fourths = speed.sixty_fourths(value);
         let ends = [speed.rest, speed.pushed, speed.opposite].map(whole);
@@ -262,11 +274,11 @@ impl Pad {
             return None;
         }
         self.speed = Some(sixty_fourths);
-        Some(Wish::Want(Intent::Speed { sixty_fourths }))
+        Some(GamepadRequest::Intent(Intent::Speed { sixty_fourths }))
     }
 
     /// Processes a press or release of an input, which may be a repetition.
-    fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<Wish> {
+    fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<GamepadRequest> {
         // Let go of too early, or of the deadman.
         self.arming
             .take_if(|(held, _)| !down && [*held, self.mapping.deadman.input].contains(&input));
@@ -274,48 +286,51 @@ impl Pad {
         let was_stale = if down { self.stale.contains(&input) } else { self.stale.remove(&input) };
         if self.mapping.estop.contains(&input) {
             let pressed = changed && down;
-            return if pressed { vec![Wish::Want(Intent::Estop)] } else { Vec::new() };
+            return if pressed { vec![GamepadRequest::Intent(Intent::Estop)] } else { Vec::new() };
         }
         if !changed || was_stale {
             return Vec::new();
         }
         if input == self.mapping.deadman.input {
             self.held = down;
-            let held = Wish::Want(Intent::Deadman(Deadman::Held));
+            let held = GamepadRequest::Intent(Intent::Deadman(Deadman::Held));
             return vec![if down { held } else { self.let_go() }];
         }
         let does = self.mapping.buttons.iter().find(|(known, _)| *known == input);
         let Some((_, does)) = does.filter(|_| down) else { return Vec::new() };
-        let wish = match does {
-            Does::Clear => Wish::Want(Intent::Clear),
-            Does::Disarm => Wish::Want(Intent::Disarm),
+        let request = match does {
+            ButtonAction::Clear => GamepadRequest::Intent(Intent::Clear),
+            ButtonAction::Disarm => GamepadRequest::Intent(Intent::Disarm),
             // Without the deadman a pause only pauses; whether a return moves is the deadman's business.
-            Does::Pause if !self.held => Wish::Want(Intent::Pause),
-            Does::Return => Wish::Want(Intent::Return),
-            Does::Play(_) | Does::Arm if !self.held => {
+            ButtonAction::Pause if !self.held => GamepadRequest::Intent(Intent::Pause),
+            ButtonAction::Return => GamepadRequest::Intent(Intent::Return),
+            ButtonAction::Play(_) | ButtonAction::Arm if !self.held => {
                 let hold = self.mapping.deadman.input;
-                Wish::Say(format!("hold {hold} first, because {input} moves the robot"), false)
+                GamepadRequest::Message(
+                    format!("hold {hold} first, because {input} moves the robot"),
+                    false,
+                )
             }
-            Does::Pause => Wish::Want(Intent::PauseOrResume),
-            Does::Arm if self.arm_hold_us > 0 => {
+            ButtonAction::Pause => GamepadRequest::Intent(Intent::PauseOrResume),
+            ButtonAction::Arm if self.arm_hold_us > 0 => {
                 self.arming = Some((input, now_us));
                 return Vec::new();
             }
-            Does::Arm => Wish::Want(Intent::Arm),
-            Does::Play(motion) => Wish::Play(motion.clone()),
+            ButtonAction::Arm => GamepadRequest::Intent(Intent::Arm),
+            ButtonAction::Play(motion) => GamepadRequest::Play(motion.clone()),
         };
-        vec![wish]
+        vec![request]
     }
 }
 
 impl Speed {
     /// Speed in 64ths for an axis at `value`.
     fn sixty_fourths(&self, value: f32) -> i8 {
-        let towards = |push: Push| {
+        let towards = |push: AxisDirection| {
             let past = push.how_far(value) - self.dead_zone;
             (past / (1.0 - self.dead_zone)).clamp(0.0, 1.0)
         };
-        let other = Push { positive: !self.push.positive, ..self.push };
+        let other = AxisDirection { positive: !self.push.positive, ..self.push };
         let part = self.rest
             + towards(self.push) * (self.pushed - self.rest)
             + towards(other) * (self.opposite - self.rest);
