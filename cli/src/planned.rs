@@ -9,11 +9,11 @@ mod simulated;
 pub use net::taken_back;
 pub use simulated::{Simulation, simulate};
 
-use rollwalk_physics::world::Way;
+use rollwalk_physics::world::NetDisplacement;
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_sim_host::ground::Travel;
-use rollwalk_simulate::PlannedWay;
+use rollwalk_simulate::PlannedDisplacement;
 use rollwalk_terminal::link::names;
 use rollwalk_terminal::planning::Plans;
 use serde::{Deserialize, Serialize};
@@ -42,9 +42,9 @@ pub struct Planned {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judged {
     /// Planned displacement; for one period if the motion is periodic.
-    planned: Way,
+    planned: NetDisplacement,
     /// Achieved displacement; the mean of a period if the motion is periodic.
-    achieved: Way,
+    achieved: NetDisplacement,
     /// Ratio of achieved to planned displacement for the worst goal; null without goals.
     pub of_plan: Option<f64>,
     /// Reason why the motion failed its checks; null if it passed.
@@ -55,7 +55,7 @@ pub struct Judged {
 
 impl Planned {
     fn of(plan: &Plan) -> Self {
-        let PlannedWay { way, goals } = PlannedWay::new(plan);
+        let PlannedDisplacement { way, goals } = PlannedDisplacement::new(plan);
         let motion = &plan.motion;
         Self {
             way: way.values(),
@@ -74,8 +74,8 @@ impl Planned {
             false => 1.0,
         };
         let achieved = of_a_period(travel.displacement(), periods);
-        let planned = PlannedWay { way: self.way.into(), goals: self.goals };
-        let astray = planned.astray(&achieved).filter(|_| !self.joins);
+        let planned = PlannedDisplacement { way: self.way.into(), goals: self.goals };
+        let astray = planned.worst_deviation(&achieved).filter(|_| !self.joins);
         let ratios = (0..3).filter_map(|of| planned.ratio(&achieved, of)).filter(|_| !self.joins);
         Judged {
             planned: planned.way,
@@ -89,7 +89,7 @@ impl Planned {
 
 /// Displacement of one period such that `periods` of them add up to `way`. Each period starts in the final heading of the
 /// previous one.
-fn of_a_period(way: Way, periods: f64) -> Way {
+fn of_a_period(way: NetDisplacement, periods: f64) -> NetDisplacement {
     let [forward_m, left_m, turn_rad] = way.values();
     let turn_rad = turn_rad / periods;
     // The sum of all headings, as a complex number.
@@ -125,14 +125,15 @@ mod tests {
 
     #[test]
     fn a_period_made_several_times_leads_where_all_do() {
-        let period = Way { forward_m: 0.12, left_m: -0.03, turn_rad: 0.4 };
+        let period = NetDisplacement { forward_m: 0.12, left_m: -0.03, turn_rad: 0.4 };
         let (mut x_m, mut y_m) = (0.0, 0.0);
         for number in 0..7 {
             let (sine, cosine) = (0.4 * f64::from(number)).sin_cos();
             x_m += period.forward_m * cosine - period.left_m * sine;
             y_m += period.forward_m * sine + period.left_m * cosine;
         }
-        let found = of_a_period(Way { forward_m: x_m, left_m: y_m, turn_rad: 2.8 }, 7.0);
+        let found =
+            of_a_period(NetDisplacement { forward_m: x_m, left_m: y_m, turn_rad: 2.8 }, 7.0);
         for (found, expected) in found.values().into_iter().zip(period.values()) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }

@@ -2,7 +2,7 @@
 
 use miette::IntoDiagnostic;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::{Control, Options, Outcome};
+use rollwalk_simulate::{Control, Options, RunOutcome};
 use rollwalk_terminal::interrupt;
 
 /// Number of periods of periodic motions.
@@ -12,13 +12,13 @@ const PERIODS: usize = 5;
 ///
 /// # Errors
 /// Returns an error if a step of the world has no solution.
-pub fn play(plan: &Plan, control: Control, rate_hz: u32) -> miette::Result<Outcome> {
+pub fn play(plan: &Plan, control: Control, rate_hz: u32) -> miette::Result<RunOutcome> {
     let options = Options { cycles: PERIODS, ..Options::new(control, rate_hz) };
     rollwalk_simulate::play(plan, &options, |_| !interrupt::requested()).into_diagnostic()
 }
 
 /// Ratios of the achieved displacement and turn to the planned ones, as text.
-pub fn ratios(outcome: &Outcome) -> String {
+pub fn ratios(outcome: &RunOutcome) -> String {
     if let Some(time_s) = outcome.fell_at_s {
         return format!("falls after {time_s:.2} s");
     }

@@ -2,12 +2,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise};
-use rollwalk_physics::sensitivity::parameter::{Freedom, Initial, OfContact, Touching};
+use rollwalk_physics::sensitivity::parameter::{
+    ContactParameter, ContactQuantity, Freedom, Initial,
+};
 use rollwalk_physics::sensitivity::{Constant, Recorder, Residual, Rollout};
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 const STEPS: usize = 60;
@@ -19,17 +21,21 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() * 2e-3 };
     let velocity = Vector3::x() * speed_m_s;
-    assembly.add_body(inertia, Motion { velocity, ..Motion::at(Vector3::z() * 0.0276) });
+    assembly.add_body(inertia, BodyMotion { velocity, ..BodyMotion::at(Vector3::z() * 0.0276) });
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     for (x, y) in [(0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06)] {
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [0],
             center: Vector3::new(x, y, -0.03),
             radius_m: 0.0,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3, pulls: true },
             // The smooth model: where the linear one sticks, nothing depends on the coefficient.
-            friction: Friction { model: Model::Tanh, coefficient: friction, stick_n_s_m: 30.0 },
+            friction: Friction {
+                model: FrictionModel::Tanh,
+                coefficient: friction,
+                stick_n_s_m: 30.0,
+            },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });
@@ -38,7 +44,7 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
     let mut system = System::new(settings, assembly);
 
     // One number of all four contacts, and the speed at the beginning.
-    let of_all = Touching::new(&system, 0..4, OfContact::Friction);
+    let of_all = ContactParameter::new(&system, 0..4, ContactQuantity::Friction);
     debug_assert_eq!(of_all.value(&system), friction);
     let ahead = Initial { bodies: vec![0], freedom: Freedom::Velocity, axis: Vector3::x() };
     let mut recorder = Recorder::new(&system, vec![Box::new(of_all), Box::new(ahead)]);

@@ -5,28 +5,34 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::sensitivity::parameter::{Freedom, Initial, OfContact, Touching};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::sensitivity::parameter::{
+    ContactParameter, ContactQuantity, Freedom, Initial,
+};
 use rollwalk_physics::sensitivity::{Health, Parameter, Recorder};
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, StepError, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, StepError, System};
 use std::sync::Arc;
 
 /// Simulates a box of 10 cm for 1.5 s, and prints a report.
-fn report(name: &str, motion: Motion) -> Result<(), StepError> {
+fn report(name: &str, motion: BodyMotion) -> Result<(), StepError> {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 0.5, about_com_kg_m2: Matrix3::identity() * 8e-4 };
     assembly.add_body(inertia, motion);
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     for corner in 0..8 {
         let center = Vector3::from_fn(|axis, _| if corner >> axis & 1 == 0 { -0.05 } else { 0.05 });
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [0],
             center,
             radius_m: 0.0,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m: 2e3, damping_n_s_m: 1.0, ramp_m: 1e-3, pulls: true },
-            friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 50.0 },
+            friction: Friction {
+                model: FrictionModel::Linear,
+                coefficient: 0.4,
+                stick_n_s_m: 50.0,
+            },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });
@@ -39,7 +45,7 @@ fn report(name: &str, motion: Motion) -> Result<(), StepError> {
         Box::new(place(Vector3::x())),
         Box::new(place(Vector3::z())),
         Box::new(turn),
-        Box::new(Touching::new(&system, 0..8, OfContact::Friction)),
+        Box::new(ContactParameter::new(&system, 0..8, ContactQuantity::Friction)),
     ];
     let names = ["position along x", "height", "turn about y", "friction"];
     let mut recorder = Recorder::new(&system, parameters);
@@ -58,13 +64,13 @@ fn report(name: &str, motion: Motion) -> Result<(), StepError> {
 }
 
 fn main() -> Result<(), StepError> {
-    let rests = Motion::at(Vector3::z() * 0.0494);
+    let rests = BodyMotion::at(Vector3::z() * 0.0494);
     report("A box at rest", rests)?;
-    report("A box that slides", Motion { velocity: Vector3::x(), ..rests })?;
-    let thrown = Motion {
+    report("A box that slides", BodyMotion { velocity: Vector3::x(), ..rests })?;
+    let thrown = BodyMotion {
         velocity: Vector3::new(1.5, 0.0, 0.0),
         spin: Vector3::new(1.0, 8.0, 0.0),
-        ..Motion::at(Vector3::z() * 0.5)
+        ..BodyMotion::at(Vector3::z() * 0.5)
     };
     report("A box that tumbles", thrown)
 }

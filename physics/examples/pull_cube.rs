@@ -4,15 +4,15 @@
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::anchor::Anchor;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::points::Points;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, Penalty, minimise};
 use rollwalk_physics::sensitivity::parameter::Handle;
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual, Rollout};
 use rollwalk_physics::spring::Spring;
-use rollwalk_physics::{Assembly, Inertia, Motion, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Settings, System};
 use std::sync::Arc;
 
 const STEPS: usize = 60;
@@ -31,7 +31,7 @@ fn curve() -> Curve {
 fn scene() -> (System, usize) {
     let mut assembly = Assembly::default();
     let inertia = Inertia { mass_kg: 0.2, about_com_kg_m2: Matrix3::identity() * 8e-5 };
-    let cube = assembly.add_body(inertia, Motion::at(Vector3::z() * 0.0245));
+    let cube = assembly.add_body(inertia, BodyMotion::at(Vector3::z() * 0.0245));
     let handle = assembly.add_particle(0.01, HANDLE);
     let anchor = assembly.add(Anchor {
         body: [handle],
@@ -49,13 +49,17 @@ fn scene() -> (System, usize) {
     });
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     for (x, y) in [(0.025, 0.025), (0.025, -0.025), (-0.025, 0.025), (-0.025, -0.025)] {
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [cube],
             center: Vector3::new(x, y, -0.025),
             radius_m: 0.0,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 1.0, ramp_m: 1e-3, pulls: true },
-            friction: Friction { model: Model::Linear, coefficient: 0.5, stick_n_s_m: 20.0 },
+            friction: Friction {
+                model: FrictionModel::Linear,
+                coefficient: 0.5,
+                stick_n_s_m: 20.0,
+            },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::sensitivity::parameter::{OfMaterial, Softness};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::sensitivity::parameter::{MaterialQuantity, Softness};
 use rollwalk_physics::sensitivity::{Recorder, Residual};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use rollwalk_physics::{Assembly, Scheme, Settings, StepError, System};
@@ -28,7 +28,11 @@ fn main() -> Result<(), StepError> {
             stiffness_n_m3: 1e6,
             damping_n_s_m3: 1e3,
             ramp_m: 1e-3,
-            friction: Friction { model: Model::Linear, coefficient: 0.5, stick_n_s_m: 100.0 },
+            friction: Friction {
+                model: FrictionModel::Linear,
+                coefficient: 0.5,
+                stick_n_s_m: 100.0,
+            },
         },
     );
     let settings = Settings { scheme: Scheme::Bdf2, ..Settings::default() };
@@ -36,7 +40,7 @@ fn main() -> Result<(), StepError> {
     println!("{} nodes, {} tetrahedra", soft.nodes.len(), elements.len());
 
     // The shear modulus of all tetrahedra.
-    let shear = Softness { elements, of: OfMaterial::Mu };
+    let shear = Softness { elements, of: MaterialQuantity::Mu };
     let mut recorder = Recorder::new(&system, vec![Box::new(shear)]);
     let mut iterations = 0;
     for step in 1..=STEPS {

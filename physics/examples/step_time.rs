@@ -6,18 +6,21 @@
 use cpu_time::ProcessTime;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use rollwalk_physics::world::Parameters;
-use rollwalk_physics::{Assembly, Inertia, Motion, Settings, StepError, StepReport, System, World};
+use rollwalk_physics::{
+    Assembly, BodyMotion, Inertia, Settings, StepError, StepReport, System, World,
+};
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::sync::Arc;
 
-const FRICTION: Friction = Friction { model: Model::Linear, coefficient: 0.5, stick_n_s_m: 20.0 };
+const FRICTION: Friction =
+    Friction { model: FrictionModel::Linear, coefficient: 0.5, stick_n_s_m: 20.0 };
 
 fn level() -> Arc<dyn Ground> {
     Arc::new(Plane::level())
@@ -92,11 +95,11 @@ fn chain(count: usize) {
     for k in 0..count {
         let place = Vector3::new(0.12 * k as f64, 0.0, 0.0498);
         let inertia = Inertia { mass_kg: 0.1, about_com_kg_m2 };
-        let motion = Motion { velocity: Vector3::y(), ..Motion::at(place) };
+        let motion = BodyMotion { velocity: Vector3::y(), ..BodyMotion::at(place) };
         let body = assembly.add_body(inertia, motion);
         for corner in 0..4 {
             let side = |bit: u32| 0.05 * (f64::from(corner >> bit & 1) * 2.0 - 1.0);
-            assembly.add(Contact {
+            assembly.add(GroundContact {
                 body: [body],
                 center: Vector3::new(side(0), side(1), -0.05),
                 radius_m: 0.0,

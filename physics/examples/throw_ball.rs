@@ -9,12 +9,12 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Fit, Options, minimise};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual, Rollout};
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, StepError, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, StepError, System};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,14 +37,14 @@ pub fn throw(velocity: Vector3<f64>) -> Result<Rollout, StepError> {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.4 * 0.1 * RADIUS_M * RADIUS_M);
     let inertia = Inertia { mass_kg: 0.1, about_com_kg_m2 };
-    let ball = assembly.add_body(inertia, Motion { velocity, ..Motion::at(START_M) });
-    assembly.add(Contact {
+    let ball = assembly.add_body(inertia, BodyMotion { velocity, ..BodyMotion::at(START_M) });
+    assembly.add(GroundContact {
         body: [ball],
         center: Vector3::zeros(),
         radius_m: RADIUS_M,
         tip: Tip::Sphere,
         normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 0.5, ramp_m: 1e-3, pulls: true },
-        friction: Friction { model: Model::Tanh, coefficient: 0.4, stick_n_s_m: 10.0 },
+        friction: Friction { model: FrictionModel::Tanh, coefficient: 0.4, stick_n_s_m: 10.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     });

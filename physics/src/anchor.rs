@@ -1,7 +1,7 @@
 //! Spring between a point of a body and a point of the world, such as a bolt in a wall or a moving handle.
 
-use crate::force::{By, Derivative, Force, View, Wrench};
-use crate::motion::Motion;
+use crate::force::{Derivative, Force, StateBlock, View, Wrench};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
@@ -22,7 +22,7 @@ pub struct Anchor {
 
 impl Anchor {
     /// Force on the body, N, and the arm from the centre of mass to the point, m.
-    fn force(&self, now: &Motion) -> (Vector3<f64>, Vector3<f64>) {
+    fn force(&self, now: &BodyMotion) -> (Vector3<f64>, Vector3<f64>) {
         let (place, velocity) = now.point(&self.point);
         let force = (self.place - place) * self.stiffness_n_m - velocity * self.damping_n_s_m;
         (force, now.rotation * self.point)
@@ -53,18 +53,18 @@ impl Force for Anchor {
         let spin = skew(&view.now[0].spin);
         let one = Matrix3::identity();
         for (by, block) in [
-            (By::Position, one * -self.stiffness_n_m),
-            (By::Rotation, lever * self.stiffness_n_m + spin * lever * self.damping_n_s_m),
-            (By::Velocity, one * -self.damping_n_s_m),
-            (By::Spin, lever * self.damping_n_s_m),
+            (StateBlock::Position, one * -self.stiffness_n_m),
+            (StateBlock::Rotation, lever * self.stiffness_n_m + spin * lever * self.damping_n_s_m),
+            (StateBlock::Velocity, one * -self.damping_n_s_m),
+            (StateBlock::Spin, lever * self.damping_n_s_m),
         ] {
             derivatives[0].add_force(by, &block);
             derivatives[0].add_moment(by, &(lever * block));
         }
-        derivatives[0].add_moment(By::Rotation, &(skew(&force) * lever));
+        derivatives[0].add_moment(StateBlock::Rotation, &(skew(&force) * lever));
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
         let (place, _) = now[0].point(&self.point);
         0.5 * self.stiffness_n_m * (self.place - place).norm_squared()
     }

@@ -2,7 +2,7 @@
 
 use crate::body::Body;
 use crate::force::Force;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use nalgebra::Vector3;
 
 /// Parts of a future system.
@@ -11,14 +11,14 @@ pub struct Assembly {
     /// The bodies.
     pub bodies: Vec<Body>,
     /// Motions of the bodies at time 0.
-    pub motions: Vec<Motion>,
+    pub motions: Vec<BodyMotion>,
     /// Forces on the bodies.
     pub forces: Vec<Box<dyn Force>>,
 }
 
 impl Assembly {
     /// Adds a body and returns its index.
-    pub fn add_body(&mut self, body: impl Into<Body>, motion: Motion) -> usize {
+    pub fn add_body(&mut self, body: impl Into<Body>, motion: BodyMotion) -> usize {
         self.bodies.push(body.into());
         self.motions.push(motion);
         self.bodies.len() - 1
@@ -26,7 +26,7 @@ impl Assembly {
 
     /// Adds a particle at rest and returns its index.
     pub fn add_particle(&mut self, mass_kg: f64, position: Vector3<f64>) -> usize {
-        self.add_body(Body::Particle { mass_kg }, Motion::at(position))
+        self.add_body(Body::Particle { mass_kg }, BodyMotion::at(position))
     }
 
     /// Adds a force and returns its index.

@@ -182,15 +182,15 @@ impl BlockLu {
     pub fn solve(&self, side: &mut [f64]) {
         let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
         for pivot in &self.pivots {
-            let known = Small::new(&side[own(pivot)]);
+            let known = BodyVector::new(&side[own(pivot)]);
             for (&other, &below) in pivot.later.iter().zip(&pivot.below) {
                 self.subtract_product(below, &known, &mut side[own(&self.pivots[other])]);
             }
         }
         for pivot in self.pivots.iter().rev() {
-            let mut part = Small::new(&side[own(pivot)]);
+            let mut part = BodyVector::new(&side[own(pivot)]);
             for (&other, &beside) in pivot.later.iter().zip(&pivot.beside) {
-                let known = Small::new(&side[own(&self.pivots[other])]);
+                let known = BodyVector::new(&side[own(&self.pivots[other])]);
                 self.subtract_product(beside, &known, part.as_mut());
             }
             let rows = &mut side[own(pivot)];
@@ -233,8 +233,8 @@ impl BlockLu {
     pub fn solve_transposed(&self, side: &mut [f64]) {
         let own = |pivot: &Pivot| self.firsts[pivot.body]..self.firsts[pivot.body + 1];
         for pivot in &self.pivots {
-            let part = Small::new(&side[own(pivot)]);
-            let mut known = Small { parts: [0.0; 6], length: part.length };
+            let part = BodyVector::new(&side[own(pivot)]);
+            let mut known = BodyVector { parts: [0.0; 6], length: part.length };
             self.subtract_transposed(pivot.diagonal, &part, known.as_mut());
             known.as_mut().iter_mut().for_each(|value| *value = -*value);
             side[own(pivot)].copy_from_slice(known.as_mut());
@@ -244,14 +244,14 @@ impl BlockLu {
         }
         for pivot in self.pivots.iter().rev() {
             for (&other, &below) in pivot.later.iter().zip(&pivot.below) {
-                let known = Small::new(&side[own(&self.pivots[other])]);
+                let known = BodyVector::new(&side[own(&self.pivots[other])]);
                 self.subtract_transposed(below, &known, &mut side[own(pivot)]);
             }
         }
     }
 
     /// Subtracts the product of a transposed block and a vector.
-    fn subtract_transposed(&self, begin: usize, vector: &Small, from: &mut [f64]) {
+    fn subtract_transposed(&self, begin: usize, vector: &BodyVector, from: &mut [f64]) {
         let block = &self.values[begin..begin + from.len() * vector.length];
         for (row, column) in from.iter_mut().zip(block.chunks_exact(vector.length)) {
             *row -= column.iter().zip(vector.parts).map(|(value, part)| value * part).sum::<f64>();
@@ -259,7 +259,7 @@ impl BlockLu {
     }
 
     /// Subtracts the product of a block and a vector.
-    fn subtract_product(&self, begin: usize, vector: &Small, from: &mut [f64]) {
+    fn subtract_product(&self, begin: usize, vector: &BodyVector, from: &mut [f64]) {
         let block = &self.values[begin..begin + from.len() * vector.length];
         for (column, part) in block.chunks_exact(from.len()).zip(vector.parts) {
             for (row, value) in from.iter_mut().zip(column) {
@@ -285,12 +285,12 @@ fn subtract_lanes<const W: usize>(block: &[f64], known: &[[f64; W]], from: &mut 
 }
 
 /// Entries of a vector that belong to one body.
-struct Small {
+struct BodyVector {
     parts: [f64; 6],
     length: usize,
 }
 
-impl Small {
+impl BodyVector {
     fn new(of: &[f64]) -> Self {
         let mut parts = [0.0; 6];
         parts[..of.len()].copy_from_slice(of);

@@ -1,7 +1,7 @@
 //! Rigid bodies, and particles, which have no rotation.
 
-use crate::force::{By, Derivative};
-use crate::motion::Motion;
+use crate::force::{Derivative, StateBlock};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
@@ -34,7 +34,7 @@ impl From<Inertia> for Body {
 
 impl Inertia {
     /// Angular momentum about the centre of mass, kg·m²/s, and the inertia matrix, both in world axes.
-    pub(crate) fn spinning(&self, motion: &Motion) -> (Vector3<f64>, Matrix3<f64>) {
+    pub(crate) fn spinning(&self, motion: &BodyMotion) -> (Vector3<f64>, Matrix3<f64>) {
         let inertia = motion.rotation * self.about_com_kg_m2 * motion.rotation.transpose();
         (inertia * motion.spin, inertia)
     }
@@ -58,7 +58,7 @@ impl Body {
     }
 
     /// Angular momentum about the centre of mass, kg·m²/s.
-    pub(crate) fn spin_momentum(&self, motion: &Motion) -> Vector3<f64> {
+    pub(crate) fn spin_momentum(&self, motion: &BodyMotion) -> Vector3<f64> {
         match self {
             Self::Rigid(inertia) => inertia.spinning(motion).0,
             Self::Particle { .. } => Vector3::zeros(),
@@ -66,19 +66,22 @@ impl Body {
     }
 
     /// Derivatives of the linear and angular momentum with respect to the motion.
-    pub(crate) fn momentum_by(&self, motion: &Motion) -> Derivative {
+    pub(crate) fn momentum_by(&self, motion: &BodyMotion) -> Derivative {
         let mut by = Derivative::default();
-        by.add_force(By::Velocity, &(Matrix3::identity() * self.mass_kg()));
+        by.add_force(StateBlock::Velocity, &(Matrix3::identity() * self.mass_kg()));
         if let Self::Rigid(inertia) = self {
             let (momentum, about_com) = inertia.spinning(motion);
             // L = I ω: δL = δθ × L − I (δθ × ω) + I δω.
-            by.add_moment(By::Rotation, &(about_com * skew(&motion.spin) - skew(&momentum)));
-            by.add_moment(By::Spin, &about_com);
+            by.add_moment(
+                StateBlock::Rotation,
+                &(about_com * skew(&motion.spin) - skew(&momentum)),
+            );
+            by.add_moment(StateBlock::Spin, &about_com);
         }
         by
     }
 
-    pub(crate) fn kinetic_j(&self, motion: &Motion) -> f64 {
+    pub(crate) fn kinetic_j(&self, motion: &BodyMotion) -> f64 {
         let linear = self.mass_kg() * motion.velocity.norm_squared();
         0.5 * (linear + self.spin_momentum(motion).dot(&motion.spin))
     }

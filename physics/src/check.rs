@@ -1,7 +1,7 @@
 //! Comparison of a force's derivatives with central differences, used in the tests of all forces.
 
 use crate::force::{Derivative, Force, View, Wrench};
-use crate::motion::{Motion, Scheme, Weights};
+use crate::motion::{BodyMotion, Scheme, Weights};
 use crate::rotation::Increment;
 use fastrand::Rng;
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -11,8 +11,8 @@ fn random(rng: &mut Rng, size: f64) -> Vector3<f64> {
 }
 
 /// Random motions of bodies near the origin.
-fn motions(rng: &mut Rng, count: usize) -> Vec<Motion> {
-    let one = |_| Motion {
+fn motions(rng: &mut Rng, count: usize) -> Vec<BodyMotion> {
+    let one = |_| BodyMotion {
         position: random(rng, 0.2),
         rotation: Increment::new(random(rng, 0.5)).rotation(),
         velocity: random(rng, 1.0),
@@ -22,7 +22,7 @@ fn motions(rng: &mut Rng, count: usize) -> Vec<Motion> {
 }
 
 /// Motion changed by `by` along one of its twelve directions.
-fn moved(motion: &Motion, direction: usize, by: f64) -> Motion {
+fn moved(motion: &BodyMotion, direction: usize, by: f64) -> BodyMotion {
     let mut motion = *motion;
     let mut along = Vector3::zeros();
     along[direction % 3] = by;
@@ -41,7 +41,7 @@ pub fn agrees_with_finite_differences(force: &dyn Force) {
 }
 
 /// [`agrees_with_finite_differences`] at `count` random motions that `prepare` may change.
-pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion])) {
+pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [BodyMotion])) {
     let bodies = force.bodies().len();
     let step = 1e-6;
     for seed in 0..count {
@@ -49,7 +49,7 @@ pub fn agrees_at(force: &dyn Force, count: u64, prepare: impl Fn(&mut [Motion]))
         let [mut now, last, before] = [0; 3].map(|_| motions(&mut rng, bodies));
         prepare(&mut now);
         let weights = Weights::new(Scheme::Bdf2, 0.01);
-        let wrenches = |[now, last, before]: &[Vec<Motion>; 3]| {
+        let wrenches = |[now, last, before]: &[Vec<BodyMotion>; 3]| {
             let mut wrenches = vec![Wrench::default(); bodies];
             let view = View { now, last, before, weights: &weights, tame: false, held: None };
             force.wrenches(&view, &mut wrenches);

@@ -2,9 +2,9 @@
 //! An example is a node of a cloth on a solid.
 
 use crate::contact::Normal;
-use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
+use crate::force::{Derivative, Force, Kink, StateBlock, StickingFriction, View, Wrench};
 use crate::friction::Friction;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
@@ -32,7 +32,7 @@ pub struct Collision {
 
 /// Contact geometry of the point for given motions of both bodies, in world axes.
 #[derive(Clone, Copy, Debug)]
-struct Spot {
+struct CollisionGeometry {
     surface: Surface,
     /// Vectors from the centres of mass to the point, m.
     arms: [Vector3<f64>; 2],
@@ -48,7 +48,7 @@ struct Law {
 }
 
 impl Collision {
-    fn spot(&self, now: &[Motion]) -> Spot {
+    fn geometry(&self, now: &[BodyMotion]) -> CollisionGeometry {
         let (place, velocity) = now[0].point(&self.point);
         let arms = [now[0].rotation * self.point, place - now[1].position];
         let turn = now[1].rotation;
@@ -60,7 +60,7 @@ impl Collision {
             curvature: turn * in_solid.curvature * turn.transpose(),
         };
         let velocity = velocity - now[1].velocity - now[1].spin.cross(&arms[1]);
-        Spot { surface, arms, velocity }
+        CollisionGeometry { surface, arms, velocity }
     }
 
     fn law(&self, surface: &Surface, velocity: &Vector3<f64>, tame: bool) -> Option<Law> {
@@ -91,7 +91,7 @@ impl Collision {
         })
     }
 
-    fn add(spot: &Spot, force: &Vector3<f64>, wrenches: &mut [Wrench]) {
+    fn add(spot: &CollisionGeometry, force: &Vector3<f64>, wrenches: &mut [Wrench]) {
         for (wrench, sign) in wrenches.iter_mut().zip([1.0, -1.0]) {
             wrench.force += force * sign;
         }
@@ -106,7 +106,7 @@ impl Force for Collision {
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
-        let spot = self.spot(view.now);
+        let spot = self.geometry(view.now);
         if let Some(law) = self.law(&spot.surface, &spot.velocity, false) {
             Self::add(&spot, &law.force, wrenches);
         }
@@ -118,9 +118,10 @@ impl Force for Collision {
         wrenches: &mut [Wrench],
         derivatives: &mut [Derivative],
     ) {
-        const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
+        const PARTS: [StateBlock; 4] =
+            [StateBlock::Position, StateBlock::Rotation, StateBlock::Velocity, StateBlock::Spin];
         const ROTATION: usize = 1;
-        let spot = self.spot(view.now);
+        let spot = self.geometry(view.now);
         let Some(law) = self.law(&spot.surface, &spot.velocity, view.tame) else { return };
         Self::add(&spot, &law.force, wrenches);
         let Law { force, by_place, by_velocity } = law;
@@ -163,8 +164,8 @@ impl Force for Collision {
         true
     }
 
-    fn kink(&self, now: &[Motion], _: Option<Held>) -> Option<Kink<'_>> {
-        let spot = self.spot(now);
+    fn kink(&self, now: &[BodyMotion], _: Option<StickingFriction>) -> Option<Kink<'_>> {
+        let spot = self.geometry(now);
         if spot.surface.gap_m > REACH_M {
             return None;
         }
@@ -189,13 +190,13 @@ impl Force for Collision {
         Some(Kink { levers, directions: 3, always, law: Box::new(law) })
     }
 
-    fn is_far(&self, now: &[Motion], step_s: f64) -> bool {
-        let spot = self.spot(now);
+    fn is_far(&self, now: &[BodyMotion], step_s: f64) -> bool {
+        let spot = self.geometry(now);
         spot.surface.gap_m > FAR_M + 2.0 * step_s * spot.velocity.norm()
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
-        let gap = self.spot(now).surface.gap_m.min(0.0);
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
+        let gap = self.geometry(now).surface.gap_m.min(0.0);
         0.5 * self.normal.stiffness_n_m * gap * gap
     }
 }
@@ -204,13 +205,13 @@ impl Force for Collision {
 mod tests {
     use super::*;
     use crate::check::agrees_at;
-    use crate::friction::Model;
+    use crate::friction::FrictionModel;
     use crate::{Assembly, Inertia, Settings, System};
     use rollwalk_multibody::ground::{Grid, Sphere};
 
     const BALL: Sphere = Sphere { center: Vector3::new(0.0, 0.02, 0.0), radius_m: 0.2 };
 
-    fn collision(solid: Arc<dyn Ground>, model: Model) -> Collision {
+    fn collision(solid: Arc<dyn Ground>, model: FrictionModel) -> Collision {
         Collision {
             bodies: [0, 1],
             point: Vector3::new(0.02, -0.01, -0.1),
@@ -224,9 +225,11 @@ mod tests {
     fn a_collision_has_its_derivatives() {
         let grid = Grid::of(&BALL, Vector3::repeat(-0.5), 0.05, [21; 3]).unwrap();
         for solid in [Arc::new(BALL) as Arc<dyn Ground>, Arc::new(grid)] {
-            for (model, pulls) in
-                [(Model::Linear, true), (Model::Tanh, true), (Model::Linear, false)]
-            {
+            for (model, pulls) in [
+                (FrictionModel::Linear, true),
+                (FrictionModel::Tanh, true),
+                (FrictionModel::Linear, false),
+            ] {
                 let mut force = collision(Arc::clone(&solid), model);
                 force.normal.pulls = pulls;
                 agrees_at(&force, 20, |now| {
@@ -245,10 +248,11 @@ mod tests {
     fn what_collides_keeps_its_momentum() {
         let mut assembly = Assembly::default();
         let inertia = |mass_kg| Inertia { mass_kg, about_com_kg_m2: Matrix3::identity() * 0.01 };
-        let moving = Motion { velocity: Vector3::x(), ..Motion::at(Vector3::new(-0.3, 0.1, 0.15)) };
+        let moving =
+            BodyMotion { velocity: Vector3::x(), ..BodyMotion::at(Vector3::new(-0.3, 0.1, 0.15)) };
         assembly.add_body(inertia(0.5), moving);
-        assembly.add_body(inertia(1.0), Motion::at(Vector3::zeros()));
-        assembly.add(collision(Arc::new(BALL), Model::Tanh));
+        assembly.add_body(inertia(1.0), BodyMotion::at(Vector3::zeros()));
+        assembly.add(collision(Arc::new(BALL), FrictionModel::Tanh));
         let settings = Settings { gravity_m_s2: Vector3::zeros(), ..Settings::default() };
         let mut system = System::new(Settings { tolerance: 1e-12, ..settings }, assembly);
         let before = (system.momentum(), system.angular_momentum());

@@ -4,23 +4,23 @@
 //! foot is the deepest point of a sphere. Both points move on the body when it turns, and all derivatives include this motion.
 
 mod by_number;
+mod contact_point;
 mod normal;
-mod place;
 
-use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
+use crate::force::{Derivative, Force, Kink, StateBlock, StickingFriction, View, Wrench};
 use crate::friction::Friction;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use crate::touch::Touch;
+use contact_point::{ContactPoint, across};
 use nalgebra::{Matrix3, Matrix6x3, RowVector3, Vector3};
-pub(crate) use normal::Press;
-use place::{Place, across};
+pub(crate) use normal::NormalForce;
 use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
 
-pub use by_number::OfContact;
+pub use by_number::ContactQuantity;
+pub use contact_point::Tip;
 pub use normal::Normal;
-pub use place::Tip;
 
 /// Speed at which the rolling resistance reaches three quarters of its constant part, m/s.
 const RESISTANCE_SPEED_M_S: f64 = 0.01;
@@ -41,7 +41,7 @@ pub struct Resistance {
 
 /// Contact of one body with the ground.
 #[derive(Clone, Debug)]
-pub struct Contact {
+pub struct GroundContact {
     /// Index of the body.
     pub body: [usize; 1],
     /// Centre of the sphere or wheel, from the centre of mass in body axes, m.
@@ -62,7 +62,7 @@ pub struct Contact {
 
 /// Contact geometry for a given motion of the body.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spot {
+pub(crate) struct ContactGeometry {
     /// Vector from the centre of mass to the contact point, m.
     pub arm: Vector3<f64>,
     pub gap_m: f64,
@@ -75,15 +75,15 @@ pub(crate) struct Spot {
 
 /// Vector with its derivatives with respect to position, rotation, velocity and spin of the body.
 #[derive(Clone, Copy)]
-struct Varied {
+struct VectorWithDerivatives {
     value: Vector3<f64>,
     by: [Matrix3<f64>; 4],
 }
 
-impl Contact {
+impl GroundContact {
     /// State of the contact for a given motion of the body.
-    pub fn touch_at(&self, body: &Motion) -> Touch {
-        let place = self.place(body);
+    pub fn touch_at(&self, body: &BodyMotion) -> Touch {
+        let place = self.contact_point(body);
         let Surface { gap_m, normal, .. } = place.surface;
         let velocity = body.velocity + body.spin.cross(&place.arm);
         let mut touch = Touch {
@@ -104,8 +104,8 @@ impl Contact {
         touch
     }
 
-    fn place(&self, body: &Motion) -> Place {
-        Place::new(&self.center, self.radius_m, self.tip, self.ground.as_ref(), body)
+    fn contact_point(&self, body: &BodyMotion) -> ContactPoint {
+        ContactPoint::new(&self.center, self.radius_m, self.tip, self.ground.as_ref(), body)
     }
 
     /// Rolling resistance as a fraction of the normal force, at a rolling speed, and its derivative.
@@ -119,13 +119,13 @@ impl Contact {
     /// Returns the force of the ground, N, the normal force of the spring, N, and true if the contact slips.
     fn force(
         &self,
-        place: &Place,
+        place: &ContactPoint,
         velocity: &Vector3<f64>,
-        held: Option<&Held>,
+        held: Option<&StickingFriction>,
     ) -> (Vector3<f64>, f64, bool) {
         let Surface { gap_m, normal, .. } = place.surface;
         let opening = normal.dot(velocity);
-        let Press { spring_n: spring, force_n, .. } = self.normal.press(gap_m, opening);
+        let NormalForce { spring_n: spring, force_n, .. } = self.normal.press(gap_m, opening);
         let mut sliding = velocity - normal * opening;
         let mut along = Vector3::zeros();
         if let (Tip::Blade { .. }, Some(axis)) = (self.tip, place.axis) {
@@ -139,27 +139,27 @@ impl Contact {
     }
 
     /// Contact geometry for a given motion of the body.
-    pub(crate) fn spot(&self, body: &Motion) -> Spot {
-        let place = self.place(body);
+    pub(crate) fn geometry(&self, body: &BodyMotion) -> ContactGeometry {
+        let place = self.contact_point(body);
         let Surface { gap_m, normal, .. } = place.surface;
         let velocity = body.velocity + body.spin.cross(&place.arm);
         let blade = match (self.tip, place.axis) {
             (Tip::Blade { .. }, Some(axis)) => Some(across(&axis, &normal).0),
             _ => None,
         };
-        Spot { arm: place.arm, gap_m, normal, velocity, blade }
+        ContactGeometry { arm: place.arm, gap_m, normal, velocity, blade }
     }
 
     /// Force after a small displacement `shift` of the contact point, m, and its derivative with respect to `shift`. The
     /// velocity of the point changes by `gain * shift`.
     pub(crate) fn law(
         &self,
-        spot: &Spot,
-        held: Option<&Held>,
+        spot: &ContactGeometry,
+        held: Option<&StickingFriction>,
         gain: f64,
         shift: &Vector3<f64>,
     ) -> (Vector3<f64>, Matrix3<f64>) {
-        let Spot { normal, blade, .. } = *spot;
+        let ContactGeometry { normal, blade, .. } = *spot;
         let gap_m = spot.gap_m + normal.dot(shift);
         if gap_m >= 0.0 {
             return (Vector3::zeros(), Matrix3::zeros());
@@ -189,7 +189,7 @@ impl Contact {
     }
 
     /// Moment of the rolling resistance of a rim about its axis.
-    fn rolling_moment(&self, body: &Motion, place: &Place) -> Vector3<f64> {
+    fn rolling_moment(&self, body: &BodyMotion, place: &ContactPoint) -> Vector3<f64> {
         match (self.tip, place.axis) {
             (Tip::Rim { .. }, Some(axis)) => {
                 let spring = -self.normal.stiffness_n_m * place.surface.gap_m;
@@ -201,7 +201,7 @@ impl Contact {
     }
 }
 
-impl Varied {
+impl VectorWithDerivatives {
     /// Dot product and its derivatives.
     fn dot(&self, other: &Self) -> (f64, [RowVector3<f64>; 4]) {
         let by = [0, 1, 2, 3]
@@ -210,14 +210,14 @@ impl Varied {
     }
 }
 
-impl Force for Contact {
+impl Force for GroundContact {
     fn bodies(&self) -> &[usize] {
         &self.body
     }
 
     fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
         let body = &view.now[0];
-        let place = self.place(body);
+        let place = self.contact_point(body);
         if place.surface.gap_m >= 0.0 {
             return;
         }
@@ -233,9 +233,10 @@ impl Force for Contact {
         wrenches: &mut [Wrench],
         derivatives: &mut [Derivative],
     ) {
-        const PARTS: [By; 4] = [By::Position, By::Rotation, By::Velocity, By::Spin];
+        const PARTS: [StateBlock; 4] =
+            [StateBlock::Position, StateBlock::Rotation, StateBlock::Velocity, StateBlock::Spin];
         let body = &view.now[0];
-        let place = self.place(body);
+        let place = self.contact_point(body);
         let Surface { gap_m, normal, .. } = place.surface;
         if gap_m >= 0.0 {
             return;
@@ -243,16 +244,16 @@ impl Force for Contact {
         self.wrenches(view, wrenches);
         let none = Matrix3::zeros();
         let (by_position, by_rotation) = (place.point_by_position, place.point_by_rotation);
-        let arm = Varied {
+        let arm = VectorWithDerivatives {
             value: place.arm,
             by: [by_position - Matrix3::identity(), by_rotation, none, none],
         };
         let spin = skew(&body.spin);
-        let velocity = Varied {
+        let velocity = VectorWithDerivatives {
             value: body.velocity + body.spin.cross(&place.arm),
             by: [spin * arm.by[0], spin * arm.by[1], Matrix3::identity(), -skew(&place.arm)],
         };
-        let normal = Varied {
+        let normal = VectorWithDerivatives {
             value: normal,
             by: [place.normal_by_position, place.normal_by_rotation, none, none],
         };
@@ -264,25 +265,27 @@ impl Force for Contact {
         let spring = press.spring_n;
 
         // What slides, and for a blade what resists along it.
-        let mut sliding = Varied {
+        let mut sliding = VectorWithDerivatives {
             value: velocity.value - normal.value * opening,
             by: [0, 1, 2, 3]
                 .map(|k| velocity.by[k] - normal.by[k] * opening - normal.value * opening_by[k]),
         };
-        let mut along = Varied { value: Vector3::zeros(), by: [none; 4] };
-        let axis =
-            place.axis.map(|axis| Varied { value: axis, by: [none, -skew(&axis), none, none] });
+        let mut along = VectorWithDerivatives { value: Vector3::zeros(), by: [none; 4] };
+        let axis = place.axis.map(|axis| VectorWithDerivatives {
+            value: axis,
+            by: [none, -skew(&axis), none, none],
+        });
         if let (Tip::Blade { .. }, Some(axis)) = (self.tip, axis) {
             let (unit, by_axis, by_normal) = across(&axis.value, &normal.value);
             let by = [0, 1, 2, 3].map(|k| by_axis * axis.by[k] + by_normal * normal.by[k]);
-            let unit = Varied { value: unit, by };
+            let unit = VectorWithDerivatives { value: unit, by };
             let (rate, rate_by) = unit.dot(&velocity);
-            sliding = Varied {
+            sliding = VectorWithDerivatives {
                 value: unit.value * rate,
                 by: [0, 1, 2, 3].map(|k| unit.by[k] * rate + unit.value * rate_by[k]),
             };
             let (of_unit, of_normal) = (-skew(&normal.value), skew(&unit.value));
-            let ahead = Varied {
+            let ahead = VectorWithDerivatives {
                 value: unit.value.cross(&normal.value),
                 by: [0, 1, 2, 3].map(|k| of_unit * unit.by[k] + of_normal * normal.by[k]),
             };
@@ -313,7 +316,10 @@ impl Force for Contact {
             derivatives[0].add_moment(part, &moment_by);
         }
         if let (Tip::Rim { .. }, Some(axis)) = (self.tip, axis) {
-            let spin = Varied { value: body.spin, by: [none, none, none, Matrix3::identity()] };
+            let spin = VectorWithDerivatives {
+                value: body.spin,
+                by: [none, none, none, Matrix3::identity()],
+            };
             let (rate, rate_by) = axis.dot(&spin);
             let radius = self.radius_m;
             let (share, slope) = self.resistance(radius * rate);
@@ -330,8 +336,8 @@ impl Force for Contact {
         true
     }
 
-    fn kink(&self, now: &[Motion], held: Option<Held>) -> Option<Kink<'_>> {
-        let spot = self.spot(&now[0]);
+    fn kink(&self, now: &[BodyMotion], held: Option<StickingFriction>) -> Option<Kink<'_>> {
+        let spot = self.geometry(&now[0]);
         if spot.gap_m > self.radius_m.max(REACH_M) {
             return None;
         }
@@ -346,7 +352,7 @@ impl Force for Contact {
         })
     }
 
-    fn is_far(&self, now: &[Motion], step_s: f64) -> bool {
+    fn is_far(&self, now: &[BodyMotion], step_s: f64) -> bool {
         let (center, velocity) = now[0].point(&self.center);
         let speed_m_s = velocity.norm() + self.radius_m * now[0].spin.norm();
         let clear_m = self.ground.at(&center).gap_m - self.radius_m;
@@ -357,12 +363,12 @@ impl Force for Contact {
         Some(&self.friction)
     }
 
-    fn touch(&self, now: &[Motion]) -> Option<Touch> {
+    fn touch(&self, now: &[BodyMotion]) -> Option<Touch> {
         Some(self.touch_at(&now[0]))
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
-        let gap = self.place(&now[0]).surface.gap_m.min(0.0);
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
+        let gap = self.contact_point(&now[0]).surface.gap_m.min(0.0);
         0.5 * self.normal.stiffness_n_m * gap * gap
     }
 }
@@ -371,12 +377,12 @@ impl Force for Contact {
 mod tests {
     use super::*;
     use crate::check::agrees_at;
-    use crate::friction::Model;
+    use crate::friction::FrictionModel;
     use crate::{Assembly, Settings, System};
     use rollwalk_multibody::ground::{Capsule, Grid, HeightField, Plane, Profile, Sphere, Union};
 
-    fn contact(tip: Tip, ground: Arc<dyn Ground>, model: Model) -> Contact {
-        Contact {
+    fn contact(tip: Tip, ground: Arc<dyn Ground>, model: FrictionModel) -> GroundContact {
+        GroundContact {
             body: [0],
             center: Vector3::new(0.02, -0.01, -0.1),
             radius_m: 0.05,
@@ -408,7 +414,7 @@ mod tests {
         ];
         for ground in grounds {
             for tip in [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }] {
-                for model in [Model::Linear, Model::Tanh] {
+                for model in [FrictionModel::Linear, FrictionModel::Tanh] {
                     let mut contact = contact(tip, Arc::clone(&ground), model);
                     // Deep enough that it touches, and not near a kink.
                     for (depth, pulls) in [(0.005, true), (0.05, true), (0.005, false)] {
@@ -429,14 +435,14 @@ mod tests {
     fn the_law_of_a_shift_is_the_force_after_it() {
         let (axis, gain) = (Vector3::new(0.1, 1.0, 0.05).normalize(), 60.0);
         for (tip, model) in [
-            (Tip::Sphere, Model::Linear),
-            (Tip::Rim { axis }, Model::Tanh),
-            (Tip::Blade { axis }, Model::Linear),
+            (Tip::Sphere, FrictionModel::Linear),
+            (Tip::Rim { axis }, FrictionModel::Tanh),
+            (Tip::Blade { axis }, FrictionModel::Linear),
         ] {
             let contact = contact(tip, Arc::new(Plane::rising(0.3)), model);
-            let mut body = Motion::at(Vector3::new(0.0, 0.0, 0.1));
+            let mut body = BodyMotion::at(Vector3::new(0.0, 0.0, 0.1));
             body.velocity = Vector3::new(0.3, -0.2, 0.1);
-            let spot = contact.spot(&body);
+            let spot = contact.geometry(&body);
             // Deep, shallow, open.
             for shift in [[0.01, 0.02, -0.04], [-0.01, 0.003, 0.003], [0.0, 0.0, 0.2]] {
                 let shift = Vector3::from(shift);
@@ -467,13 +473,17 @@ mod tests {
         let stiffness_n_m = 1e4;
         let mut assembly = Assembly::default();
         assembly.add_particle(1.0, Vector3::new(half_m + 0.005, 0.0, 0.021));
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [0],
             center: Vector3::zeros(),
             radius_m: 0.02,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m, damping_n_s_m: 100.0, ramp_m: 0.0, pulls: true },
-            friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 200.0 },
+            friction: Friction {
+                model: FrictionModel::Linear,
+                coefficient: 0.4,
+                stick_n_s_m: 200.0,
+            },
             resistance: Resistance::default(),
             ground: Arc::new(ground),
         });
@@ -489,8 +499,8 @@ mod tests {
 
     #[test]
     fn what_leaves_fast_is_pulled_or_let_go() {
-        let mut contact = contact(Tip::Sphere, Arc::new(Plane::level()), Model::Linear);
-        let mut body = Motion::at(Vector3::new(0.0, 0.0, 0.14));
+        let mut contact = contact(Tip::Sphere, Arc::new(Plane::level()), FrictionModel::Linear);
+        let mut body = BodyMotion::at(Vector3::new(0.0, 0.0, 0.14));
         body.velocity = Vector3::new(0.0, 0.0, 2.0);
         // 200 N/m and half of 3 N·s/m at a depth of 1 cm: 2 N against 3 N.
         assert!((contact.touch_at(&body).force.z + 1.0).abs() < 1e-12);
@@ -500,8 +510,8 @@ mod tests {
 
     #[test]
     fn what_is_above_the_ground_is_left_alone() {
-        let contact = contact(Tip::Sphere, Arc::new(Plane::level()), Model::Linear);
-        let touch = contact.touch_at(&Motion::at(Vector3::new(0.0, 0.0, 0.3)));
+        let contact = contact(Tip::Sphere, Arc::new(Plane::level()), FrictionModel::Linear);
+        let touch = contact.touch_at(&BodyMotion::at(Vector3::new(0.0, 0.0, 0.3)));
         assert!((touch.gap_m - 0.15).abs() < 1e-15);
         assert_eq!(touch.force, Vector3::zeros());
     }
@@ -509,9 +519,12 @@ mod tests {
     /// Tests that a rolling wheel does not slide and a dragged one does.
     #[test]
     fn the_contact_point_of_a_wheel_is_that_of_its_rim() {
-        let contact =
-            contact(Tip::Rim { axis: Vector3::y() }, Arc::new(Plane::level()), Model::Linear);
-        let mut body = Motion::at(Vector3::new(-0.02, 0.01, 0.149));
+        let contact = contact(
+            Tip::Rim { axis: Vector3::y() },
+            Arc::new(Plane::level()),
+            FrictionModel::Linear,
+        );
+        let mut body = BodyMotion::at(Vector3::new(-0.02, 0.01, 0.149));
         body.spin = Vector3::y() * 4.0;
         body.velocity = Vector3::x() * 4.0 * 0.15;
         // The centre of the wheel is 0.1 m below the body's, which the wheel turns about.

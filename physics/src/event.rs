@@ -1,7 +1,7 @@
 //! Contact events: touch-down, lift-off, beginning and end of slip.
 
 use crate::force::Force;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use crate::touch::Touch;
 
 /// Change of a contact between the beginning and the end of a step.
@@ -36,13 +36,17 @@ pub(crate) struct Contacts {
 }
 
 impl Contacts {
-    pub fn new(forces: &[Box<dyn Force>], motions: &[Motion]) -> Self {
+    pub fn new(forces: &[Box<dyn Force>], motions: &[BodyMotion]) -> Self {
         let numbered = |number: usize| Some((number, touch(forces[number].as_ref(), motions)?));
         Self { of_force: (0..forces.len()).filter_map(numbered).collect() }
     }
 
     /// Stores the contacts at the end of a step, and returns the events since the previous step.
-    pub fn update(&mut self, forces: &[Box<dyn Force>], motions: &[Motion]) -> Vec<ContactEvent> {
+    pub fn update(
+        &mut self,
+        forces: &[Box<dyn Force>],
+        motions: &[BodyMotion],
+    ) -> Vec<ContactEvent> {
         let mut events = Vec::new();
         for (number, before) in &mut self.of_force {
             let Some(now) = touch(forces[*number].as_ref(), motions) else { continue };
@@ -63,7 +67,7 @@ impl Contacts {
     }
 }
 
-fn touch(force: &dyn Force, motions: &[Motion]) -> Option<Touch> {
+fn touch(force: &dyn Force, motions: &[BodyMotion]) -> Option<Touch> {
     let now: Vec<_> = force.bodies().iter().map(|&body| motions[body]).collect();
     force.touch(&now)
 }

@@ -5,13 +5,13 @@
 //! is therefore independent of the integrator, and its derivatives can be tested separately.
 
 use crate::friction::Friction;
-use crate::motion::{Motion, Trial, Weights};
+use crate::motion::{BodyMotion, TrialMotion, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, Vector3, Vector6};
 use std::any::Any;
 use std::fmt::{self, Debug};
 
-pub use crate::friction::Held;
+pub use crate::friction::StickingFriction;
 
 /// Force and moment about the centre of mass, in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,7 +50,7 @@ impl Default for Derivative {
 
 /// Column block of a [`Derivative`].
 #[derive(Clone, Copy, Debug)]
-pub enum By {
+pub enum StateBlock {
     /// Shift of the centre of mass.
     Position,
     /// Turn of the body.
@@ -63,18 +63,18 @@ pub enum By {
 
 impl Derivative {
     /// Adds a derivative of the force with respect to one component of the motion.
-    pub fn add_force(&mut self, by: By, block: &Matrix3<f64>) {
+    pub fn add_force(&mut self, by: StateBlock, block: &Matrix3<f64>) {
         self.add(0, by, block);
     }
 
     /// Adds a derivative of the moment with respect to one component of the motion.
-    pub fn add_moment(&mut self, by: By, block: &Matrix3<f64>) {
+    pub fn add_moment(&mut self, by: StateBlock, block: &Matrix3<f64>) {
         self.add(3, by, block);
     }
 
     /// Derivative with respect to the unknowns of a body: its shift and, for rigid bodies, its rotation increment. Includes the
     /// dependence of velocity and spin on these unknowns.
-    pub(crate) fn chained(&self, by: &Trial, gain: f64, turns: bool) -> Matrix6<f64> {
+    pub(crate) fn chained(&self, by: &TrialMotion, gain: f64, turns: bool) -> Matrix6<f64> {
         let Self { by_pose, by_rate } = self;
         let mut by_unknowns = Matrix6::zeros();
         let mut shift = by_unknowns.fixed_columns_mut::<3>(0);
@@ -88,12 +88,12 @@ impl Derivative {
         by_unknowns
     }
 
-    fn add(&mut self, row: usize, by: By, block: &Matrix3<f64>) {
+    fn add(&mut self, row: usize, by: StateBlock, block: &Matrix3<f64>) {
         let (matrix, column) = match by {
-            By::Position => (&mut self.by_pose, 0),
-            By::Rotation => (&mut self.by_pose, 3),
-            By::Velocity => (&mut self.by_rate, 0),
-            By::Spin => (&mut self.by_rate, 3),
+            StateBlock::Position => (&mut self.by_pose, 0),
+            StateBlock::Rotation => (&mut self.by_pose, 3),
+            StateBlock::Velocity => (&mut self.by_rate, 0),
+            StateBlock::Spin => (&mut self.by_rate, 3),
         };
         let mut part = matrix.fixed_view_mut::<3, 3>(row, column);
         part += block;
@@ -104,11 +104,11 @@ impl Derivative {
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// Motions at the end of the step.
-    pub now: &'a [Motion],
+    pub now: &'a [BodyMotion],
     /// Motions at the beginning of the step.
-    pub last: &'a [Motion],
+    pub last: &'a [BodyMotion],
     /// Motions one step before `last`.
-    pub before: &'a [Motion],
+    pub before: &'a [BodyMotion],
     /// Weights of the step's backward differences.
     pub weights: &'a Weights,
     /// True if derivatives may be those of a smoother force with the same value: the secant of friction, and joint forces
@@ -116,7 +116,7 @@ pub struct View<'a> {
     /// from a minimum.
     pub tame: bool,
     /// Present friction estimate of a contact that hybrid friction holds; `None` otherwise.
-    pub held: Option<Held>,
+    pub held: Option<StickingFriction>,
 }
 
 /// Force law with a kink, near given motions of its bodies. The law depends on the displacement of one point, or on one angle.
@@ -164,7 +164,7 @@ pub trait Force: Any + Debug + Send + Sync {
 
     /// Updates internal state at the end of a step, given the motions of all bodies. A call with the motions at the beginning
     /// of the step must undo the update.
-    fn end_step(&mut self, _motions: &[Motion]) {}
+    fn end_step(&mut self, _motions: &[BodyMotion]) {}
 
     /// Returns true if the force can have a [`Kink`].
     fn has_kink(&self) -> bool {
@@ -172,13 +172,13 @@ pub trait Force: Any + Debug + Send + Sync {
     }
 
     /// Returns the law near these motions, for a force whose derivatives omit a kink.
-    fn kink(&self, _now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
+    fn kink(&self, _now: &[BodyMotion], _held: Option<StickingFriction>) -> Option<Kink<'_>> {
         None
     }
 
     /// Returns true if the force has no effect in a step of `step_s` seconds, given the present velocities. The solver checks
     /// again at the solution of the step.
-    fn is_far(&self, _now: &[Motion], _step_s: f64) -> bool {
+    fn is_far(&self, _now: &[BodyMotion], _step_s: f64) -> bool {
         false
     }
 
@@ -188,12 +188,12 @@ pub trait Force: Any + Debug + Send + Sync {
     }
 
     /// State of the contact; `None` for other forces.
-    fn touch(&self, _now: &[Motion]) -> Option<Touch> {
+    fn touch(&self, _now: &[BodyMotion]) -> Option<Touch> {
         None
     }
 
     /// Stored energy, J.
-    fn energy(&self, _now: &[Motion]) -> f64 {
+    fn energy(&self, _now: &[BodyMotion]) -> f64 {
         0.0
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Dependence of friction on the sliding velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Model {
+pub enum FrictionModel {
     /// Proportional to the sliding velocity, up to the friction cone (Eq. 4.13).
     #[default]
     Linear,
@@ -18,7 +18,7 @@ pub enum Model {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Friction law.
-    pub model: Model,
+    pub model: FrictionModel,
     /// Coefficient μ.
     pub coefficient: f64,
     /// Ratio of force to sliding velocity of a sticking contact, N·s/m. The thesis ties it to the step (k_t = k_n h); contacts
@@ -28,7 +28,7 @@ pub struct Friction {
 
 /// Friction of a sticking contact: the force estimate minus a stiffness times the remaining sliding velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
+pub struct StickingFriction {
     /// Force estimate, N.
     pub force: Vector3<f64>,
     /// Stiffness against sliding, N·s/m.
@@ -68,11 +68,13 @@ impl Friction {
     /// Force of a held contact, limited by the friction cone. Without `held`, the force of a free contact.
     pub(crate) fn held_force(
         &self,
-        held: Option<&Held>,
+        held: Option<&StickingFriction>,
         sliding: &Vector3<f64>,
         normal_n: f64,
     ) -> FrictionForce {
-        let Some(&Held { force, stick_n_s_m }) = held else { return self.force(sliding, normal_n) };
+        let Some(&StickingFriction { force, stick_n_s_m }) = held else {
+            return self.force(sliding, normal_n);
+        };
         let force = Self { stick_n_s_m, ..*self }.force(&(sliding - force / stick_n_s_m), normal_n);
         // How firm the hold is, is no number of the contact's.
         FrictionForce { by_stick: Vector3::zeros(), ..force }
@@ -110,8 +112,8 @@ impl Friction {
         let across = Matrix3::identity() - along * along.transpose();
         let ratio = stick * speed / limit;
         match self.model {
-            Model::Linear | Model::Hybrid if ratio < 1.0 => sticking,
-            Model::Linear | Model::Hybrid => FrictionForce {
+            FrictionModel::Linear | FrictionModel::Hybrid if ratio < 1.0 => sticking,
+            FrictionModel::Linear | FrictionModel::Hybrid => FrictionForce {
                 force: along * -limit,
                 by_sliding: across * (-limit / speed),
                 by_normal: along * -self.coefficient,
@@ -119,7 +121,7 @@ impl Friction {
                 by_stick: Vector3::zeros(),
                 slips: true,
             },
-            Model::Tanh => {
+            FrictionModel::Tanh => {
                 let share = ratio.tanh();
                 let slope = 1.0 - share * share;
                 FrictionForce {
@@ -143,7 +145,7 @@ mod tests {
     #[test]
     fn derivatives_agree_with_finite_differences() {
         let step = 1e-7;
-        for model in [Model::Linear, Model::Tanh] {
+        for model in [FrictionModel::Linear, FrictionModel::Tanh] {
             let friction = Friction { model, coefficient: 0.6, stick_n_s_m: 30.0 };
             for sliding in [Vector3::new(0.01, -0.02, 0.0), Vector3::new(0.4, 0.1, 0.2)] {
                 let found = friction.force(&sliding, 5.0);
@@ -165,7 +167,7 @@ mod tests {
 
     #[test]
     fn the_force_stays_within_the_cone_and_vanishes_without_load() {
-        for model in [Model::Linear, Model::Tanh] {
+        for model in [FrictionModel::Linear, FrictionModel::Tanh] {
             let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 300.0 };
             let fast = friction.force(&Vector3::new(3.0, 4.0, 0.0), 2.0);
             assert!(fast.slips && (fast.force + Vector3::new(0.6, 0.8, 0.0)).norm() < 1e-12);

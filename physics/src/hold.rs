@@ -1,13 +1,13 @@
 //! Body held at a pose by springs: a hoist, a stand, or a hand.
 
-use crate::force::{By, Derivative, Force, View, Wrench};
-use crate::motion::Motion;
+use crate::force::{Derivative, Force, StateBlock, View, Wrench};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::{from_yaw_pitch_roll, skew};
 
 /// Stiffness and damping of a [`Hold`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Grip {
+pub struct HoldGains {
     /// Stiffness against a shift of the centre of mass, N/m.
     pub shift_n_m: f64,
     /// Damping of the velocity of the centre of mass, N·s/m.
@@ -20,14 +20,14 @@ pub struct Grip {
 
 /// Target pose of a [`Hold`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct TargetPose {
     /// Centre of mass in world axes, m.
     pub position: Vector3<f64>,
     /// Rotation from body to world axes.
     pub rotation: Matrix3<f64>,
 }
 
-impl Place {
+impl TargetPose {
     /// Creates a pose from a position, m, and yaw, pitch and roll, rad: R_z(yaw) R_y(pitch) R_x(roll).
     pub fn new(position: Vector3<f64>, yaw_pitch_roll: &Vector3<f64>) -> Self {
         Self { position, rotation: from_yaw_pitch_roll(yaw_pitch_roll) }
@@ -40,15 +40,15 @@ pub struct Hold {
     /// Index of the body.
     pub body: [usize; 1],
     /// Stiffness and damping of the hold.
-    pub grip: Grip,
+    pub grip: HoldGains,
     /// Target pose; `None` releases the body.
-    pub place: Option<Place>,
+    pub place: Option<TargetPose>,
 }
 
 impl Hold {
     /// Force and moment towards a pose. A deviation by an angle e about any axis gives the moment k sin e about this axis.
-    fn wrench(&self, now: &Motion, place: &Place) -> Wrench {
-        let Grip { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
+    fn wrench(&self, now: &BodyMotion, place: &TargetPose) -> Wrench {
+        let HoldGains { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
         let mut sine = Vector3::zeros();
         for axis in 0..3 {
             sine += now.rotation.column(axis).cross(&place.rotation.column(axis)) * 0.5;
@@ -81,7 +81,7 @@ impl Force for Hold {
     ) {
         self.wrenches(view, wrenches);
         let Some(place) = &self.place else { return };
-        let Grip { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
+        let HoldGains { shift_n_m, velocity_n_s_m, turn_nm_rad, spin_nm_s_rad } = self.grip;
         let mut by_turn = Matrix3::zeros();
         for axis in 0..3 {
             // δb = δθ × b: δ(b × b*) = −b*ˣ δb = b*ˣ bˣ δθ.
@@ -89,10 +89,10 @@ impl Force for Hold {
             by_turn += skew(&should_be.into()) * skew(&is.into()) * (0.5 * turn_nm_rad);
         }
         let derivative = &mut derivatives[0];
-        derivative.add_force(By::Position, &(Matrix3::identity() * -shift_n_m));
-        derivative.add_force(By::Velocity, &(Matrix3::identity() * -velocity_n_s_m));
-        derivative.add_moment(By::Rotation, &by_turn);
-        derivative.add_moment(By::Spin, &(Matrix3::identity() * -spin_nm_s_rad));
+        derivative.add_force(StateBlock::Position, &(Matrix3::identity() * -shift_n_m));
+        derivative.add_force(StateBlock::Velocity, &(Matrix3::identity() * -velocity_n_s_m));
+        derivative.add_moment(StateBlock::Rotation, &by_turn);
+        derivative.add_moment(StateBlock::Spin, &(Matrix3::identity() * -spin_nm_s_rad));
     }
 }
 
@@ -105,9 +105,13 @@ mod tests {
     #[test]
     fn a_hold_has_its_derivatives_and_lets_go() {
         let rotation = Increment::new(Vector3::new(0.3, -0.2, 0.1)).rotation();
-        let place = Place { position: Vector3::new(0.1, 0.2, 0.3), rotation };
-        let grip =
-            Grip { shift_n_m: 40.0, velocity_n_s_m: 3.0, turn_nm_rad: 5.0, spin_nm_s_rad: 0.7 };
+        let place = TargetPose { position: Vector3::new(0.1, 0.2, 0.3), rotation };
+        let grip = HoldGains {
+            shift_n_m: 40.0,
+            velocity_n_s_m: 3.0,
+            turn_nm_rad: 5.0,
+            spin_nm_s_rad: 0.7,
+        };
         let hold = Hold { body: [0], grip, place: Some(place) };
         agrees_with_finite_differences(&hold);
         agrees_with_finite_differences(&Hold { place: None, ..hold });

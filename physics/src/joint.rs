@@ -1,8 +1,8 @@
 //! Joints as stiff springs: coincident points and parallel axes of two bodies (thesis 4.5.4).
 
-use crate::force::{By, Derivative, Force, View, Wrench};
-use crate::motion::Motion;
-use crate::points::{Points, Pull};
+use crate::force::{Derivative, Force, StateBlock, View, Wrench};
+use crate::motion::BodyMotion;
+use crate::points::{PointForce, Points};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
@@ -32,9 +32,9 @@ pub struct ParallelAxes {
 }
 
 impl Ball {
-    fn pull(&self, now: &[Motion]) -> Pull {
+    fn pull(&self, now: &[BodyMotion]) -> PointForce {
         let (offset, velocity) = self.ends.apart(now);
-        Pull {
+        PointForce {
             force: offset * self.stiffness_n_m + velocity * self.damping_n_s_m,
             by_offset: Matrix3::identity() * self.stiffness_n_m,
             by_velocity: Matrix3::identity() * self.damping_n_s_m,
@@ -61,13 +61,13 @@ impl Force for Ball {
         self.ends.add_derivatives(view.now, &self.pull(view.now), view.tame, derivatives);
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
         0.5 * self.stiffness_n_m * self.ends.apart(now).0.norm_squared()
     }
 }
 
 impl ParallelAxes {
-    fn axes(&self, now: &[Motion]) -> [Vector3<f64>; 2] {
+    fn axes(&self, now: &[BodyMotion]) -> [Vector3<f64>; 2] {
         [0, 1].map(|k| now[k].rotation * self.axes[k])
     }
 }
@@ -110,13 +110,13 @@ impl Force for ParallelAxes {
         for (i, on_i) in [(0, -1.0), (1, 1.0)] {
             for j in 0..2 {
                 let derivative = &mut derivatives[2 * i + j];
-                derivative.add_moment(By::Rotation, &(by_turn[j] * on_i));
-                derivative.add_moment(By::Spin, &(by_spin[j] * on_i));
+                derivative.add_moment(StateBlock::Rotation, &(by_turn[j] * on_i));
+                derivative.add_moment(StateBlock::Spin, &(by_spin[j] * on_i));
             }
         }
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
         let [a, b] = self.axes(now);
         self.stiffness_nm_rad * (1.0 - a.dot(&b))
     }

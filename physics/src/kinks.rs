@@ -7,7 +7,7 @@
 //! remaining smooth problem.
 
 use crate::body::Body;
-use crate::force::{Force, Held, Kink};
+use crate::force::{Force, Kink, StickingFriction};
 use crate::matrix::BlockMatrix;
 use crate::residual::{Equations, Step};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -41,7 +41,7 @@ pub(crate) struct Kinks {
 
 /// Outcome of a correction beyond kinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Leap {
+pub(crate) enum KinkOutcome {
     /// The correction is unchanged, because it crosses no kink.
     Stays,
     /// The correction crosses kinks and was changed.
@@ -115,10 +115,10 @@ impl Kinks {
         &self,
         step: &Step<'_>,
         equations: &mut Equations,
-        held: &[Option<Held>],
+        held: &[Option<StickingFriction>],
         norm: f64,
         correction: &mut [f64],
-    ) -> Leap {
+    ) -> KinkOutcome {
         let gain = step.weights.gain();
         let mut ports = Vec::with_capacity(self.forces.len());
         let mut beyond = 0.0_f64;
@@ -150,11 +150,11 @@ impl Kinks {
             }
         }
         if ports.is_empty() || beyond <= LEAST {
-            return Leap::Stays;
+            return KinkOutcome::Stays;
         }
         let matrix = &mut equations.matrix;
         let compliance = Compliance::new(&ports, gain, matrix, correction.len());
-        let Some(shifts) = compliance.solve(&ports) else { return Leap::Fails };
+        let Some(shifts) = compliance.solve(&ports) else { return KinkOutcome::Fails };
         let mut side = vec![0.0; correction.len()];
         for (port, shift) in ports.iter().zip(&shifts) {
             let (found, _) = port.law(gain, shift);
@@ -162,12 +162,12 @@ impl Kinks {
         }
         matrix.solve_again(&mut side);
         if side.iter().any(|part| !part.is_finite()) {
-            return Leap::Fails;
+            return KinkOutcome::Fails;
         }
         for (part, more) in correction.iter_mut().zip(&side) {
             *part -= more;
         }
-        Leap::Leaps
+        KinkOutcome::Leaps
     }
 }
 

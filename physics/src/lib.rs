@@ -77,7 +77,7 @@ pub use assembly::Assembly;
 pub use body::{Body, Inertia};
 pub use event::{ContactChange, ContactEvent};
 pub use force::Force;
-pub use motion::{Motion, Scheme};
+pub use motion::{BodyMotion, Scheme};
 pub use system::{Energy, Settings, StepError, StepReport, System};
 pub use touch::Touch;
 pub use world::World;

@@ -37,14 +37,14 @@ pub(crate) struct BlockMatrix {
     /// Block LU, and the index of each slot in its values.
     blocks: Option<(BlockLu, Vec<usize>)>,
     /// LU with row exchanges, created on first use.
-    exchanging: Option<Exchanging>,
+    exchanging: Option<PivotedLu>,
     /// True if the LU with row exchanges is in use.
     exchanged: bool,
     solution: Vec<f64>,
 }
 
 /// LU with row exchanges.
-struct Exchanging {
+struct PivotedLu {
     symbolic: SymbolicLu<usize>,
     numeric: NumericLu<usize, f64>,
     memory: MemBuffer,
@@ -234,9 +234,9 @@ impl BlockMatrix {
                 .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))
                 .or(symbolic.solve_transpose_in_place_scratch::<f64>(1, Par::Seq));
             let memory = MemBuffer::new(scratch);
-            Exchanging { symbolic, numeric: NumericLu::new(), memory }
+            PivotedLu { symbolic, numeric: NumericLu::new(), memory }
         });
-        let Exchanging { symbolic, numeric, memory } = exchanging;
+        let PivotedLu { symbolic, numeric, memory } = exchanging;
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);
         let stack = MemStack::new(memory);
         let params: Spec<PartialPivLuParams, f64> = Spec::default();
@@ -248,7 +248,7 @@ impl BlockMatrix {
     }
 }
 
-impl Exchanging {
+impl PivotedLu {
     /// Solves in place with the previous factors.
     fn solve(&mut self, side: &mut [f64]) {
         let size = side.len();

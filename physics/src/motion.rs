@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Pose and velocity of a rigid body. For a particle, rotation and spin have no meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
+pub struct BodyMotion {
     /// Centre of mass, m.
     pub position: Vector3<f64>,
     /// Rotation from body to world axes.
@@ -16,7 +16,7 @@ pub struct Motion {
     pub spin: Vector3<f64>,
 }
 
-impl Motion {
+impl BodyMotion {
     /// Motion at rest, with body axes parallel to the world axes.
     pub fn at(position: Vector3<f64>) -> Self {
         Self {
@@ -108,20 +108,20 @@ impl Weights {
 
 /// Motion of a body at the end of a step, with its derivatives with respect to the unknowns.
 #[derive(Clone, Copy, Debug)]
-pub struct Trial {
+pub struct TrialMotion {
     /// Motion at the end of the step.
-    pub motion: Motion,
+    pub motion: BodyMotion,
     /// Derivative dθ/dφ of the turn of the body with respect to its rotation increment.
     pub turn_by_phi: Matrix3<f64>,
     /// Derivative dω/dφ of the spin, 1/s.
     pub spin_by_phi: Matrix3<f64>,
 }
 
-impl Trial {
+impl TrialMotion {
     /// Evaluates `displacement` from the motion `last`. `before` is the displacement in the previous step, for BDF2.
     pub fn new(
         weights: &Weights,
-        last: &Motion,
+        last: &BodyMotion,
         before: &Displacement,
         displacement: &Displacement,
     ) -> Self {
@@ -130,7 +130,7 @@ impl Trial {
         // BDF2 of the position is (1.5 d − 0.5 d1)/h; its rotation increments are carried to the same frame by J_l.
         let share = weights.before / weights.step_s;
         let (carried, carried_by_phi) = increment.left_jacobian_times(&before.turn);
-        let motion = Motion {
+        let motion = BodyMotion {
             position: last.position + shift,
             rotation: increment.rotation() * last.rotation,
             velocity: shift * weights.gain() - before.shift * share,

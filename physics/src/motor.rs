@@ -1,7 +1,7 @@
 //! Motor on a hinge: position and speed loop within the motor's limits, rotor inertia, and mechanical stops.
 
-use crate::force::{By, Derivative, Force, Held, Kink, View, Wrench};
-use crate::motion::Motion;
+use crate::force::{Derivative, Force, Kink, StateBlock, StickingFriction, View, Wrench};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Matrix6x3, Vector3};
 use rollwalk_multibody::rotation::skew;
 use rollwalk_robot::{Actuator, TorqueSpeedLine};
@@ -99,7 +99,7 @@ impl Law {
 
 /// Derivatives of a motor's torque with respect to the parameters of its law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LawBy {
+pub(crate) struct LawDerivatives {
     pub position_nm_rad: f64,
     pub speed_nm_s_rad: f64,
     pub torque: f64,
@@ -146,33 +146,33 @@ impl Stops {
 
 impl Motor {
     /// Unit axis of the hinge, in world axes.
-    pub fn axis_in_world(&self, carrier: &Motion) -> Vector3<f64> {
+    pub fn axis_in_world(&self, carrier: &BodyMotion) -> Vector3<f64> {
         carrier.rotation * self.axis
     }
 
     /// Angle of the second body relative to the first about the axis, rad. The result is within half a turn of the angle at the
     /// end of the previous step.
-    pub fn angle(&self, now: &[Motion]) -> f64 {
+    pub fn angle(&self, now: &[BodyMotion]) -> f64 {
         let (sine, cosine, _) = self.sine_cosine(now);
         let within_turn = sine.atan2(cosine);
         within_turn + TAU * ((self.angle_rad - within_turn) / TAU).round()
     }
 
     /// Speed of the second body about the axis relative to the first, rad/s.
-    pub fn speed(&self, now: &[Motion]) -> f64 {
+    pub fn speed(&self, now: &[BodyMotion]) -> f64 {
         self.axis_in_world(&now[0]).dot(&(now[1].spin - now[0].spin))
     }
 
     /// Torque of the control law at the motions `now`, without rotor inertia and stops.
-    pub fn torque(&self, now: &[Motion]) -> Torque {
+    pub fn torque(&self, now: &[BodyMotion]) -> Torque {
         self.law.torque(self.angle(now), self.speed(now))
     }
 
     /// Derivatives of the torque at the end of a step with respect to the parameters of the law; 0 at a limit.
-    pub(crate) fn law_by(&self, view: &View<'_>) -> LawBy {
+    pub(crate) fn law_by(&self, view: &View<'_>) -> LawDerivatives {
         let (angle, speed) = (self.angle(view.now), self.speed(view.now));
         let free = self.law.torque(angle, speed).by_wanted;
-        LawBy {
+        LawDerivatives {
             position_nm_rad: free * self.law.kp_nm_rad,
             speed_nm_s_rad: free * self.law.kd_nm_s_rad,
             torque: free,
@@ -189,13 +189,13 @@ impl Motor {
 
     /// Derivative of the angle with respect to a turn of the second body. The derivative for the first body has the opposite
     /// sign.
-    pub(crate) fn angle_by_turn(&self, now: &[Motion]) -> Vector3<f64> {
+    pub(crate) fn angle_by_turn(&self, now: &[BodyMotion]) -> Vector3<f64> {
         self.sine_cosine(now).2
     }
 
     /// Sine and cosine of the angle, up to a common factor, and the gradient of the angle with respect to a turn of the second
     /// body.
-    fn sine_cosine(&self, now: &[Motion]) -> (f64, f64, Vector3<f64>) {
+    fn sine_cosine(&self, now: &[BodyMotion]) -> (f64, f64, Vector3<f64>) {
         let along = now[0].rotation * self.across[0];
         let normal = self.axis_in_world(&now[0]).cross(&along);
         let other = now[1].rotation * self.across[1];
@@ -231,7 +231,7 @@ impl Force for Motor {
         &self.bodies
     }
 
-    fn end_step(&mut self, motions: &[Motion]) {
+    fn end_step(&mut self, motions: &[BodyMotion]) {
         let now = self.bodies.map(|body| motions[body]);
         self.angle_rad = self.angle(&now);
     }
@@ -240,7 +240,7 @@ impl Force for Motor {
         true
     }
 
-    fn kink(&self, now: &[Motion], _held: Option<Held>) -> Option<Kink<'_>> {
+    fn kink(&self, now: &[BodyMotion], _held: Option<StickingFriction>) -> Option<Kink<'_>> {
         let axis = self.axis_in_world(&now[0]);
         let mut lever = Matrix6x3::zeros();
         lever.fixed_view_mut::<3, 1>(3, 0).copy_from(&axis);
@@ -281,10 +281,10 @@ impl Force for Motor {
             - skew(&axis) * torque.value_nm;
         for (i, on_i) in [(0, -1.0), (1, 1.0)] {
             let [of_first, of_second] = [2 * i, 2 * i + 1];
-            derivatives[of_first].add_moment(By::Rotation, &((by_axis - by_angle) * on_i));
-            derivatives[of_second].add_moment(By::Rotation, &(by_angle * on_i));
-            derivatives[of_first].add_moment(By::Spin, &(by_speed * -on_i));
-            derivatives[of_second].add_moment(By::Spin, &(by_speed * on_i));
+            derivatives[of_first].add_moment(StateBlock::Rotation, &((by_axis - by_angle) * on_i));
+            derivatives[of_second].add_moment(StateBlock::Rotation, &(by_angle * on_i));
+            derivatives[of_first].add_moment(StateBlock::Spin, &(by_speed * -on_i));
+            derivatives[of_second].add_moment(StateBlock::Spin, &(by_speed * on_i));
         }
     }
 
@@ -299,9 +299,9 @@ impl Force for Motor {
             let (by_turn, by_spin) =
                 (moment * axis.cross(&relative).transpose(), moment * axis.transpose());
             for (i, on_i) in [(0, -1.0), (1, 1.0)] {
-                derivatives[2 * i].add_moment(By::Rotation, &(by_turn * on_i));
-                derivatives[2 * i].add_moment(By::Spin, &(by_spin * -on_i));
-                derivatives[2 * i + 1].add_moment(By::Spin, &(by_spin * on_i));
+                derivatives[2 * i].add_moment(StateBlock::Rotation, &(by_turn * on_i));
+                derivatives[2 * i].add_moment(StateBlock::Spin, &(by_spin * -on_i));
+                derivatives[2 * i + 1].add_moment(StateBlock::Spin, &(by_spin * on_i));
             }
         }
         true

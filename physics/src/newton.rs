@@ -6,7 +6,7 @@
 
 use crate::body::Body;
 use crate::force::Force;
-use crate::kinks::{Kinks, Leap};
+use crate::kinks::{KinkOutcome, Kinks};
 use crate::motion::Displacement;
 use crate::report::StepReport;
 use crate::residual::{Derive, Equations, Step};
@@ -127,10 +127,10 @@ impl Newton {
                 let Self { equations, correction, kinks, sticking } = self;
                 kinks.correct(step, equations, sticking.held(), norm, correction)
             } else {
-                Leap::Stays
+                KinkOutcome::Stays
             };
             derived = false;
-            if leap == Leap::Fails && !tame {
+            if leap == KinkOutcome::Fails && !tame {
                 tame = true;
                 continue;
             }
@@ -139,14 +139,14 @@ impl Newton {
             let (moved, share, found) = self.search(step, &trial, norm, report);
             // Beyond kinks, what is no lowest point leads far away.
             let astray = found > GROWTH * norm || !found.is_finite();
-            if leap == Leap::Leaps && !tame && astray {
+            if leap == KinkOutcome::Leaps && !tame && astray {
                 tame = true;
                 continue;
             }
             (trial, norm) = (moved, found);
             // The matrix is wrong by about the share of the residual that it left.
             let ends = norm >= tolerance && norm * (norm / before) <= tolerance;
-            if ends && share == 1.0 && leap == Leap::Stays {
+            if ends && share == 1.0 && leap == KinkOutcome::Stays {
                 (trial, norm) = self.again(step, trial, norm);
             }
             // Where a kink cut the step short, the next one goes by the tame matrix.

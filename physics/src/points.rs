@@ -1,7 +1,7 @@
 //! Forces between a point of one body and a point of another, for ball joints, springs and attachments.
 
-use crate::force::{By, Derivative, Wrench};
-use crate::motion::Motion;
+use crate::force::{Derivative, StateBlock, Wrench};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::rotation::skew;
 
@@ -16,7 +16,7 @@ pub struct Points {
 
 /// Force, and its derivatives with respect to offset and velocity of the second point relative to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Pull {
+pub(crate) struct PointForce {
     /// Force on the first point, N; the opposite force acts on the second.
     pub force: Vector3<f64>,
     /// Derivative with respect to the offset, N/m.
@@ -27,7 +27,7 @@ pub(crate) struct Pull {
 
 impl Points {
     /// Creates the pair of points that coincide at a position in world axes, m.
-    pub fn at(bodies: [usize; 2], motions: &[Motion], place: &Vector3<f64>) -> Self {
+    pub fn at(bodies: [usize; 2], motions: &[BodyMotion], place: &Vector3<f64>) -> Self {
         let points = bodies.map(|body| {
             let motion = &motions[body];
             motion.rotation.transpose() * (place - motion.position)
@@ -36,18 +36,18 @@ impl Points {
     }
 
     /// Offset, m, and velocity, m/s, of the second point relative to the first.
-    pub(crate) fn apart(&self, now: &[Motion]) -> (Vector3<f64>, Vector3<f64>) {
+    pub(crate) fn apart(&self, now: &[BodyMotion]) -> (Vector3<f64>, Vector3<f64>) {
         let [first, second] = [0, 1].map(|k| now[k].point(&self.points[k]));
         (second.0 - first.0, second.1 - first.1)
     }
 
-    fn arms(&self, now: &[Motion]) -> [Vector3<f64>; 2] {
+    fn arms(&self, now: &[BodyMotion]) -> [Vector3<f64>; 2] {
         [0, 1].map(|k| now[k].rotation * self.points[k])
     }
 
     pub(crate) fn add_wrenches(
         &self,
-        now: &[Motion],
+        now: &[BodyMotion],
         force: &Vector3<f64>,
         wrenches: &mut [Wrench],
     ) {
@@ -60,8 +60,8 @@ impl Points {
 
     pub(crate) fn add_derivatives(
         &self,
-        now: &[Motion],
-        pull: &Pull,
+        now: &[BodyMotion],
+        pull: &PointForce,
         tame: bool,
         derivatives: &mut [Derivative],
     ) {
@@ -72,10 +72,10 @@ impl Points {
             // δ(ω × ρ) = [ω] δρ with δρ = −[ρ] δθ.
             let turning = -(pull.by_offset * lever + pull.by_velocity * skew(&now[j].spin) * lever);
             let blocks = [
-                (By::Position, pull.by_offset * of_j),
-                (By::Rotation, turning * of_j),
-                (By::Velocity, pull.by_velocity * of_j),
-                (By::Spin, pull.by_velocity * lever * -of_j),
+                (StateBlock::Position, pull.by_offset * of_j),
+                (StateBlock::Rotation, turning * of_j),
+                (StateBlock::Velocity, pull.by_velocity * of_j),
+                (StateBlock::Spin, pull.by_velocity * lever * -of_j),
             ];
             for (i, on_i) in [(0, 1.0), (1, -1.0)] {
                 let derivative = &mut derivatives[2 * i + j];
@@ -85,7 +85,8 @@ impl Points {
                 }
                 if i == j && !tame {
                     // The moment's own arm turns: δρ × f = [f] [ρ] δθ.
-                    derivative.add_moment(By::Rotation, &(skew(&pull.force) * levers[i] * on_i));
+                    derivative
+                        .add_moment(StateBlock::Rotation, &(skew(&pull.force) * levers[i] * on_i));
                 }
             }
         }

@@ -6,9 +6,9 @@
 //! additional terms and a change of coordinates after each turn.
 
 use crate::body::Body;
-use crate::force::{Derivative, Force, Held, View, Wrench};
+use crate::force::{Derivative, Force, StickingFriction, View, Wrench};
 use crate::matrix::{BlockMatrix, Slot};
-use crate::motion::{Displacement, Motion, Trial, Weights};
+use crate::motion::{BodyMotion, Displacement, TrialMotion, Weights};
 use crate::touch::Touch;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -20,9 +20,9 @@ pub(crate) struct Step<'a> {
     pub gravity_m_s2: Vector3<f64>,
     pub weights: &'a Weights,
     /// Motions at the beginning of the step.
-    pub now: &'a [Motion],
+    pub now: &'a [BodyMotion],
     /// Motions one step before `now`.
-    pub last: &'a [Motion],
+    pub last: &'a [BodyMotion],
     /// Displacements of the bodies from `last` to `now`.
     pub moved: &'a [Displacement],
     /// Fraction of the previous acceleration in the initial guess of the step; 0 if this acceleration is unknown.
@@ -40,14 +40,14 @@ pub(crate) enum Derive {
 
 /// Particle that must not move in the tangent plane: strict sticking of hybrid friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hold {
+pub(crate) struct StickConstraint {
     pub body: usize,
     pub normal: Vector3<f64>,
     /// Weight of the particle's velocity relative to the other equations, N·s/m.
     pub scale_n_s_m: f64,
 }
 
-impl Hold {
+impl StickConstraint {
     /// Holds a particle at a contact.
     pub fn new(body: usize, touch: &Touch) -> Self {
         Self { body, normal: touch.normal, scale_n_s_m: touch.friction.stick_n_s_m }
@@ -62,14 +62,14 @@ pub(crate) struct Equations {
     /// Index of the first unknown of each body, followed by the total number of unknowns.
     pub firsts: Vec<usize>,
     /// Motions at the end of the most recent trial.
-    pub motions: Vec<Motion>,
+    pub motions: Vec<BodyMotion>,
     /// Residual of each held particle without the constraint, N. Friction has to balance its tangential component.
     pub reactions: Vec<Vector3<f64>>,
     diagonal: Vec<Slot>,
     slots: Vec<Vec<Slot>>,
-    trials: Vec<Trial>,
+    trials: Vec<TrialMotion>,
     /// Motions of the bodies of one force: at the end of the step, at its beginning, and one step earlier.
-    gathered: [Vec<Motion>; 3],
+    gathered: [Vec<BodyMotion>; 3],
     wrenches: Vec<Wrench>,
     derivatives: Vec<Derivative>,
     /// Contribution of earlier steps to the rate of momentum, N and N·m.
@@ -158,14 +158,14 @@ impl Equations {
         &mut self,
         step: &Step<'_>,
         trial: &[Displacement],
-        holds: &[Hold],
-        held: &[Option<Held>],
+        holds: &[StickConstraint],
+        held: &[Option<StickingFriction>],
         derive: Derive,
     ) -> f64 {
         let of_body = trial.iter().zip(step.now).zip(step.moved);
         self.trials.clear();
         self.trials.extend(
-            of_body.map(|((trial, now), moved)| Trial::new(step.weights, now, moved, trial)),
+            of_body.map(|((trial, now), moved)| TrialMotion::new(step.weights, now, moved, trial)),
         );
         self.motions.clear();
         self.motions.extend(self.trials.iter().map(|trial| trial.motion));
@@ -201,7 +201,13 @@ impl Equations {
     }
 
     /// Subtracts a force from the residuals of its bodies, and its derivatives from the matrix.
-    fn force(&mut self, step: &Step<'_>, k: usize, helds: &[Option<Held>], derive: Derive) {
+    fn force(
+        &mut self,
+        step: &Step<'_>,
+        k: usize,
+        helds: &[Option<StickingFriction>],
+        derive: Derive,
+    ) {
         if self.asleep[k] {
             return;
         }
@@ -241,7 +247,7 @@ impl Equations {
     }
 
     /// Replaces the tangential equations of held particles by zero tangential velocity.
-    fn hold(&mut self, step: &Step<'_>, holds: &[Hold], derive: Derive) {
+    fn hold(&mut self, step: &Step<'_>, holds: &[StickConstraint], derive: Derive) {
         self.reactions.clear();
         for hold in holds {
             let along = hold.normal * hold.normal.transpose();
@@ -262,7 +268,12 @@ impl Equations {
 }
 
 /// Evaluates [`Force::is_far`] for the motions of all bodies.
-fn is_far(force: &dyn Force, motions: &[Motion], step_s: f64, now: &mut Vec<Motion>) -> bool {
+fn is_far(
+    force: &dyn Force,
+    motions: &[BodyMotion],
+    step_s: f64,
+    now: &mut Vec<BodyMotion>,
+) -> bool {
     now.clear();
     now.extend(force.bodies().iter().map(|&body| motions[body]));
     force.is_far(now, step_s)

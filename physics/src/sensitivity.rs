@@ -86,7 +86,7 @@ use nalgebra::Vector3;
 pub use direct::Tangents;
 pub use health::Health;
 pub use objective::Residual;
-pub use parameter::{Column, Constant, Parameter, Solved, Start};
+pub use parameter::{Column, Constant, Parameter, SolvedStep, Start};
 pub use record::{Recorder, Rollout};
 
 /// Variation of a body's motion, or the derivative of a scalar with respect to the motion.

@@ -9,10 +9,10 @@ mod mesh;
 mod tetrahedron;
 
 use crate::assembly::Assembly;
-use crate::contact::{Contact, Normal, Resistance, Tip};
+use crate::contact::{GroundContact, Normal, Resistance, Tip};
 use crate::friction::Friction;
 use crate::joint::Ball;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use crate::points::Points;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Ground;
@@ -90,7 +90,7 @@ impl SoftBody {
         let on_surface = self.nodes.clone().zip(&self.areas_m2).filter(|(_, area)| **area > 0.0);
         for (node, area_m2) in on_surface {
             let stick_n_s_m = contact.friction.stick_n_s_m * area_m2;
-            assembly.add(Contact {
+            assembly.add(GroundContact {
                 body: [node],
                 center: Vector3::zeros(),
                 radius_m: 0.0,
@@ -119,7 +119,7 @@ impl SoftBody {
         chosen: impl Fn(&Vector3<f64>) -> bool,
     ) {
         for node in self.nodes.clone() {
-            let Motion { position, .. } = assembly.motions[node];
+            let BodyMotion { position, .. } = assembly.motions[node];
             if chosen(&position) {
                 let ends = Points::at([body, node], &assembly.motions, &position);
                 assembly.add(Ball { ends, stiffness_n_m, damping_n_s_m });

@@ -1,8 +1,8 @@
 //! Springs and strings between points of bodies, for cloth and cables (thesis 4.5.4).
 
 use crate::force::{Derivative, Force, View, Wrench};
-use crate::motion::Motion;
-use crate::points::{Points, Pull};
+use crate::motion::BodyMotion;
+use crate::points::{PointForce, Points};
 use nalgebra::{Matrix3, Vector3};
 
 /// Spring that keeps two points at a distance.
@@ -21,13 +21,13 @@ pub struct Spring {
 }
 
 impl Spring {
-    fn pull(&self, now: &[Motion]) -> Pull {
+    fn pull(&self, now: &[BodyMotion]) -> PointForce {
         let (offset, velocity) = self.ends.apart(now);
         let length = offset.norm().max(f64::MIN_POSITIVE);
         let stretch = length - self.rest_m;
         if self.string && stretch <= 0.0 {
             let none = Matrix3::zeros();
-            return Pull { force: Vector3::zeros(), by_offset: none, by_velocity: none };
+            return PointForce { force: Vector3::zeros(), by_offset: none, by_velocity: none };
         }
         let damping = if self.string { 0.0 } else { self.damping_n_s_m };
         let along = offset / length;
@@ -36,7 +36,7 @@ impl Spring {
         // δ(along) = across δ(offset).
         let by_length =
             along.transpose() * self.stiffness_n_m + velocity.transpose() * across * damping;
-        Pull {
+        PointForce {
             force: along * tension,
             by_offset: along * by_length + across * tension,
             by_velocity: along * along.transpose() * damping,
@@ -64,7 +64,7 @@ impl Force for Spring {
         self.ends.add_derivatives(view.now, &pull, view.tame, derivatives);
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
         let stretch = self.ends.apart(now).0.norm() - self.rest_m;
         let stretch = if self.string { stretch.max(0.0) } else { stretch };
         0.5 * self.stiffness_n_m * stretch * stretch

@@ -11,9 +11,9 @@
 //! friction is on the cone. Contacts with an indeterminate distribution of load share it as with stiff friction.
 
 use crate::body::Body;
-use crate::force::{Force, Held};
-use crate::friction::Model;
-use crate::residual::{Equations, Hold, Step};
+use crate::force::{Force, StickingFriction};
+use crate::friction::FrictionModel;
+use crate::residual::{Equations, Step, StickConstraint};
 use nalgebra::Vector3;
 
 /// Stiffness against sliding of a rigid body's contact, relative to the stiffness that stops all bodies within a step. A round
@@ -32,9 +32,9 @@ pub(crate) struct Sticking {
     /// Indices of contacts on rigid bodies, each with its body.
     rigid: Vec<(usize, usize)>,
     /// Friction estimates of held contacts on rigid bodies, indexed by force; empty if no contact is held.
-    held: Vec<Option<Held>>,
+    held: Vec<Option<StickingFriction>>,
     rounds: usize,
-    holds: Vec<Hold>,
+    holds: Vec<StickConstraint>,
     /// Index of each held particle's contact, and its required friction, N.
     taken: Vec<(usize, Vector3<f64>)>,
     decided: bool,
@@ -71,7 +71,7 @@ impl Sticking {
             let touch = step.forces[force].touch(&[step.now[body]]);
             if let Some(touch) = touch.filter(|touch| touch.gap_m < 0.0) {
                 all &= held.next() == Some(force);
-                self.holds.push(Hold::new(body, &touch));
+                self.holds.push(StickConstraint::new(body, &touch));
             }
         }
         if !all || held.next().is_some() {
@@ -89,12 +89,12 @@ impl Sticking {
     }
 
     /// Friction estimates of held contacts on rigid bodies, indexed by force.
-    pub fn held(&self) -> &[Option<Held>] {
+    pub fn held(&self) -> &[Option<StickingFriction>] {
         &self.held
     }
 
     /// Held particles.
-    pub fn holds(&self) -> &[Hold] {
+    pub fn holds(&self) -> &[StickConstraint] {
         &self.holds
     }
 
@@ -137,7 +137,7 @@ impl Sticking {
                 continue;
             }
             self.held.resize(step.forces.len(), None);
-            let held = Held { force: friction.force, stick_n_s_m };
+            let held = StickingFriction { force: friction.force, stick_n_s_m };
             let moves = before.map_or(f64::INFINITY, |before| (held.force - before.force).norm());
             changed |= moves > ACCURACY * touch.friction.coefficient * touch.normal_n;
             self.held[force] = Some(held);
@@ -174,7 +174,7 @@ impl Sticking {
                 // Two contacts of one particle would hold it twice.
                 let free = self.holds.iter().all(|hold| hold.body != body);
                 if let (Some(touch), true, false) = (sticks, free, let_go.contains(&body)) {
-                    self.holds.push(Hold::new(body, &touch));
+                    self.holds.push(StickConstraint::new(body, &touch));
                     self.taken.push((force, Vector3::zeros()));
                     changed = true;
                 }
@@ -185,5 +185,5 @@ impl Sticking {
 }
 
 fn is_hybrid(step: &Step<'_>, force: usize) -> bool {
-    step.forces[force].friction().is_some_and(|friction| friction.model == Model::Hybrid)
+    step.forces[force].friction().is_some_and(|friction| friction.model == FrictionModel::Hybrid)
 }

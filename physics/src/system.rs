@@ -4,7 +4,7 @@ use crate::assembly::Assembly;
 use crate::body::Body;
 use crate::event::Contacts;
 use crate::force::Force;
-use crate::motion::{Displacement, Motion, Scheme, Weights};
+use crate::motion::{BodyMotion, Displacement, Scheme, Weights};
 use crate::newton::{Failure, Newton};
 use crate::residual::Step;
 use crate::touch::Touch;
@@ -86,7 +86,7 @@ pub(crate) trait Observer {
     fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton);
 
     /// Called at the end of a step. `report` is `None` if the step failed.
-    fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>);
+    fn end_step(&mut self, motions: &[BodyMotion], report: Option<&StepReport>);
 }
 
 /// Bodies with forces between them and with the world.
@@ -104,9 +104,9 @@ pub struct System {
 #[derive(Clone, Debug)]
 struct State {
     time_s: f64,
-    now: Vec<Motion>,
+    now: Vec<BodyMotion>,
     /// Motions at the beginning of the previous step.
-    last: Vec<Motion>,
+    last: Vec<BodyMotion>,
     /// Displacements in the previous step, for BDF2.
     moved: Vec<Displacement>,
     /// Length of the previous step, s. BDF2 requires two steps of equal length.
@@ -149,7 +149,7 @@ impl System {
     }
 
     /// Motions of the bodies.
-    pub fn motions(&self) -> &[Motion] {
+    pub fn motions(&self) -> &[BodyMotion] {
         &self.state.now
     }
 
@@ -167,7 +167,7 @@ impl System {
     ///
     /// # Panics
     /// If the numbers of bodies and motions differ.
-    pub fn restart(&mut self, motions: Vec<Motion>) {
+    pub fn restart(&mut self, motions: Vec<BodyMotion>) {
         assert_eq!(self.bodies.len(), motions.len(), "a motion for each body");
         self.state = State {
             time_s: self.state.time_s,
@@ -217,7 +217,7 @@ impl System {
         energy
     }
 
-    fn of_force<T>(&self, force: usize, what: impl Fn(&dyn Force, &[Motion]) -> T) -> T {
+    fn of_force<T>(&self, force: usize, what: impl Fn(&dyn Force, &[BodyMotion]) -> T) -> T {
         let force = self.forces[force].as_ref();
         let now: Vec<_> = force.bodies().iter().map(|&body| self.state.now[body]).collect();
         what(force, &now)
@@ -225,13 +225,13 @@ impl System {
 
     /// Momentum of all bodies, kg·m/s.
     pub fn momentum(&self) -> Vector3<f64> {
-        let of_body = |(body, motion): (&Body, &Motion)| motion.velocity * body.mass_kg();
+        let of_body = |(body, motion): (&Body, &BodyMotion)| motion.velocity * body.mass_kg();
         self.bodies.iter().zip(&self.state.now).map(of_body).sum()
     }
 
     /// Angular momentum of all bodies about the origin, kg·m²/s.
     pub fn angular_momentum(&self) -> Vector3<f64> {
-        let of_body = |(body, motion): (&Body, &Motion)| {
+        let of_body = |(body, motion): (&Body, &BodyMotion)| {
             motion.position.cross(&motion.velocity) * body.mass_kg() + body.spin_momentum(motion)
         };
         self.bodies.iter().zip(&self.state.now).map(of_body).sum()
@@ -353,7 +353,7 @@ impl System {
     /// Replaces the history by a uniform motion at the present velocities, with steps of `step_s`.
     #[cfg(test)]
     pub(crate) fn glide(&mut self, step_s: f64) {
-        let moved = |motion: &Motion| Displacement {
+        let moved = |motion: &BodyMotion| Displacement {
             shift: motion.velocity * step_s,
             turn: motion.spin * step_s,
         };

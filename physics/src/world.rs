@@ -12,7 +12,7 @@ mod parameters;
 mod parts;
 mod state;
 
-use crate::hold::{Hold, Place};
+use crate::hold::{Hold, TargetPose};
 use crate::motor::{Law, Motor};
 use crate::push::Push;
 use crate::system::{StepError, StepReport, System};
@@ -28,7 +28,8 @@ use std::sync::Arc;
 
 pub use imu::{Imu, ImuSample};
 pub use odometer::{
-    Fall, FallWatch, Odometer, Totals, Way, ground_from_world, heading_rad, normal_at_start,
+    Fall, FallWatch, NetDisplacement, Odometer, Totals, ground_from_world, heading_rad,
+    normal_at_start,
 };
 pub use parameters::Parameters;
 pub use state::RobotState;
@@ -105,7 +106,7 @@ impl World {
 
     /// Holds the root link with its origin at a position, m, and a rotation. `None` releases the root link.
     pub fn hold(&mut self, place: Option<(Vector3<f64>, Matrix3<f64>)>) {
-        let place = place.map(|(origin, rotation)| Place {
+        let place = place.map(|(origin, rotation)| TargetPose {
             position: origin + rotation * self.root_center,
             rotation,
         });

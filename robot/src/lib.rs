@@ -39,7 +39,7 @@ pub use channel::Channel;
 pub use clearance::ClearancePair;
 pub use contact::{Contact, RollingDrag};
 pub use model::{EndEffector, Joint, Link, Robot, SoftMaterial};
-pub use rules::{InvalidRobot, Place, Violation};
+pub use rules::{InvalidRobot, Item, Violation};
 pub use solid::{Form, Solid};
 
 /// Standard gravity, m/s².

@@ -12,7 +12,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::{Options as SolverOptions, optimise};
 use rollwalk_robot::{GRAVITY_M_S2, Robot};
 use rollwalk_simulate::sensors::Noise;
-use rollwalk_simulate::{Control, Feedback, Mismatch, Options, Outcome, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Options, RunOutcome, play};
 use rollwalk_terminal::{interrupt, output};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -180,7 +180,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    fn play(&self, world: &World, shoves: Vec<Shove>) -> miette::Result<Outcome> {
+    fn play(&self, world: &World, shoves: Vec<Shove>) -> miette::Result<RunOutcome> {
         let options = Options {
             cycles: self.cycles,
             ground: Arc::new(Plane::rising(world.slope_rad)),

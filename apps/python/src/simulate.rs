@@ -9,7 +9,7 @@ use crate::watch::watched;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use rollwalk_multibody::rotation::nearer_quaternion;
-use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, RunOutcome, play};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ const RATIOS: RangeInclusive<f64> = 0.01..=10.0;
 /// begins at the origin.
 #[pyclass(frozen, module = "rollwalk")]
 pub struct Simulation {
-    outcome: Outcome,
+    outcome: RunOutcome,
     /// Simulated time at the end of each step, s, shape (N,).
     #[pyo3(get)]
     time_s: Py<PyArray1<f64>>,

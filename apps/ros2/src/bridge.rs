@@ -13,7 +13,7 @@ use rollwalk_bus::port::LiveLink;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
-use rollwalk_pilot::{After, END_US, Phase};
+use rollwalk_pilot::{ActionAfterStop, END_US, Phase};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::text::Printable;
 use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
@@ -300,10 +300,10 @@ impl<'a> Bridge<'a> {
             Service::Arm => Intent::Arm,
             Service::Drive => return self.on_drive(call),
             Service::Disarm if self.is_driven() => {
-                return self.stop_driving(call, After::Disarm, State::Disarmed);
+                return self.stop_driving(call, ActionAfterStop::Disarm, State::Disarmed);
             }
             Service::Return | Service::Pause if self.is_driven() => {
-                return self.stop_driving(call, After::Rest, State::Ready);
+                return self.stop_driving(call, ActionAfterStop::Rest, State::Ready);
             }
             Service::Disarm => Intent::Disarm,
             Service::Return => Intent::Return,
@@ -348,7 +348,7 @@ impl<'a> Bridge<'a> {
     }
 
     /// Stops a driven robot with all feet on the ground, then sends it to SAFE; stopping within a step would make it fall.
-    fn stop_driving(&mut self, call: Call, after: After, state: State) {
+    fn stop_driving(&mut self, call: Call, after: ActionAfterStop, state: State) {
         let now_us = self.operated.now_us();
         if let Some(driving) = &mut self.driving {
             driving.stop(now_us, after, &mut self.operated.operator);

@@ -4,7 +4,7 @@
 use crate::commanded::{Commanded, Velocity};
 use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Operator, Weight};
-use rollwalk_pilot::{After, END_US, Phase, Pilot, Steered};
+use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot};
 use rollwalk_protocol::wire::State;
 use rollwalk_terminal::link::steering::Prepared;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Pilot of the node.
 #[derive(Debug)]
 pub struct Driving {
-    steered: Steered,
+    steered: SteeredRobot,
     commanded: Commanded,
     /// Library whose SAFE pose the robot starts in.
     library: u32,
@@ -27,7 +27,7 @@ impl Driving {
         let mut pilot = Pilot::new(false);
         pilot.rest();
         Self {
-            steered: Steered::new(pilot, route, budget),
+            steered: SteeredRobot::new(pilot, route, budget),
             commanded: Commanded::new(fastest, timeout_s),
             library: catalog.library,
             left_us: None,
@@ -79,7 +79,7 @@ impl Driving {
     }
 
     /// Stops the robot and sends it to SAFE.
-    pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
+    pub fn stop(&mut self, now_us: u64, after: ActionAfterStop, operator: &mut Operator) {
         self.steered.pilot.stop(now_us, after, operator);
     }
 
@@ -90,7 +90,7 @@ impl Driving {
             return false;
         }
         if self.left_us.is_none() {
-            self.stop(now_us, After::Leave, operator);
+            self.stop(now_us, ActionAfterStop::Leave, operator);
         }
         now_us < *self.left_us.get_or_insert(now_us) + END_US
     }

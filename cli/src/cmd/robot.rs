@@ -76,7 +76,7 @@ fn warnings(
     let flat = || {
         vec!["a wheel lies flat in the nominal pose: check `axis_in_link` of the wheels, and `nominal_rad` of the joints that turn them".to_owned()]
     };
-    let mut warnings = Robot::side_doubts(&text.path, &text.text);
+    let mut warnings = Robot::side_warnings(&text.path, &text.text);
     warnings.extend(beyond_data_sheets(robot));
     warnings.extend(standing.map_or_else(flat, |s| s.warnings().to_vec()));
     warnings.extend(buses.map(BusLoads::warnings).into_iter().flatten());

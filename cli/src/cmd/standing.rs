@@ -1,7 +1,7 @@
 //! Statics of a robot in its nominal pose: heights, forces, torques against limits, sag and clearance, with the warnings of
 //! `rollwalk robot check`.
 
-use rollwalk_multibody::{Standing, Tree, doubts};
+use rollwalk_multibody::{Standing, Tree, warnings};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::output::{Table, fixed};
 use serde::Serialize;
@@ -118,7 +118,7 @@ impl StandingReport {
             doubts: Vec::new(),
             warnings: Vec::new(),
         };
-        report.doubts = doubts(&tree, &standing);
+        report.doubts = warnings(&tree, &standing);
         report.warnings = report.doubts.clone();
         report.warnings.extend(report.warn(standing.balanced));
         Some(report)

@@ -1,7 +1,7 @@
 //! Net displacement of a library's motions, from SAFE and back to SAFE.
 
 use rollwalk_planner::motion::Ends;
-use rollwalk_simulate::PlannedWay;
+use rollwalk_simulate::PlannedDisplacement;
 use rollwalk_terminal::planning::Plans;
 
 /// Messages about goals of motions at rest that are undone on the path from SAFE and back to SAFE. Such a motion shifts the
@@ -15,7 +15,7 @@ pub fn taken_back(plans: &Plans) -> Vec<String> {
     let mut found = Vec::new();
     for (number, motion) in plans.motions.iter().enumerate() {
         let plan = &motion.plan;
-        let PlannedWay { way, goals } = PlannedWay::new(plan);
+        let PlannedDisplacement { way, goals } = PlannedDisplacement::new(plan);
         if plan.motion.ends != Ends::AtRest || !goals.contains(&true) {
             continue;
         }

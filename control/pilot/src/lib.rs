@@ -15,7 +15,9 @@ pub mod pilot;
 pub mod plans;
 pub mod steered;
 
-pub use pilot::{AGAIN_US, ARM_AGAIN_US, ARMS, After, Phase, Pilot, Request, Tally, Wanted};
-pub use plans::{Courses, Planned, Planner, Route};
+pub use pilot::{
+    AGAIN_US, ARM_AGAIN_US, ARMS, ActionAfterStop, Phase, Pilot, Request, SteeringRequest, Tally,
+};
+pub use plans::{Courses, PlannedStretch, Planner, Route};
 pub use rollwalk_planner::receding::Steering;
-pub use steered::{END_US, Fastest, Steered};
+pub use steered::{END_US, Fastest, SteeredRobot};

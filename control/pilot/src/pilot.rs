@@ -28,14 +28,14 @@ const STOPS_US: u64 = 10_000_000;
 
 /// Motion that a horizon is planned for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wanted {
+pub struct SteeringRequest {
     /// Velocity of the body.
     pub steering: Steering,
     /// True if the robot walks in its gait. Otherwise all end effectors stand.
     pub walks: bool,
 }
 
-impl Wanted {
+impl SteeringRequest {
     /// Selects the gait if the robot may walk and the steering is not zero.
     pub fn of(steering: Steering, may_walk: bool) -> Self {
         Self { steering, walks: may_walk && steering != Steering::default() }
@@ -48,12 +48,12 @@ pub struct Request {
     /// Number of the course. A new course begins at rest in SAFE.
     pub course: u32,
     /// Motion to plan.
-    pub wanted: Wanted,
+    pub wanted: SteeringRequest,
 }
 
 /// Action after the robot has stopped and moved to SAFE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum After {
+pub enum ActionAfterStop {
     /// Remains in SAFE, with torque.
     Rest,
     Disarm,
@@ -91,9 +91,9 @@ pub struct Tally {
 /// Pilot of one robot.
 #[derive(Clone, Debug)]
 pub struct Pilot {
-    wanted: Wanted,
+    wanted: SteeringRequest,
     phase: Phase,
-    after: After,
+    after: ActionAfterStop,
     /// True if the robot stays in SAFE until [`rise`](Pilot::rise).
     rests: bool,
     /// Number of remaining automatic attempts to arm.
@@ -119,9 +119,9 @@ impl Pilot {
     /// Creates the pilot of a disarmed robot. If `arms` is true the pilot arms it automatically.
     pub fn new(arms: bool) -> Self {
         Self {
-            wanted: Wanted::default(),
+            wanted: SteeringRequest::default(),
             phase: Phase::Off,
-            after: After::Rest,
+            after: ActionAfterStop::Rest,
             rests: false,
             arms: if arms { ARMS } else { 0 },
             ends: false,
@@ -137,20 +137,20 @@ impl Pilot {
     }
 
     /// Sets the motion that the robot is steered to.
-    pub fn steer(&mut self, wanted: Wanted) {
+    pub fn steer(&mut self, wanted: SteeringRequest) {
         self.wanted = wanted;
     }
 
     /// Motion that the robot is steered to.
-    pub fn steered(&self) -> Wanted {
+    pub fn steered(&self) -> SteeringRequest {
         self.wanted
     }
 
     /// Stops the robot and moves it to SAFE.
     ///
     /// A robot that is not streaming has already stopped. A second request to leave ends the program at once.
-    pub fn stop(&mut self, now_us: u64, after: After, operator: &mut Operator) {
-        self.wanted = Wanted::default();
+    pub fn stop(&mut self, now_us: u64, after: ActionAfterStop, operator: &mut Operator) {
+        self.wanted = SteeringRequest::default();
         self.rests = true;
         match self.phase {
             Phase::Steered => {
@@ -158,7 +158,7 @@ impl Pilot {
                 self.again_us = now_us + STOPS_US;
             }
             Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
-            Phase::Stopping | Phase::Homeward if after == After::Leave => {
+            Phase::Stopping | Phase::Homeward if after == ActionAfterStop::Leave => {
                 // Asked for twice.
                 operator.request(now_us, Intent::Quit);
             }
@@ -197,14 +197,15 @@ impl Pilot {
     }
 
     /// Evaluates the state of the robot and gives commands. Call it often.
-    pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
+    pub fn update(&mut self, now_us: u64, operator: &mut Operator) {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else { return };
         let state = status.state;
         let streams = state == State::Streaming;
         match self.phase {
             Phase::Off if state == State::Ready && !self.rests => {
-                (self.phase, self.after, self.again_us) = (Phase::Beginning, After::Rest, 0);
+                (self.phase, self.after, self.again_us) =
+                    (Phase::Beginning, ActionAfterStop::Rest, 0);
             }
             Phase::Off if state == State::Disarmed && self.may_arm(now_us, &view) => {
                 (self.arms, self.again_us) = (self.arms - 1, now_us + ARM_AGAIN_US);
@@ -271,10 +272,10 @@ impl Pilot {
         if operator.leaving() != ExitStage::No {
             return;
         }
-        match std::mem::replace(&mut self.after, After::Rest) {
-            After::Rest => {}
-            After::Disarm => operator.request(now_us, Intent::Disarm),
-            After::Leave => operator.request(now_us, Intent::Quit),
+        match std::mem::replace(&mut self.after, ActionAfterStop::Rest) {
+            ActionAfterStop::Rest => {}
+            ActionAfterStop::Disarm => operator.request(now_us, Intent::Disarm),
+            ActionAfterStop::Leave => operator.request(now_us, Intent::Quit),
         }
     }
 
@@ -290,7 +291,7 @@ impl Pilot {
         }
         self.is_planning = true;
         let follows = matches!(self.phase, Phase::Beginning | Phase::Steered) && !self.is_unsure;
-        let wanted = if follows { self.wanted } else { Wanted::default() };
+        let wanted = if follows { self.wanted } else { SteeringRequest::default() };
         Some(Request { course: self.course, wanted })
     }
 
@@ -327,7 +328,7 @@ impl Pilot {
                 horizon meets them";
             operator.notify(now_us, Weight::Warning, text);
         }
-        let stands = request.wanted == Wanted::default()
+        let stands = request.wanted == SteeringRequest::default()
             && stretch.velocity.iter().all(|speed| speed.abs() < STANDS_BELOW);
         self.stood = if stands && stretch.accepted { self.stood + 1 } else { 0 };
         self.tally.velocity = stretch.velocity;

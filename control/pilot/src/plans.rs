@@ -1,6 +1,6 @@
 //! Planner of a steered robot: receives requests and returns stretches, in its own thread.
 
-use crate::pilot::{Request, Wanted};
+use crate::pilot::{Request, SteeringRequest};
 use rollwalk_planner::receding::{
     Course, CourseError, Gait, HorizonError, HorizonOptions, Stretch,
 };
@@ -71,7 +71,7 @@ impl Courses {
         request: Request,
         mut is_over: impl FnMut() -> bool,
     ) -> Result<Stretch, CourseError> {
-        let Request { course: number, wanted: Wanted { steering, walks } } = request;
+        let Request { course: number, wanted: SteeringRequest { steering, walks } } = request;
         let known = self.course.take().filter(|(known, _)| *known == number);
         let mut course = match known {
             Some((_, course)) => course,
@@ -98,7 +98,7 @@ impl Courses {
 
 /// Planned stretch and its planning time.
 #[derive(Debug)]
-pub struct Planned {
+pub struct PlannedStretch {
     /// Request of the stretch.
     pub request: Request,
     pub stretch: Result<Stretch, CourseError>,
@@ -110,7 +110,7 @@ pub struct Planned {
 pub struct Planner {
     pub requests: Sender<Request>,
     /// Receiver of the stretches.
-    pub planned: Receiver<Planned>,
+    pub planned: Receiver<PlannedStretch>,
 }
 
 impl Planner {
@@ -123,7 +123,8 @@ impl Planner {
             for request in asked {
                 let begun = Instant::now();
                 let stretch = courses.plan(request, || begun.elapsed() >= budget);
-                if answers.send(Planned { request, stretch, took: begun.elapsed() }).is_err() {
+                if answers.send(PlannedStretch { request, stretch, took: begun.elapsed() }).is_err()
+                {
                     return;
                 }
             }

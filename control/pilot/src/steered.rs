@@ -1,7 +1,7 @@
 //! Pilot and planner in the loop of a program that steers a robot.
 
-use crate::pilot::{Pilot, Wanted};
-use crate::plans::{Planned, Planner, Route};
+use crate::pilot::{Pilot, SteeringRequest};
+use crate::plans::{PlannedStretch, Planner, Route};
 use rollwalk_host::operator::{ExitStage, Intent, Operator, Weight};
 use rollwalk_planner::receding::Steering;
 use std::sync::mpsc::TryRecvError;
@@ -33,14 +33,14 @@ impl Fastest {
 
 /// Steered robot.
 #[derive(Debug)]
-pub struct Steered {
+pub struct SteeredRobot {
     /// Pilot that decides when to arm, to plan and to stop.
     pub pilot: Pilot,
     planner: Planner,
     has_gait: bool,
 }
 
-impl Steered {
+impl SteeredRobot {
     /// Creates a steered robot on a route. A plan takes at most `budget`, rounded up to a whole iteration.
     pub fn new(pilot: Pilot, route: Route, budget: Duration) -> Self {
         let has_gait = route.gait.is_some();
@@ -49,16 +49,16 @@ impl Steered {
 
     /// Sets the steering. A robot with a gait walks unless the steering is zero.
     pub fn steer(&mut self, steering: Steering) {
-        self.pilot.steer(Wanted::of(steering, self.has_gait));
+        self.pilot.steer(SteeringRequest::of(steering, self.has_gait));
     }
 
     /// Gives commands, receives plans and requests the next ones. Call it often. `took` receives the planning time of each
     /// plan.
     pub fn turn(&mut self, now_us: u64, operator: &mut Operator, mut took: impl FnMut(Duration)) {
-        self.pilot.look(now_us, operator);
+        self.pilot.update(now_us, operator);
         loop {
             match self.planner.planned.try_recv() {
-                Ok(Planned { request, stretch, took: time }) => {
+                Ok(PlannedStretch { request, stretch, took: time }) => {
                     took(time);
                     self.pilot.on_stretch(now_us, request, stretch, operator);
                 }
@@ -100,7 +100,10 @@ mod tests {
         for (steering, has_gait, walks) in
             [(on, true, true), (on, false, false), (rest, true, false)]
         {
-            assert_eq!(Wanted::of(steering, has_gait), Wanted { steering, walks });
+            assert_eq!(
+                SteeringRequest::of(steering, has_gait),
+                SteeringRequest { steering, walks }
+            );
         }
     }
 }

@@ -3,14 +3,14 @@
 //! Each tick receives the measured state or the readings of the sensors, and returns the set-points of all motors until the
 //! next tick. [`crate::control`] uses this module in the simulated world, `rollwalk control` in other simulators.
 
-use crate::follower::{Followed, Follower};
+use crate::follower::{FollowedPlan, Follower};
 use crate::script::Script;
-pub use crate::tick::{Measured, Timing, Untracked};
+pub use crate::tick::{Measurement, Timing, TrackingError};
 use nalgebra::Isometry3;
 use rollwalk_multibody::{State, Tree};
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::{Instant, WholeBody};
-use rollwalk_tracking::estimator::Untrusted;
+use rollwalk_tracking::estimator::EstimateError;
 use rollwalk_tracking::model::Costs;
 use rollwalk_tracking::{Gains, Reference};
 
@@ -26,13 +26,13 @@ pub enum Feedback {
 /// Closed-loop controller of one plan.
 pub struct ClosedLoop<'s, 'p> {
     script: &'s Script<'p>,
-    plan: Placed,
+    plan: PlacedPlan,
     follower: Follower,
     timing: Timing,
 }
 
 /// Plan at its pose and start time in the world. In its own frame the ground is the plane z = 0.
-pub(crate) struct Placed {
+pub(crate) struct PlacedPlan {
     pub body: WholeBody,
     pub world_from_plan: Isometry3<f64>,
     pub from_s: f64,
@@ -48,7 +48,8 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         world_from_plan: Isometry3<f64>,
         timing: Timing,
     ) -> Self {
-        let mut plan = Placed { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
+        let mut plan =
+            PlacedPlan { body: WholeBody::new(script.plan()), world_from_plan, from_s: 0.0 };
         let mut follower = Follower::new(script, plan.body.tree(), timing);
         if feedback == Feedback::Gains {
             follower.change_plan(plan.gains(script));
@@ -56,7 +57,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         Self { script, plan, follower, timing }
     }
 
-    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measured`] refer to it.
+    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measurement`] refer to it.
     pub fn tree(&self) -> &Tree {
         self.follower.tracker.tree()
     }
@@ -65,7 +66,7 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     ///
     /// # Errors
     /// Returns an error if the state is not finite.
-    pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
+    pub fn align(&mut self, state: &State) -> Result<(), EstimateError> {
         self.follower.estimator.align(state)
     }
 
@@ -78,11 +79,11 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
     pub fn tick(
         &mut self,
         [from_s, to_s]: [f64; 2],
-        measured: Measured<'_>,
-    ) -> (Vec<Law>, Option<Untracked>) {
+        measured: Measurement<'_>,
+    ) -> (Vec<Law>, Option<TrackingError>) {
         let Self { script, plan, follower, timing: Timing { tick_s, latency_s } } = self;
         if let Some(laws) = follower.stopped(script, *tick_s) {
-            return (laws, Some(Untracked::Stopped));
+            return (laws, Some(TrackingError::Stopped));
         }
         // A motion that ends has a rest before it, in which its reference does not move: wheels would creep ahead.
         let moves = from_s > 0.0 || script.repeats();
@@ -90,12 +91,12 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         let reference = plan.reference(from_s + ahead_s);
         // Before it moves it stands still, and the estimator may align itself.
         let followed =
-            Followed { script, body: &plan.body, contacts: None, may_stop: from_s > 0.0 };
+            FollowedPlan { script, body: &plan.body, contacts: None, may_stop: from_s > 0.0 };
         follower.tick(&followed, &reference, to_s + ahead_s, *tick_s, measured)
     }
 }
 
-impl Placed {
+impl PlacedPlan {
     /// Gains for the script of this plan. They do not depend on the pose of the plan.
     pub fn gains(&mut self, script: &Script<'_>) -> Gains {
         let (costs, tree) = (Costs::default(), self.body.tree().clone());

@@ -1,6 +1,6 @@
 //! Control of a robot along a plan: set-points for the servos in open loop, or a controller with feedback.
 
-use crate::closed_loop::{ClosedLoop, Feedback, Measured, Timing, Untracked};
+use crate::closed_loop::{ClosedLoop, Feedback, Measurement, Timing, TrackingError};
 use crate::mismatch::Mismatch;
 use crate::script::Script;
 use crate::sensors::SimulatedSensors;
@@ -112,15 +112,15 @@ impl<'s, 'p> Controller<'s, 'p> {
             None => {
                 let state = world.state(closed_loop.tree());
                 let touches: Vec<bool> = world.switches().collect();
-                closed_loop.tick([from_s, to_s], Measured::State(&state, &touches))
+                closed_loop.tick([from_s, to_s], Measurement::State(&state, &touches))
             }
             Some(sensors) => {
                 let sensed = sensors.sample(world, *step_s);
-                closed_loop.tick([from_s, to_s], Measured::Sensors(&sensed))
+                closed_loop.tick([from_s, to_s], Measurement::Sensors(&sensed))
             }
         };
         self.untracked += u32::from(untracked.is_some());
-        if untracked == Some(Untracked::Stopped) {
+        if untracked == Some(TrackingError::Stopped) {
             self.stopped_at_s.get_or_insert(world.system().time_s());
         }
         self.on_their_way.push_back(laws);

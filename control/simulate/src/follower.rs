@@ -4,7 +4,7 @@
 
 use crate::safe_stop::SafeStop;
 use crate::script::{Script, servo};
-use crate::tick::{LOST_S, Measured, Timing, Untracked, law};
+use crate::tick::{LOST_S, Measurement, Timing, TrackingError, law};
 use rollwalk_multibody::Tree;
 use rollwalk_physics::motor::Law;
 use rollwalk_planner::whole_body::WholeBody;
@@ -27,7 +27,7 @@ pub(crate) struct Follower {
 }
 
 /// Plan that is followed at a tick.
-pub(crate) struct Followed<'a, 'p> {
+pub(crate) struct FollowedPlan<'a, 'p> {
     pub script: &'a Script<'p>,
     pub body: &'a WholeBody,
     /// Planned stance of the end effectors at the time of the sensor readings; `None` for a robot with contact switches.
@@ -68,24 +68,24 @@ impl Follower {
     /// those at `acts_s`, the end of the tick. `tick_s` is the time since the previous tick.
     pub fn tick(
         &mut self,
-        followed: &Followed<'_, '_>,
+        followed: &FollowedPlan<'_, '_>,
         reference: &Reference,
         acts_s: f64,
         tick_s: f64,
-        measured: Measured<'_>,
-    ) -> (Vec<Law>, Option<Untracked>) {
-        let Followed { script, body, contacts, may_stop } = followed;
+        measured: Measurement<'_>,
+    ) -> (Vec<Law>, Option<TrackingError>) {
+        let FollowedPlan { script, body, contacts, may_stop } = followed;
         let known = match measured {
-            Measured::State(state, touches) => Ok((state, touches)),
-            Measured::Sensors(sensors) => {
+            Measurement::State(state, touches) => Ok((state, touches)),
+            Measurement::Sensors(sensors) => {
                 let touches = contacts.unwrap_or(sensors.touches);
                 let estimate = self.estimator.tick(&Sensors { touches, ..*sensors }, tick_s);
-                estimate.map(|state| (state, touches)).map_err(Untracked::State)
+                estimate.map(|state| (state, touches)).map_err(TrackingError::State)
             }
         };
         let solved = known.and_then(|(state, touches)| {
             let touches = if contacts.is_some() { &reference.stands[..] } else { touches };
-            self.tracker.tick(reference, state, touches).map(drop).map_err(Untracked::Setpoints)
+            self.tracker.tick(reference, state, touches).map(drop).map_err(TrackingError::Setpoints)
         });
         if !may_stop {
             self.lost = Absence::default();
@@ -99,9 +99,9 @@ impl Follower {
             Ok(()) => {
                 let is_caught = script.steps() && self.tracker.is_caught_by_steps();
                 let why = if self.stumbled {
-                    Some(Untracked::Stumbled)
+                    Some(TrackingError::Stumbled)
                 } else {
-                    is_caught.then_some(Untracked::CaughtBySteps)
+                    is_caught.then_some(TrackingError::CaughtBySteps)
                 };
                 if why.is_some() {
                     return (script.laws(acts_s), why);

@@ -1,6 +1,6 @@
 //! Comparison of the displacement and turn of a robot with the planned ones.
 
-use rollwalk_physics::world::Way;
+use rollwalk_physics::world::NetDisplacement;
 use rollwalk_planner::plan::Plan;
 use serde::Serialize;
 use std::fmt;
@@ -14,49 +14,49 @@ const LITTLE: f64 = 4.0;
 
 /// Planned displacement and turn of a motion or of a period, and which of its components are goals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PlannedWay {
+pub struct PlannedDisplacement {
     /// Planned displacement and turn.
     #[serde(rename = "planned")]
-    pub way: Way,
+    pub way: NetDisplacement,
     /// Goal flags of the components. True if the motion has a goal for the component and the planned value is large enough to
     /// divide by.
     pub goals: [bool; 3],
 }
 
-impl PlannedWay {
+impl PlannedDisplacement {
     /// Planned displacement, turn and goals of a validated plan.
     pub fn new(plan: &Plan) -> Self {
         let goal = &plan.motion.goal;
         let (wanted, way) =
-            ([goal.forward_m, goal.left_m, goal.turn_rad], Way::from(plan.reached()));
+            ([goal.forward_m, goal.left_m, goal.turn_rad], NetDisplacement::from(plan.reached()));
         let goals = [0, 1, 2]
             .map(|of| wanted[of].is_some_and(|of| of != 0.0) && way.values()[of].abs() > STAYS[of]);
         Self { way, goals }
     }
 
     /// Ratio of achieved to planned value of component `of`; `None` if the component is not a goal.
-    pub fn ratio(&self, achieved: &Way, of: usize) -> Option<f64> {
+    pub fn ratio(&self, achieved: &NetDisplacement, of: usize) -> Option<f64> {
         self.goals[of].then(|| achieved.values()[of] / self.way.values()[of])
     }
 
     /// Largest ratio of the difference between `one` and `other` to the allowed deviation, over all components.
-    pub(crate) fn deviation(&self, one: &Way, other: &Way) -> f64 {
+    pub(crate) fn deviation(&self, one: &NetDisplacement, other: &NetDisplacement) -> f64 {
         (0..3).map(|of| self.part(one, other, of)).fold(0.0, f64::max)
     }
 
     /// Largest ratio of the difference between `one` and `other` to the allowed deviation, over the goals.
-    pub(crate) fn deviation_of_goals(&self, one: &Way, other: &Way) -> f64 {
+    pub(crate) fn deviation_of_goals(&self, one: &NetDisplacement, other: &NetDisplacement) -> f64 {
         let goals = (0..3).filter(|of| self.goals[*of]);
         goals.map(|of| self.part(one, other, of)).fold(0.0, f64::max)
     }
 
-    fn part(&self, one: &Way, other: &Way, of: usize) -> f64 {
+    fn part(&self, one: &NetDisplacement, other: &NetDisplacement, of: usize) -> f64 {
         (one.values()[of] - other.values()[of]).abs() / self.allowed(of)
     }
 
     /// Largest ratio of the deviation from the plan to the allowed deviation. Covers the goals, or all components if the motion
     /// has no goals.
-    pub(crate) fn miss(&self, achieved: &Way) -> f64 {
+    pub(crate) fn miss(&self, achieved: &NetDisplacement) -> f64 {
         let judged = |of: &usize| self.goals[*of] || !self.goals.contains(&true);
         let parts = (0..3).filter(judged).map(|of| self.part(achieved, &self.way, of));
         parts.fold(0.0, f64::max)
@@ -74,11 +74,11 @@ impl PlannedWay {
     ///
     /// Only goals count if the motion has any: 0.95 to 1.05 of the planned value is allowed. Without goals 5 mm and 0.02 rad
     /// are allowed.
-    pub fn astray(&self, achieved: &Way) -> Option<Astray> {
+    pub fn worst_deviation(&self, achieved: &NetDisplacement) -> Option<ComponentDeviation> {
         let has_goals = self.goals.contains(&true);
         let of = |of: usize| {
             let [planned, achieved] = [self.way.values()[of], achieved.values()[of]];
-            Astray {
+            ComponentDeviation {
                 component: COMPONENTS[of],
                 is_goal: self.goals[of],
                 planned,
@@ -111,7 +111,7 @@ pub enum Component {
 
 /// Component of a run that deviates too much from the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Astray {
+pub struct ComponentDeviation {
     /// Component that deviates.
     pub component: Component,
     /// True if the motion has a goal for the component.
@@ -126,14 +126,14 @@ pub struct Astray {
     part: f64,
 }
 
-impl Astray {
+impl ComponentDeviation {
     /// True if the achieved value is near the planned one.
     pub(crate) fn is_little(&self) -> bool {
         self.part < LITTLE
     }
 }
 
-impl fmt::Display for Astray {
+impl fmt::Display for ComponentDeviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let &Self { component, is_goal, planned, achieved, .. } = self;
         match (component, is_goal) {
@@ -185,9 +185,9 @@ mod tests {
 
     #[test]
     fn a_deviation_is_compared_with_what_is_allowed() {
-        let way = |forward_m, left_m, turn_rad| Way { forward_m, left_m, turn_rad };
-        let planned = PlannedWay { way: way(0.2, 0.0, 0.0), goals: [true, false, false] };
-        let of = |a: &Way, b: &Way| planned.deviation(a, b);
+        let way = |forward_m, left_m, turn_rad| NetDisplacement { forward_m, left_m, turn_rad };
+        let planned = PlannedDisplacement { way: way(0.2, 0.0, 0.0), goals: [true, false, false] };
+        let of = |a: &NetDisplacement, b: &NetDisplacement| planned.deviation(a, b);
         let one = way(0.21, 0.001, 0.01);
         assert_eq!(of(&one, &one), 0.0);
         // A twentieth of the goal, 5 mm, 0.02 rad.

@@ -59,9 +59,9 @@ pub mod verdict;
 
 pub use closed_loop::Feedback;
 pub use control::Control;
-pub use judgement::{Astray, PlannedWay};
+pub use judgement::{ComponentDeviation, PlannedDisplacement};
 pub use mismatch::Mismatch;
-pub use outcome::{Miss, Outcome};
+pub use outcome::{MotionFailure, RunOutcome};
 pub use run::{Moment, Options, play};
 pub use script::Script;
 pub use sensors::{Noise, SensorFault, SensorFaultKind, SimulatedSensors};

@@ -1,11 +1,11 @@
 //! Outcome of a simulated plan, compared with the plan.
 
 use crate::control::Controller;
-use crate::judgement::{Astray, BAND, PlannedWay};
+use crate::judgement::{BAND, ComponentDeviation, PlannedDisplacement};
 use crate::script::Script;
 use nalgebra::Rotation3;
 use rollwalk_multibody::ground::Ground;
-use rollwalk_physics::world::{FallWatch, Odometer, Totals, Way};
+use rollwalk_physics::world::{FallWatch, NetDisplacement, Odometer, Totals};
 use rollwalk_physics::{StepReport, World};
 use serde::Serialize;
 use std::fmt;
@@ -27,12 +27,12 @@ const CHANGES: f64 = 0.4;
 
 /// Outcome of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Outcome {
+pub struct RunOutcome {
     /// Planned displacement of the motion, or of a period.
     #[serde(flatten)]
-    pub planned: PlannedWay,
+    pub planned: PlannedDisplacement,
     /// Displacement of the motion, or of each period.
-    pub cycles: Vec<Way>,
+    pub cycles: Vec<NetDisplacement>,
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
@@ -52,7 +52,7 @@ pub struct Outcome {
     pub stopped_at_s: Option<f64>,
 }
 
-impl Outcome {
+impl RunOutcome {
     /// Ratio of achieved to planned value of component `of`; `None` if the component is not a goal.
     ///
     /// The achieved value is the mean of the periods after the first one.
@@ -61,7 +61,7 @@ impl Outcome {
     }
 
     /// Periods after the first one, which contains the start; the first one if there are no others.
-    fn settled(&self) -> &[Way] {
+    fn settled(&self) -> &[NetDisplacement] {
         self.cycles.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.cycles)
     }
 
@@ -70,26 +70,28 @@ impl Outcome {
     /// A motion passes if the robot does not fall, covers the planned displacement, and does not change too much between
     /// periods. The displacement is checked for the mean of all periods after the first one, and for the mean of the final
     /// periods.
-    pub fn miss(&self) -> Option<Miss> {
+    pub fn miss(&self) -> Option<MotionFailure> {
         if let Some(at_s) = self.fell_at_s {
-            return Some(Miss::Falls { at_s });
+            return Some(MotionFailure::Falls { at_s });
         }
         let settled = self.settled();
         let last = settled.len().saturating_sub(LAST);
         let (Some(all), Some(late)) = (mean(settled), mean(&settled[last..])) else {
-            return Some(Miss::Unfinished);
+            return Some(MotionFailure::Unfinished);
         };
         let first = |from: usize| self.cycles.len() - settled.len() + from + 1;
-        let on = |way: &Way, from| self.planned.astray(way).map(|astray| (astray, first(from)));
+        let on = |way: &NetDisplacement, from| {
+            self.planned.worst_deviation(way).map(|astray| (astray, first(from)))
+        };
         if let Some((astray, from_period)) = on(&all, 0).or_else(|| on(&late, last)) {
-            return Some(Miss::Astray { astray, from_period });
+            return Some(MotionFailure::Astray { astray, from_period });
         }
         let before = self.cycles.len().saturating_sub(LAST + 1);
         let steps = self.cycles[before..].windows(2);
         let change =
             steps.map(|of| self.planned.deviation_of_goals(&of[0], &of[1])).fold(0.0, f64::max);
         let changes = self.cycles.len() >= SHOWS_CHANGE && change > CHANGES;
-        changes.then(|| Miss::Changes { part: change * (BAND[1] - 1.0) })
+        changes.then(|| MotionFailure::Changes { part: change * (BAND[1] - 1.0) })
     }
 
     /// True if the motion passes: [`miss`](Self::miss) is `None`.
@@ -99,7 +101,7 @@ impl Outcome {
 }
 
 /// Mean displacement of some periods; `None` without periods.
-fn mean(periods: &[Way]) -> Option<Way> {
+fn mean(periods: &[NetDisplacement]) -> Option<NetDisplacement> {
     let count = periods.len() as f64;
     let sum = |of: usize| periods.iter().map(|way| way.values()[of]).sum::<f64>();
     (count > 0.0).then(|| [0, 1, 2].map(|of| sum(of) / count).into())
@@ -108,7 +110,7 @@ fn mean(periods: &[Way]) -> Option<Way> {
 /// Reason why a motion does not pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "miss")]
-pub enum Miss {
+pub enum MotionFailure {
     /// Fall of the robot.
     Falls {
         /// Simulated time, s.
@@ -125,13 +127,13 @@ pub enum Miss {
     Astray {
         /// Component that deviates.
         #[serde(flatten)]
-        astray: Astray,
+        astray: ComponentDeviation,
         /// First of the averaged periods, counted from 1.
         from_period: usize,
     },
 }
 
-impl fmt::Display for Miss {
+impl fmt::Display for MotionFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Falls { at_s } => write!(f, "the robot falls after {at_s:.2} s"),
@@ -153,10 +155,10 @@ impl fmt::Display for Miss {
 }
 
 pub(crate) struct Tracker {
-    planned: PlannedWay,
+    planned: PlannedDisplacement,
     odometer: Odometer,
     fall_watch: FallWatch,
-    cycles: Vec<Way>,
+    cycles: Vec<NetDisplacement>,
     fell_at_s: Option<f64>,
     steps: u64,
     iterations: u64,
@@ -174,7 +176,7 @@ impl Tracker {
         plan_from_world: Rotation3<f64>,
     ) -> Self {
         Self {
-            planned: PlannedWay::new(script.plan()),
+            planned: PlannedDisplacement::new(script.plan()),
             odometer: Odometer::new(world, plan_from_world),
             fall_watch: FallWatch::new(world, ground),
             cycles: Vec::new(),
@@ -227,8 +229,8 @@ impl Tracker {
         self.odometer.begin_again();
     }
 
-    pub fn finish(self, world: &World, controller: &Controller<'_, '_>) -> Outcome {
-        Outcome {
+    pub fn finish(self, world: &World, controller: &Controller<'_, '_>) -> RunOutcome {
+        RunOutcome {
             planned: self.planned,
             cycles: self.cycles,
             fell_at_s: self.fell_at_s,

@@ -7,7 +7,7 @@
 //! The Gauss–Newton method optimises the knots. Height errors have the weight of horizontal errors; otherwise nothing would
 //! keep the robot from sagging. A small smoothness penalty determines the knots that do not affect the motion.
 
-use crate::run::{REST_S, beats, begin, step_s};
+use crate::run::{REST_S, begin, run_steps, step_s};
 use crate::script::Script;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -62,7 +62,7 @@ const TOLERANCE: f64 = 1e-3;
 
 /// Result of retargeting.
 #[derive(Clone, Debug)]
-pub struct Retargeted {
+pub struct RetargetResult {
     /// Plan with its corrections.
     pub plan: Plan,
     /// Objective at the start and after each iteration.
@@ -83,7 +83,7 @@ pub fn retarget(
     plan: &Plan,
     options: &Options,
     mut goes_on: impl FnMut(usize) -> bool,
-) -> Option<Retargeted> {
+) -> Option<RetargetResult> {
     let mut bare = plan.clone();
     bare.samples.iter_mut().for_each(|sample| sample.joint_correction_rad.clear());
     let script = Script::new(&bare, options.feed_forward);
@@ -131,7 +131,7 @@ pub fn retarget(
         largest_rad =
             sample.joint_correction_rad.iter().fold(largest_rad, |most, c| most.max(c.abs()));
     }
-    Some(Retargeted { plan: corrected, costs: fit.costs, rollouts: fit.rollouts, largest_rad })
+    Some(RetargetResult { plan: corrected, costs: fit.costs, rollouts: fit.rollouts, largest_rad })
 }
 
 /// Curve of the corrections of a joint over the time of a rollout.
@@ -195,7 +195,7 @@ fn rollout(
     let parameters = Control::of_all(&world.motors()[..joints], curve);
     let mut recorder = Recorder::new(world.system(), parameters);
     let step_s = step_s(script, options.rate_hz);
-    let (beats, count) = beats(script, options.cycles, step_s);
+    let (beats, count) = run_steps(script, options.cycles, step_s);
     let mut planned = Vec::with_capacity(count);
     for beat in beats {
         let end_s = world.system().time_s() + step_s;

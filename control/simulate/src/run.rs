@@ -2,7 +2,7 @@
 
 use crate::control::{Control, Controller};
 use crate::mismatch::Mismatch;
-use crate::outcome::{Outcome, Tracker};
+use crate::outcome::{RunOutcome, Tracker};
 use crate::script::Script;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -67,14 +67,14 @@ pub fn play(
     plan: &Plan,
     options: &Options,
     mut goes_on: impl FnMut(&Moment<'_>) -> bool,
-) -> Result<Outcome, StepError> {
+) -> Result<RunOutcome, StepError> {
     let script = Script::new(plan, options.control != Control::Servos);
     let robot = options.mismatch.of(&plan.robot);
     let parameters = options.mismatch.parameters(&robot);
     let (mut world, world_from_plan) = begin(&script, &robot, &options.ground, &parameters);
     let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
     let step_s = step_s(&script, options.rate_hz);
-    let (beats, total) = beats(&script, options.cycles, step_s);
+    let (beats, total) = run_steps(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
     let mut controller = Controller::new(
         &script,
@@ -96,8 +96,8 @@ pub fn play(
         let report = world.step(step_s)?;
         tracker.add(&world, step_s, &report);
         match beat.mark.filter(|_| !tracker.has_fallen()) {
-            Some(Mark::Start) => tracker.begin(),
-            Some(Mark::End) => tracker.end_cycle(),
+            Some(MotionEvent::Start) => tracker.begin(),
+            Some(MotionEvent::End) => tracker.end_cycle(),
             None => {}
         }
         let moment = Moment {
@@ -150,15 +150,15 @@ pub(crate) fn begin(
     (world, world_from_plan)
 }
 
-pub(crate) struct Beat {
+pub(crate) struct RunStep {
     /// Time of the motion at the end of the step, s.
     pub time_s: f64,
     /// Event at the end of the step.
-    mark: Option<Mark>,
+    mark: Option<MotionEvent>,
 }
 
 #[derive(Clone, Copy)]
-enum Mark {
+enum MotionEvent {
     /// Start of the motion.
     Start,
     /// End of a period, or of the rest after a finite motion.
@@ -168,24 +168,25 @@ enum Mark {
 /// Steps of a run and their number.
 ///
 /// A periodic motion consists of its periods, a finite one of rest, motion and rest.
-pub(crate) fn beats(
+pub(crate) fn run_steps(
     script: &Script<'_>,
     cycles: usize,
     step_s: f64,
-) -> (Box<dyn Iterator<Item = Beat>>, usize) {
+) -> (Box<dyn Iterator<Item = RunStep>>, usize) {
     let duration_s = script.duration_s();
     let count = (duration_s / step_s).round() as usize;
-    let beat = move |number: usize, of: usize, time_s: f64, mark: Mark| Beat {
+    let beat = move |number: usize, of: usize, time_s: f64, mark: MotionEvent| RunStep {
         time_s,
         mark: (number == of).then_some(mark),
     };
-    let period = move || (1..=count).map(move |k| beat(k, count, k as f64 * step_s, Mark::End));
+    let period =
+        move || (1..=count).map(move |k| beat(k, count, k as f64 * step_s, MotionEvent::End));
     if script.repeats() {
         return (Box::new((0..cycles).flat_map(move |_| period())), count * cycles);
     }
     let rest = (REST_S / step_s).round() as usize;
-    let before = (1..=rest).map(move |k| beat(k, rest, 0.0, Mark::Start));
-    let moving = period().map(|beat| Beat { mark: None, ..beat });
-    let after = (1..=rest).map(move |k| beat(k, rest, duration_s, Mark::End));
+    let before = (1..=rest).map(move |k| beat(k, rest, 0.0, MotionEvent::Start));
+    let moving = period().map(|beat| RunStep { mark: None, ..beat });
+    let after = (1..=rest).map(move |k| beat(k, rest, duration_s, MotionEvent::End));
     (Box::new(before.chain(moving).chain(after)), count + 2 * rest)
 }

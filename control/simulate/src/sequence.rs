@@ -3,10 +3,10 @@
 //! The estimator and the tracker run through all plans, so that the state estimate survives a change of plan. Each plan is
 //! placed at the end of the previous one. Times are those of the caller's measurements, and samples may be missing.
 
-use crate::closed_loop::Placed;
-use crate::follower::{Followed, Follower};
+use crate::closed_loop::PlacedPlan;
+use crate::follower::{FollowedPlan, Follower};
 use crate::script::Script;
-use crate::tick::{Measured, Timing, Untracked};
+use crate::tick::{Measurement, Timing, TrackingError};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{State, Tree};
 use rollwalk_physics::motor::Law;
@@ -24,7 +24,7 @@ const JOINED_RAD: f64 = 0.01;
 /// Plan of a sequence, with its gains.
 pub struct Leg<'p> {
     script: Script<'p>,
-    plan: Placed,
+    plan: PlacedPlan,
     gains: Gains,
     cycles: u32,
     hold_s: f64,
@@ -109,7 +109,7 @@ impl<'p> Leg<'p> {
     pub fn new(plan: &'p Plan) -> Self {
         let script = Script::new(plan, true);
         let (body, world_from_plan) = (WholeBody::new(plan), Isometry3::identity());
-        let mut plan = Placed { body, world_from_plan, from_s: 0.0 };
+        let mut plan = PlacedPlan { body, world_from_plan, from_s: 0.0 };
         let gains = plan.gains(&script);
         Self { script, plan, gains, cycles: 1, hold_s: 0.0 }
     }
@@ -153,9 +153,9 @@ impl<'p> Leg<'p> {
     }
 
     /// Position and heading of the body at a time of the plan, on the ground.
-    fn place(&self, time_s: f64) -> Isometry3<f64> {
+    fn ground_pose(&self, time_s: f64) -> Isometry3<f64> {
         let (position_m, rotation) = self.script.base(time_s);
-        place(&position_m, &rotation)
+        ground_pose(&position_m, &rotation)
     }
 
     fn name(&self) -> String {
@@ -203,7 +203,7 @@ impl<'p> Sequence<'p> {
         let mut follower = Follower::new(&first.script, first.plan.body.tree(), timing);
         follower.change_plan(first.gains.clone());
         // Where an estimator that aligns itself at rest puts the robot.
-        let start = legs[0].place(0.0).inverse();
+        let start = legs[0].ground_pose(0.0).inverse();
         legs[0].plan.world_from_plan = start;
         Ok(Self {
             legs,
@@ -227,7 +227,7 @@ impl<'p> Sequence<'p> {
         self.planned_contacts = planned;
     }
 
-    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measured`] refer to it.
+    /// Model of the robot with turning wheels and rotors. States and velocities of [`Measurement`] refer to it.
     pub fn tree(&self) -> &Tree {
         self.follower.tracker.tree()
     }
@@ -292,7 +292,7 @@ impl<'p> Sequence<'p> {
         leg + 1 == self.legs.len() && time_s >= self.legs[leg].duration_s()
     }
 
-    /// True if the robot could not be tracked, was stopped, and now stands ([`Untracked::Stopped`]).
+    /// True if the robot could not be tracked, was stopped, and now stands ([`TrackingError::Stopped`]).
     pub fn has_stopped(&self) -> bool {
         self.follower.has_stopped()
     }
@@ -311,15 +311,19 @@ impl<'p> Sequence<'p> {
     ///
     /// `time_s` is the time of the measurement, s, from any origin; ticks may be skipped. The motors get the set-points of the
     /// plan if `time_s` is not later than the previous time, or if the tracker has no set-points. The reason is then returned
-    /// too. After 0.1 s without set-points in motion the robot stops for good ([`Untracked::Stopped`]).
-    pub fn tick(&mut self, time_s: f64, measured: Measured<'_>) -> (Vec<Law>, Option<Untracked>) {
+    /// too. After 0.1 s without set-points in motion the robot stops for good ([`TrackingError::Stopped`]).
+    pub fn tick(
+        &mut self,
+        time_s: f64,
+        measured: Measurement<'_>,
+    ) -> (Vec<Law>, Option<TrackingError>) {
         let time_s = if time_s.is_finite() { time_s } else { self.last_s.unwrap_or(0.0) };
         let now_s = self.last_s.map_or(time_s, |last_s| time_s.max(last_s));
         let since_s = self.last_s.map_or(self.timing.tick_s, |last_s| now_s - last_s);
         self.last_s = Some(now_s);
         if let Some(laws) = self.follower.stopped(&self.legs[self.acts].script, since_s) {
             self.ready = false;
-            return (laws, Some(Untracked::Stopped));
+            return (laws, Some(TrackingError::Stopped));
         }
         if self.began_s.is_none() {
             self.rest(now_s, measured);
@@ -334,8 +338,12 @@ impl<'p> Sequence<'p> {
         let (acts, _, acts_s) = self.at(ends_s);
         self.acts = acts;
         let Leg { script, plan, .. } = &self.legs[acts];
-        let followed =
-            Followed { script, body: &plan.body, contacts: planned.as_deref(), may_stop: moves };
+        let followed = FollowedPlan {
+            script,
+            body: &plan.body,
+            contacts: planned.as_deref(),
+            may_stop: moves,
+        };
         let (laws, untracked) =
             self.follower.tick(&followed, &reference, acts_s, since_s, measured);
         self.ready = untracked.is_none();
@@ -350,23 +358,23 @@ impl<'p> Sequence<'p> {
 
     /// Places the first plan at the robot during the rest before it: when its state becomes known, and again when the motion
     /// begins.
-    fn rest(&mut self, now_s: f64, measured: Measured<'_>) {
+    fn rest(&mut self, now_s: f64, measured: Measurement<'_>) {
         let begins = self.goes && self.ready;
         if self.ready && !begins {
             return;
         }
         let state = match measured {
-            Measured::State(state, _) => state,
+            Measurement::State(state, _) => state,
             // An alignment keeps them.
-            Measured::Sensors(_) => self.follower.estimator.state(),
+            Measurement::Sensors(_) => self.follower.estimator.state(),
         };
-        let there = place(&state.base_position_m, &state.world_from_body);
+        let there = ground_pose(&state.base_position_m, &state.world_from_body);
         if !there.to_homogeneous().iter().all(|value| value.is_finite()) {
             return;
         }
         let anchor_m = self.follower.tracker.anchor_m();
         let back = Translation3::new(-anchor_m.x, -anchor_m.y, 0.0);
-        self.legs[0].plan.world_from_plan = back * there * self.legs[0].place(0.0).inverse();
+        self.legs[0].plan.world_from_plan = back * there * self.legs[0].ground_pose(0.0).inverse();
         if begins {
             self.began_s = Some(self.acts_s(now_s));
         }
@@ -388,8 +396,8 @@ impl<'p> Sequence<'p> {
         let (leg, began_s, leg_s) = self.at(acts_s);
         for next in self.leg + 1..=leg {
             let before = &self.legs[next - 1];
-            let end = before.plan.world_from_plan * before.place(before.moves_s());
-            let begins = self.legs[next].place(0.0);
+            let end = before.plan.world_from_plan * before.ground_pose(before.moves_s());
+            let begins = self.legs[next].ground_pose(0.0);
             self.legs[next].plan.world_from_plan = end * begins.inverse();
         }
         if leg != self.leg {
@@ -401,7 +409,7 @@ impl<'p> Sequence<'p> {
 }
 
 /// Position on the ground and heading of a body.
-fn place(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
+fn ground_pose(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad(rotation));
     Isometry3::from_parts(Translation3::new(position_m.x, position_m.y, 0.0), turn)
 }

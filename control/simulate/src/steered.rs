@@ -4,7 +4,7 @@
 //! begins in the state that is predicted for that time. Meanwhile the previous plan continues, and the prediction keeps the
 //! deviation of the measured state from this plan. A plan that is not accepted does not take over.
 
-use crate::closed_loop::Placed;
+use crate::closed_loop::PlacedPlan;
 use crate::script::servo;
 use crate::tick::law;
 use rollwalk_multibody::State;
@@ -67,7 +67,7 @@ impl Default for Options {
 
 /// Result of planning a horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Planned {
+pub struct HorizonResult {
     /// Number of iterations.
     pub iterations: usize,
     /// True if the plan was accepted.
@@ -76,13 +76,13 @@ pub struct Planned {
 
 /// Outcome of a steered run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Outcome {
+pub struct SteeredOutcome {
     /// Time at which the robot fell, s; `None` if it did not fall.
     pub fell_at_s: Option<f64>,
     /// Simulated time, s.
     pub time_s: f64,
     /// Plans, in order of time.
-    pub plans: Vec<Planned>,
+    pub plans: Vec<HorizonResult>,
     /// Number of ticks without a solution of the tracker, in which the motors kept their set-points.
     pub untracked: u32,
     /// Simulation rate, steps per second.
@@ -91,7 +91,7 @@ pub struct Outcome {
     pub velocities: Vec<[f64; 3]>,
 }
 
-impl Outcome {
+impl SteeredOutcome {
     /// Number of plans that were not accepted.
     pub fn rejected(&self) -> usize {
         self.plans.iter().filter(|plan| !plan.accepted).count()
@@ -162,7 +162,7 @@ struct Planner {
     steps: usize,
     /// Duration of a simulation step, s.
     step_s: f64,
-    plans: Vec<Planned>,
+    plans: Vec<HorizonResult>,
 }
 
 impl Planner {
@@ -171,7 +171,7 @@ impl Planner {
         &mut self,
         measured: Measured<'_>,
         step: usize,
-    ) -> Result<Option<Placed>, HorizonError> {
+    ) -> Result<Option<PlacedPlan>, HorizonError> {
         let mut left = self.iterations;
         let limit = &mut |_: &_| {
             left = left.saturating_sub(1);
@@ -180,18 +180,22 @@ impl Planner {
         let at = (step / self.steps) as u64;
         let found = self.horizon.plan(measured, at, self.steering, limit)?;
         let (iterations, accepted) = (found.plan.solve.iterations, found.is_accepted());
-        self.plans.push(Planned { iterations, accepted });
+        self.plans.push(HorizonResult { iterations, accepted });
         let (world_from_plan, from_s) = (found.world_from_plan, step as f64 * self.step_s);
-        Ok(accepted.then(|| Placed { body: WholeBody::new(&found.plan), world_from_plan, from_s }))
+        Ok(accepted.then(|| PlacedPlan {
+            body: WholeBody::new(&found.plan),
+            world_from_plan,
+            from_s,
+        }))
     }
 
     /// Plans for step `then` from the state measured at step `now`, while the plan `tracked` is followed.
     fn plan_ahead(
         &mut self,
-        tracked: &mut Placed,
+        tracked: &mut PlacedPlan,
         measured: Measured<'_>,
         [now, then]: [usize; 2],
-    ) -> Result<Option<Placed>, HorizonError> {
+    ) -> Result<Option<PlacedPlan>, HorizonError> {
         let [here, there] = [now, then].map(|step| tracked.at(step as f64 * self.step_s));
         let touches: Vec<bool> = (here.stands.iter().zip(&there.stands).zip(measured.touches))
             .map(|((here, there), touches)| if here == there { *touches } else { *there })
@@ -213,7 +217,7 @@ pub fn steer(
     horizon: Horizon,
     commands: &[Command],
     options: &Options,
-) -> Result<Outcome, SteeredError> {
+) -> Result<SteeredOutcome, SteeredError> {
     let replan_s = options.replan_samples as f64 * horizon.interval_s();
     let planning_s = options.planning_s;
     if !(0.0..replan_s).contains(&planning_s) {
@@ -277,7 +281,7 @@ pub fn steer(
         }
     }
     let (time_s, plans) = (world.system().time_s(), planner.plans);
-    Ok(Outcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
+    Ok(SteeredOutcome { fell_at_s, time_s, plans, untracked, rate_hz: 1.0 / step_s, velocities })
 }
 
 /// Velocity of the body: forward and left in its heading frame, m/s, and rate of the heading, rad/s.

@@ -2,7 +2,7 @@
 
 use rollwalk_multibody::State;
 use rollwalk_physics::motor::Law;
-use rollwalk_tracking::estimator::Untrusted;
+use rollwalk_tracking::estimator::EstimateError;
 use rollwalk_tracking::{NoSetpoints, Sensors, Setpoint};
 use thiserror::Error;
 
@@ -11,7 +11,7 @@ pub(crate) const LOST_S: f64 = 0.1;
 
 /// Measurement at a tick.
 #[derive(Clone, Copy, Debug)]
-pub enum Measured<'a> {
+pub enum Measurement<'a> {
     /// State of the robot in the world, and contact flag of each end effector.
     State(&'a State, &'a [bool]),
     /// Measurements of the sensors since the previous tick.
@@ -20,10 +20,10 @@ pub enum Measured<'a> {
 
 /// Reason why the motors get the set-points of the plan or of its stop instead of tracked ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Untracked {
+pub enum TrackingError {
     /// State estimate that cannot be trusted.
     #[error("{0}")]
-    State(Untrusted),
+    State(EstimateError),
     /// Tracker without a solution.
     #[error("{0}")]
     Setpoints(NoSetpoints),

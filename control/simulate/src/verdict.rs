@@ -5,7 +5,7 @@
 
 use crate::control::Control;
 use crate::mismatch::Mismatch;
-use crate::outcome::{Miss, Outcome};
+use crate::outcome::{MotionFailure, RunOutcome};
 use crate::run::{Moment, Options, play};
 use rollwalk_planner::plan::Plan;
 use serde::Serialize;
@@ -30,7 +30,7 @@ pub enum Verdict {
         contact_stiffness: f64,
         /// Reason of the failure.
         #[serde(flatten)]
-        miss: Miss,
+        miss: MotionFailure,
     },
     /// Step of the simulation without a solution.
     Unsolved {
@@ -63,7 +63,7 @@ impl Verdict {
             if stopped {
                 return None;
             }
-            match outcome.as_ref().map(Outcome::miss) {
+            match outcome.as_ref().map(RunOutcome::miss) {
                 Ok(None) => {}
                 Ok(Some(miss)) => return Some(Self::Fails { contact_stiffness, miss }),
                 Err(_) => return Some(Self::Unsolved { contact_stiffness, at_s }),
@@ -80,8 +80,8 @@ impl Verdict {
     /// True if the robot does not fall, and its displacement is near the planned one without being accepted.
     pub fn misses_by_little(&self) -> bool {
         match self {
-            Self::Fails { miss: Miss::Astray { astray, .. }, .. } => astray.is_little(),
-            Self::Fails { miss: Miss::Changes { .. }, .. } => true,
+            Self::Fails { miss: MotionFailure::Astray { astray, .. }, .. } => astray.is_little(),
+            Self::Fails { miss: MotionFailure::Changes { .. }, .. } => true,
             _ => false,
         }
     }

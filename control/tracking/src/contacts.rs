@@ -33,14 +33,14 @@ pub(crate) enum Phase {
 
 /// Plan of an end effector.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Planned {
+pub(crate) struct PlannedContact {
     pub stands: bool,
     /// True if the end effector moves away from the ground.
     pub rises: bool,
 }
 
 /// Phase of an end effector. An end effector that should rise but still touches the ground lifts off late and does not stand.
-pub(crate) fn phase(planned: Planned, touches: bool, recovers: bool) -> Phase {
+pub(crate) fn phase(planned: PlannedContact, touches: bool, recovers: bool) -> Phase {
     let is_needed = planned.stands || recovers;
     match touches {
         true if is_needed || !planned.rises => Phase::Stance,
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn contacts_are_as_they_are_measured_but_at_lift_off() {
-        let planned = |stands, rises| Planned { stands, rises };
+        let planned = |stands, rises| PlannedContact { stands, rises };
         for (planned, touching, apart) in [
             (planned(true, false), Phase::Stance, Phase::Landing),
             (planned(false, true), Phase::Swing, Phase::Swing),

@@ -31,7 +31,7 @@ pub(crate) struct Correction {
 }
 
 /// Contact or lowest point of an end effector.
-pub(crate) struct Place {
+pub(crate) struct TrackedPoint {
     /// Planned position, m.
     pub planned: Vector3<f64>,
     /// Measured position, m.
@@ -74,7 +74,7 @@ impl Correction {
         [time_s, tick_s]: [f64; 2],
         [planned, measured]: [&Kinematics; 2],
         mass: &DMatrix<f64>,
-        places: impl Iterator<Item = Place> + Clone,
+        places: impl Iterator<Item = TrackedPoint> + Clone,
     ) {
         let feet = self.force_n.len();
         let (there, here) = (&planned.frames, &measured.frames);

@@ -20,9 +20,9 @@ mod rest;
 use crate::absence::Absence;
 use crate::plausible;
 use crate::sensors::Sensors;
-use filter::{Contact, Filter};
+use filter::{ContactKinematics, Filter};
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
-use rest::Rest;
+use rest::RestDetector;
 use rollwalk_multibody::{
     ANGULAR, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree, rotation,
 };
@@ -68,7 +68,7 @@ const STILL_RAD_S: f64 = 0.02;
 
 /// Reason why an estimate must not be used. The controller has to bring the robot to a safe state without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Untrusted {
+pub enum EstimateError {
     /// Reading or tick duration that is not finite or out of range, an angle far beyond its joint's range, or a jump of the
     /// gyro.
     ///
@@ -89,7 +89,7 @@ pub enum Untrusted {
     Contradiction,
 }
 
-impl fmt::Display for Untrusted {
+impl fmt::Display for EstimateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::BadSensor => {
@@ -104,7 +104,7 @@ impl fmt::Display for Untrusted {
     }
 }
 
-impl Error for Untrusted {}
+impl Error for EstimateError {}
 
 /// State estimator of one robot.
 #[derive(Clone, Debug)]
@@ -114,7 +114,7 @@ pub struct Estimator {
     jacobian: Matrix3xX<f64>,
     filter: Filter,
     state: State,
-    rest: Rest,
+    rest: RestDetector,
     is_aligned: bool,
     /// Previous gyro sample, and previous accepted gyro sample, rad/s.
     gyros_rad_s: [Option<Vector3<f64>>; 2],
@@ -141,7 +141,7 @@ impl Estimator {
             jacobian: Matrix3xX::zeros(tree.dofs()),
             filter: Filter::new(Matrix3::identity(), zero, zero, zero),
             state,
-            rest: Rest::new(tree.dofs() - JOINTS),
+            rest: RestDetector::new(tree.dofs() - JOINTS),
             is_aligned: false,
             gyros_rad_s: [None; 2],
             since_gyro_s: 0.0,
@@ -161,7 +161,7 @@ impl Estimator {
     ///
     /// # Panics
     /// Panics if the state is for another robot.
-    pub fn align(&mut self, state: &State) -> Result<(), Untrusted> {
+    pub fn align(&mut self, state: &State) -> Result<(), EstimateError> {
         let (joints, dofs) = (self.state.joint_rad.len(), self.tree.dofs());
         let lengths = (state.joint_rad.len(), state.velocity.len());
         assert_eq!(lengths, (joints, dofs), "a state of another robot");
@@ -171,7 +171,7 @@ impl Estimator {
         let filter = Filter::new(state.world_from_body, part(LINEAR), rate, bias);
         let others = state.base_position_m.iter().chain(&state.joint_rad).chain(&state.velocity);
         if !filter.is_finite() || !others.into_iter().all(|value| value.is_finite()) {
-            return Err(Untrusted::BadSensor);
+            return Err(EstimateError::BadSensor);
         }
         self.state.base_position_m = state.base_position_m;
         self.state.joint_rad.copy_from_slice(&state.joint_rad);
@@ -205,13 +205,13 @@ impl Estimator {
     ///
     /// # Panics
     /// Panics if the sensors are for another robot: their slices have other lengths.
-    pub fn tick(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<&State, Untrusted> {
+    pub fn tick(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<&State, EstimateError> {
         let lengths = (sensors.joint_rad.len(), sensors.speed_rad_s.len(), sensors.touches.len());
         let robot = self.tree.robot();
         let own = (robot.joints.len(), self.tree.dofs() - JOINTS, robot.end_effectors.len());
         assert_eq!(lengths, own, "sensors of another robot");
         if !(tick_s > 0.0 && tick_s.is_finite()) {
-            return Err(Untrusted::BadSensor);
+            return Err(EstimateError::BadSensor);
         }
         let is_good =
             plausible::sensors(self.tree.robot(), sensors) && !self.jumps(sensors, tick_s);
@@ -222,10 +222,10 @@ impl Estimator {
             self.without_imu_s += tick_s;
         }
         let lost = if self.bad.tick(is_good, tick_s, WITHOUT_IMU_S) {
-            Some(Untrusted::BadSensor)
+            Some(EstimateError::BadSensor)
         } else {
             let is_missing = self.without_imu_s.max(tick_s) > WITHOUT_IMU_S;
-            is_missing.then_some(Untrusted::ImuMissing)
+            is_missing.then_some(EstimateError::ImuMissing)
         };
         if let Some(why) = lost {
             self.rest.lasts_s = 0.0;
@@ -240,23 +240,23 @@ impl Estimator {
         }
         let before = (self.filter, self.state.base_position_m);
         let mut verdict = match (self.is_aligned, is_good) {
-            (true, true) => self.go_on(sensors, tick_s),
+            (true, true) => self.track(sensors, tick_s),
             (true, false) => {
                 self.filter.predict(None, tick_s);
                 self.state.base_position_m += self.filter.velocity_m_s * tick_s;
-                Err(Untrusted::BadSensor)
+                Err(EstimateError::BadSensor)
             }
             (false, true) => self.align_at_rest(sensors.touches),
-            (false, false) => Err(Untrusted::BadSensor),
+            (false, false) => Err(EstimateError::BadSensor),
         };
         if !self.filter.is_finite() || !self.state.base_position_m.iter().all(|x| x.is_finite()) {
             (self.filter, self.state.base_position_m) = before;
-            verdict = Err(Untrusted::Contradiction);
+            verdict = Err(EstimateError::Contradiction);
         }
         self.write();
         match verdict {
             Ok(()) => Ok(&self.state),
-            Err(Untrusted::BadSensor) => Err(Untrusted::BadSensor),
+            Err(EstimateError::BadSensor) => Err(EstimateError::BadSensor),
             Err(why) => self.lose(why),
         }
     }
@@ -279,7 +279,7 @@ impl Estimator {
     }
 
     /// Tick of an aligned estimator.
-    fn go_on(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<(), Untrusted> {
+    fn track(&mut self, sensors: &Sensors<'_>, tick_s: f64) -> Result<(), EstimateError> {
         let velocity_before = self.filter.velocity_m_s;
         self.filter.predict(sensors.accelerometer_m_s2, tick_s);
         if let Some(gyro_rad_s) = &sensors.gyro_rad_s {
@@ -318,21 +318,21 @@ impl Estimator {
         let is_too_steep = self.is_too_steep(sensors.touches);
         self.steep_s = if is_too_steep { self.steep_s + tick_s } else { 0.0 };
         if self.without_contact_s > WITHOUT_CONTACT_S {
-            Err(Untrusted::NoContact)
+            Err(EstimateError::NoContact)
         } else if self.steep_s > STEEP_S
             || self.slip_m_s.norm() > TOO_FAST_M_S
             || self.filter.gyro_bias_rad_s.norm() > TOO_BIASED_RAD_S
         {
-            Err(Untrusted::Contradiction)
+            Err(EstimateError::Contradiction)
         } else {
             Ok(())
         }
     }
 
     /// Initialises tilt and gyro bias with the mean IMU readings of a robot at rest, and the height with its contacts.
-    fn align_at_rest(&mut self, touches: &[bool]) -> Result<(), Untrusted> {
+    fn align_at_rest(&mut self, touches: &[bool]) -> Result<(), EstimateError> {
         if self.rest.lasts_s <= REST_S {
-            return Err(Untrusted::NotAligned);
+            return Err(EstimateError::NotAligned);
         }
         let up = self.rest.force_m_s2.normalize();
         let there = &self.state.world_from_body;
@@ -346,7 +346,7 @@ impl Estimator {
         self.move_joints();
         if self.is_too_steep(touches) {
             self.filter = before;
-            return Err(Untrusted::Contradiction);
+            return Err(EstimateError::Contradiction);
         }
         let (mut count, mut height_m) = (0.0, 0.0);
         for end_effector in touching(touches) {
@@ -357,7 +357,7 @@ impl Estimator {
         }
         if count == 0.0 {
             self.filter = before;
-            return Err(Untrusted::NoContact);
+            return Err(EstimateError::NoContact);
         }
         self.state.base_position_m.z = height_m / count;
         self.begin(filter);
@@ -372,7 +372,7 @@ impl Estimator {
         self.slip_m_s.fill(0.0);
     }
 
-    fn lose(&mut self, why: Untrusted) -> Result<&State, Untrusted> {
+    fn lose(&mut self, why: EstimateError) -> Result<&State, EstimateError> {
         self.is_aligned = false;
         Err(why)
     }
@@ -393,13 +393,16 @@ impl Estimator {
     /// component along a blade.
     ///
     /// `None` if a wheel lies flat.
-    fn contact(&mut self, end_effector: usize) -> Option<(Contact, Matrix3<f64>, Vector3<f64>)> {
+    fn contact(
+        &mut self,
+        end_effector: usize,
+    ) -> Option<(ContactKinematics, Matrix3<f64>, Vector3<f64>)> {
         let Self { tree, kinematics, jacobian, state, filter, .. } = self;
         let rim = RimContact::new(tree, &kinematics.frames, end_effector, &Vector3::z())?;
         let spin_m_s = rim
             .wheel_dof
             .map_or(Vector3::zeros(), |dof| rim.axis.cross(&rim.lever) * state.velocity[dof]);
-        let contact = Contact {
+        let contact = ContactKinematics {
             lever_m: rim.position(),
             by_joints_m_s: rim.motion(kinematics).material_velocity - spin_m_s,
             spin_m_s,

@@ -1,7 +1,7 @@
 //! Gains of a plan: the optimal feedback for its linear model ([`crate::model`]). A Riccati recursion backwards over the plan
 //! computes them once before it is played.
 
-use crate::model::{self, Costs, FEET, Model, Moment};
+use crate::model::{self, Costs, FEET, Moment, PlanModel};
 use crate::reference::Reference;
 use nalgebra::{DMatrix, DMatrixViewMut, Rotation2, Rotation3, Vector3};
 use rollwalk_multibody::Tree;
@@ -35,7 +35,7 @@ impl Gains {
     ) -> Self {
         let count = (duration_s / INTERVAL_S).round().max(1.0) as usize;
         let interval_s = duration_s / count as f64;
-        let mut model = Model::new(tree);
+        let mut model = PlanModel::new(tree);
         let mut about =
             |k: usize| model.about(tree, costs, &reference((k as f64 + 0.5) * interval_s));
         let moments: Vec<Moment> = (0..=count).map(&mut about).collect();

@@ -60,7 +60,7 @@ mod sensors;
 pub mod tasks;
 pub mod tracker;
 
-pub use estimator::{Estimator, Untrusted};
+pub use estimator::{EstimateError, Estimator};
 pub use gains::Gains;
 pub use reference::Reference;
 pub use sensors::Sensors;

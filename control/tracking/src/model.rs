@@ -97,14 +97,14 @@ pub(crate) struct Moment {
 }
 
 /// Linearisation of plans of one robot.
-pub(crate) struct Model {
+pub(crate) struct PlanModel {
     kinematics: Kinematics,
     composite: CompositeInertia,
     mass: DMatrix<f64>,
     momentum: Matrix6xX<f64>,
 }
 
-impl Model {
+impl PlanModel {
     pub fn new(tree: &Tree) -> Self {
         let still = rollwalk_multibody::State::nominal(tree);
         let kinematics = Kinematics::new(tree, &still.configuration());
@@ -261,7 +261,7 @@ mod tests {
             force_n: forces.clone(),
             state,
         };
-        let mut model = Model::new(&tree);
+        let mut model = PlanModel::new(&tree);
         let moment = model.about(&tree, &Costs::default(), &reference);
         let kinematics = &model.kinematics;
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), -moment.heading_rad);

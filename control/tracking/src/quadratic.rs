@@ -40,7 +40,7 @@ impl Program {
 
 /// Reason why a solve failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unsolved {
+pub enum SolveError {
     /// Matrix H that is not positive definite, or a value that is not finite.
     #[error("the quadratic program is not convex, or contains a value that is not finite")]
     NotConvex,
@@ -128,7 +128,7 @@ impl Solver {
     ///
     /// # Panics
     /// Panics if the program has another size.
-    pub fn solve(&mut self, program: &Program) -> Result<&DVector<f64>, Unsolved> {
+    pub fn solve(&mut self, program: &Program) -> Result<&DVector<f64>, SolveError> {
         self.begin(program)?;
         for constraint in 0..program.equalities {
             self.add(program, constraint)?;
@@ -138,12 +138,12 @@ impl Solver {
         }
         match self.x.iter().all(|x| x.is_finite()) {
             true => Ok(&self.x),
-            false => Err(Unsolved::NotConvex),
+            false => Err(SolveError::NotConvex),
         }
     }
 
     /// Computes the unconstrained minimum: J = L⁻ᵀ, x = −J Jᵀ g.
-    fn begin(&mut self, program: &Program) -> Result<(), Unsolved> {
+    fn begin(&mut self, program: &Program) -> Result<(), SolveError> {
         let n = self.x.len();
         assert_eq!(program.gradient.len(), n, "the solver is made for another size");
         self.active.clear();
@@ -160,7 +160,7 @@ impl Solver {
                 } else if sum > 0.0 {
                     self.cholesky[(j, j)] = sum.sqrt();
                 } else {
-                    return Err(Unsolved::NotConvex);
+                    return Err(SolveError::NotConvex);
                 }
             }
         }
@@ -180,7 +180,7 @@ impl Solver {
     }
 
     /// Satisfies a constraint and adds it to the active ones. Releases constraints whose multipliers would change sign.
-    fn add(&mut self, program: &Program, constraint: usize) -> Result<(), Unsolved> {
+    fn add(&mut self, program: &Program, constraint: usize) -> Result<(), SolveError> {
         let normal = program.normals.column(constraint);
         let is_equality = constraint < program.equalities;
         let mut slack = normal.dot(&self.x) - program.bounds[constraint];
@@ -188,7 +188,7 @@ impl Solver {
         loop {
             self.steps += 1;
             if self.steps > Self::STEPS_MAX {
-                return Err(Unsolved::TooManySteps);
+                return Err(SolveError::TooManySteps);
             }
             let count = self.active.len();
             self.projected.gemv_tr(1.0, &self.directions, &normal, 0.0);
@@ -206,14 +206,14 @@ impl Solver {
             if depends && is_equality {
                 // One that says again what others say needs no place; one that contradicts them has none.
                 let says_it_again = slack.abs() <= self.rounding(program, constraint);
-                return if says_it_again { Ok(()) } else { Err(Unsolved::Infeasible) };
+                return if says_it_again { Ok(()) } else { Err(SolveError::Infeasible) };
             }
             let full = if depends { f64::INFINITY } else { -slack / curvature };
             let blocking = if is_equality { None } else { self.blocking(program) };
             let partial = blocking.map_or(f64::INFINITY, |(_, length)| length);
             let length = full.min(partial);
             if length == f64::INFINITY {
-                return Err(Unsolved::Infeasible);
+                return Err(SolveError::Infeasible);
             }
             for i in 0..count {
                 self.multipliers[i] -= length * self.dual[i];

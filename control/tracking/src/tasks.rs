@@ -112,11 +112,11 @@ pub(crate) fn limited(wanted: Vector3<f64>, most: f64) -> Vector3<f64> {
 }
 
 /// Weighted squares that are added to the objective of a program.
-pub(crate) struct Squares<'p> {
+pub(crate) struct SquaredTerms<'p> {
     pub program: &'p mut Program,
 }
 
-impl Squares<'_> {
+impl SquaredTerms<'_> {
     /// Adds weight |J ν̇ − target|² for the first unknowns.
     pub fn add<C: Dim, S: RawStorage<f64, U3, C>>(
         &mut self,

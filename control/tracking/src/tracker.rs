@@ -13,12 +13,12 @@
 //! J̇ is evaluated at the contact point, which moves along the rim. At the centre, or at a point fixed to the tyre, the program
 //! would request impossible forces from the wheel.
 
-use crate::contacts::{self, Phase, Planned};
-use crate::correction::{Correction, Place};
+use crate::contacts::{self, Phase, PlannedContact};
+use crate::correction::{Correction, TrackedPoint};
 use crate::gains::Gains;
 use crate::model::heading_rad;
 use crate::plausible;
-use crate::quadratic::{Program, Solver, Unsolved};
+use crate::quadratic::{Program, SolveError, Solver};
 use crate::recovery::{Errors, Recovery};
 use crate::reference::Reference;
 use crate::tasks::Weights;
@@ -60,8 +60,8 @@ pub enum NoSetpoints {
     Unsolved,
 }
 
-impl From<Unsolved> for NoSetpoints {
-    fn from(_: Unsolved) -> Self {
+impl From<SolveError> for NoSetpoints {
+    fn from(_: SolveError) -> Self {
         Self::Unsolved
     }
 }
@@ -326,7 +326,7 @@ impl Tracker {
         assert_eq!(lengths, (self.tree.dofs(), feet, feet), "a reference of another robot");
         assert_eq!(touches.len(), feet, "contacts of another robot");
         let recovery = self.recovery;
-        self.look_ahead(state);
+        self.predict_state(state);
         let solved = match plausible::state(self.tree.robot(), state) {
             true => self.solve(reference, touches),
             false => Err(NoSetpoints::Implausible),
@@ -347,7 +347,7 @@ impl Tracker {
     }
 
     /// Predicts the state at the time at which set-points will act.
-    fn look_ahead(&mut self, state: &State) {
+    fn predict_state(&mut self, state: &State) {
         let Self { ahead, expected, latency_s, .. } = self;
         let latency_s = *latency_s;
         ahead.velocity.copy_from_slice(&state.velocity);
@@ -371,13 +371,13 @@ impl Tracker {
             return Err(NoSetpoints::Fallen);
         }
         self.correct(reference);
-        self.want_contacts();
-        self.want_body(reference);
-        self.want_feet(reference);
-        self.want_posture(reference);
-        self.want_forces(reference);
-        self.keep_dynamics();
-        self.keep_limits();
+        self.add_contact_task();
+        self.add_body_tasks(reference);
+        self.add_foot_tasks(reference);
+        self.add_posture_task(reference);
+        self.add_force_task(reference);
+        self.add_dynamics();
+        self.add_limits();
         let Self { solver, program, feet, tree, expected, .. } = self;
         let x = solver.solve(program)?;
         expected.copy_from(&x.rows(0, tree.dofs()));
@@ -484,7 +484,7 @@ impl Tracker {
             let of = &tree.robot().end_effectors[j];
             let contact = RimContact::new(tree, &measured.frames, j, &normal);
             let center = planned.frames.point(of.link, &of.center_in_link_m);
-            let as_planned = Planned {
+            let as_planned = PlannedContact {
                 stands: reference.stands[j],
                 rises: planned.point_velocity(of.link, &center).dot(&normal) > 0.0,
             };
@@ -511,7 +511,7 @@ impl Tracker {
     fn correct(&mut self, reference: &Reference) {
         let Self { correction, tree, planned, measured, mass, feet, tick_s, .. } = self;
         let Some(correction) = correction else { return };
-        let places = feet.iter().zip(&reference.force_n).map(|(foot, force_n)| Place {
+        let places = feet.iter().zip(&reference.force_n).map(|(foot, force_n)| TrackedPoint {
             planned: foot.planned,
             measured: foot.measured,
             force_n: foot.stands().then_some(*force_n),

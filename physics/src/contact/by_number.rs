@@ -1,14 +1,14 @@
 //! Parameters of a contact, and derivatives of its wrench with respect to each.
 
-use super::place::{Tip, across};
-use super::{Contact, RESISTANCE_SPEED_M_S};
+use super::contact_point::{Tip, across};
+use super::{GroundContact, RESISTANCE_SPEED_M_S};
 use crate::force::{View, Wrench};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Surface;
 
 /// Parameter of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OfContact {
+pub enum ContactQuantity {
     /// Stiffness along the normal, N/m.
     Stiffness,
     /// Damping along the normal, N·s/m.
@@ -25,9 +25,9 @@ pub enum OfContact {
     ResistancePerSpeed,
 }
 
-impl OfContact {
+impl ContactQuantity {
     /// Reference to the parameter in a contact.
-    pub(crate) fn place(self, contact: &mut Contact) -> &mut f64 {
+    pub(crate) fn value_mut(self, contact: &mut GroundContact) -> &mut f64 {
         match self {
             Self::Stiffness => &mut contact.normal.stiffness_n_m,
             Self::Damping => &mut contact.normal.damping_n_s_m,
@@ -40,11 +40,11 @@ impl OfContact {
     }
 }
 
-impl Contact {
+impl GroundContact {
     /// Derivative of the wrench with respect to a parameter; `None` if the contact is open.
-    pub(crate) fn wrench_by(&self, number: OfContact, view: &View<'_>) -> Option<Wrench> {
+    pub(crate) fn wrench_by(&self, number: ContactQuantity, view: &View<'_>) -> Option<Wrench> {
         let body = &view.now[0];
-        let place = self.place(body);
+        let place = self.contact_point(body);
         let Surface { gap_m, normal, .. } = place.surface;
         if gap_m >= 0.0 {
             return None;
@@ -77,16 +77,16 @@ impl Contact {
         };
         let [by_stiffness, by_damping, by_ramp] = self.normal.press_by(gap_m, opening);
         match number {
-            OfContact::Stiffness => {
+            ContactQuantity::Stiffness => {
                 resist(-gap_m * self.resistance(speed).0);
                 force += normal * by_stiffness - friction.by_normal * gap_m;
             }
-            OfContact::Damping => force = normal * by_damping,
-            OfContact::Ramp => force = normal * by_ramp,
-            OfContact::Friction => force = friction.by_coefficient,
-            OfContact::Stick => force = friction.by_stick,
-            OfContact::Resistance => resist(spring * (speed / RESISTANCE_SPEED_M_S).tanh()),
-            OfContact::ResistancePerSpeed => resist(spring * speed),
+            ContactQuantity::Damping => force = normal * by_damping,
+            ContactQuantity::Ramp => force = normal * by_ramp,
+            ContactQuantity::Friction => force = friction.by_coefficient,
+            ContactQuantity::Stick => force = friction.by_stick,
+            ContactQuantity::Resistance => resist(spring * (speed / RESISTANCE_SPEED_M_S).tanh()),
+            ContactQuantity::ResistancePerSpeed => resist(spring * speed),
         }
         Some(Wrench { force, moment: moment + place.arm.cross(&force) })
     }

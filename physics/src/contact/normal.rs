@@ -18,7 +18,7 @@ pub struct Normal {
 
 /// Normal force at a gap and an opening speed, with derivatives.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Press {
+pub(crate) struct NormalForce {
     /// Spring force alone, N; friction and rolling resistance depend on it.
     pub spring_n: f64,
     /// Total force of spring and damping, N.
@@ -31,14 +31,14 @@ pub(crate) struct Press {
 
 impl Normal {
     /// Normal force at a negative gap, m, and an opening speed, m/s.
-    pub(crate) fn press(&self, gap_m: f64, opening_m_s: f64) -> Press {
+    pub(crate) fn press(&self, gap_m: f64, opening_m_s: f64) -> NormalForce {
         let (share, share_slope) = self.damping_share(gap_m);
         let spring_n = -self.stiffness_n_m * gap_m;
         let force_n = spring_n - self.damping_n_s_m * share * opening_m_s;
         if self.lets_go(force_n) {
-            return Press { spring_n, force_n: 0.0, by_gap: 0.0, by_opening: 0.0 };
+            return NormalForce { spring_n, force_n: 0.0, by_gap: 0.0, by_opening: 0.0 };
         }
-        Press {
+        NormalForce {
             spring_n,
             force_n,
             by_gap: -self.stiffness_n_m - self.damping_n_s_m * share_slope * opening_m_s,

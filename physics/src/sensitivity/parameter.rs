@@ -6,8 +6,8 @@
 //! | [`Initial`] | initial pose and velocity of bodies |
 //! | [`BodyMass`] | mass of a body, or an entry of its inertia |
 //! | [`Softness`] | shear modulus, λ, viscosity or density of a soft body |
-//! | [`Touching`] | stiffness and damping of contacts, friction, rolling resistance |
-//! | [`Drive`] | gains and rotor inertia of motors |
+//! | [`ContactParameter`] | stiffness and damping of contacts, friction, rolling resistance |
+//! | [`MotorParameter`] | gains and rotor inertia of motors |
 //! | [`Targets`] | any quantity that changes motors' targets, such as a delay or an offset |
 //! | [`Elastic`] | stiffness and damping of springs and joints |
 //! | [`Handle`] | knot of a curve for the position of an anchor |
@@ -32,8 +32,8 @@ mod targets;
 mod tests;
 
 use crate::body::Body;
-use crate::force::{Force, Held, View, Wrench};
-use crate::motion::{Displacement, Motion};
+use crate::force::{Force, StickingFriction, View, Wrench};
+use crate::motion::{BodyMotion, Displacement};
 use crate::residual::Step;
 use crate::sensitivity::Variation;
 use crate::system::System;
@@ -41,23 +41,23 @@ use nalgebra::Vector3;
 use std::any::Any;
 use std::fmt::Debug;
 
-pub use crate::contact::OfContact;
-pub use contact::Touching;
+pub use crate::contact::ContactQuantity;
+pub use contact::ContactParameter;
 pub use control::Control;
 pub use gravity::Gravity;
 pub use handle::Handle;
 pub use initial::{Freedom, Initial};
-pub use mass::{BodyMass, OfMass};
-pub use material::{OfMaterial, Softness};
-pub use motor::{Drive, OfMotor};
+pub use mass::{BodyMass, MassQuantity};
+pub use material::{MaterialQuantity, Softness};
+pub use motor::{MotorParameter, MotorQuantity};
 pub use pose::{Coordinate, Pose};
-pub use spring::{Elastic, OfSpring, Springy};
+pub use spring::{Elastic, SpringForce, SpringQuantity};
 pub use targets::Targets;
 
 /// Scalar on which a rollout depends.
 pub trait Parameter: Debug + Send + Sync {
     /// Adds the derivative of the residual of a solved step.
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column);
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column);
 
     /// Adds the derivative of the initial motions.
     fn start(&self, _system: &System, _start: &mut Start) {}
@@ -74,15 +74,15 @@ pub trait Constant: Parameter {
 
 /// Solved step, from which a parameter computes its derivatives.
 #[derive(Clone, Copy, Debug)]
-pub struct Solved<'a> {
+pub struct SolvedStep<'a> {
     pub(crate) step: &'a Step<'a>,
-    pub(crate) motions: &'a [Motion],
-    pub(crate) held: &'a [Option<Held>],
+    pub(crate) motions: &'a [BodyMotion],
+    pub(crate) held: &'a [Option<StickingFriction>],
     /// Time at the end of the whole step, s. The solved step may be a substep.
     pub time_s: f64,
 }
 
-impl Solved<'_> {
+impl SolvedStep<'_> {
     /// Returns a body.
     pub fn body(&self, body: usize) -> &Body {
         &self.step.bodies[body]
@@ -100,7 +100,9 @@ impl Solved<'_> {
     /// Evaluates `what` at the motions with which the force was evaluated.
     pub fn view<T>(&self, force: usize, what: impl FnOnce(&View<'_>) -> T) -> T {
         let bodies = self.step.forces[force].bodies();
-        let of = |all: &[Motion]| -> Vec<Motion> { bodies.iter().map(|&body| all[body]).collect() };
+        let of = |all: &[BodyMotion]| -> Vec<BodyMotion> {
+            bodies.iter().map(|&body| all[body]).collect()
+        };
         let (now, last, before) = (of(self.motions), of(self.step.now), of(self.step.last));
         let held = self.held.get(force).copied().flatten();
         let (weights, tame) = (self.step.weights, false);
@@ -108,7 +110,7 @@ impl Solved<'_> {
     }
 
     /// Rate of a quantity of a body's motion, by the backward difference of the step.
-    pub fn rate(&self, body: usize, of: impl Fn(&Motion) -> Vector3<f64>) -> Vector3<f64> {
+    pub fn rate(&self, body: usize, of: impl Fn(&BodyMotion) -> Vector3<f64>) -> Vector3<f64> {
         let [now, last, before] = [self.motions, self.step.now, self.step.last];
         self.step.weights.rate(of(&now[body]), of(&last[body]), of(&before[body]))
     }

@@ -1,14 +1,14 @@
 //! Recording of rollouts during simulation: the derivatives of each step's residual.
 
 use crate::body::Body;
-use crate::force::{Derivative, Held, View, Wrench};
+use crate::force::{Derivative, StickingFriction, View, Wrench};
 use crate::matrix::BlockMatrix;
-use crate::motion::{Displacement, Motion, Trial};
+use crate::motion::{BodyMotion, Displacement, TrialMotion};
 use crate::newton::Newton;
 use crate::report::StepReport;
 use crate::residual::{Equations, Step};
 use crate::rotation::Increment;
-use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep, Start};
 use crate::sensitivity::rows::Rows;
 use crate::sticking::Sticking;
 use crate::system::{Observer, StepError, System};
@@ -69,7 +69,7 @@ pub struct Rollout {
     /// Number of records at the end of each step.
     pub(super) ends: Vec<usize>,
     masses_kg: Vec<f64>,
-    motions: Vec<Vec<Motion>>,
+    motions: Vec<Vec<BodyMotion>>,
     times_s: Vec<f64>,
     reports: Vec<StepReport>,
 }
@@ -111,7 +111,7 @@ impl Rollout {
     }
 
     /// Motions of all bodies after `step` steps; initial motions for 0.
-    pub fn motions(&self, step: usize) -> &[Motion] {
+    pub fn motions(&self, step: usize) -> &[BodyMotion] {
         &self.motions[step]
     }
 
@@ -207,8 +207,8 @@ impl Recorder {
     fn derive(
         &mut self,
         step: &Step<'_>,
-        motions: &[Motion],
-        held: &[Option<Held>],
+        motions: &[BodyMotion],
+        held: &[Option<StickingFriction>],
         equations: &Equations,
     ) {
         self.blocks.iter_mut().for_each(|blocks| blocks.fill(Derivative::default()));
@@ -223,7 +223,7 @@ impl Recorder {
                 block.by_rate += by.by_rate * gain;
             }
         }
-        let mut gathered: [Vec<Motion>; 3] = Default::default();
+        let mut gathered: [Vec<BodyMotion>; 3] = Default::default();
         let mut wrenches = Vec::new();
         let mut of_force: [Vec<Derivative>; 3] = Default::default();
         let all = step.forces.iter().enumerate();
@@ -255,7 +255,7 @@ impl Recorder {
     }
 
     /// Computes the derivatives of the residual with respect to parameters.
-    fn columns(&mut self, solved: &Solved<'_>) -> Vec<Vec<(usize, f64)>> {
+    fn columns(&mut self, solved: &SolvedStep<'_>) -> Vec<Vec<(usize, f64)>> {
         let Self { rollout, column, .. } = self;
         let mut of = |parameter: &dyn Parameter| {
             parameter.residual(solved, column);
@@ -306,7 +306,7 @@ impl Observer for Recorder {
         self.time_s = end_s;
     }
 
-    fn end_step(&mut self, motions: &[Motion], report: Option<&StepReport>) {
+    fn end_step(&mut self, motions: &[BodyMotion], report: Option<&StepReport>) {
         let Rollout { parts, ends, motions: all, times_s, reports, .. } = &mut self.rollout;
         match report {
             Some(report) => {
@@ -321,13 +321,13 @@ impl Observer for Recorder {
 
     fn part(&mut self, step: &Step<'_>, moved: &[Displacement], newton: &Newton) {
         let sticking = newton.sticking();
-        let trials: Vec<Trial> = (moved.iter().zip(step.now).zip(step.moved))
-            .map(|((moved, now), before)| Trial::new(step.weights, now, before, moved))
+        let trials: Vec<TrialMotion> = (moved.iter().zip(step.now).zip(step.moved))
+            .map(|((moved, now), before)| TrialMotion::new(step.weights, now, before, moved))
             .collect();
-        let motions: Vec<Motion> = trials.iter().map(|trial| trial.motion).collect();
+        let motions: Vec<BodyMotion> = trials.iter().map(|trial| trial.motion).collect();
         let held = harder(step, &motions, sticking.held());
         self.derive(step, &motions, &held, newton.equations());
-        let solved = Solved { step, motions: &motions, held: &held, time_s: self.time_s };
+        let solved = SolvedStep { step, motions: &motions, held: &held, time_s: self.time_s };
         let mut columns = self.columns(&solved);
         self.hold(sticking, &mut columns);
         let columns = entries(&columns);
@@ -427,8 +427,12 @@ fn entries(columns: &[Vec<(usize, f64)>]) -> Vec<Entry> {
 
 /// Stiffens held contacts for derivatives, so that sticking contacts do not move and sliding contacts have friction on the
 /// cone.
-fn harder(step: &Step<'_>, motions: &[Motion], held: &[Option<Held>]) -> Vec<Option<Held>> {
-    let of = |(k, held): (usize, &Option<Held>)| {
+fn harder(
+    step: &Step<'_>,
+    motions: &[BodyMotion],
+    held: &[Option<StickingFriction>],
+) -> Vec<Option<StickingFriction>> {
+    let of = |(k, held): (usize, &Option<StickingFriction>)| {
         let held = (*held)?;
         let now: Vec<_> = step.forces[k].bodies().iter().map(|&body| motions[body]).collect();
         let touch = step.forces[k].touch(&now)?;
@@ -439,7 +443,7 @@ fn harder(step: &Step<'_>, motions: &[Motion], held: &[Option<Held>]) -> Vec<Opt
             true => friction.force * (1.0 + BEYOND),
             false => friction.force + touch.sliding * stick_n_s_m,
         };
-        Some(Held { force, stick_n_s_m })
+        Some(StickingFriction { force, stick_n_s_m })
     };
     held.iter().enumerate().map(of).collect()
 }

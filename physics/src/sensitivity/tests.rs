@@ -1,12 +1,12 @@
 //! Tests of derivatives against independently computed values.
 
-use super::parameter::{Column, OfContact, Parameter, Solved, Start, Touching};
+use super::parameter::{Column, ContactParameter, ContactQuantity, Parameter, SolvedStep, Start};
 use super::{Recorder, Residual, Variation};
 use crate::assembly::Assembly;
 use crate::body::Body;
-use crate::contact::{Contact, Normal, Resistance, Tip};
-use crate::friction::{Friction, Model};
-use crate::motion::{Motion, Scheme};
+use crate::contact::{GroundContact, Normal, Resistance, Tip};
+use crate::friction::{Friction, FrictionModel};
+use crate::motion::{BodyMotion, Scheme};
 use crate::sensitivity::objective::cost;
 use crate::system::{Settings, System};
 use nalgebra::Vector3;
@@ -18,13 +18,13 @@ const STEPS: usize = 120;
 
 /// Initial height or speed of a mass with a uniform motion before the start.
 #[derive(Debug)]
-enum From {
+enum StartChange {
     Height,
     Speed,
 }
 
-impl Parameter for From {
-    fn residual(&self, _: &Solved<'_>, _: &mut Column) {}
+impl Parameter for StartChange {
+    fn residual(&self, _: &SolvedStep<'_>, _: &mut Column) {}
 
     fn start(&self, _: &System, start: &mut Start) {
         let none = Variation::default();
@@ -49,15 +49,15 @@ impl Parameter for From {
 #[test]
 fn a_mass_on_a_wall_has_the_derivatives_of_an_independent_calculation() {
     let mut assembly = Assembly::default();
-    let motion = Motion { velocity: Vector3::z() * -0.5, ..Motion::at(Vector3::z() * 0.3) };
+    let motion = BodyMotion { velocity: Vector3::z() * -0.5, ..BodyMotion::at(Vector3::z() * 0.3) };
     assembly.add_body(Body::Particle { mass_kg: 1.0 }, motion);
-    assembly.add(Contact {
+    assembly.add(GroundContact {
         body: [0],
         center: Vector3::zeros(),
         radius_m: 0.0,
         tip: Tip::Sphere,
         normal: Normal { stiffness_n_m: 900.0, damping_n_s_m: 2.0, ramp_m: 0.0, pulls: true },
-        friction: Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 },
+        friction: Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 1.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     });
@@ -65,10 +65,10 @@ fn a_mass_on_a_wall_has_the_derivatives_of_an_independent_calculation() {
     let mut system = System::new(settings, assembly);
     system.glide(STEP_S);
     let parameters: Vec<Box<dyn Parameter>> = vec![
-        Box::new(From::Height),
-        Box::new(From::Speed),
-        Box::new(Touching::new(&system, [0], OfContact::Stiffness)),
-        Box::new(Touching::new(&system, [0], OfContact::Damping)),
+        Box::new(StartChange::Height),
+        Box::new(StartChange::Speed),
+        Box::new(ContactParameter::new(&system, [0], ContactQuantity::Stiffness)),
+        Box::new(ContactParameter::new(&system, [0], ContactQuantity::Damping)),
     ];
     let mut recorder = Recorder::new(&system, parameters);
     for _ in 0..STEPS {

@@ -2,8 +2,8 @@
 
 use super::MeshError;
 use super::material::{Material, Stress};
-use crate::force::{By, Derivative, Force, View, Wrench};
-use crate::motion::Motion;
+use crate::force::{Derivative, Force, StateBlock, View, Wrench};
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 
 /// Tetrahedral element.
@@ -53,7 +53,7 @@ impl Tetrahedron {
     }
 
     /// Deformation gradient and its rate, 1/s.
-    fn deformation(&self, now: &[Motion]) -> [Matrix3<f64>; 2] {
+    fn deformation(&self, now: &[BodyMotion]) -> [Matrix3<f64>; 2] {
         let mut both = [Matrix3::zeros(); 2];
         for (motion, gradient) in now.iter().zip(&self.gradients) {
             both[0] += motion.position * gradient.transpose();
@@ -62,13 +62,18 @@ impl Tetrahedron {
         both
     }
 
-    fn stress(&self, now: &[Motion]) -> Option<Stress> {
+    fn stress(&self, now: &[BodyMotion]) -> Option<Stress> {
         let [deformation, rate] = self.deformation(now);
         Stress::new(&self.material, &deformation, &rate)
     }
 
     /// Adds the forces that a different material would cause.
-    pub(crate) fn of_material(&self, material: Material, now: &[Motion], wrenches: &mut [Wrench]) {
+    pub(crate) fn of_material(
+        &self,
+        material: Material,
+        now: &[BodyMotion],
+        wrenches: &mut [Wrench],
+    ) {
         let [deformation, rate] = self.deformation(now);
         self.add(Stress::new(&material, &deformation, &rate), wrenches);
     }
@@ -104,13 +109,13 @@ impl Force for Tetrahedron {
             for (j, b) in self.gradients.iter().enumerate() {
                 let [by_place, by_velocity] = stress.derivatives(a, b);
                 let derivative = &mut derivatives[4 * i + j];
-                derivative.add_force(By::Position, &(by_place * -self.volume_m3));
-                derivative.add_force(By::Velocity, &(by_velocity * -self.volume_m3));
+                derivative.add_force(StateBlock::Position, &(by_place * -self.volume_m3));
+                derivative.add_force(StateBlock::Velocity, &(by_velocity * -self.volume_m3));
             }
         }
     }
 
-    fn energy(&self, now: &[Motion]) -> f64 {
+    fn energy(&self, now: &[BodyMotion]) -> f64 {
         self.volume_m3 * self.material.energy_density(&self.deformation(now)[0])
     }
 }
@@ -125,16 +130,16 @@ mod tests {
     const MATERIAL: Material =
         Material { density_kg_m3: 100.0, mu_pa: 2.0e3, lambda_pa: 3.0e3, viscosity_pa_s: 50.0 };
 
-    fn places() -> [Vector3<f64>; 4] {
+    fn positions() -> [Vector3<f64>; 4] {
         [Vector3::zeros(), Vector3::new(0.3, 0.02, 0.0), Vector3::y() * 0.2, Vector3::z() * 0.4]
     }
 
     fn element() -> Tetrahedron {
-        Tetrahedron::new([0, 1, 2, 3], places(), MATERIAL).unwrap()
+        Tetrahedron::new([0, 1, 2, 3], positions(), MATERIAL).unwrap()
     }
 
     /// Forces on the nodes of an element.
-    fn forces(element: &Tetrahedron, now: &[Motion]) -> [Vector3<f64>; 4] {
+    fn forces(element: &Tetrahedron, now: &[BodyMotion]) -> [Vector3<f64>; 4] {
         let weights = Weights::new(Scheme::Bdf1, 0.01);
         let view = View { now, last: now, before: now, weights: &weights, tame: false, held: None };
         let mut wrenches = [Wrench::default(); 4];
@@ -145,7 +150,7 @@ mod tests {
     #[test]
     fn a_tetrahedron_has_its_derivatives() {
         agrees_at(&element(), 20, |now| {
-            for (motion, place) in now.iter_mut().zip(places()) {
+            for (motion, place) in now.iter_mut().zip(positions()) {
                 // Deformed by a fifth of its size, and not inside out.
                 motion.position = place + motion.position * 0.2;
             }
@@ -156,7 +161,7 @@ mod tests {
     fn forces_are_the_gradient_of_the_energy_and_rotations_cost_nothing() {
         let element = element();
         let rotation = Increment::new(Vector3::new(0.5, -0.8, 0.3)).rotation();
-        let turned = places().map(|place| Motion::at(rotation * place + Vector3::x()));
+        let turned = positions().map(|place| BodyMotion::at(rotation * place + Vector3::x()));
         assert!(element.energy(&turned).abs() < 1e-12);
         assert!(forces(&element, &turned).iter().all(|force| force.norm() < 1e-10));
         let mut now = turned;
@@ -179,9 +184,9 @@ mod tests {
     #[test]
     fn viscosity_feels_no_rotation() {
         let spin = Vector3::new(3.0, -7.0, 5.0);
-        let turning = places().map(|place| Motion {
+        let turning = positions().map(|place| BodyMotion {
             velocity: spin.cross(&place) + Vector3::x(),
-            ..Motion::at(place)
+            ..BodyMotion::at(place)
         });
         assert!(forces(&element(), &turning).iter().all(|force| force.norm() < 1e-10));
     }

@@ -7,9 +7,9 @@ use super::state::link_motions;
 use super::{Parameters, RobotState};
 use crate::assembly::Assembly;
 use crate::body::Inertia;
-use crate::contact::{Contact, Resistance, Tip};
+use crate::contact::{GroundContact, Resistance, Tip};
 use crate::friction::Friction;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, parts_of};
 use rollwalk_multibody::{rest_of_link, spinning_wheels};
@@ -85,7 +85,7 @@ impl<'a> Build<'a> {
             let (position, velocity) = carrier.point(&mount);
             let rotation = carrier.rotation;
             let spin = carrier.spin + rotation * axis * state.wheel_rad_s[number];
-            let motion = Motion { position, rotation, velocity, spin };
+            let motion = BodyMotion { position, rotation, velocity, spin };
             let body = self.assembly.add_body(inertia, motion);
             wheels[number] = Some(body);
             let across = perpendicular(&axis);
@@ -132,7 +132,7 @@ impl<'a> Build<'a> {
         for (number, link) in self.robot.links.iter().enumerate() {
             let points = link.shapes.iter().flat_map(points);
             for (point, radius_m) in points {
-                self.add_contact(&Contact {
+                self.add_contact(&GroundContact {
                     body: [number],
                     center: point - self.centers[number],
                     radius_m,
@@ -152,10 +152,10 @@ impl<'a> Build<'a> {
     }
 
     /// Adds a contact with each part of its ground, and returns the force indices.
-    fn add_contact(&mut self, contact: &Contact) -> Range<usize> {
+    fn add_contact(&mut self, contact: &GroundContact) -> Range<usize> {
         let before = self.assembly.forces.len();
         for ground in parts_of(&contact.ground) {
-            self.assembly.add(Contact { ground, ..contact.clone() });
+            self.assembly.add(GroundContact { ground, ..contact.clone() });
         }
         before..self.assembly.forces.len()
     }
@@ -165,7 +165,7 @@ impl<'a> Build<'a> {
         end_effector: &EndEffector,
         wheel: Option<usize>,
         ground: &Arc<dyn Ground>,
-    ) -> Contact {
+    ) -> GroundContact {
         let kind = &end_effector.contact;
         let tip = match kind.axis_in_link() {
             None => Tip::Sphere,
@@ -173,7 +173,7 @@ impl<'a> Build<'a> {
             Some(&axis) => Tip::Rim { axis },
         };
         let mount = end_effector.center_in_link_m - self.centers[end_effector.link];
-        Contact {
+        GroundContact {
             body: [wheel.unwrap_or(end_effector.link)],
             center: if wheel.is_some() { Vector3::zeros() } else { mount },
             radius_m: end_effector.radius_m,

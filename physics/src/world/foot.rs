@@ -2,7 +2,7 @@
 
 use crate::assembly::Assembly;
 use crate::body::Inertia;
-use crate::contact::Contact;
+use crate::contact::GroundContact;
 use crate::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_robot::{EndEffector, SoftMaterial};
@@ -18,7 +18,7 @@ const ATTACHED: f64 = 0.5;
 /// Adds a soft ball in place of a rigid contact, and returns the force indices of its contacts.
 pub(super) fn add(
     assembly: &mut Assembly,
-    rigid: &Contact,
+    rigid: &GroundContact,
     soft: &SoftMaterial,
     attach_n_m: f64,
 ) -> Range<usize> {

@@ -32,7 +32,7 @@ pub fn ground_from_world(ground: &dyn Ground) -> Rotation3<f64> {
 
 /// Displacement of the centre of mass in the starting heading, and turn about the vertical. The turn includes whole turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Way {
+pub struct NetDisplacement {
     /// Displacement forward, m.
     pub forward_m: f64,
     /// Displacement to the left, m.
@@ -41,14 +41,14 @@ pub struct Way {
     pub turn_rad: f64,
 }
 
-impl Way {
+impl NetDisplacement {
     /// Returns the values in the order of the fields.
     pub fn values(&self) -> [f64; 3] {
         [self.forward_m, self.left_m, self.turn_rad]
     }
 }
 
-impl From<[f64; 3]> for Way {
+impl From<[f64; 3]> for NetDisplacement {
     fn from([forward_m, left_m, turn_rad]: [f64; 3]) -> Self {
         Self { forward_m, left_m, turn_rad }
     }
@@ -118,10 +118,10 @@ impl Odometer {
     }
 
     /// Displacement since the start, or since [`begin_again`](Self::begin_again).
-    pub fn displacement(&self) -> Way {
+    pub fn displacement(&self) -> NetDisplacement {
         let (sine, cosine) = self.start_heading_rad.sin_cos();
         let moved = self.com - self.start_com;
-        Way {
+        NetDisplacement {
             forward_m: cosine * moved.x + sine * moved.y,
             left_m: cosine * moved.y - sine * moved.x,
             turn_rad: self.turn_rad,

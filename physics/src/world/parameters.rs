@@ -1,8 +1,8 @@
 //! Stiffness and damping of a robot's joints and contacts, scaled with its weight.
 
 use crate::contact::Normal;
-use crate::friction::Model;
-use crate::hold::Grip;
+use crate::friction::FrictionModel;
+use crate::hold::HoldGains;
 use crate::motion::Scheme;
 use crate::system::Settings;
 use rollwalk_robot::Robot;
@@ -20,13 +20,13 @@ pub struct Parameters {
     /// Law of the normal force.
     pub normal: Normal,
     /// Friction law.
-    pub friction: Model,
+    pub friction: FrictionModel,
     /// Ratio of friction to sliding velocity of a sticking contact, N·s/m.
     pub stick_n_s_m: f64,
     /// Friction coefficient of link shapes, which robot files do not contain.
     pub shape_friction: f64,
     /// Stiffness and damping of the hoist that can hold the root link.
-    pub grip: Grip,
+    pub grip: HoldGains,
 }
 
 /// Residual of a solved step, as a fraction of the weight. As a constant force, this residual would accelerate the robot by 1
@@ -73,10 +73,10 @@ impl Parameters {
                 ramp_m: 0.6 * DEPTH_M,
                 pulls: true,
             },
-            friction: Model::Linear,
+            friction: FrictionModel::Linear,
             stick_n_s_m: quarter_n / CREEP_M_S,
             shape_friction: SHAPE_FRICTION,
-            grip: Grip {
+            grip: HoldGains {
                 shift_n_m,
                 velocity_n_s_m,
                 turn_nm_rad: shift_n_m * lever,

@@ -1,6 +1,6 @@
 //! Pose and velocity of a robot and of its bodies.
 
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Configuration, Frames, Tree};
 use rollwalk_robot::Robot;
@@ -44,7 +44,7 @@ pub(super) fn link_motions(
     robot: &Robot,
     state: &RobotState,
     centers: &[Vector3<f64>],
-) -> Vec<Motion> {
+) -> Vec<BodyMotion> {
     let tree = Tree::new(robot);
     let at = Configuration {
         base_position_m: state.base_position_m,
@@ -53,8 +53,8 @@ pub(super) fn link_motions(
     };
     let frames = Frames::new(&tree, &at);
     // Of the origins of the links first.
-    let mut motions: Vec<Motion> = (0..robot.links.len())
-        .map(|link| Motion {
+    let mut motions: Vec<BodyMotion> = (0..robot.links.len())
+        .map(|link| BodyMotion {
             position: frames.link_origins[link],
             rotation: frames.world_from_link[link],
             velocity: state.base_velocity_m_s,

@@ -2,23 +2,28 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::{Assembly, ContactChange, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::{Assembly, BodyMotion, ContactChange, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 fn settings(scheme: Scheme, gravity_m_s2: Vector3<f64>) -> Settings {
     Settings { scheme, gravity_m_s2, tolerance: 1e-10, ..Settings::default() }
 }
 
-fn point(body: usize, center: Vector3<f64>, stiffness_n_m: f64, damping_n_s_m: f64) -> Contact {
-    Contact {
+fn point(
+    body: usize,
+    center: Vector3<f64>,
+    stiffness_n_m: f64,
+    damping_n_s_m: f64,
+) -> GroundContact {
+    GroundContact {
         body: [body],
         center,
         radius_m: 0.0,
         tip: Tip::Sphere,
         normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0, pulls: true },
-        friction: Friction { model: Model::Linear, coefficient: 0.4, stick_n_s_m: 20.0 },
+        friction: Friction { model: FrictionModel::Linear, coefficient: 0.4, stick_n_s_m: 20.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     }
@@ -60,7 +65,7 @@ fn cube(
     points: u32,
     stiffness_n_m: f64,
     damping_n_s_m: f64,
-    motion: Motion,
+    motion: BodyMotion,
     gravity: Vector3<f64>,
 ) -> System {
     let mut assembly = Assembly::default();
@@ -84,7 +89,7 @@ fn restitution_is_that_of_the_oscillator_for_any_number_of_points() {
     let expected = (-std::f64::consts::PI * damping / root).exp();
     for points in [2, 3, 5, 10] {
         let velocity = -Vector3::z();
-        let motion = Motion { velocity, ..Motion::at(Vector3::z() * 0.1005) };
+        let motion = BodyMotion { velocity, ..BodyMotion::at(Vector3::z() * 0.1005) };
         let mut system = cube(points, stiffness, damping, motion, Vector3::zeros());
         let mut highest: f64 = 0.0;
         for _ in 0..400 {
@@ -102,7 +107,7 @@ fn restitution_is_that_of_the_oscillator_for_any_number_of_points() {
 #[test]
 fn symmetric_bounces_stay_symmetric() {
     let gravity = Vector3::new(0.0, 0.0, -9.81);
-    let mut system = cube(4, 1e3, 0.0, Motion::at(Vector3::z() * 0.3), gravity);
+    let mut system = cube(4, 1e3, 0.0, BodyMotion::at(Vector3::z() * 0.3), gravity);
     for _ in 0..600 {
         system.step(1.0 / 60.0).unwrap();
     }
@@ -115,7 +120,7 @@ fn symmetric_bounces_stay_symmetric() {
 fn a_cube_that_falls_askew_tumbles() {
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), 1e-3).into_inner();
-    let motion = Motion { rotation, ..Motion::at(Vector3::z() * 0.3) };
+    let motion = BodyMotion { rotation, ..BodyMotion::at(Vector3::z() * 0.3) };
     let mut system = cube(4, 1e3, 0.0, motion, gravity);
     let mut most_rad_s: f64 = 0.0;
     for _ in 0..600 {
@@ -139,7 +144,7 @@ fn contact_events_tell_of_touch_down_lift_off_and_slip() {
 
     // Thrown along the ground it slips until friction has stopped it.
     let mut assembly = Assembly::default();
-    let motion = Motion { velocity: Vector3::x(), ..Motion::at(Vector3::z() * -9.81e-3) };
+    let motion = BodyMotion { velocity: Vector3::x(), ..BodyMotion::at(Vector3::z() * -9.81e-3) };
     let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() };
     assembly.add_body(inertia, motion);
     assembly.add(point(0, Vector3::zeros(), 1e3, 10.0));

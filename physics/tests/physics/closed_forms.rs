@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::{Assembly, Body, Force, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::{Assembly, Body, BodyMotion, Force, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 fn run(system: &mut System, step_s: f64, duration_s: f64) {
@@ -20,7 +20,7 @@ fn settings(scheme: Scheme, gravity_m_s2: Vector3<f64>) -> Settings {
 fn alone(
     settings: Settings,
     inertia: Inertia,
-    motion: Motion,
+    motion: BodyMotion,
     forces: Vec<Box<dyn Force>>,
 ) -> System {
     let assembly = Assembly { bodies: vec![inertia.into()], motions: vec![motion], forces };
@@ -33,7 +33,7 @@ fn a_free_top_keeps_its_angular_momentum_and_turns_as_euler_has_it() {
     let exact = Vector3::new(0.05312, -0.19352, 0.97966);
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.03));
     let error = |scheme, per_second: f64| {
-        let mut motion = Motion::at(Vector3::zeros());
+        let mut motion = BodyMotion::at(Vector3::zeros());
         motion.spin = Vector3::new(0.1, 5.0, 0.1);
         let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2 };
         let free = Settings { tolerance: 1e-13, ..settings(scheme, Vector3::zeros()) };
@@ -57,8 +57,8 @@ fn a_free_top_keeps_its_angular_momentum_and_turns_as_euler_has_it() {
     assert!((energy - 0.986).abs() < 1e-3, "{energy}");
 }
 
-fn point(normal: Normal, friction: Friction, ground: Plane) -> Contact {
-    Contact {
+fn point(normal: Normal, friction: Friction, ground: Plane) -> GroundContact {
+    GroundContact {
         body: [0],
         center: Vector3::zeros(),
         radius_m: 0.0,
@@ -82,15 +82,18 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
     let (down, load) = (9.81 * angle_rad.sin(), 9.81 * angle_rad.cos());
     let (coefficient, stick_n_s_m) = (0.5, 50.0);
     let closed = [
-        (Model::Linear, down / stick_n_s_m),
-        (Model::Tanh, coefficient * load / stick_n_s_m * (down / (coefficient * load)).atanh()),
+        (FrictionModel::Linear, down / stick_n_s_m),
+        (
+            FrictionModel::Tanh,
+            coefficient * load / stick_n_s_m * (down / (coefficient * load)).atanh(),
+        ),
     ];
     for (model, expected) in closed {
         let ground = Plane::rising(angle_rad);
         let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4, pulls: true };
         let friction = Friction { model, coefficient, stick_n_s_m };
         let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, ground))];
-        let motion = Motion::at(ground.normal * (-load / 2e4));
+        let motion = BodyMotion::at(ground.normal * (-load / 2e4));
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         let settings = settings(Scheme::Bdf1, gravity);
         let mut system = alone(settings, kilogram(), motion, forces);
@@ -104,7 +107,7 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
 #[test]
 fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
     let normal = Normal { stiffness_n_m: 1e3, damping_n_s_m: 5.0, ramp_m: 0.0, pulls: true };
-    let friction = Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
+    let friction = Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
     // BDF1 eats most of a rebound: reference values of another implementation. BDF2 against the closed form
     // exp(−π k_d / √(4 k_n m − k_d²)) of the speed at the impact.
     let closed = 0.780 * (2.0 * 9.81 * 0.3_f64).sqrt();
@@ -115,7 +118,7 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
         (Scheme::Bdf2, 1000.0, closed),
     ] {
         let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, Plane::level()))];
-        let motion = Motion::at(Vector3::z() * 0.3);
+        let motion = BodyMotion::at(Vector3::z() * 0.3);
         let settings = settings(scheme, Vector3::new(0.0, 0.0, -9.81));
         let mut system = alone(settings, kilogram(), motion, forces);
         let mut highest: f64 = 0.0;
@@ -132,10 +135,10 @@ fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
 fn a_step_does_not_jump_through_ground_that_was_far() {
     let load = 2e3;
     let normal = Normal { stiffness_n_m: 1e5, damping_n_s_m: 0.0, ramp_m: 0.0, pulls: true };
-    let friction = Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
+    let friction = Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
     let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, Plane::level()))];
     // At rest, but about to fall by half a metre in a step.
-    let motion = Motion::at(Vector3::z() * 0.02);
+    let motion = BodyMotion::at(Vector3::z() * 0.02);
     let settings = settings(Scheme::Bdf1, Vector3::new(0.0, 0.0, -load));
     let mut system = alone(settings, kilogram(), motion, forces);
     let step_s = 1.0 / 60.0;
@@ -147,7 +150,7 @@ fn a_step_does_not_jump_through_ground_that_was_far() {
 }
 
 fn particle_on_incline(
-    model: Model,
+    model: FrictionModel,
     angle_rad: f64,
     velocity: Vector3<f64>,
     scheme: Scheme,
@@ -157,30 +160,35 @@ fn particle_on_incline(
     let normal = Normal { stiffness_n_m: 2e4, damping_n_s_m: 30.0, ramp_m: 3e-4, pulls: true };
     let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 50.0 };
     let mut assembly = Assembly::default();
-    let motion = Motion { velocity, ..Motion::at(ground.normal * (-load / 2e4)) };
+    let motion = BodyMotion { velocity, ..BodyMotion::at(ground.normal * (-load / 2e4)) };
     assembly.add_body(Body::Particle { mass_kg: 1.0 }, motion);
     assembly.add(point(normal, friction, ground));
     System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
 }
 
 /// Rigid box on four points on an incline.
-fn box_on_incline(model: Model, angle_rad: f64, velocity: Vector3<f64>, scheme: Scheme) -> System {
+fn box_on_incline(
+    model: FrictionModel,
+    angle_rad: f64,
+    velocity: Vector3<f64>,
+    scheme: Scheme,
+) -> System {
     let ground = Plane::rising(angle_rad);
     let load = 9.81 * angle_rad.cos();
     let normal = Normal { stiffness_n_m: 5e3, damping_n_s_m: 8.0, ramp_m: 3e-4, pulls: true };
     let friction = Friction { model, coefficient: 0.5, stick_n_s_m: 50.0 };
     let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), -angle_rad).into_inner();
     let mut assembly = Assembly::default();
-    let motion = Motion {
+    let motion = BodyMotion {
         velocity: turn * velocity,
         rotation: turn,
-        ..Motion::at(ground.normal * (0.03 - load / 2e4))
+        ..BodyMotion::at(ground.normal * (0.03 - load / 2e4))
     };
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(1e-3, 2e-3, 2.5e-3));
     assembly.add_body(Inertia { mass_kg: 1.0, about_com_kg_m2 }, motion);
     for (x, y) in [(0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06)] {
         let center = Vector3::new(x, y, -0.03);
-        assembly.add(Contact { center, ..point(normal, friction, ground) });
+        assembly.add(GroundContact { center, ..point(normal, friction, ground) });
     }
     System::new(settings(scheme, Vector3::new(0.0, 0.0, -9.81)), assembly)
 }
@@ -191,25 +199,25 @@ fn box_on_incline(model: Model, angle_rad: f64, velocity: Vector3<f64>, scheme: 
 fn a_box_on_an_incline_creeps_as_its_friction_model_says_and_with_hybrid_friction_not_at_all() {
     let angle_rad = 20f64.to_radians();
     for scheme in [Scheme::Bdf1, Scheme::Bdf2] {
-        for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+        for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
             let mut system = box_on_incline(model, angle_rad, Vector3::zeros(), scheme);
             run(&mut system, 1.0 / 60.0, 4.0);
             let speed = system.motions()[0].velocity.norm();
             let touches: Vec<_> = (0..4).map(|force| system.touch(force).unwrap()).collect();
             let down = 9.81 * angle_rad.sin();
             match model {
-                Model::Linear => {
+                FrictionModel::Linear => {
                     let expected = down / (4.0 * 50.0);
                     assert!((speed / expected - 1.0).abs() < 1e-5, "{scheme:?}: {speed}");
                 }
-                Model::Tanh => {
+                FrictionModel::Tanh => {
                     let limits = touches.iter().map(|touch| 0.5 * touch.normal_n);
                     let borne: f64 =
                         limits.map(|limit| limit * (50.0 * speed / limit).tanh()).sum();
                     assert!((borne / down - 1.0).abs() < 1e-5, "{scheme:?}: {speed}");
                     assert!(speed > down / (4.0 * 50.0), "{scheme:?}: {speed}");
                 }
-                Model::Hybrid => assert!(speed < 1e-8, "{scheme:?}: {speed}"),
+                FrictionModel::Hybrid => assert!(speed < 1e-8, "{scheme:?}: {speed}"),
             }
             let borne: Vector3<f64> = touches.iter().map(|touch| touch.force).sum();
             assert!((borne - Vector3::z() * 9.81).norm() < 1e-5, "{model:?}, {scheme:?}: {borne}");
@@ -225,7 +233,7 @@ fn a_box_on_an_incline_creeps_as_its_friction_model_says_and_with_hybrid_frictio
 /// incline steeper than the cone, the box accelerates with g (sin α − μ cos α).
 #[test]
 fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
-    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
         let angle_rad = 30f64.to_radians();
         let mut system = box_on_incline(model, angle_rad, Vector3::zeros(), Scheme::Bdf1);
         run(&mut system, 1.0 / 60.0, 0.5);
@@ -235,7 +243,7 @@ fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
         let expected = 9.81 * (angle_rad.sin() - 0.5 * angle_rad.cos());
         assert!((gained / expected - 1.0).abs() < 1e-3, "{model:?}: {gained}, {expected}");
     }
-    let mut system = box_on_incline(Model::Hybrid, 0.0, Vector3::x(), Scheme::Bdf1);
+    let mut system = box_on_incline(FrictionModel::Hybrid, 0.0, Vector3::x(), Scheme::Bdf1);
     run(&mut system, 1e-3, 0.5);
     let expected = 0.5 / (0.5 * 9.81);
     let stopped = system.motions()[0];
@@ -248,7 +256,8 @@ fn a_box_slides_within_the_cone_and_hybrid_friction_stops_it() {
 fn a_particle_with_hybrid_friction_stands_on_an_incline() {
     let angle_rad = 20f64.to_radians();
     for scheme in [Scheme::Bdf1, Scheme::Bdf2] {
-        let mut system = particle_on_incline(Model::Hybrid, angle_rad, Vector3::zeros(), scheme);
+        let mut system =
+            particle_on_incline(FrictionModel::Hybrid, angle_rad, Vector3::zeros(), scheme);
         run(&mut system, 1.0 / 60.0, 2.0);
         let speed = system.motions()[0].velocity.norm();
         assert!(speed < 1e-8, "{scheme:?}: {speed}");
@@ -263,7 +272,7 @@ fn a_particle_with_hybrid_friction_stands_on_an_incline() {
 /// friction stops a particle on level ground without creep, at the predicted distance.
 #[test]
 fn what_slides_is_slowed_by_the_cone_and_hybrid_friction_stops_it() {
-    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
         let angle_rad = 30f64.to_radians();
         let expected = 9.81 * (angle_rad.sin() - 0.5 * angle_rad.cos());
         let mut system = particle_on_incline(model, angle_rad, Vector3::zeros(), Scheme::Bdf1);
@@ -273,7 +282,7 @@ fn what_slides_is_slowed_by_the_cone_and_hybrid_friction_stops_it() {
         let gained = system.motions()[0].velocity.norm() - early;
         assert!((gained / expected - 1.0).abs() < 1e-3, "{model:?}: {gained}, {expected}");
     }
-    let mut system = particle_on_incline(Model::Hybrid, 0.0, Vector3::x(), Scheme::Bdf1);
+    let mut system = particle_on_incline(FrictionModel::Hybrid, 0.0, Vector3::x(), Scheme::Bdf1);
     run(&mut system, 1e-3, 0.5);
     let expected = 0.5 / (0.5 * 9.81);
     let stopped = system.motions()[0];

@@ -2,17 +2,19 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Fit, Options, Penalty, minimise};
 use rollwalk_physics::sensitivity::parameter::{
-    BodyMass, Control, Freedom, Initial, OfContact, OfMass, Touching,
+    BodyMass, ContactParameter, ContactQuantity, Control, Freedom, Initial, MassQuantity,
 };
 use rollwalk_physics::sensitivity::{Constant, Health, Parameter, Recorder, Residual, Rollout};
 use rollwalk_physics::world::Parameters;
-use rollwalk_physics::{Assembly, ContactChange, Inertia, Motion, Scheme, Settings, System, World};
+use rollwalk_physics::{
+    Assembly, BodyMotion, ContactChange, Inertia, Scheme, Settings, System, World,
+};
 use rollwalk_robot::{Channel, Robot};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -22,19 +24,19 @@ fn settings(scheme: Scheme) -> Settings {
 }
 
 /// Builds a ball above level ground, or a box on it.
-fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: Motion) -> System {
+fn thrown(points: &[Vector3<f64>], radius_m: f64, motion: BodyMotion) -> System {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * 2e-3;
     assembly.add_body(Inertia { mass_kg: 1.0, about_com_kg_m2 }, motion);
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     for &center in points {
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [0],
             center,
             radius_m,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3, pulls: true },
-            friction: Friction { model: Model::Tanh, coefficient: 0.4, stick_n_s_m: 30.0 },
+            friction: Friction { model: FrictionModel::Tanh, coefficient: 0.4, stick_n_s_m: 30.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });
@@ -51,10 +53,10 @@ fn a_throw_finds_its_target_with_a_bounce() {
         axis,
     });
     let target = Vector3::new(0.9, 0.2, 0.2);
-    let motion = Motion {
+    let motion = BodyMotion {
         velocity: Vector3::new(1.0, 0.0, 1.0),
         spin: Vector3::y() * -6.0,
-        ..Motion::at(Vector3::z() * 0.3)
+        ..BodyMotion::at(Vector3::z() * 0.3)
     };
     let run = |velocity: &[f64]| {
         let mut system = thrown(&[Vector3::zeros()], 0.05, motion);
@@ -92,9 +94,10 @@ const CORNERS: [Vector3<f64>; 4] = [
 /// Simulates a box that slides to a stop. The parameters are the logarithm of its friction coefficient, and its speed.
 fn slide(p: &[f64]) -> Option<Rollout> {
     let velocity = Vector3::new(p[1], 0.3, 0.0);
-    let motion = Motion { velocity, spin: Vector3::z(), ..Motion::at(Vector3::z() * 0.0276) };
+    let motion =
+        BodyMotion { velocity, spin: Vector3::z(), ..BodyMotion::at(Vector3::z() * 0.0276) };
     let mut system = thrown(&CORNERS, 0.0, motion);
-    let friction = Touching::new(&system, 0..4, OfContact::Friction);
+    let friction = ContactParameter::new(&system, 0..4, ContactQuantity::Friction);
     friction.set(&mut system, p[0].exp());
     let ahead = Initial { bodies: vec![0], freedom: Freedom::Velocity, axis: Vector3::x() };
     let mut recorder = Recorder::new(&system, vec![Box::new(friction), Box::new(ahead)]);
@@ -160,20 +163,21 @@ fn friction_is_recovered_from_how_a_box_slides() {
 /// Tests that the friction of a sticking contact, and every parameter of an open contact, has no effect.
 #[test]
 fn health_says_what_has_no_effect_and_what_happens() {
-    let motion = Motion { velocity: Vector3::x() * 0.01, ..Motion::at(Vector3::z() * 0.0276) };
+    let motion =
+        BodyMotion { velocity: Vector3::x() * 0.01, ..BodyMotion::at(Vector3::z() * 0.0276) };
     let mut points = CORNERS.to_vec();
     points.push(Vector3::z());
     let mut system = thrown(&points, 0.0, motion);
     for contact in 0..5 {
-        system.force_mut::<Contact>(contact).unwrap().friction.model = Model::Linear;
+        system.force_mut::<GroundContact>(contact).unwrap().friction.model = FrictionModel::Linear;
     }
     let start = Initial { bodies: vec![0], freedom: Freedom::Position, axis: Vector3::x() };
     let parameters: Vec<Box<dyn Parameter>> = vec![
         Box::new(start),
-        Box::new(Touching::new(&system, 0..4, OfContact::Friction)),
-        Box::new(Touching::new(&system, 0..4, OfContact::Stick)),
-        Box::new(Touching::new(&system, [4], OfContact::Stiffness)),
-        Box::new(BodyMass { body: 0, of: OfMass::Mass }),
+        Box::new(ContactParameter::new(&system, 0..4, ContactQuantity::Friction)),
+        Box::new(ContactParameter::new(&system, 0..4, ContactQuantity::Stick)),
+        Box::new(ContactParameter::new(&system, [4], ContactQuantity::Stiffness)),
+        Box::new(BodyMass { body: 0, of: MassQuantity::Mass }),
     ];
     let mut recorder = Recorder::new(&system, parameters);
     for _ in 0..30 {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::Model;
+use rollwalk_physics::friction::FrictionModel;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{Parameters, RobotState};
 use rollwalk_physics::{Scheme, World};
@@ -125,7 +125,7 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
     let robot = robot("legbot");
     let angle_rad = 10f64.to_radians();
     let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
-    for friction in [Model::Linear, Model::Hybrid] {
+    for friction in [FrictionModel::Linear, FrictionModel::Hybrid] {
         let usual = Parameters::new(&robot);
         // Soft enough to creep much faster than legs that settle.
         let stick_n_s_m = 0.25 * usual.stick_n_s_m;
@@ -142,7 +142,9 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
         let sliding = touches.iter().map(|touch| touch.sliding.norm()).sum::<f64>() / 4.0;
         let creep = mass * 9.81 * angle_rad.sin() / (4.0 * parameters.stick_n_s_m);
         match friction {
-            Model::Linear => assert!((sliding / creep - 1.0).abs() < 0.02, "{sliding}, {creep}"),
+            FrictionModel::Linear => {
+                assert!((sliding / creep - 1.0).abs() < 0.02, "{sliding}, {creep}")
+            }
             _ => assert!(sliding < 1e-8 && world.com().1.norm() < 1e-8, "{sliding}"),
         }
         for touch in touches {

@@ -2,19 +2,19 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
 use rollwalk_physics::curve::{Curve, Degree};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::motor::Motor;
 use rollwalk_physics::sensitivity::parameter::{
-    BodyMass, Control, Drive, Freedom, Gravity, Initial, OfContact, OfMass, OfMaterial, OfMotor,
-    Softness, Targets, Touching,
+    BodyMass, ContactParameter, ContactQuantity, Control, Freedom, Gravity, Initial, MassQuantity,
+    MaterialQuantity, MotorParameter, MotorQuantity, Softness, Targets,
 };
 use rollwalk_physics::sensitivity::{Constant, Parameter, Recorder, Rollout, Variation};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
 use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{
-    Assembly, Body, ContactChange, Inertia, Motion, Scheme, Settings, System, World,
+    Assembly, Body, BodyMotion, ContactChange, Inertia, Scheme, Settings, System, World,
 };
 use rollwalk_robot::{Channel, Robot, SoftMaterial};
 use std::f64::consts::TAU;
@@ -76,7 +76,7 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    fn motions(&self, change: &Change, by: f64) -> Vec<Motion> {
+    fn motions(&self, change: &Change, by: f64) -> Vec<BodyMotion> {
         let mut system = (self.build)();
         let mut controls = vec![0.0; self.controls];
         change(&mut system, &mut controls, by);
@@ -138,7 +138,7 @@ fn parts(of: &Variation) -> [Vector3<f64>; 4] {
     [of.shift, of.turn, of.velocity, of.spin]
 }
 
-fn difference(ahead: &Motion, behind: &Motion, over: f64) -> Variation {
+fn difference(ahead: &BodyMotion, behind: &BodyMotion, over: f64) -> Variation {
     let turned = ahead.rotation * behind.rotation.transpose();
     let turn = Vector3::new(
         turned[(2, 1)] - turned[(1, 2)],
@@ -190,10 +190,10 @@ fn settings(scheme: Scheme) -> Settings {
 fn no_steer(_: &mut System, _: &[f64]) {}
 
 /// Box that is thrown onto an incline, where it bounces, tumbles and slides.
-fn thrown_box(settings: Settings, model: Model) -> System {
+fn thrown_box(settings: Settings, model: FrictionModel) -> System {
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(1e-3, 2e-3, 2.5e-3));
     let mut assembly = Assembly::default();
-    let motion = Motion {
+    let motion = BodyMotion {
         position: Vector3::new(0.0, 0.0, 0.12),
         rotation: Rotation3::new(Vector3::new(0.1, 0.2, 0.3)).into_inner(),
         velocity: Vector3::new(0.6, 0.2, -0.3),
@@ -203,7 +203,7 @@ fn thrown_box(settings: Settings, model: Model) -> System {
     let ground: Arc<dyn Ground> = Arc::new(Plane::rising(0.1));
     for corner in 0..8 {
         let side = |bit: u32, size: f64| size * (f64::from(corner >> bit & 1) * 2.0 - 1.0);
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [0],
             center: Vector3::new(side(0, 0.1), side(1, 0.06), side(2, 0.03)),
             radius_m: 0.0,
@@ -220,13 +220,13 @@ fn thrown_box(settings: Settings, model: Model) -> System {
 #[test]
 fn a_thrown_box_has_the_derivatives_of_its_bounces() {
     for (scheme, model) in [
-        (Scheme::Bdf1, Model::Linear),
-        (Scheme::Bdf1, Model::Tanh),
-        (Scheme::Bdf1, Model::Hybrid),
-        (Scheme::Bdf2, Model::Linear),
-        (Scheme::Bdf2, Model::Tanh),
+        (Scheme::Bdf1, FrictionModel::Linear),
+        (Scheme::Bdf1, FrictionModel::Tanh),
+        (Scheme::Bdf1, FrictionModel::Hybrid),
+        (Scheme::Bdf2, FrictionModel::Linear),
+        (Scheme::Bdf2, FrictionModel::Tanh),
     ] {
-        let hybrid = model == Model::Hybrid;
+        let hybrid = model == FrictionModel::Hybrid;
         let build = || thrown_box(settings(scheme), model);
         let scene = Scene {
             build: &build,
@@ -243,14 +243,16 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
             initial(Freedom::Rotation, &[0], Vector3::new(0.6, 0.0, 0.8)),
             initial(Freedom::Velocity, &[0], Vector3::x()),
             initial(Freedom::Spin, &[0], Vector3::new(0.0, 0.8, 0.6)),
-            constant("inertia", BodyMass { body: 0, of: OfMass::Inertia(1, 1) }, &system),
+            constant("inertia", BodyMass { body: 0, of: MassQuantity::Inertia(1, 1) }, &system),
         ];
-        use OfContact::{Damping, Friction, Ramp, Stick, Stiffness};
-        let touching =
-            |of: OfContact| constant(&format!("{of:?}"), Touching::new(&system, 0..8, of), &system);
+        use ContactQuantity::{Damping, Friction, Ramp, Stick, Stiffness};
+        let touching = |of: ContactQuantity| {
+            constant(&format!("{of:?}"), ContactParameter::new(&system, 0..8, of), &system)
+        };
         cases.extend([touching(Ramp), touching(Friction)]);
         // What these change in a box that is held is small.
-        let mut little = vec![constant("mass", BodyMass { body: 0, of: OfMass::Mass }, &system)];
+        let mut little =
+            vec![constant("mass", BodyMass { body: 0, of: MassQuantity::Mass }, &system)];
         little.extend([touching(Stiffness), touching(Damping)]);
         if !hybrid {
             little.push(touching(Stick));
@@ -270,7 +272,7 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
 #[test]
 fn steps_that_were_halved_have_their_derivatives() {
     let few = Settings { iterations: 2, ..settings(Scheme::Bdf2) };
-    let build = || thrown_box(few, Model::Tanh);
+    let build = || thrown_box(few, FrictionModel::Tanh);
     let scene = Scene {
         build: &build,
         steer: &no_steer,
@@ -283,7 +285,7 @@ fn steps_that_were_halved_have_their_derivatives() {
     let rollout = scene.check(vec![
         initial(Freedom::Rotation, &[0], Vector3::new(0.6, 0.0, 0.8)).wider(0.1),
         initial(Freedom::Velocity, &[0], Vector3::x()),
-        constant("mu", Touching::new(&system, 0..8, OfContact::Friction), &system),
+        constant("mu", ContactParameter::new(&system, 0..8, ContactQuantity::Friction), &system),
     ]);
     let halved = rollout.reports().iter().filter(|report| report.subdivisions > 0).count();
     println!("{halved} of 30 steps halved");
@@ -299,7 +301,7 @@ fn soft_cube() -> (System, std::ops::Range<usize>, std::ops::Range<usize>, Vec<u
     let soft = SoftBody::add(&mut assembly, &mesh, &material).unwrap();
     let elements = 0..assembly.forces.len();
     soft.launch(&mut assembly, Vector3::new(0.5, 0.1, -0.2), Vector3::new(0.0, 3.0, 1.0));
-    let friction = Friction { model: Model::Tanh, coefficient: 0.4, stick_n_s_m: 500.0 };
+    let friction = Friction { model: FrictionModel::Tanh, coefficient: 0.4, stick_n_s_m: 500.0 };
     let contact =
         SurfaceContact { stiffness_n_m3: 1e5, damping_n_s_m3: 500.0, ramp_m: 1e-3, friction };
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
@@ -325,13 +327,13 @@ fn a_soft_cube_has_derivatives_by_its_material() {
         initial(Freedom::Velocity, &nodes, Vector3::x()),
         initial(Freedom::Spin, &nodes, Vector3::y()),
     ];
-    use OfMaterial::{Density, Lambda, Mu, Viscosity};
+    use MaterialQuantity::{Density, Lambda, Mu, Viscosity};
     for of in [Mu, Lambda, Viscosity, Density] {
         let softness = Softness { elements: elements.clone(), of };
         cases.push(constant(&format!("{of:?}"), softness, &system));
     }
-    for of in [OfContact::Stiffness, OfContact::Friction] {
-        let touching = Touching::new(&system, contacts.clone(), of);
+    for of in [ContactQuantity::Stiffness, ContactQuantity::Friction] {
+        let touching = ContactParameter::new(&system, contacts.clone(), of);
         cases.push(constant(&format!("{of:?}"), touching, &system));
     }
     scene.check(cases);
@@ -445,22 +447,30 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         initial(Freedom::Rotation, &all, Vector3::y()),
         initial(Freedom::Velocity, &all, Vector3::x()),
         initial(Freedom::Spin, &all, Vector3::z()).wider(10.0),
-        constant("mass of the body", BodyMass { body: 0, of: OfMass::Mass }, &system),
-        constant("inertia of the body", BodyMass { body: 0, of: OfMass::Inertia(1, 1) }, &system)
-            .wider(30.0),
+        constant("mass of the body", BodyMass { body: 0, of: MassQuantity::Mass }, &system),
+        constant(
+            "inertia of the body",
+            BodyMass { body: 0, of: MassQuantity::Inertia(1, 1) },
+            &system,
+        )
+        .wider(30.0),
     ];
-    let of_motors =
-        [(OfMotor::PositionGain, 1.0), (OfMotor::SpeedGain, 1.0), (OfMotor::Armature, 10.0)];
+    let of_motors = [
+        (MotorQuantity::PositionGain, 1.0),
+        (MotorQuantity::SpeedGain, 1.0),
+        (MotorQuantity::Armature, 10.0),
+    ];
     for (of, wider) in of_motors {
-        let drive = Drive { motors: motors[..1].to_vec(), of };
+        let drive = MotorParameter { motors: motors[..1].to_vec(), of };
         cases.push(constant(&format!("{of:?}"), drive, &system).wider(wider));
     }
     let contacts: Vec<usize> =
         (0..robot.end_effectors.len()).flat_map(|number| world.contacts(number)).collect();
-    let mut numbers = vec![OfContact::Stiffness, OfContact::Damping, OfContact::Stick];
-    numbers.extend((motors.len() > joints).then_some(OfContact::Resistance));
+    let mut numbers =
+        vec![ContactQuantity::Stiffness, ContactQuantity::Damping, ContactQuantity::Stick];
+    numbers.extend((motors.len() > joints).then_some(ContactQuantity::Resistance));
     for of in numbers {
-        let touching = Touching::new(&system, contacts.clone(), of);
+        let touching = ContactParameter::new(&system, contacts.clone(), of);
         cases.push(constant(&format!("{of:?}"), touching, &system));
     }
     cases.push(constant("tilt", Gravity { axis: Vector3::x() }, &system).wider(10.0));
@@ -496,7 +506,7 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
         let build = || {
             let ground = Plane::rising(angle_rad);
             let load = 9.81 * angle_rad.cos();
-            let contact = |body: usize, center: Vector3<f64>| Contact {
+            let contact = |body: usize, center: Vector3<f64>| GroundContact {
                 body: [body],
                 center,
                 radius_m: 0.0,
@@ -507,7 +517,11 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
                     ramp_m: 3e-4,
                     pulls: true,
                 },
-                friction: Friction { model: Model::Hybrid, coefficient: 0.5, stick_n_s_m: 50.0 },
+                friction: Friction {
+                    model: FrictionModel::Hybrid,
+                    coefficient: 0.5,
+                    stick_n_s_m: 50.0,
+                },
                 resistance: Resistance::default(),
                 ground: Arc::new(ground),
             };
@@ -516,14 +530,14 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
             let place = ground.normal * (-load / 5e3);
             // Thrown up, it slides, stops and stays.
             let velocity = Vector3::new(angle_rad.cos(), 0.0, angle_rad.sin()) * 0.7;
-            assembly.add_body(particle, Motion { velocity, ..Motion::at(place) });
+            assembly.add_body(particle, BodyMotion { velocity, ..BodyMotion::at(place) });
             assembly.add(contact(0, Vector3::zeros()));
             let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(1e-3, 2e-3, 2.5e-3));
             let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), -angle_rad).into_inner();
-            let motion = Motion {
+            let motion = BodyMotion {
                 rotation: turn,
                 velocity: velocity * 0.3,
-                ..Motion::at(Vector3::y() + ground.normal * (0.03 - load / 2e4))
+                ..BodyMotion::at(Vector3::y() + ground.normal * (0.03 - load / 2e4))
             };
             assembly.add_body(Inertia { mass_kg: 1.0, about_com_kg_m2 }, motion);
             for (x, y) in [(0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06)] {
@@ -545,11 +559,15 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
         scene.check(vec![
             initial(Freedom::Position, &[0], along),
             initial(Freedom::Velocity, &[0], along),
-            constant("mu 0", Touching::new(&system, [0], OfContact::Friction), &system),
+            constant(
+                "mu 0",
+                ContactParameter::new(&system, [0], ContactQuantity::Friction),
+                &system,
+            ),
         ]);
         // Which of a rigid body's contacts hold it is not decided, nor how firmly.
         let rigid = Scene { bound: 1e-3, ..scene };
-        let friction = Touching::new(&system, 1..5, OfContact::Friction);
+        let friction = ContactParameter::new(&system, 1..5, ContactQuantity::Friction);
         rigid.check(vec![
             initial(Freedom::Velocity, &[1], along).wider(100.0),
             constant("mu 1", friction, &system).wider(100.0),

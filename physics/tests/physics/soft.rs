@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::anchor::Anchor;
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
@@ -110,7 +110,7 @@ fn momenta_are_conserved_in_free_flight() {
     let about_com_kg_m2 = Matrix3::from_diagonal(&Vector3::new(2e-4, 1e-4, 2e-4));
     let plate = assembly.add_body(
         Inertia { mass_kg: 0.1, about_com_kg_m2 },
-        Motion { position: place, rotation, velocity, spin },
+        BodyMotion { position: place, rotation, velocity, spin },
     );
     soft.attach(&mut assembly, plate, 2e3, 1.0, |place| place.z > 0.049);
     let mut system = System::new(settings(Scheme::Bdf2, Vector3::zeros()), assembly);
@@ -166,7 +166,7 @@ fn a_cantilever_sags_as_a_beam() {
     assert!((extrapolated / expected - 1.0).abs() < 0.02, "{coarse}, {fine}, {expected}");
 }
 
-fn on_incline(model: Model, angle_rad: f64) -> (System, std::ops::Range<usize>, f64) {
+fn on_incline(model: FrictionModel, angle_rad: f64) -> (System, std::ops::Range<usize>, f64) {
     let ground = Plane::rising(angle_rad);
     let mut assembly = Assembly::default();
     // Its bottom in the plane.
@@ -193,7 +193,7 @@ fn on_incline(model: Model, angle_rad: f64) -> (System, std::ops::Range<usize>, 
 #[test]
 fn a_soft_puck_stands_on_an_incline() {
     let angle_rad = 15f64.to_radians();
-    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
         let (mut system, contacts, _) = on_incline(model, angle_rad);
         run(&mut system, 0.01, 300);
         let (mass, _) = center(&system);
@@ -205,10 +205,14 @@ fn a_soft_puck_stands_on_an_incline() {
         let touching = touches.iter().filter(|touch| touch.gap_m < 0.0);
         let sticking: f64 = touching.clone().map(|touch| touch.friction.stick_n_s_m).sum();
         match model {
-            Model::Linear => assert!((speed * sticking / down - 1.0).abs() < 0.01, "{speed}"),
+            FrictionModel::Linear => {
+                assert!((speed * sticking / down - 1.0).abs() < 0.01, "{speed}")
+            }
             // Between that of linear friction and that of the cone.
-            Model::Tanh => assert!((1.0..2.0).contains(&(speed * sticking / down)), "{speed}"),
-            Model::Hybrid => assert!(speed < 1e-7, "{speed}"),
+            FrictionModel::Tanh => {
+                assert!((1.0..2.0).contains(&(speed * sticking / down)), "{speed}")
+            }
+            FrictionModel::Hybrid => assert!(speed < 1e-7, "{speed}"),
         }
         for touch in touching {
             let across = touch.force - touch.normal * touch.normal.dot(&touch.force);

@@ -3,13 +3,13 @@
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Grid, Ground, Sphere};
 use rollwalk_physics::anchor::Anchor;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody};
 use rollwalk_physics::spring::Spring;
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
@@ -94,13 +94,13 @@ fn cloth_lies_on_a_solid_of_a_grid() {
     for k in 0..count * count {
         let at = |k: usize| spacing * (k as f64 - 0.5 * (count - 1) as f64);
         let node = assembly.add_particle(mass_kg, Vector3::new(at(k % count), at(k / count), 0.16));
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [node],
             center: Vector3::zeros(),
             radius_m: 0.0,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m, damping_n_s_m: 0.05, ramp_m: 1e-4, pulls: true },
-            friction: Friction { model: Model::Linear, coefficient: 0.6, stick_n_s_m: 5.0 },
+            friction: Friction { model: FrictionModel::Linear, coefficient: 0.6, stick_n_s_m: 5.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });
@@ -140,7 +140,7 @@ fn two_balls_on_a_line_are_a_hinge_between_soft_and_rigid() {
     let mut assembly = Assembly::default();
     let frame = assembly.add_body(
         Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() },
-        Motion::at(Vector3::new(0.0, 0.0, 0.3)),
+        BodyMotion::at(Vector3::new(0.0, 0.0, 0.3)),
     );
     for point in [Vector3::x(), Vector3::y(), -Vector3::x(), -Vector3::y()] {
         let place = assembly.motions[frame].position + point;

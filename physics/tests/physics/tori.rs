@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
@@ -80,7 +80,7 @@ fn tori_in_flight_keep_their_angular_momentum() {
 }
 
 /// Tori above a slope of 20 degrees, thrown at a wall. Also returns the force indices of the contacts with slope and wall.
-fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
+fn thrown(model: FrictionModel) -> (System, Range<usize>, Range<usize>) {
     let mut assembly = Assembly::default();
     let (velocity, spin) = (Vector3::new(-1.5, 0.2, 0.0), Vector3::new(0.0, -10.0, 2.0));
     let rings = tori(&mut assembly, Vector3::new(0.1, 0.0, 0.16), velocity, spin);
@@ -110,7 +110,7 @@ fn thrown(model: Model) -> (System, Range<usize>, Range<usize>) {
 fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {
     let step_s = 5e-3;
     let mut outcomes = Vec::new();
-    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
         let (mut system, on_slope, on_wall) = thrown(model);
         let mass: f64 = system.bodies().iter().map(|body| body.mass_kg()).sum();
         let mut before = [system.momentum(); 2];

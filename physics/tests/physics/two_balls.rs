@@ -2,10 +2,10 @@
 //! derivatives of the final position.
 
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_physics::force::{By, Derivative, Force, View, Wrench};
+use rollwalk_physics::force::{Derivative, Force, StateBlock, View, Wrench};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Residual};
-use rollwalk_physics::{Assembly, Body, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, Body, BodyMotion, Scheme, Settings, System};
 
 /// Force that pushes two balls apart below a given distance.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ impl Force for Bumper {
         let closed = f64::from(u8::from(apart.norm() < self.distance_m));
         let stiffness: Matrix3<f64> = along * along.transpose() * (self.stiffness_n_m * closed);
         for (pair, sign) in [-1.0, 1.0, 1.0, -1.0].into_iter().enumerate() {
-            by[pair].add_force(By::Position, &(stiffness * sign));
+            by[pair].add_force(StateBlock::Position, &(stiffness * sign));
         }
     }
 }
@@ -47,9 +47,9 @@ const DURATION_S: f64 = 1.0;
 fn derivatives(stiffness_n_m: f64, steps: u32) -> Vec<f64> {
     let mut assembly = Assembly::default();
     let ball = Body::Particle { mass_kg: 1.0 };
-    let first =
-        assembly.add_body(ball, Motion { velocity: Vector3::x(), ..Motion::at(Vector3::zeros()) });
-    let second = assembly.add_body(ball, Motion::at(Vector3::x() * 0.6));
+    let first = assembly
+        .add_body(ball, BodyMotion { velocity: Vector3::x(), ..BodyMotion::at(Vector3::zeros()) });
+    let second = assembly.add_body(ball, BodyMotion::at(Vector3::x() * 0.6));
     assembly.add(Bumper { balls: [first, second], distance_m: 0.2, stiffness_n_m });
     let settings = Settings {
         scheme: Scheme::Bdf2,

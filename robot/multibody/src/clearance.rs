@@ -64,10 +64,10 @@ struct LinkShape {
 
 /// Shapes of all pairs in world axes.
 #[derive(Clone, Debug)]
-pub struct PlacedShapes(Vec<Placed>);
+pub struct PlacedShapes(Vec<PlacedPart>);
 
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+struct PlacedPart {
     middle: Vector3<f64>,
     reach_m: f64,
     shape: PlacedShape,
@@ -197,7 +197,7 @@ impl Clearance {
 
     /// Transforms all shapes to world axes.
     pub fn placed(&self, frames: &Frames) -> PlacedShapes {
-        let place = |of: &LinkShape| Placed {
+        let place = |of: &LinkShape| PlacedPart {
             middle: frames.point(of.link, &of.middle_in_link_m),
             reach_m: of.reach_m,
             shape: frames.placed(of.link, &of.shape),

@@ -5,10 +5,10 @@ mod elevation;
 mod elevation_map;
 pub mod file;
 mod grid;
+mod rotated;
 mod shapes;
 mod spline;
 mod terrain;
-mod turned;
 
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use std::sync::Arc;
 pub use elevation::Elevation;
 pub use elevation_map::ElevationMap;
 pub use grid::Grid;
+pub use rotated::RotatedGround;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
 pub use terrain::{HeightField, Profile, ProfileError};
-pub use turned::Turned;
 
 /// Gap, normal and curvature of the ground at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -41,7 +41,6 @@ pub mod clearance;
 mod composite;
 mod contact;
 pub mod distance;
-mod doubts;
 pub mod euler;
 mod frames;
 pub mod ground;
@@ -52,17 +51,18 @@ pub mod rotation;
 mod standing;
 mod state;
 mod tree;
+mod warnings;
 mod wheel_body;
 
 pub use centroidal::{about_com, centroidal_momentum_matrix};
 pub use composite::{CompositeInertia, forward_dynamics};
 pub use contact::{ContactMotion, RimContact};
-pub use doubts::doubts;
 pub use frames::{Configuration, Frames};
 pub use kinematics::Kinematics;
 pub use standing::{Standing, StandingContact};
 pub use state::{State, turn_base};
 pub use tree::{Tree, Wheel};
+pub use warnings::warnings;
 pub use wheel_body::{RigidPart, WHEEL_MASS_SHARE, rest_of_link, spinning_wheels};
 
 /// Index in ν of the first component of the base's linear velocity.

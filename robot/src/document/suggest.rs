@@ -63,7 +63,7 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
     if let Some(name) = known.clone().into_iter().find(|name| sorted(words_of(name)) == meant) {
         return Some(name);
     }
-    let alike = known.clone().into_iter().filter_map(|name| Some((likeness(given, name)?, name)));
+    let alike = known.clone().into_iter().filter_map(|name| Some((similarity(given, name)?, name)));
     let mut typed: Vec<_> = alike.collect();
     typed.sort_by(|a, b| b.0.total_cmp(&a.0));
     match typed[..] {
@@ -76,7 +76,7 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
 
 /// Similarity of two names, up to 1; `None` if one is not a misspelling of the other. Common words do not compensate for a
 /// different rest: `driving_wheel` and `passive_wheel` share only `_wheel`.
-fn likeness(given: &str, name: &str) -> Option<f64> {
+fn similarity(given: &str, name: &str) -> Option<f64> {
     let similarity = strsim::normalized_damerau_levenshtein;
     let letters = |name: &str| {
         let plain = name.chars().filter(char::is_ascii_alphanumeric);

@@ -2,13 +2,13 @@
 //! `robots/agilebot.toml` is the worked example.
 //!
 //! [`read`] builds the robot from the tables, with limbs from templates ([`group`]). [`crate::rules`] checks the result. Faults
-//! of both have spans in the text ([`places`]).
+//! of both have spans in the text ([`item_tables`]).
 
 mod buses;
 mod fields;
 mod group;
+mod item_tables;
 pub(crate) mod parts;
-mod places;
 mod read;
 mod shapes;
 mod sides;

@@ -8,8 +8,8 @@ use super::fields::{
     address, axis, bus, data_sheet, drag, mass, named, number, rpy, soft_material, vector,
 };
 use super::group::{Group, Limb, ORIGIN};
+use super::item_tables::{ItemTables, Source};
 use super::parts::{self, MassProperties};
-use super::places::{Places, Source};
 use super::shapes::shape;
 use crate::actuator::Actuator;
 use crate::contact::{Contact, KINDS};
@@ -35,7 +35,7 @@ type Ids = RangeInclusive<u8>;
 /// Builds a robot from all tables, with the parts of each link. `None` if there is a fault.
 pub(super) fn robot<'d>(
     document: &'d Document<'_>,
-) -> Option<(Robot, Vec<Vec<Solid>>, Places<'d>)> {
+) -> Option<(Robot, Vec<Vec<Solid>>, ItemTables<'d>)> {
     let root = document.root();
     let name = root.string("name").unwrap_or_default();
     let sheet = |(name, table)| (name, (data_sheet(&table), table));
@@ -115,7 +115,7 @@ struct Reader<'r, 'd> {
     robot: Robot,
     /// Parts of each link.
     parts: Vec<Vec<Solid>>,
-    places: Places<'d>,
+    places: ItemTables<'d>,
     /// Limbs with a joint on the link that carries them.
     placed: HashSet<String>,
     /// Faults of unresolved names: span, message, label and help.
@@ -136,7 +136,7 @@ impl<'r, 'd> Reader<'r, 'd> {
                 clearance_margin_m: DEFAULT_CLEARANCE_MARGIN_M,
             },
             parts: Vec::new(),
-            places: Places::new(root),
+            places: ItemTables::new(root),
             placed: HashSet::new(),
             unresolved: RefCell::default(),
         }

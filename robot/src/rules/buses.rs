@@ -1,7 +1,7 @@
 //! Rules of actuator buses: settings within the ranges of their protocol, and limits of channels within
 //! the ranges of the protocol's frames.
 
-use super::{Check, Place};
+use super::{Check, Item};
 use crate::channel::Channel;
 use rollwalk_protocol::actuator::MAX_ID;
 use rollwalk_protocol::actuators::Refusal;
@@ -20,7 +20,7 @@ impl Check<'_> {
     pub(super) fn buses(&mut self) {
         let robot = self.robot;
         for (&number, bus) in &robot.buses {
-            self.at(Place::Bus(number), format!("bus {number}"));
+            self.at(Item::Bus(number), format!("bus {number}"));
             // A motor on a bus that no controller has is found at the motor.
             if !robot.channels().any(|channel| channel.actuator().bus == number) {
                 let help = "give it to a joint, a wheel or a limb, or leave the table out";

@@ -1,6 +1,6 @@
 //! Rules of a robot, item by item: collects every violation. Rules of the robot as a whole are here.
 
-use super::{Place, Violation};
+use super::{Item, Violation};
 use crate::actuator::Actuator;
 use crate::channel::Channel;
 use crate::model::Robot;
@@ -24,7 +24,7 @@ pub(crate) const ITEMS_MAX: usize = 64;
 
 /// Rules that `robot` breaks, in the order of its items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
-    let mut check = Check { robot, place: Place::Robot, what: "the robot".into(), found: vec![] };
+    let mut check = Check { robot, place: Item::Robot, what: "the robot".into(), found: vec![] };
     check.counts();
     if check.found.is_empty() {
         check.names();
@@ -35,19 +35,19 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     }
     check.robot();
     for (index, link) in robot.links.iter().enumerate() {
-        check.at(Place::Link(index), format!("link `{}`", link.name));
+        check.at(Item::Link(index), format!("link `{}`", link.name));
         check.link(index, link);
     }
     for (index, link) in robot.links.iter().enumerate() {
-        check.at(Place::Link(index), format!("link `{}`", link.name));
+        check.at(Item::Link(index), format!("link `{}`", link.name));
         check.rigid_rest(index, link);
     }
     for (index, joint) in robot.joints.iter().enumerate() {
-        check.at(Place::Joint(index), format!("joint `{}`", joint.name));
+        check.at(Item::Joint(index), format!("joint `{}`", joint.name));
         check.joint(index, joint);
     }
     for (index, end_effector) in robot.end_effectors.iter().enumerate() {
-        check.at(Place::EndEffector(index), format!("end effector `{}`", end_effector.name));
+        check.at(Item::EndEffector(index), format!("end effector `{}`", end_effector.name));
         check.end_effector(end_effector);
     }
     check.addresses();
@@ -62,13 +62,13 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
 
 pub(super) struct Check<'r> {
     pub(super) robot: &'r Robot,
-    place: Place,
+    place: Item,
     what: String,
     found: Vec<Violation>,
 }
 
 impl Check<'_> {
-    pub(super) fn at(&mut self, place: Place, what: String) {
+    pub(super) fn at(&mut self, place: Item, what: String) {
         self.place = place;
         self.what = what;
     }
@@ -150,9 +150,9 @@ impl Check<'_> {
         let links = robot.links.iter().map(|link| &link.name).enumerate();
         let joints = robot.joints.iter().map(|joint| &joint.name).enumerate();
         let ends = robot.end_effectors.iter().map(|end| &end.name).enumerate();
-        let links = links.map(|(index, name)| (Place::Link(index), "link", name));
-        let joints = joints.map(|(index, name)| (Place::Joint(index), "joint", name));
-        let ends = ends.map(|(index, name)| (Place::EndEffector(index), "end effector", name));
+        let links = links.map(|(index, name)| (Item::Link(index), "link", name));
+        let joints = joints.map(|(index, name)| (Item::Joint(index), "joint", name));
+        let ends = ends.map(|(index, name)| (Item::EndEffector(index), "end effector", name));
         let mut taken = HashSet::new();
         for (place, kind, name) in links.chain(joints).chain(ends) {
             self.at(place, format!("{kind} `{}`", Excerpt::start_of(name)));
@@ -162,7 +162,7 @@ impl Check<'_> {
 
     fn robot(&mut self) {
         let robot = self.robot;
-        self.at(Place::Robot, "the robot".into());
+        self.at(Item::Robot, "the robot".into());
         if robot.links.is_empty() {
             self.violated("link", "is missing", "a robot has at least one link, its body");
         }
@@ -198,9 +198,9 @@ impl Check<'_> {
                 }
                 Some((before, other)) => {
                     // The limb that comes later in the file is the one that was given a range in use.
-                    let link = |place: Place| match place {
-                        Place::Joint(joint) => self.robot.joints[joint].child,
-                        Place::EndEffector(end) => self.robot.end_effectors[end].link,
+                    let link = |place: Item| match place {
+                        Item::Joint(joint) => self.robot.joints[joint].child,
+                        Item::EndEffector(end) => self.robot.end_effectors[end].link,
                         _ => 0,
                     };
                     let is_later = link(place) >= link(*before);
@@ -219,13 +219,13 @@ impl Check<'_> {
 }
 
 /// Motors with their places and names in messages.
-fn motors(robot: &Robot) -> impl Iterator<Item = (Place, String, Channel<'_>)> {
+fn motors(robot: &Robot) -> impl Iterator<Item = (Item, String, Channel<'_>)> {
     let joints = robot.joints.iter().enumerate().map(|(index, joint)| {
-        (Place::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))
+        (Item::Joint(index), format!("joint `{}`", joint.name), Channel::Joint(joint))
     });
     let wheels = robot.end_effectors.iter().enumerate().filter_map(|(index, wheel)| {
         let channel = Channel::Wheel(wheel, wheel.contact.actuator()?);
-        Some((Place::EndEffector(index), format!("end effector `{}`", wheel.name), channel))
+        Some((Item::EndEffector(index), format!("end effector `{}`", wheel.name), channel))
     });
     joints.chain(wheels)
 }

@@ -19,7 +19,7 @@ use std::fmt;
 
 /// The item of a robot that a violation is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Place {
+pub enum Item {
     /// The robot as a whole.
     Robot,
     /// `links[i]`.
@@ -36,7 +36,7 @@ pub enum Place {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// The item.
-    pub place: Place,
+    pub place: Item,
     /// The field, as robot files spell it.
     pub field: &'static str,
     /// The mistake, naming the item.

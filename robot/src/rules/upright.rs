@@ -1,6 +1,6 @@
 //! The nominal pose stands the right way up: contacts are below the robot's centre of mass.
 
-use super::{Check, Place};
+use super::{Check, Item};
 use crate::model::{EndEffector, Robot};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -31,7 +31,7 @@ impl Check<'_> {
             } else {
                 format!(", with {}", angles.join(", "))
             };
-            self.at(Place::EndEffector(index), format!("end effector `{}`", end.name));
+            self.at(Item::EndEffector(index), format!("end effector `{}`", end.name));
             self.violated(
                 "center_in_link_m",
                 format_args!(

@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 use rollwalk_protocol::config::MAX_CHANNELS;
-use rollwalk_robot::{Contact, Place, RollingDrag};
+use rollwalk_robot::{Contact, Item, RollingDrag};
 
 #[test]
 fn masses_and_inertias_that_no_body_has() {
@@ -303,32 +303,32 @@ fn robots_without_a_file_are_judged_by_the_same_rules() {
     let robot = tiny();
     robot.validate().unwrap();
     type Breaks = fn(&mut Robot);
-    let broken: [(Breaks, Place, &str); 15] = [
-        (|r| r.links[0].mass_kg = f64::NAN, Place::Link(0), "mass_kg"),
+    let broken: [(Breaks, Item, &str); 15] = [
+        (|r| r.links[0].mass_kg = f64::NAN, Item::Link(0), "mass_kg"),
         (
             |r| r.links[0].inertia_in_link_kg_m2[(0, 1)] = 1e-3,
-            Place::Link(0),
+            Item::Link(0),
             "inertia_in_link_kg_m2",
         ),
-        (|r| r.links[0].com_in_link_m.x = f64::INFINITY, Place::Link(0), "com_in_link_m"),
-        (|r| r.joints[0].position_min_rad = f64::NAN, Place::Joint(0), "position_min_rad"),
-        (|r| r.joints[0].axis_in_joint.y = 2.0, Place::Joint(0), "axis_in_joint"),
-        (|r| r.joints[1].parent = 9, Place::Joint(1), "parent"),
-        (|r| r.joints[0].actuator.kd_nm_s_rad = -1.0, Place::Joint(0), "kd_nm_s_rad"),
-        (|r| r.joints[0].actuator.model.clear(), Place::Joint(0), "model"),
-        (|r| r.joints[0].actuator.model = "M".repeat(65_536), Place::Joint(0), "model"),
-        (|r| r.joints[0].actuator.model = "M\u{1b}[2J".into(), Place::Joint(0), "model"),
-        (|r| r.joints[2].actuator.id = 1, Place::Joint(2), "id"),
-        (|r| r.end_effectors[0].link = 4, Place::EndEffector(0), "link"),
-        (|r| r.end_effectors[1].radius_m = 0.0, Place::EndEffector(1), "radius_m"),
-        (|r| r.end_effectors.clear(), Place::Robot, "end_effector"),
+        (|r| r.links[0].com_in_link_m.x = f64::INFINITY, Item::Link(0), "com_in_link_m"),
+        (|r| r.joints[0].position_min_rad = f64::NAN, Item::Joint(0), "position_min_rad"),
+        (|r| r.joints[0].axis_in_joint.y = 2.0, Item::Joint(0), "axis_in_joint"),
+        (|r| r.joints[1].parent = 9, Item::Joint(1), "parent"),
+        (|r| r.joints[0].actuator.kd_nm_s_rad = -1.0, Item::Joint(0), "kd_nm_s_rad"),
+        (|r| r.joints[0].actuator.model.clear(), Item::Joint(0), "model"),
+        (|r| r.joints[0].actuator.model = "M".repeat(65_536), Item::Joint(0), "model"),
+        (|r| r.joints[0].actuator.model = "M\u{1b}[2J".into(), Item::Joint(0), "model"),
+        (|r| r.joints[2].actuator.id = 1, Item::Joint(2), "id"),
+        (|r| r.end_effectors[0].link = 4, Item::EndEffector(0), "link"),
+        (|r| r.end_effectors[1].radius_m = 0.0, Item::EndEffector(1), "radius_m"),
+        (|r| r.end_effectors.clear(), Item::Robot, "end_effector"),
         (
             |r| {
                 let axis_in_link = nalgebra::Vector3::zeros();
                 let drag = RollingDrag { rolling_resistance: 0.02, rolling_drag_s_m: 0.0 };
                 r.end_effectors[1].contact = Contact::PassiveWheel { axis_in_link, drag }
             },
-            Place::EndEffector(1),
+            Item::EndEffector(1),
             "axis_in_link",
         ),
     ];

@@ -3,7 +3,7 @@
 use crate::clock::SimTime;
 use nalgebra::Rotation3;
 use rollwalk_physics::World;
-use rollwalk_physics::world::{Odometer, Totals, Way};
+use rollwalk_physics::world::{NetDisplacement, Odometer, Totals};
 use rollwalk_protocol::library::ClipId;
 
 /// Travel of the robot along the ground during a clip.
@@ -37,7 +37,7 @@ impl Travel {
     }
 
     /// Path along the ground.
-    pub fn displacement(&self) -> Way {
+    pub fn displacement(&self) -> NetDisplacement {
         self.odometer.displacement()
     }
 

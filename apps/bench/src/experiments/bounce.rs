@@ -6,9 +6,9 @@
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::{Assembly, Body, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::{Assembly, Body, BodyMotion, Inertia, Scheme, Settings, System};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -95,11 +95,11 @@ fn cube(askew_rad: f64) -> Bounced {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.7 * 0.2 * 0.2 / 6.0);
     let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), askew_rad).into_inner();
-    let motion = Motion { rotation, ..Motion::at(Vector3::z() * 0.3) };
+    let motion = BodyMotion { rotation, ..BodyMotion::at(Vector3::z() * 0.3) };
     let cube = assembly.add_body(Inertia { mass_kg: 0.7, about_com_kg_m2 }, motion);
     for corner in 0..8 {
         let center = Vector3::from_fn(|axis, _| if corner >> axis & 1 == 0 { -0.1 } else { 0.1 });
-        assembly.add(Contact { center, ..contact(cube, [250.0, 0.0], 0.4, 20.0) });
+        assembly.add(GroundContact { center, ..contact(cube, [250.0, 0.0], 0.4, 20.0) });
     }
     let gravity_m_s2 = Vector3::z() * -9.81;
     let settings =
@@ -124,14 +124,14 @@ fn contact(
     [stiffness_n_m, damping_n_s_m]: [f64; 2],
     coefficient: f64,
     stick_n_s_m: f64,
-) -> Contact {
-    Contact {
+) -> GroundContact {
+    GroundContact {
         body: [body],
         center: Vector3::zeros(),
         radius_m: 0.0,
         tip: Tip::Sphere,
         normal: Normal { stiffness_n_m, damping_n_s_m, ramp_m: 0.0, pulls: true },
-        friction: Friction { model: Model::Linear, coefficient, stick_n_s_m },
+        friction: Friction { model: FrictionModel::Linear, coefficient, stick_n_s_m },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     }
@@ -146,7 +146,7 @@ fn mass(
 ) -> System {
     let mut assembly = Assembly::default();
     let velocity = Vector3::z() * speed_m_s;
-    let motion = Motion { velocity, ..Motion::at(Vector3::z() * height_m) };
+    let motion = BodyMotion { velocity, ..BodyMotion::at(Vector3::z() * height_m) };
     let body = assembly.add_body(Body::Particle { mass_kg: MASS_KG }, motion);
     assembly.add(contact(body, [stiffness_n_m, damping_n_s_m], 0.0, 0.0));
     let gravity_m_s2 = Vector3::z() * -gravity_m_s2;

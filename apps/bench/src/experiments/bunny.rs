@@ -22,7 +22,7 @@ use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::{Minimum, Options};
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::soft::{Material, Mesh};
-use rollwalk_physics::{Scheme, friction::Model};
+use rollwalk_physics::{Scheme, friction::FrictionModel};
 use std::sync::Arc;
 
 const CELLS: usize = 3;
@@ -159,7 +159,7 @@ fn thrown(cells: usize, wall: bool) -> Throw {
         mesh: bunny(cells).shaped(|place| place + BEGIN_M),
         material: Material::elastic(90.0, 2.41e4, 4e-3),
         grounds: vec![(Arc::new(Plane::level()), COEFFICIENT)],
-        model: Model::Linear,
+        model: FrictionModel::Linear,
         node_stiffness_n_m: STAGES_N_M[0],
         nodes: surface as f64,
         scheme: Scheme::Bdf1,

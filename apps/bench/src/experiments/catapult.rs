@@ -13,9 +13,9 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Capsule, Grid, Ground, Sphere, Union};
 use rollwalk_physics::collision::Collision;
 use rollwalk_physics::contact::Normal;
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
-use rollwalk_physics::{Assembly, Inertia, Motion, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Settings, System};
 use std::sync::Arc;
 
 const COUNT: usize = 7;
@@ -66,7 +66,7 @@ fn bunny() -> Arc<dyn Ground> {
 }
 
 /// Creates a cloth with a solid on it and handles at the four corners. `motions` sets the initial motions of all bodies.
-fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usize, Handles) {
+fn scene(solid: &Arc<dyn Ground>, motions: Option<&[BodyMotion]>) -> (Assembly, usize, Handles) {
     let mut assembly = Assembly::default();
     let cloth = Cloth::add(&mut assembly, Vector3::z() * HEIGHT_M, EDGE_M, COUNT, CLOTH_KG, SLACK);
     let last = COUNT - 1;
@@ -75,7 +75,7 @@ fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usiz
     let about_com_kg_m2 = Matrix3::identity() * (0.4 * BUNNY_KG * BODY_M * BODY_M);
     let bunny = assembly.add_body(
         Inertia { mass_kg: BUNNY_KG, about_com_kg_m2 },
-        Motion::at(Vector3::new(3e-3, 5e-3, HEIGHT_M + BODY_M)),
+        BodyMotion::at(Vector3::new(3e-3, 5e-3, HEIGHT_M + BODY_M)),
     );
     for node in touching(&cloth) {
         assembly.add(Collision {
@@ -89,7 +89,7 @@ fn scene(solid: &Arc<dyn Ground>, motions: Option<&[Motion]>) -> (Assembly, usiz
                 pulls: true,
             },
             friction: Friction {
-                model: Model::Tanh,
+                model: FrictionModel::Tanh,
                 coefficient: 0.5,
                 stick_n_s_m: CONTACT_N_M * STEP_S,
             },
@@ -116,13 +116,16 @@ fn settings() -> Settings {
 }
 
 /// Motions of all bodies with the solid at rest in the cloth.
-fn settled(solid: &Arc<dyn Ground>) -> Option<Vec<Motion>> {
+fn settled(solid: &Arc<dyn Ground>) -> Option<Vec<BodyMotion>> {
     let mut system = System::new(settings(), scene(solid, None).0);
     for _ in 0..SETTLING {
         system.step(STEP_S).ok()?;
     }
-    let still =
-        |motion: &Motion| Motion { velocity: Vector3::zeros(), spin: Vector3::zeros(), ..*motion };
+    let still = |motion: &BodyMotion| BodyMotion {
+        velocity: Vector3::zeros(),
+        spin: Vector3::zeros(),
+        ..*motion
+    };
     Some(system.motions().iter().map(still).collect())
 }
 
@@ -172,7 +175,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let cloth = |step: usize| {
         let motions = moved.rollout.motions(step);
         let place = motions[bunny];
-        let gap = |node: &Motion| {
+        let gap = |node: &BodyMotion| {
             solid.at(&(place.rotation.transpose() * (node.position - place.position))).gap_m
         };
         motions[..bunny].iter().map(gap).fold(f64::INFINITY, f64::min)

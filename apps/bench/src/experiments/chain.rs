@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::anchor::Anchor;
 use rollwalk_physics::contact::Normal;
-use rollwalk_physics::{Assembly, Motion, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Settings, System};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 500.0;
@@ -37,7 +37,7 @@ fn chain(count: usize) -> System {
     let half_m = 0.5 * EDGE_M;
     for k in 0..count {
         let place = Vector3::new(APART_M * k as f64, 0.0, half_m + 0.05);
-        let body = assembly.add_body(cube(MASS_KG, EDGE_M), Motion::at(place));
+        let body = assembly.add_body(cube(MASS_KG, EDGE_M), BodyMotion::at(place));
         touching.add(&mut assembly, body, corners(EDGE_M));
         for side in [-1.0, 1.0] {
             let point = Vector3::new(-half_m, side * half_m, 0.0);

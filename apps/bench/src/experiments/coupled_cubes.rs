@@ -9,7 +9,7 @@ use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
-use rollwalk_physics::{Assembly, Motion, System};
+use rollwalk_physics::{Assembly, BodyMotion, System};
 use std::f64::consts::PI;
 
 const STEPS: usize = 120;
@@ -32,8 +32,8 @@ fn scene() -> (Assembly, Gripper) {
     let mut assembly = Assembly::default();
     let at = |k: f64| Vector3::z() * (rest_m() + k * APART_M);
     let gripper = Gripper::add(&mut assembly, at(2.0));
-    let middle = add_cube(&mut assembly, Motion::at(at(1.0)));
-    let turned = Motion { rotation: about_z(TURNED_RAD), ..Motion::at(at(0.0)) };
+    let middle = add_cube(&mut assembly, BodyMotion::at(at(1.0)));
+    let turned = BodyMotion { rotation: about_z(TURNED_RAD), ..BodyMotion::at(at(0.0)) };
     let bottom = add_cube(&mut assembly, turned);
     touch_ground(&mut assembly, bottom);
     tie(&mut assembly, [gripper.body, middle], STRETCH[0], false);

@@ -8,7 +8,7 @@ use crate::experiments::manipulation::{STEP_S, Task, Way, Work, at_pose, objecti
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
-use rollwalk_physics::{Assembly, Motion, System};
+use rollwalk_physics::{Assembly, BodyMotion, System};
 
 const STEPS: usize = 60;
 pub(crate) const CUBE: usize = 1;
@@ -23,7 +23,7 @@ pub(crate) fn hung(stretch: f64) -> (Assembly, Gripper) {
     let mut assembly = Assembly::default();
     let rest = Vector3::z() * rest_m();
     let gripper = Gripper::add(&mut assembly, rest + Vector3::z() * ABOVE_M);
-    let cube = add_cube(&mut assembly, Motion::at(rest));
+    let cube = add_cube(&mut assembly, BodyMotion::at(rest));
     touch_ground(&mut assembly, cube);
     tie(&mut assembly, [gripper.body, cube], stretch, true);
     (assembly, gripper)

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
-use rollwalk_physics::{Motion, System};
+use rollwalk_physics::{BodyMotion, System};
 use std::f64::consts::FRAC_PI_2;
 
 const STEPS: usize = 90;
@@ -88,7 +88,7 @@ fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
 }
 
 /// Angle from the target orientation, °.
-fn off_deg(motion: &Motion) -> f64 {
+fn off_deg(motion: &BodyMotion) -> f64 {
     let (_, turned) = tipped();
     // The chord of the angle, which rounding leaves a number at 0, too.
     let half_sine = (motion.rotation - turned).norm() / 8.0_f64.sqrt();
@@ -96,12 +96,12 @@ fn off_deg(motion: &Motion) -> f64 {
 }
 
 /// Distance from the target position, mm.
-fn off_mm(motion: &Motion) -> f64 {
+fn off_mm(motion: &BodyMotion) -> f64 {
     1e3 * (motion.position - tipped().0).norm()
 }
 
 /// Motion of the cube some time after the gripper has reached its final pose.
-fn later(gripper: &Gripper, parameters: &[f64]) -> Option<Motion> {
+fn later(gripper: &Gripper, parameters: &[f64]) -> Option<BodyMotion> {
     let mut system = system();
     for pose in parameters.chunks(gripper.coordinates()) {
         gripper.place(&mut system, pose);

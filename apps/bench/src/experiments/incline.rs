@@ -22,9 +22,9 @@ use crate::experiments::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
-use rollwalk_physics::{Assembly, Body, Motion, Settings, System};
+use rollwalk_physics::{Assembly, Body, BodyMotion, Settings, System};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
@@ -65,7 +65,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         ..Outcome::default()
     };
     let mut runs = Vec::new();
-    let models = [(Model::Linear, "26.24 s"), (Model::Tanh, "30.86 s"), (Model::Hybrid, "31.2 s")];
+    let models = [
+        (FrictionModel::Linear, "26.24 s"),
+        (FrictionModel::Tanh, "30.86 s"),
+        (FrictionModel::Hybrid, "31.2 s"),
+    ];
     for (model, thesis) in models {
         let begin = ProcessTime::now();
         let slide = slide(model, cells, STEPS, watch)?;
@@ -79,12 +83,12 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let limit_n = COEFFICIENT * onto_n;
         let what = of("speed at the end, m/s");
         outcome.checks.push(match model {
-            Model::Linear => Check::near(&what, speed, down_n / slide.stick_n_s_m, 0.02),
-            Model::Tanh => {
+            FrictionModel::Linear => Check::near(&what, speed, down_n / slide.stick_n_s_m, 0.02),
+            FrictionModel::Tanh => {
                 let closed = limit_n / slide.stick_n_s_m * (down_n / limit_n).atanh();
                 Check::near(&what, speed, closed, 0.05)
             }
-            Model::Hybrid => Check::at_most(&what, "0", speed.abs(), 1e-8),
+            FrictionModel::Hybrid => Check::at_most(&what, "0", speed.abs(), 1e-8),
         });
         let iterations = REPORTED.map(|step| slide.iterations[step].to_string()).join(" and ");
         let mean = f64::from(slide.iterations.iter().sum::<u32>()) / STEPS as f64;
@@ -112,7 +116,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     }
     let hybrid = &runs[2].2;
     for (name, from, model) in
-        [("Hybrid", hybrid, Model::Linear), ("Linear", linear, Model::Hybrid)]
+        [("Hybrid", hybrid, FrictionModel::Linear), ("Linear", linear, FrictionModel::Hybrid)]
     {
         let away = (onward(from, model, cells, watch)? - linear.height_m).abs() / linear.depth_m;
         let what =
@@ -142,13 +146,13 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
     let mut curves = Vec::new();
     let mut linear_s = 0.0;
     for (model, thesis, bound) in [
-        (Model::Linear, "slides slightly further", None),
-        (Model::Tanh, "slides slightly further", None),
-        (Model::Hybrid, "very close to the SQP solution", Some(0.01)),
+        (FrictionModel::Linear, "slides slightly further", None),
+        (FrictionModel::Tanh, "slides slightly further", None),
+        (FrictionModel::Hybrid, "very close to the SQP solution", Some(0.01)),
     ] {
         let begin = ProcessTime::now();
         let slide = slide(model, COARSE, STEPS, watch)?;
-        if matches!(model, Model::Linear) {
+        if matches!(model, FrictionModel::Linear) {
             linear_s = begin.elapsed().as_secs_f64();
         }
         // Of one without depth.
@@ -214,7 +218,7 @@ struct Slide {
     /// Final depth of the contacts, weighted by load. A rigid slope would raise the puck by this amount.
     carried_m: f64,
     /// Final motions of all bodies.
-    motions: Vec<Motion>,
+    motions: Vec<BodyMotion>,
     /// Largest ratio of a contact's friction to the limit of its cone.
     friction: f64,
     iterations: Vec<u32>,
@@ -248,7 +252,7 @@ fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
 }
 
 /// Creates the system of a puck with penalty contacts.
-fn system(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
+fn system(model: FrictionModel, cells: [usize; 3]) -> (System, Range<usize>) {
     let (mut assembly, soft, slope) = puck(cells);
     let below = ((cells[0] + 1) * (cells[1] + 1)) as f64;
     let stiffness_n_m3 = NODE_STIFFNESS_N_M * below / (PI * RADIUS_M * RADIUS_M);
@@ -269,7 +273,12 @@ fn system(model: Model, cells: [usize; 3]) -> (System, Range<usize>) {
     (System::new(settings, assembly), contacts)
 }
 
-fn slide(model: Model, cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<Slide> {
+fn slide(
+    model: FrictionModel,
+    cells: [usize; 3],
+    steps: usize,
+    watch: &dyn Watch,
+) -> Option<Slide> {
     let (mut system, contacts) = system(model, cells);
     let normal = Plane::rising(SLOPE_DEG.to_radians()).normal;
     let down = Vector3::new(-normal.z, 0.0, normal.x);
@@ -312,7 +321,7 @@ fn slide(model: Model, cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Op
 }
 
 /// Height of the centre of mass above the slope, m.
-fn height_m(bodies: &[Body], motions: &[Motion]) -> f64 {
+fn height_m(bodies: &[Body], motions: &[BodyMotion]) -> f64 {
     let normal = Plane::rising(SLOPE_DEG.to_radians()).normal;
     let moments =
         bodies.iter().zip(motions).map(|(body, of)| body.mass_kg() * normal.dot(&of.position));
@@ -320,7 +329,7 @@ fn height_m(bodies: &[Body], motions: &[Motion]) -> f64 {
 }
 
 /// Height of a puck after further steps with `model`, from the final state of another run.
-fn onward(from: &Slide, model: Model, cells: [usize; 3], watch: &dyn Watch) -> Option<f64> {
+fn onward(from: &Slide, model: FrictionModel, cells: [usize; 3], watch: &dyn Watch) -> Option<f64> {
     let (mut system, _) = system(model, cells);
     system.restart(from.motions.clone());
     for _ in 0..ONWARD {
@@ -387,7 +396,7 @@ mod tests {
     /// Tests that the friction of a coarse puck stays within its cones and slows the puck down.
     #[test]
     fn friction_stays_within_its_cones() {
-        let slide = slide(Model::Hybrid, [3, 3, 1], 60, &Silent).unwrap();
+        let slide = slide(FrictionModel::Hybrid, [3, 3, 1], 60, &Silent).unwrap();
         assert!(slide.friction <= 1.0 + 1e-9 && slide.residual < TOLERANCE);
         assert!(slide.speeds_m_s[59].1 < 0.9 * SPEED_M_S && slide.stick_n_s_m > 0.0);
     }

@@ -18,7 +18,7 @@ use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw};
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
-use rollwalk_physics::friction::Model;
+use rollwalk_physics::friction::FrictionModel;
 
 /// Numbers of points along both axes.
 const POINTS: [usize; 2] = [11, 21];
@@ -65,9 +65,9 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         ..Outcome::default()
     };
     let variants = [
-        ("k_n 100, linear", 1e2, Model::Linear),
-        ("k_n 1000, linear", 1e3, Model::Linear),
-        ("k_n 1000, hybrid", 1e3, Model::Hybrid),
+        ("k_n 100, linear", 1e2, FrictionModel::Linear),
+        ("k_n 1000, linear", 1e3, FrictionModel::Linear),
+        ("k_n 1000, hybrid", 1e3, FrictionModel::Hybrid),
     ];
     let (mut curves, mut curvature, mut found) = (Vec::new(), Vec::new(), Vec::new());
     let mut rough = Vec::new();

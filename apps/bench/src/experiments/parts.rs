@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::Ground;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::points::Points;
 use rollwalk_physics::spring::Spring;
 use rollwalk_physics::{Assembly, Inertia};
@@ -71,14 +71,14 @@ impl Touching {
         points: impl IntoIterator<Item = Vector3<f64>>,
     ) {
         for center in points {
-            assembly.add(Contact {
+            assembly.add(GroundContact {
                 body: [body],
                 center,
                 radius_m: 0.0,
                 tip: Tip::Sphere,
                 normal: self.normal,
                 friction: Friction {
-                    model: Model::Linear,
+                    model: FrictionModel::Linear,
                     coefficient: self.coefficient,
                     stick_n_s_m: self.normal.stiffness_n_m * self.step_s,
                 },

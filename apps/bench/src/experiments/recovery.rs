@@ -7,10 +7,10 @@
 use crate::experiments::throwing::Throw;
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{DMatrix, Vector3};
-use rollwalk_physics::friction::Model;
+use rollwalk_physics::friction::FrictionModel;
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Options};
 use rollwalk_physics::sensitivity::parameter::{
-    Freedom, Initial, OfContact, OfMaterial, Softness, Touching,
+    ContactParameter, ContactQuantity, Freedom, Initial, MaterialQuantity, Softness,
 };
 use rollwalk_physics::sensitivity::{Constant, Parameter, Recorder, Residual, Rollout};
 
@@ -45,13 +45,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         ..Outcome::default()
     };
     let (mut by_modulus, mut by_friction) = (Vec::new(), Vec::new());
-    for model in [Model::Linear, Model::Tanh, Model::Hybrid] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
         let ball = ball(model);
         let [mut modulus, mut friction] = [(); 2].map(|()| Vec::new());
         for noise_m in NOISE_M {
             let errors = recover(&ball, noise_m, watch)?;
             let of = |what: &str| format!("{what}, {model:?}, noise of {} mm", 1e3 * noise_m);
-            let asked = |bound: f64| Some(bound).filter(|_| model != Model::Hybrid);
+            let asked = |bound: f64| Some(bound).filter(|_| model != FrictionModel::Hybrid);
             let bounds = match noise_m {
                 0.0 => [asked(1e-3), asked(1e-3), asked(1e-5), asked(1e-4)],
                 1e-3 => [asked(0.1), None, None, None],
@@ -91,7 +91,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     Some(outcome)
 }
 
-fn ball(model: Model) -> Throw {
+fn ball(model: FrictionModel) -> Throw {
     Throw { model, steps: 200, node_stiffness_n_m: 10.0, ..Throw::ball(2) }
 }
 
@@ -151,9 +151,9 @@ fn parameters(shares: [f64; 2], shift: Vector3<f64>, velocity: Vector3<f64>) -> 
 fn simulate(ball: &Throw, parameters: &[f64], steps: usize) -> Option<Rollout> {
     let (mut system, body, contacts) = ball.system();
     let elements = 0..ball.mesh.elements.len();
-    let softness = Softness { elements, of: OfMaterial::Mu };
+    let softness = Softness { elements, of: MaterialQuantity::Mu };
     softness.set(&mut system, parameters[0].exp());
-    let friction = Touching::new(&system, contacts[0].clone(), OfContact::Friction);
+    let friction = ContactParameter::new(&system, contacts[0].clone(), ContactQuantity::Friction);
     friction.set(&mut system, parameters[1].exp());
     let mut all: Vec<Box<dyn Parameter>> = vec![Box::new(softness), Box::new(friction)];
     for (k, by) in parameters[2..].iter().enumerate() {
@@ -207,7 +207,7 @@ mod tests {
     /// Tests the derivatives with respect to all parameters against finite differences, in long steps over a bounce.
     #[test]
     fn the_derivatives_are_those_of_differences() {
-        let ball = Throw { step_s: 5e-3, steps: 30, ..ball(Model::Tanh) };
+        let ball = Throw { step_s: 5e-3, steps: 30, ..ball(FrictionModel::Tanh) };
         let all: Vec<usize> = (0..PARAMETERS).collect();
         let at = parameters([0.8, 0.9], GUESS_SHIFT_M, VELOCITY_M_S);
         let places = vec![vec![Vector3::zeros(); ball.mesh.places.len()]; ball.steps + 1];

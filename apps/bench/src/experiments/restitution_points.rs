@@ -6,9 +6,9 @@
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
-use rollwalk_physics::{Assembly, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
+use rollwalk_physics::{Assembly, BodyMotion, Inertia, Scheme, Settings, System};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -65,12 +65,13 @@ fn spread(curve: &[(f64, f64)]) -> f64 {
 fn restitution(points: usize, share: f64) -> f64 {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (MASS_KG * 4.0 * HALF_M * HALF_M / 6.0);
-    let motion = Motion { velocity: -Vector3::z(), ..Motion::at(Vector3::z() * (HALF_M + 1e-4)) };
+    let motion =
+        BodyMotion { velocity: -Vector3::z(), ..BodyMotion::at(Vector3::z() * (HALF_M + 1e-4)) };
     let body = assembly.add_body(Inertia { mass_kg: MASS_KG, about_com_kg_m2 }, motion);
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     for k in 0..points * points {
         let along = |k: usize| HALF_M * (2.0 * k as f64 / (points - 1) as f64 - 1.0);
-        assembly.add(Contact {
+        assembly.add(GroundContact {
             body: [body],
             center: Vector3::new(along(k % points), along(k / points), -HALF_M),
             radius_m: 0.0,
@@ -81,7 +82,7 @@ fn restitution(points: usize, share: f64) -> f64 {
                 ramp_m: 0.0,
                 pulls: true,
             },
-            friction: Friction { model: Model::Linear, coefficient: 0.0, stick_n_s_m: 0.0 },
+            friction: Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 0.0 },
             resistance: Resistance::default(),
             ground: Arc::clone(&ground),
         });

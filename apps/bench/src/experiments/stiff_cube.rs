@@ -12,7 +12,7 @@ use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use rollwalk_physics::soft::{Material, Mesh};
-use rollwalk_physics::{Scheme, friction::Model};
+use rollwalk_physics::{Scheme, friction::FrictionModel};
 use std::sync::Arc;
 
 const EDGE_M: f64 = 0.04;
@@ -110,7 +110,7 @@ fn cube(cells: usize) -> Throw {
             viscosity_pa_s: 0.0,
         },
         grounds: vec![(Arc::new(Plane::level()), 0.4)],
-        model: Model::Linear,
+        model: FrictionModel::Linear,
         node_stiffness_n_m: SOFTEST_N_M,
         nodes: surface as f64,
         scheme: Scheme::Bdf1,

@@ -10,12 +10,12 @@ use fastrand::Rng;
 use nalgebra::{Matrix3, Vector3};
 use network::Network;
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::contact::{Contact, Normal, Resistance, Tip};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::sensitivity::adam::{Adam, Rates};
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 use rollwalk_physics::sensitivity::{Parameter, Recorder, Rollout, Variation};
-use rollwalk_physics::{Assembly, ContactChange, Inertia, Motion, Scheme, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, ContactChange, Inertia, Scheme, Settings, System};
 use std::sync::Arc;
 
 const STEP_S: f64 = 1.0 / 240.0;
@@ -47,15 +47,15 @@ struct Throw {
 fn throw(velocity: Vector3<f64>, friction: f64) -> Option<Throw> {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.4 * MASS_KG * RADIUS_M * RADIUS_M);
-    let motion = Motion { velocity, ..Motion::at(HAND) };
+    let motion = BodyMotion { velocity, ..BodyMotion::at(HAND) };
     assembly.add_body(Inertia { mass_kg: MASS_KG, about_com_kg_m2 }, motion);
-    assembly.add(Contact {
+    assembly.add(GroundContact {
         body: [0],
         center: Vector3::zeros(),
         radius_m: RADIUS_M,
         tip: Tip::Sphere,
         normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 0.5, ramp_m: 1e-3, pulls: true },
-        friction: Friction { model: Model::Tanh, coefficient: friction, stick_n_s_m: 10.0 },
+        friction: Friction { model: FrictionModel::Tanh, coefficient: friction, stick_n_s_m: 10.0 },
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     });

@@ -3,7 +3,7 @@
 use crate::experiments::Watch;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Minimum, Options};
 use rollwalk_physics::sensitivity::objective::cost;
 use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
@@ -21,7 +21,7 @@ pub struct Throw {
     pub material: Material,
     /// Grounds that the body may touch, with their friction coefficients.
     pub grounds: Vec<(Arc<dyn Ground>, f64)>,
-    pub model: Model,
+    pub model: FrictionModel,
     /// Contact stiffness k_n of a surface node, N/m.
     pub node_stiffness_n_m: f64,
     /// Number of surface nodes that k_n refers to. Contacts here have the same total stiffness per area.
@@ -63,7 +63,7 @@ impl Throw {
             mesh: Mesh::ball(0.025, layers).shaped(|place| turn * place),
             material: Material { viscosity_pa_s: 32.0 * 0.0125, ..elastic },
             grounds: vec![(Arc::new(floor), 0.4)],
-            model: Model::Linear,
+            model: FrictionModel::Linear,
             node_stiffness_n_m: 1e3,
             nodes: 98.0,
             scheme: Scheme::Bdf2,

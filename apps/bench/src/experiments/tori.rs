@@ -5,7 +5,7 @@ use crate::experiments::{Chart, Check, Outcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_physics::friction::{Friction, Model};
+use rollwalk_physics::friction::{Friction, FrictionModel};
 use rollwalk_physics::joint::Ball;
 use rollwalk_physics::points::Points;
 use rollwalk_physics::soft::{Material, Mesh, SoftBody, SurfaceContact};
@@ -22,8 +22,11 @@ const STEPS: usize = 120;
 const CELLS: usize = 24;
 
 /// Friction models with the CPU times of the thesis.
-const MODELS: [(Model, &str); 3] =
-    [(Model::Linear, "119.19 s"), (Model::Tanh, "178.5 s"), (Model::Hybrid, "180.75 s")];
+const MODELS: [(FrictionModel, &str); 3] = [
+    (FrictionModel::Linear, "119.19 s"),
+    (FrictionModel::Tanh, "178.5 s"),
+    (FrictionModel::Hybrid, "180.75 s"),
+];
 
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut outcome = Outcome {
@@ -84,7 +87,7 @@ struct Thrown {
     iterations: Vec<(f64, f64)>,
 }
 
-fn throw(model: Model, cells: usize, steps: usize, watch: &dyn Watch) -> Option<Thrown> {
+fn throw(model: FrictionModel, cells: usize, steps: usize, watch: &dyn Watch) -> Option<Thrown> {
     let (mut system, contacts) = at_slope_and_wall(model, cells);
     let mut thrown = Thrown { residual: 0.0, halved: 0, touching: [0; 2], iterations: Vec::new() };
     for step in 0..steps {
@@ -145,7 +148,7 @@ fn tori(
 }
 
 /// Creates the tori above the slope, moving towards the wall, and their contacts with slope and wall.
-fn at_slope_and_wall(model: Model, cells: usize) -> (System, [Range<usize>; 2]) {
+fn at_slope_and_wall(model: FrictionModel, cells: usize) -> (System, [Range<usize>; 2]) {
     let mut assembly = Assembly::default();
     let (velocity, spin) = (Vector3::new(-1.5, 0.2, 0.0), Vector3::new(0.0, -10.0, 2.0));
     let rings = tori(&mut assembly, cells, Vector3::new(0.1, 0.0, 0.16), velocity, spin);
@@ -197,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_few_steps_of_coarse_tori_converge() {
-        let thrown = throw(Model::Hybrid, 12, 40, &Silent).unwrap();
+        let thrown = throw(FrictionModel::Hybrid, 12, 40, &Silent).unwrap();
         assert!(thrown.residual < TOLERANCE && thrown.halved == 0 && thrown.touching[1] > 0);
         assert!(drift(12, 10).unwrap() < 1e-3);
     }

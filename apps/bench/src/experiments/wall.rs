@@ -10,7 +10,7 @@ use crate::experiments::throwing::{Aim, FREEDOMS, Throw, from_target};
 use crate::experiments::{Chart, Check, Outcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
-use rollwalk_physics::friction::Model;
+use rollwalk_physics::friction::FrictionModel;
 use rollwalk_physics::sensitivity::lbfgs::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
 use std::collections::BTreeSet;
@@ -47,7 +47,9 @@ struct Found {
 pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let mut checks = Vec::new();
     let [mut above, mut side] = [Vec::new(), Vec::new()];
-    for (model, thesis) in [(Model::Linear, ""), (Model::Tanh, "slightly better results")] {
+    for (model, thesis) in
+        [(FrictionModel::Linear, ""), (FrictionModel::Tanh, "slightly better results")]
+    {
         let throw = Throw { model, ..at_wall(LAYERS) };
         let mut sequences = BTreeSet::new();
         let mut simulations = 0;
@@ -65,7 +67,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             if *off_mm <= NEAR_MM {
                 sequences.insert(sequence.clone());
             }
-            if matches!(model, Model::Linear) {
+            if matches!(model, FrictionModel::Linear) {
                 let name = named(sequence).to_owned();
                 above.push((name.clone(), found.above));
                 side.push((name, found.side));

@@ -3,7 +3,7 @@
 use super::records::{Hello, Request, Setpoints};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use nalgebra::Isometry3;
-use rollwalk_simulate::closed_loop::{ClosedLoop, Measured, Timing};
+use rollwalk_simulate::closed_loop::{ClosedLoop, Measurement, Timing};
 use rollwalk_simulate::{Feedback, Script};
 use rollwalk_terminal::{Exit, inputs, output};
 use serde::Serialize;
@@ -94,10 +94,10 @@ impl Controller<'_, '_> {
                     let _ = closed_loop.align(&known);
                 }
                 let sensed = request.sensors(closed_loop.tree())?;
-                closed_loop.tick(times_s, Measured::Sensors(&sensed.sensors()))
+                closed_loop.tick(times_s, Measurement::Sensors(&sensed.sensors()))
             }
             (false, Some(state)) => {
-                closed_loop.tick(times_s, Measured::State(&state, &request.touches))
+                closed_loop.tick(times_s, Measurement::State(&state, &request.touches))
             }
             (false, None) => {
                 return Err(miette!(

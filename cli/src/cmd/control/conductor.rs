@@ -12,7 +12,7 @@ use rollwalk_physics::motor::Law;
 use rollwalk_pilot::{AGAIN_US, ARM_AGAIN_US, ARMS};
 use rollwalk_protocol::wire::State;
 use rollwalk_robot::{Channel, Robot};
-use rollwalk_simulate::closed_loop::{self, Untracked};
+use rollwalk_simulate::closed_loop::{self, TrackingError};
 use rollwalk_simulate::sequence::Sequence;
 use rollwalk_tracking::Sensors;
 
@@ -88,7 +88,7 @@ pub struct Conductor<'p> {
     /// True once an early end is requested.
     stops: bool,
     /// Most recent reason why the robot was not tracked.
-    why: Option<Untracked>,
+    why: Option<TrackingError>,
     tally: Tally,
     /// Delays of answers, measured while the robot stands, s.
     delays_s: Vec<f64>,
@@ -197,7 +197,7 @@ impl<'p> Conductor<'p> {
     }
 
     /// Sends the intents that follow from the robot's state; call often.
-    pub fn look(&mut self, now_us: u64, operator: &mut Operator) {
+    pub fn update(&mut self, now_us: u64, operator: &mut Operator) {
         let view = operator.view(now_us);
         let Some(status) = view.status.filter(|_| view.link.contact) else { return };
         let streams = status.state == State::Streaming;
@@ -326,7 +326,7 @@ impl<'p> Conductor<'p> {
     }
 
     /// Computes the set-points that answer a sample.
-    fn tick(&mut self, measured: &Measurements) -> (Vec<Law>, Option<Untracked>) {
+    fn tick(&mut self, measured: &Measurements) -> (Vec<Law>, Option<TrackingError>) {
         let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
         // Of a channel that was never heard no state is known.
         let joint = |channel: usize| measured.joints.get(channel).copied().flatten();
@@ -351,7 +351,7 @@ impl<'p> Conductor<'p> {
         let time_s = measured.number as f64 * self.tick_s;
         let sequence = &mut self.sequence;
         sequence.use_planned_contacts(self.planned_contacts);
-        sequence.tick(time_s, closed_loop::Measured::Sensors(&sensors))
+        sequence.tick(time_s, closed_loop::Measurement::Sensors(&sensors))
     }
 
     /// Most recent contact readings, if they are fresh. Switches may be read less often than samples are taken.
@@ -401,7 +401,9 @@ impl<'p> Conductor<'p> {
                 self.end(now_us, operator);
             }
             // On all its feet, as far as it has come to that.
-            Phase::Playing if self.why == Some(Untracked::Stopped) && sequence.has_stopped() => {
+            Phase::Playing
+                if self.why == Some(TrackingError::Stopped) && sequence.has_stopped() =>
+            {
                 self.end(now_us, operator);
             }
             Phase::Playing if sequence.is_over() => {

@@ -37,7 +37,7 @@ pub fn run(
             interrupts = 1;
             conductor.stop(now_us, &mut operated.operator);
         }
-        conductor.look(now_us, &mut operated.operator);
+        conductor.update(now_us, &mut operated.operator);
         let (begun, answered) = (Instant::now(), conductor.tally().answered);
         conductor.answer(now_us, &mut operated.operator);
         if conductor.tally().answered > answered {

@@ -7,7 +7,7 @@ use rollwalk_physics::motor::Law;
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::whole_body::WholeBody;
-use rollwalk_simulate::closed_loop::Untracked;
+use rollwalk_simulate::closed_loop::TrackingError;
 use rollwalk_tracking::Sensors;
 use serde::{Deserialize, Serialize};
 
@@ -295,7 +295,7 @@ pub struct Setpoints {
 }
 
 impl Setpoints {
-    pub fn new(time_s: f64, laws: &[Law], untracked: Option<Untracked>) -> Self {
+    pub fn new(time_s: f64, laws: &[Law], untracked: Option<TrackingError>) -> Self {
         let each = |of: fn(&Law) -> f64| laws.iter().map(of).collect();
         Self {
             time_s,

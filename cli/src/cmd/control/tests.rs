@@ -126,7 +126,7 @@ impl<'p> Bench<'p> {
     fn step(&mut self) {
         let now_us = self.now_us();
         if !self.waits {
-            self.conductor.look(now_us, &mut self.operator);
+            self.conductor.update(now_us, &mut self.operator);
         }
         if self.at_us.is_some_and(|at_us| now_us >= at_us) {
             self.at_us = None;

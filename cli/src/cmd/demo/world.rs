@@ -1,10 +1,10 @@
 //! Results of each motion on the ground, compared with its plan.
 
-use rollwalk_physics::world::{Totals, Way};
+use rollwalk_physics::world::{NetDisplacement, Totals};
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_sim_host::ground::Travel;
-use rollwalk_simulate::PlannedWay;
+use rollwalk_simulate::PlannedDisplacement;
 use rollwalk_terminal::planning::Plans;
 use serde::Serialize;
 
@@ -25,9 +25,9 @@ pub struct Row {
     /// Number of consecutive cycles.
     pub cycles: f64,
     /// Planned displacement of all cycles.
-    pub planned: Way,
+    pub planned: NetDisplacement,
     /// Measured displacement of the robot.
-    pub achieved: Way,
+    pub achieved: NetDisplacement,
     /// Worst relative error of the displacement in directions with a planned goal. Null without goals, and for a loop that
     /// ended in mid-cycle.
     pub goal_error: Option<f64>,
@@ -51,14 +51,14 @@ impl World {
 }
 
 fn row(plan: &Plan, travel: &Travel) -> Row {
-    let planned = PlannedWay::new(plan);
+    let planned = PlannedDisplacement::new(plan);
     // One that ends was played once, and held.
     let cycles = match plan.motion.ends {
         Ends::Periodic => (travel.duration_s() / plan.motion.duration_s).round().max(1.0),
         _ => 1.0,
     };
     let achieved = travel.displacement();
-    let mean: Way = achieved.values().map(|value| value / cycles).into();
+    let mean: NetDisplacement = achieved.values().map(|value| value / cycles).into();
     let errors = (0..3).filter_map(|of| Some((planned.ratio(&mean, of)? - 1.0).abs()));
     // A loop that was left in its middle went a part of its way that the goal does not tell.
     let is_whole = (travel.duration_s() / plan.motion.duration_s - cycles).abs() < 0.05

@@ -11,7 +11,7 @@ use rollwalk_gamepads::mapped_gamepad::GamepadRequest;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, Weight};
-use rollwalk_pilot::{After, END_US, Phase, Pilot, Steered, Tally};
+use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot, Tally};
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::link::LinkArgs;
@@ -43,7 +43,7 @@ pub struct Ending {
 pub struct App<'a> {
     operated: Operated<'a>,
     bus: String,
-    steered: Steered,
+    steered: SteeredRobot,
     controls: Controls,
     /// Gamepad that steers; `None` without one.
     pub gamepad: Option<Gamepad>,
@@ -63,7 +63,7 @@ impl<'a> App<'a> {
         link: &'a LinkArgs,
         bus: LiveLink,
         operator: Operator,
-        steered: Steered,
+        steered: SteeredRobot,
         controls: Controls,
         catalog: Catalog,
     ) -> Self {
@@ -156,7 +156,11 @@ impl<'a> App<'a> {
                 is_whole = !has_ended && time_s.is_some_and(|time_s| time_s >= until_s);
                 if is_whole || has_ended || interrupt::requested() {
                     over_us = Some(now_us);
-                    self.steered.pilot.stop(now_us, After::Leave, &mut self.operated.operator);
+                    self.steered.pilot.stop(
+                        now_us,
+                        ActionAfterStop::Leave,
+                        &mut self.operated.operator,
+                    );
                 } else {
                     self.steered.pilot.steer(self.controls.wanted_of(steering));
                 }
@@ -228,7 +232,7 @@ impl<'a> App<'a> {
 
     fn read_keys(&mut self, now_us: u64) -> io::Result<()> {
         if self.asked_to_end.swap(false, Ordering::Relaxed) {
-            self.stop(After::Leave);
+            self.stop(ActionAfterStop::Leave);
         }
         while event::poll(Duration::ZERO)? {
             let Event::Key(key) = event::read()? else { continue };
@@ -243,10 +247,10 @@ impl<'a> App<'a> {
         Ok(())
     }
 
-    fn stop(&mut self, after: After) {
+    fn stop(&mut self, after: ActionAfterStop) {
         self.controls.rest();
         let now_us = self.operated.now_us();
-        if self.steered.pilot.phase() == Phase::Off && after == After::Rest {
+        if self.steered.pilot.phase() == Phase::Off && after == ActionAfterStop::Rest {
             // A motion that a button of the gamepad began.
             self.operated.operator.request(now_us, Intent::Return);
         }
@@ -276,9 +280,11 @@ impl<'a> App<'a> {
                 GamepadRequest::Intent(Intent::Return | Intent::Pause | Intent::PauseOrResume)
                     if follows =>
                 {
-                    self.stop(After::Rest);
+                    self.stop(ActionAfterStop::Rest);
                 }
-                GamepadRequest::Intent(Intent::Disarm) if follows => self.stop(After::Disarm),
+                GamepadRequest::Intent(Intent::Disarm) if follows => {
+                    self.stop(ActionAfterStop::Disarm)
+                }
                 GamepadRequest::Intent(Intent::Deadman(deadman)) => {
                     if deadman != Deadman::Held {
                         self.controls.rest();

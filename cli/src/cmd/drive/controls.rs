@@ -3,7 +3,7 @@
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rollwalk_gamepads::inputs::{AxisDirection, push};
 use rollwalk_host::operator::Intent;
-use rollwalk_pilot::{After, Fastest, Wanted};
+use rollwalk_pilot::{ActionAfterStop, Fastest, SteeringRequest};
 use rollwalk_planner::receding::Steering;
 
 /// Number of key presses from rest to the maximum speed.
@@ -21,7 +21,7 @@ pub enum Meaning {
     /// The steering changed.
     Steered,
     /// Stop, go to SAFE, then do what follows.
-    Stop(After),
+    Stop(ActionAfterStop),
     /// Request for the robot.
     Want(Intent),
 }
@@ -49,7 +49,7 @@ impl Controls {
     }
 
     /// Steering from keys and sticks. The deflections of the sticks, −1 to 1, are added to the keys.
-    pub fn wanted(&self, sticks: [f64; 3]) -> Wanted {
+    pub fn wanted(&self, sticks: [f64; 3]) -> SteeringRequest {
         let part = |c: usize| (self.steps[c] / STEPS + sticks[c]).clamp(-1.0, 1.0);
         let Fastest { speed_m_s, turn_rad_s } = self.fastest;
         let steering = Steering {
@@ -61,8 +61,8 @@ impl Controls {
     }
 
     /// Request for a given steering. A robot with a gait walks unless it stands.
-    pub fn wanted_of(&self, steering: Steering) -> Wanted {
-        Wanted::of(steering, self.has_gait && !self.rolls)
+    pub fn wanted_of(&self, steering: Steering) -> SteeringRequest {
+        SteeringRequest::of(steering, self.has_gait && !self.rolls)
     }
 
     /// Returns the meaning of a key that is pressed now. A held key repeats only steering and the emergency stop.
@@ -88,7 +88,7 @@ impl Controls {
         Some(match key.code {
             KeyCode::Esc | KeyCode::Char(' ') => Meaning::Want(Intent::Estop),
             KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => {
-                Meaning::Stop(After::Leave)
+                Meaning::Stop(ActionAfterStop::Leave)
             }
             _ if is_command => return None,
             KeyCode::Up => self.step(0, 1.0),
@@ -105,9 +105,9 @@ impl Controls {
                 self.rolls = !self.rolls;
                 Meaning::Steered
             }
-            KeyCode::Char('r') => Meaning::Stop(After::Rest),
-            KeyCode::Char('d') => Meaning::Stop(After::Disarm),
-            KeyCode::Char('q') => Meaning::Stop(After::Leave),
+            KeyCode::Char('r') => Meaning::Stop(ActionAfterStop::Rest),
+            KeyCode::Char('d') => Meaning::Stop(ActionAfterStop::Disarm),
+            KeyCode::Char('q') => Meaning::Stop(ActionAfterStop::Leave),
             KeyCode::Char('a') => Meaning::Want(Intent::Arm),
             KeyCode::Char('c') => Meaning::Want(Intent::Clear),
             _ => return None,
@@ -146,14 +146,17 @@ mod tests {
         let mut controls = Controls::new(FASTEST, true);
         (0..8).for_each(|_| assert!(press(&mut controls, KeyCode::Up).is_some()));
         press(&mut controls, KeyCode::Right);
-        let Wanted { steering, walks } = controls.wanted([0.0; 3]);
+        let SteeringRequest { steering, walks } = controls.wanted([0.0; 3]);
         assert_eq!((steering.forward_m_s, steering.turn_rad_s), (0.2, -0.1));
         assert!(walks);
         press(&mut controls, KeyCode::Char('g'));
         assert!(!controls.wanted([0.0; 3]).walks);
         press(&mut controls, KeyCode::Char('x'));
-        assert_eq!(controls.wanted([0.0; 3]), Wanted::default());
-        assert_eq!(press(&mut controls, KeyCode::Char('q')), Some(Meaning::Stop(After::Leave)));
+        assert_eq!(controls.wanted([0.0; 3]), SteeringRequest::default());
+        assert_eq!(
+            press(&mut controls, KeyCode::Char('q')),
+            Some(Meaning::Stop(ActionAfterStop::Leave))
+        );
         // Held, it is pressed once.
         assert_eq!(press(&mut controls, KeyCode::Char('q')), None);
         let stop = Some(Meaning::Want(Intent::Estop));

@@ -16,7 +16,7 @@ use ratatui::{TerminalOptions, Viewport};
 use rollwalk_host::listener;
 use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
-use rollwalk_pilot::{Pilot, Steered};
+use rollwalk_pilot::{Pilot, SteeredRobot};
 use rollwalk_terminal::inputs::number_within;
 use rollwalk_terminal::link::steering::{GIVE_GAIT, Prepared, SteeringArgs};
 use rollwalk_terminal::link::{LinkArgs, cannot_open, ended};
@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     operator.set_catalog(Some(catalog.clone()));
     let controls = Controls::new(fastest, route.gait.is_some());
-    let steered = Steered::new(Pilot::new(false), route, args.steering.budget());
+    let steered = SteeredRobot::new(Pilot::new(false), route, args.steering.budget());
     let mut app = App::new(&args.link, bus, operator, steered, controls, catalog);
     if let Some(until_s) = args.until.filter(|_| !needs_terminal) {
         interrupt::listen();

@@ -5,7 +5,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, ReleaseReaction};
 use rollwalk_host::session::Session;
 use rollwalk_multibody::ground::{Ground, Plane};
-use rollwalk_pilot::{After, Courses, Phase, Pilot, Request, Route, Wanted};
+use rollwalk_pilot::{ActionAfterStop, Courses, Phase, Pilot, Request, Route, SteeringRequest};
 use rollwalk_planner::receding::{CourseError, Gait, Steering, Stretch};
 use rollwalk_planner::{Options, optimise};
 use rollwalk_protocol::config::MAX_CHANNELS;
@@ -98,7 +98,7 @@ impl Drive {
 
     fn step(&mut self) {
         let now_us = self.now_us();
-        self.pilot.look(now_us, &mut self.operator);
+        self.pilot.update(now_us, &mut self.operator);
         if let Some((_, request, stretch)) = self.planned.take_if(|(at_us, ..)| *at_us <= now_us) {
             self.pilot.on_stretch(now_us, request, stretch, &mut self.operator);
         }
@@ -120,7 +120,7 @@ impl Drive {
 
     fn steer(&mut self, forward_m_s: f64, turn_rad_s: f64) {
         let steering = Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };
-        self.pilot.steer(Wanted::of(steering, true));
+        self.pilot.steer(SteeringRequest::of(steering, true));
     }
 
     /// Position of the body along and across the heading at the start, m, and its heading, rad.
@@ -151,7 +151,7 @@ fn a_steered_robot_walks_as_it_is_steered_and_goes_home() {
     let turn = (drive.place()[2] - before[2]) / 3.0;
     assert!((turn - 0.3).abs() < 0.1, "{turn} rad/s");
     let now_us = drive.now_us();
-    drive.pilot.stop(now_us, After::Leave, &mut drive.operator);
+    drive.pilot.stop(now_us, ActionAfterStop::Leave, &mut drive.operator);
     drive.run_until(20 * S, |drive| drive.operator.leaving() == ExitStage::Now);
     assert_eq!(drive.state(), State::Disarmed);
     assert_eq!(drive.falls(), 0);
@@ -229,7 +229,7 @@ fn a_robot_whose_deadman_is_let_go_goes_home_on_its_feet() {
         drive.run(S);
         assert_eq!(drive.state(), State::Streaming);
         let now_us = drive.now_us();
-        drive.pilot.stop(now_us, After::Rest, &mut drive.operator);
+        drive.pilot.stop(now_us, ActionAfterStop::Rest, &mut drive.operator);
         drive.run_until(10 * S, |drive| drive.state() == State::Ready);
         assert_eq!(drive.falls(), 0);
     }

@@ -1,7 +1,9 @@
 //! Identification results as JSON.
 
 use super::outcome::{self, Outcome};
-use rollwalk_simulate::identify::{Combined, Found, Quality, Signal, Verdict};
+use rollwalk_simulate::identify::{
+    CombinedQuantity, FittedQuantity, Quality, QuantityVerdict, Signal,
+};
 use serde::Serialize;
 
 /// Output of `--json`.
@@ -84,7 +86,7 @@ pub struct Compared {
 impl<'a> Document<'a> {
     /// Converts an outcome to a document.
     pub fn new(of: &'a Outcome) -> Self {
-        let together = |combined: &'a Combined| Together {
+        let together = |combined: &'a CombinedQuantity| Together {
             of: Parameter::new(&combined.found),
             between_runs: combined.between,
             runs: of.names(combined),
@@ -120,7 +122,7 @@ impl<'a> Run<'a> {
 }
 
 impl Parameter {
-    fn new(of: &Found) -> Self {
+    fn new(of: &FittedQuantity) -> Self {
         Self {
             name: of.quantity.name(),
             unit: of.quantity.kind.label().1,
@@ -166,12 +168,12 @@ fn rows<const N: usize>(of: &[Option<Quality>; N]) -> impl Iterator<Item = Row<N
     })
 }
 
-fn word(verdict: Verdict) -> &'static str {
+fn word(verdict: QuantityVerdict) -> &'static str {
     match verdict {
-        Verdict::Changed => "changed",
-        Verdict::Agrees => "agrees",
-        Verdict::Silent => "not told",
-        Verdict::Vague => "uncertain",
-        Verdict::Absurd => "absurd",
+        QuantityVerdict::Changed => "changed",
+        QuantityVerdict::Agrees => "agrees",
+        QuantityVerdict::Silent => "not told",
+        QuantityVerdict::Vague => "uncertain",
+        QuantityVerdict::Absurd => "absurd",
     }
 }

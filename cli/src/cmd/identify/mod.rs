@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use miette::{Report, miette};
 use outcome::{Outcome, Unfitted};
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Kind, Quantity, Stage, Unfit};
+use rollwalk_simulate::identify::{FitError, Kind, Quantity, Stage};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source as Inputs;
 use rollwalk_terminal::progress::Lines;
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     bar.finish_and_clear();
     let outcome = match outcome {
         Ok(outcome) => outcome,
-        Err(Unfitted { reason: Unfit::Ended, .. }) => return Ok(Exit::Interrupted),
+        Err(Unfitted { reason: FitError::Ended, .. }) => return Ok(Exit::Interrupted),
         Err(unfitted) => return Err(unfit(&unfitted)),
     };
     for of in &outcome.together.combined {
@@ -117,10 +117,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn unfit(Unfitted { path, reason }: &Unfitted) -> Report {
     let path = path.display();
     let help = match reason {
-        Unfit::Soft(_) => {
+        FitError::Soft(_) => {
             "leave out this quantity: --fit mass.LINK fits the masses of single links"
         }
-        Unfit::Falls(_) => {
+        FitError::Falls(_) => {
             "give the robot file of this run, recorded on level ground; with `--from`, begin while \
              the robot stands still"
         }

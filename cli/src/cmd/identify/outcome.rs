@@ -3,15 +3,15 @@
 use super::runs::Run;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{
-    Combined, Identified, Model, Options, Quality, Quantity, Recording, Stage, Together, Unfit,
-    identify, predict, together,
+    CombinedFit, CombinedQuantity, FitError, FitResult, Options, Quality, Quantity, Recording,
+    SimulationModel, Stage, combine_fits, identify, predict,
 };
 use std::path::PathBuf;
 
 pub struct Outcome {
     pub fits: Vec<Fit>,
     /// Combined fit of all runs; for a single run, its own fit.
-    pub together: Together,
+    pub together: CombinedFit,
     /// Runs that were not fitted, simulated with the original and with the fitted values.
     pub others: Vec<(String, [Option<Quality>; 2])>,
 }
@@ -19,7 +19,7 @@ pub struct Outcome {
 /// Run, fitted separately.
 pub struct Fit {
     pub run: String,
-    pub found: Identified,
+    pub found: FitResult,
     /// Comparison after the first quarter of this run: simulations with the original values, with those of this run, and with
     /// those of all runs. `None` for a single run; an inner `None` if the robot falls.
     pub compared: Option<[Option<Quality>; 3]>,
@@ -28,7 +28,7 @@ pub struct Fit {
 /// Run that cannot be fitted.
 pub struct Unfitted {
     pub path: PathBuf,
-    pub reason: Unfit,
+    pub reason: FitError,
 }
 
 impl Outcome {
@@ -58,9 +58,9 @@ impl Outcome {
             let of = identify(robot, run.recording.clone(), quantities, &options, watch(run));
             found.push(of.map_err(unfitted(run))?);
         }
-        let file = Model::new(robot);
-        let together = together(robot, quantities, &found);
-        let simulated = |model: &Model, run: &Run| {
+        let file = SimulationModel::new(robot);
+        let together = combine_fits(robot, quantities, &found);
+        let simulated = |model: &SimulationModel, run: &Run| {
             let recording: Recording = run.recording.clone();
             predict(model, recording, &options, watch(run)).map_err(unfitted(run))
         };
@@ -83,7 +83,7 @@ impl Outcome {
     }
 
     /// Names of the runs that determine a quantity.
-    pub fn names(&self, of: &Combined) -> Vec<&str> {
+    pub fn names(&self, of: &CombinedQuantity) -> Vec<&str> {
         of.runs.iter().map(|&run| self.fits[run].run.as_str()).collect()
     }
 }

@@ -11,7 +11,7 @@ use rollwalk_bus::candump;
 use rollwalk_host::traces::{self, Motor, Traces};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Drive, Recording, Series, TableError, Wanted};
+use rollwalk_simulate::identify::{DriveSeries, Recording, RequestedSpan, Series, TableError};
 use rollwalk_terminal::files::{self, Named};
 use rollwalk_terminal::kind::Kind;
 use rollwalk_terminal::output;
@@ -25,7 +25,7 @@ const MCAP: &[u8] = b"\x89MCAP0\r\n";
 ///
 /// # Errors
 /// Returns an error if the file cannot be read, or lacks data that a fit needs.
-pub fn read(path: &Path, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+pub fn read(path: &Path, robot: &Robot, wanted_s: RequestedSpan) -> miette::Result<Recording> {
     let read = files::read_by(path, Named::ByUser, |_| Kind::Run)?;
     if read.0.starts_with(MCAP) {
         let config = robot.controller_config().into_diagnostic()?;
@@ -64,7 +64,12 @@ fn unusable(path: &Path, robot: &Robot, error: &dyn Display) -> Report {
     miette!(help = help, "{}: {error}", path.display())
 }
 
-fn of_log(path: &Path, text: &str, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+fn of_log(
+    path: &Path,
+    text: &str,
+    robot: &Robot,
+    wanted_s: RequestedSpan,
+) -> miette::Result<Recording> {
     let profile = Bus::default().protocol;
     let other = robot.channels().find_map(|channel| {
         let number = channel.actuator().bus;
@@ -98,9 +103,9 @@ fn of_log(path: &Path, text: &str, robot: &Robot, wanted_s: Wanted) -> miette::R
 }
 
 /// Recording of the motors alone. Neither telemetry nor actuator buses contain the pose of the body.
-fn recording(traces: &Traces, robot: &Robot, wanted_s: Wanted) -> miette::Result<Recording> {
+fn recording(traces: &Traces, robot: &Robot, wanted_s: RequestedSpan) -> miette::Result<Recording> {
     let series = |points: &traces::Points| Series::new(points.iter().copied());
-    let drive = |motor: &Motor| Drive {
+    let drive = |motor: &Motor| DriveSeries {
         target_rad: series(&motor.target_rad),
         target_rad_s: series(&motor.target_rad_s),
         feedforward_nm: series(&motor.feedforward_nm),

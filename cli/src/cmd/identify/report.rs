@@ -3,7 +3,7 @@
 use super::document::{compared, fits};
 use super::outcome::{Fit, Outcome};
 use super::source::rounded;
-use rollwalk_simulate::identify::{Combined, Found, Quality, Verdict};
+use rollwalk_simulate::identify::{CombinedQuantity, FittedQuantity, Quality, QuantityVerdict};
 use rollwalk_terminal::output::Table;
 
 /// Note below the values of a single run.
@@ -83,7 +83,7 @@ fn parameters(outcome: &Outcome) -> String {
 }
 
 /// Formats a value with the digits that are significant at its deviation.
-fn known(of: &Found, value: f64) -> String {
+fn known(of: &FittedQuantity, value: f64) -> String {
     if of.deviation.is_finite() {
         rounded(value, of.deviation).to_string()
     } else {
@@ -92,22 +92,22 @@ fn known(of: &Found, value: f64) -> String {
 }
 
 /// Verdict on a parameter as a phrase.
-fn sentence(combined: &Combined, outcome: &Outcome) -> String {
+fn sentence(combined: &CombinedQuantity, outcome: &Outcome) -> String {
     let of = &combined.found;
     let is_along = of.quantity.kind.is_along();
     let verdict = match of.verdict {
-        Verdict::Silent => format!("not determined: {}", of.quantity.kind.silence()),
-        Verdict::Changed if is_along => {
+        QuantityVerdict::Silent => format!("not determined: {}", of.quantity.kind.silence()),
+        QuantityVerdict::Changed if is_along => {
             "fitted; robot files do not contain this parameter".to_owned()
         }
-        Verdict::Agrees if is_along => "agrees with other simulations".to_owned(),
-        Verdict::Vague | Verdict::Absurd if is_along => {
+        QuantityVerdict::Agrees if is_along => "agrees with other simulations".to_owned(),
+        QuantityVerdict::Vague | QuantityVerdict::Absurd if is_along => {
             "uncertain; fitted only because it affects other parameters".to_owned()
         }
-        Verdict::Changed => "changed".to_owned(),
-        Verdict::Agrees => "agrees with the file, which is unchanged".to_owned(),
-        Verdict::Vague => "too uncertain: the file is unchanged".to_owned(),
-        Verdict::Absurd => "implausible: another property must differ, too".to_owned(),
+        QuantityVerdict::Changed => "changed".to_owned(),
+        QuantityVerdict::Agrees => "agrees with the file, which is unchanged".to_owned(),
+        QuantityVerdict::Vague => "too uncertain: the file is unchanged".to_owned(),
+        QuantityVerdict::Absurd => "implausible: another property must differ, too".to_owned(),
     };
     match outcome.names(combined)[..] {
         [only] if outcome.fits.len() > 1 => {
@@ -137,7 +137,7 @@ fn each_alone(outcome: &Outcome) -> String {
     Table::from(rows).render()
 }
 
-fn found<'f>(fit: &'f Fit, combined: &Combined) -> Option<&'f Found> {
+fn found<'f>(fit: &'f Fit, combined: &CombinedQuantity) -> Option<&'f FittedQuantity> {
     fit.found.found.iter().find(|of| of.quantity == combined.found.quantity)
 }
 
@@ -147,17 +147,17 @@ fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
     fit.found.found.iter().filter_map(move |of| {
         let name = of.quantity.name();
         match of.verdict {
-            Verdict::Silent => {
+            QuantityVerdict::Silent => {
                 Some(format!("{run} does not determine {name}: {}", of.quantity.kind.silence()))
             }
-            Verdict::Absurd => Some(format!(
+            QuantityVerdict::Absurd => Some(format!(
                 "{run} is ignored for {name}: the search ended at the implausible value {}",
                 rounded(of.fitted, 0.0)
             )),
-            Verdict::Vague => Some(format!(
+            QuantityVerdict::Vague => Some(format!(
                 "{run} hardly determines {name}, and has a low weight because of its deviation"
             )),
-            Verdict::Changed | Verdict::Agrees => None,
+            QuantityVerdict::Changed | QuantityVerdict::Agrees => None,
         }
     })
 }
@@ -246,7 +246,9 @@ mod tests {
     use super::super::document::Document;
     use super::*;
     use rollwalk_robot::Robot;
-    use rollwalk_simulate::identify::{Identified, Kind, Model, Quantity, Signal, together};
+    use rollwalk_simulate::identify::{
+        FitResult, Kind, Quantity, Signal, SimulationModel, combine_fits,
+    };
     use serde_json::{Value, json};
 
     const FRICTION: Quantity = Quantity { kind: Kind::Friction, group: None };
@@ -260,15 +262,17 @@ mod tests {
         let quality = |rms| Some(Quality { rms: vec![(Signal::Position, rms)] });
         let found = |(number, &(_, fitted, deviation)): (usize, &(&str, f64, f64))| {
             let told = deviation.is_finite();
-            let verdict = if told { Verdict::Changed } else { Verdict::Silent };
-            let friction = Found { quantity: FRICTION, before: 0.8, fitted, deviation, verdict };
+            let verdict = if told { QuantityVerdict::Changed } else { QuantityVerdict::Silent };
+            let friction =
+                FittedQuantity { quantity: FRICTION, before: 0.8, fitted, deviation, verdict };
             let (deviation, verdict) = match number + 1 == runs.len() {
-                true => (1e-4, Verdict::Changed),
-                false => (f64::INFINITY, Verdict::Silent),
+                true => (1e-4, QuantityVerdict::Changed),
+                false => (f64::INFINITY, QuantityVerdict::Silent),
             };
-            let delay = Found { quantity: DELAY, before: 0.0, fitted: 4e-3, deviation, verdict };
-            Identified {
-                model: Model::new(&robot),
+            let delay =
+                FittedQuantity { quantity: DELAY, before: 0.0, fitted: 4e-3, deviation, verdict };
+            FitResult {
+                model: SimulationModel::new(&robot),
                 found: vec![friction, delay],
                 correlated: vec![("friction".into(), "delay".into(), 0.97)],
                 fitted: [quality(0.004), quality(0.002)],
@@ -278,8 +282,8 @@ mod tests {
                 rollouts: 321,
             }
         };
-        let found: Vec<Identified> = runs.iter().enumerate().map(found).collect();
-        let together = together(&robot, &[FRICTION, DELAY], &found);
+        let found: Vec<FitResult> = runs.iter().enumerate().map(found).collect();
+        let together = combine_fits(&robot, &[FRICTION, DELAY], &found);
         let compared = (runs.len() > 1).then(|| [quality(0.004), quality(0.002), quality(0.003)]);
         let fits = runs.iter().zip(found).map(|((run, ..), found)| Fit {
             run: (*run).to_owned(),

@@ -3,7 +3,7 @@
 use super::recorded;
 use miette::miette;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::identify::{Recording, Wanted};
+use rollwalk_simulate::identify::{Recording, RequestedSpan};
 use std::path::{Path, PathBuf};
 
 pub struct Run {
@@ -62,7 +62,7 @@ fn is_same(run: &Run, path: &Path, recording: &Recording) -> bool {
 }
 
 /// Times from `--from` and `--to` for each run.
-fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<Wanted>> {
+fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<RequestedSpan>> {
     let each = |option: &str, times_s: &[f64]| match times_s {
         [] => Ok(vec![None; runs]),
         [of_all] => Ok(vec![Some(*of_all); runs]),

@@ -3,7 +3,9 @@
 
 use miette::miette;
 use rollwalk_robot::{Channel, Robot};
-use rollwalk_simulate::identify::{Found, Group, Kind, Model, Of, Quantity, Verdict};
+use rollwalk_simulate::identify::{
+    FittedQuantity, Group, Kind, Quantity, QuantityVerdict, Scope, SimulationModel,
+};
 use std::path::Path;
 use toml_edit::{ArrayOfTables, Decor, DocumentMut, Item, Table, TableLike, Value};
 
@@ -49,13 +51,13 @@ impl Source {
     pub fn quantities(&self, robot: &Robot) -> Vec<Quantity> {
         let of = |kind: Kind| {
             let groups: Vec<Option<Group>> = match kind.is_of() {
-                Of::Drives => self.drives.iter().cloned().map(Some).collect(),
-                Of::Links => self.links.iter().cloned().map(Some).collect(),
-                Of::Robot => vec![None],
+                Scope::Drives => self.drives.iter().cloned().map(Some).collect(),
+                Scope::Links => self.links.iter().cloned().map(Some).collect(),
+                Scope::Robot => vec![None],
             };
             groups.into_iter().map(move |group| Quantity { kind, group })
         };
-        let model = Model::new(robot);
+        let model = SimulationModel::new(robot);
         let has_one = |of: &Quantity| {
             let channel =
                 of.group.as_ref().and_then(|group| robot.channels().nth(group.members[0]));
@@ -67,8 +69,8 @@ impl Source {
     }
 
     /// Replaces a changed value, with a comment about the recording.
-    pub fn set(&mut self, found: &Found, run: &str) {
-        if found.verdict != Verdict::Changed {
+    pub fn set(&mut self, found: &FittedQuantity, run: &str) {
+        if found.verdict != QuantityVerdict::Changed {
             return;
         }
         let Some(key) = found.quantity.kind.key() else { return };
@@ -76,15 +78,15 @@ impl Source {
         let change = Change { key, share, deviation: found.deviation / found.fitted, run };
         let group = found.quantity.group.as_ref();
         match found.quantity.kind.is_of() {
-            Of::Drives => {
+            Scope::Drives => {
                 let name = group.map_or("", |group| &group.name);
                 let actuator = self.document.get_mut("actuator").and_then(|all| all.get_mut(name));
                 if let Some(table) = actuator.and_then(Item::as_table_like_mut) {
                     change.apply(table);
                 }
             }
-            Of::Robot => each(&mut self.document, "end_effector", |table| change.apply(table)),
-            Of::Links => each(&mut self.document, "link", |table| {
+            Scope::Robot => each(&mut self.document, "end_effector", |table| change.apply(table)),
+            Scope::Links => each(&mut self.document, "link", |table| {
                 let name = text_of(table, "name");
                 if group.is_some_and(|group| group.name == name.trim_start_matches("*_")) {
                     change.apply_to_link(table);
@@ -294,7 +296,7 @@ mod tests {
         for quantity in &quantities {
             let group = quantity.group.as_ref();
             let of_file = |member: usize| match quantity.kind.is_of() {
-                Of::Links => robot.links[member].mass_kg,
+                Scope::Links => robot.links[member].mass_kg,
                 _ => robot.channels().nth(member).unwrap().actuator().armature_kg_m2,
             };
             let values = group.into_iter().flat_map(|group| group.members.iter().copied());
@@ -311,10 +313,10 @@ mod tests {
         {
             let quantity =
                 source.quantities(&robot).into_iter().find(|of| of.name() == name).unwrap();
-            let before = quantity.value(&Model::new(&robot));
+            let before = quantity.value(&SimulationModel::new(&robot));
             let (fitted, deviation) = (before * share, before * 1e-3);
-            let verdict = Verdict::Changed;
-            source.set(&Found { quantity, before, fitted, deviation, verdict }, "run.csv");
+            let verdict = QuantityVerdict::Changed;
+            source.set(&FittedQuantity { quantity, before, fitted, deviation, verdict }, "run.csv");
         }
         let changed = source.text();
         let fitted = Robot::from_toml("fitted", &changed).unwrap();
@@ -331,12 +333,12 @@ mod tests {
         assert_eq!(changed.lines().count(), text.lines().count() + 1);
         // Another fit takes the place of the first.
         let quantity = source.quantities(&fitted).swap_remove(1);
-        let found = Found {
+        let found = FittedQuantity {
             quantity,
             before: 56.0,
             fitted: 60.0,
             deviation: 0.5,
-            verdict: Verdict::Changed,
+            verdict: QuantityVerdict::Changed,
         };
         source.set(&found, "again.csv");
         let again = "kp_nm_rad = 60.0   # fitted to again.csv: ± 0.5, was 56.0; chosen: plans transfer from about 60 N·m/rad on";
@@ -356,11 +358,11 @@ mod tests {
         let mut source = Source::new(Path::new("tables.toml"), &text, &robot).unwrap();
         let mut all = source.quantities(&robot).into_iter();
         let quantity = all.find(|of| of.name() == "mass.body").unwrap();
-        let before = quantity.value(&Model::new(&robot));
-        let (fitted, deviation, verdict) = (1.5 * before, 1e-4, Verdict::Changed);
+        let before = quantity.value(&SimulationModel::new(&robot));
+        let (fitted, deviation, verdict) = (1.5 * before, 1e-4, QuantityVerdict::Changed);
         for run in ["run.csv", "again.csv"] {
             let quantity = quantity.clone();
-            source.set(&Found { quantity, before, fitted, deviation, verdict }, run);
+            source.set(&FittedQuantity { quantity, before, fitted, deviation, verdict }, run);
         }
         let changed = source.text();
         let heavier = Robot::from_toml("heavier", &changed).unwrap();

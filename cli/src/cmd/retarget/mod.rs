@@ -8,8 +8,8 @@ use indicatif::ProgressBar;
 use miette::miette;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::retarget::{Options, Retargeted, retarget};
-use rollwalk_simulate::{Control, Outcome};
+use rollwalk_simulate::retarget::{Options, RetargetResult, retarget};
+use rollwalk_simulate::{Control, RunOutcome};
 use rollwalk_terminal::progress::Lines;
 use rollwalk_terminal::{Exit, interrupt};
 use serde::Serialize;
@@ -74,9 +74,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 /// Plan with its corrections, and the results of simulating it without and with them.
 struct Corrected {
     /// Corrections; `None` if the robot falls with the uncorrected plan.
-    found: Option<Retargeted>,
-    before: Outcome,
-    after: Outcome,
+    found: Option<RetargetResult>,
+    before: RunOutcome,
+    after: RunOutcome,
 }
 
 /// Output of `--json` for a plan.
@@ -87,8 +87,8 @@ struct Document<'a> {
     costs: &'a [f64],
     rollouts: usize,
     largest_correction_rad: f64,
-    before: &'a Outcome,
-    after: &'a Outcome,
+    before: &'a RunOutcome,
+    after: &'a RunOutcome,
     holds: bool,
 }
 
@@ -147,7 +147,7 @@ impl Corrected {
 }
 
 /// Maximum relative error of the displacement in a run; infinite after a fall.
-fn off(outcome: &Outcome) -> f64 {
+fn off(outcome: &RunOutcome) -> f64 {
     if outcome.fell_at_s.is_some() {
         return f64::INFINITY;
     }

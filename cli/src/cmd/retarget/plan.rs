@@ -4,7 +4,7 @@ use super::{Args, Corrected, STEADIER, falls, on};
 use crate::played::ratios;
 use miette::miette;
 use rollwalk_planner::plan::Plan;
-use rollwalk_simulate::retarget::Retargeted;
+use rollwalk_simulate::retarget::RetargetResult;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, inputs, output};
@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if corrected.holds() { Exit::Ok } else { Exit::DoesNotHold })
 }
 
-fn describe(plan: &Plan, found: &Retargeted, corrected: &Corrected) -> String {
+fn describe(plan: &Plan, found: &RetargetResult, corrected: &Corrected) -> String {
     format!(
         "{} of {}\nbefore: {}\nafter:  {}\nobjective {:.4} to {:.6} in {} iterations, {} rollouts; \
          setpoints moved by at most {:.3} rad",

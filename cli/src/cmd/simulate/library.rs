@@ -5,7 +5,7 @@ use crate::planned::{self, Judged};
 use crate::terrain::Support;
 use crate::tour::{self, Options, Played};
 use miette::miette;
-use rollwalk_physics::world::{Totals, Way};
+use rollwalk_physics::world::{NetDisplacement, Totals};
 use rollwalk_sim_host::ground::{Fall, Travel};
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::Table;
@@ -30,7 +30,7 @@ struct Row {
     name: String,
     played_s: f64,
     #[serde(flatten)]
-    way: Way,
+    way: NetDisplacement,
     #[serde(flatten)]
     totals: Totals,
     /// Comparison with the plan; null if the library was not built on this computer.

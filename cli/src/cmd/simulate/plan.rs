@@ -7,7 +7,7 @@ use miette::{IntoDiagnostic, miette};
 use rollwalk_physics::world::Totals;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::sensors::Noise;
-use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, Outcome, log, play};
+use rollwalk_simulate::{Control, Feedback, Mismatch, Moment, Options, RunOutcome, log, play};
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::{self, fixed};
 use rollwalk_terminal::{Exit, inputs, interrupt};
@@ -19,7 +19,7 @@ use std::fmt::Write;
 struct Document<'a> {
     holds: bool,
     #[serde(flatten)]
-    outcome: &'a Outcome,
+    outcome: &'a RunOutcome,
 }
 
 /// Simulates the plan of the command line.
@@ -103,7 +103,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 /// Formats a table of periods, and the other results as sentences.
-fn describe(plan: &Plan, outcome: &Outcome) -> String {
+fn describe(plan: &Plan, outcome: &RunOutcome) -> String {
     const NAMES: [(&str, &str); 3] = [("forward", "m"), ("left", "m"), ("turn", "rad")];
     let mut text = format!("{} of {}\n", plan.motion.name, plan.robot.name);
     let row = |text: &mut String, name: &str, values: [f64; 3]| {
@@ -121,7 +121,7 @@ fn describe(plan: &Plan, outcome: &Outcome) -> String {
             let _ = writeln!(text, "{name}: {ratio:.3} of the plan on average");
         }
     }
-    let &Outcome { time_s, totals, iterations, iterations_max, .. } = outcome;
+    let &RunOutcome { time_s, totals, iterations, iterations_max, .. } = outcome;
     let Totals { slid_m, force_max_n, work_j, .. } = totals;
     let _ = writeln!(
         text,

@@ -14,12 +14,12 @@
 
 /// Reported value of a source, and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Report {
+pub(super) struct SourceEstimate {
     pub value: f64,
     pub deviation: f64,
 }
 
-impl Report {
+impl SourceEstimate {
     /// True if value and standard deviation are finite and the standard deviation is positive. Other reports have no weight.
     pub fn is_known(&self) -> bool {
         self.value.is_finite() && self.deviation.is_finite() && self.deviation > 0.0
@@ -40,8 +40,9 @@ pub(super) struct Mean {
 }
 
 /// Mean of the known reports; `None` without known reports.
-pub(super) fn mean(reports: &[Report]) -> Option<Mean> {
-    let known: Vec<Report> = reports.iter().filter(|report| report.is_known()).copied().collect();
+pub(super) fn mean(reports: &[SourceEstimate]) -> Option<Mean> {
+    let known: Vec<SourceEstimate> =
+        reports.iter().filter(|report| report.is_known()).copied().collect();
     if known.is_empty() {
         return None;
     }
@@ -51,8 +52,9 @@ pub(super) fn mean(reports: &[Report]) -> Option<Mean> {
 }
 
 /// Standard deviation τ between sources, beyond their own; 0 for fewer than two known reports.
-pub(super) fn between(reports: &[Report]) -> f64 {
-    let known: Vec<Report> = reports.iter().filter(|report| report.is_known()).copied().collect();
+pub(super) fn between(reports: &[SourceEstimate]) -> f64 {
+    let known: Vec<SourceEstimate> =
+        reports.iter().filter(|report| report.is_known()).copied().collect();
     if known.len() < 2 {
         return 0.0;
     }
@@ -66,8 +68,8 @@ pub(super) fn between(reports: &[Report]) -> f64 {
 }
 
 /// Mean with the weights 1/(s² + τ²), and the sum of the weights.
-fn weighted(known: &[Report], between: f64) -> (f64, f64) {
-    let weight = |report: &Report| (report.deviation.powi(2) + between * between).recip();
+fn weighted(known: &[SourceEstimate], between: f64) -> (f64, f64) {
+    let weight = |report: &SourceEstimate| (report.deviation.powi(2) + between * between).recip();
     let weights: f64 = known.iter().map(weight).sum();
     let sum: f64 = known.iter().map(|report| weight(report) * report.value).sum();
     (sum / weights, weights)
@@ -77,8 +79,8 @@ fn weighted(known: &[Report], between: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    fn reports<const N: usize>(of: [(f64, f64); N]) -> [Report; N] {
-        of.map(|(value, deviation)| Report { value, deviation })
+    fn reports<const N: usize>(of: [(f64, f64); N]) -> [SourceEstimate; N] {
+        of.map(|(value, deviation)| SourceEstimate { value, deviation })
     }
 
     fn near(found: f64, expected: f64) {
@@ -109,7 +111,7 @@ mod tests {
     #[test]
     fn equal_reports_narrow_as_independent_ones_do_and_not_below() {
         for count in [1, 2, 4, 9] {
-            let found = mean(&vec![Report { value: 3.0, deviation: 0.6 }; count]).unwrap();
+            let found = mean(&vec![SourceEstimate { value: 3.0, deviation: 0.6 }; count]).unwrap();
             near(found.value, 3.0);
             near(found.between, 0.0);
             near(found.deviation, 0.6 / (count as f64).sqrt());
@@ -151,7 +153,7 @@ mod tests {
     #[test]
     fn sources_without_a_deviation_do_not_count() {
         let unknown = [f64::INFINITY, f64::NAN, 0.0, -1.0];
-        let unknown = unknown.map(|deviation| Report { value: 99.0, deviation });
+        let unknown = unknown.map(|deviation| SourceEstimate { value: 99.0, deviation });
         assert_eq!(mean(&unknown), None);
         assert_eq!(mean(&[]), None);
         let known = reports([(9.0, 1.0), (11.0, 1.0)]);

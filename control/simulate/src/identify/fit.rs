@@ -3,9 +3,9 @@
 //! The search starts from several points over the first quarter of the run. The best result is continued over growing parts of
 //! the run, then each quantity gets a verdict.
 
-use super::outcome::{Found, Identified, Stage, Unfit, Verdict};
+use super::outcome::{FitError, FitResult, FittedQuantity, QuantityVerdict, Stage};
 use super::quality::Quality;
-use super::quantity::{Model, Quantity};
+use super::quantity::{Quantity, SimulationModel};
 use super::recording::{Recording, SHORTEST_S};
 use super::rollout::Replay;
 use super::search::Search;
@@ -49,11 +49,11 @@ pub fn identify(
     quantities: &[Quantity],
     options: &Options,
     goes_on: impl FnMut(&Stage) -> bool,
-) -> Result<Identified, Unfit> {
+) -> Result<FitResult, FitError> {
     if let Some(link) = quantities.iter().find_map(|of| of.soft_link(robot)) {
-        return Err(Unfit::Soft(link.to_owned()));
+        return Err(FitError::Soft(link.to_owned()));
     }
-    let file = Model::new(robot);
+    let file = SimulationModel::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;
     let mut search = Search::new(&replay, &file, quantities, options.iterations, goes_on);
@@ -61,29 +61,31 @@ pub fn identify(
     let quarter_s = quarter as f64 * replay.step_s;
     let at_first = search.begin(quarter);
     search.check()?;
-    let Some(at_first) = at_first else { return Err(Unfit::Falls(quarter_s)) };
+    let Some(at_first) = at_first else { return Err(FitError::Falls(quarter_s)) };
     let mut horizon = quarter;
     for steps in [(quarter + until) / 2, until] {
-        search.look_for_friction(steps);
+        search.search_friction(steps);
         if search.minimise("everything", steps, true, true).is_none() {
             break;
         }
         horizon = steps;
-        search.learn_noise(steps);
+        search.estimate_noise(steps);
         search.check()?;
     }
     // Once more with the noise that the fit has left, and without what the run does not tell.
-    let mut found: Vec<Option<Found>> = vec![None; quantities.len()];
+    let mut found: Vec<Option<FittedQuantity>> = vec![None; quantities.len()];
     let mut correlated = Vec::new();
     while !search.open.is_empty() {
         let Some(fit) = search.minimise("everything", horizon, true, true) else { break };
         search.check()?;
-        search.learn_noise(horizon);
+        search.estimate_noise(horizon);
         let spreads = search.spreads(horizon);
         search.check()?;
         let judged = search.judge(&fit, &spreads);
         let drop: Vec<usize> = (judged.iter())
-            .filter(|(_, found)| !matches!(found.verdict, Verdict::Changed | Verdict::Agrees))
+            .filter(|(_, found)| {
+                !matches!(found.verdict, QuantityVerdict::Changed | QuantityVerdict::Agrees)
+            })
             // What is fitted along stays as the others need it.
             .filter(|(_, found)| !found.quantity.kind.is_along())
             .map(|(number, _)| *number)
@@ -106,7 +108,7 @@ pub fn identify(
         drop.iter().for_each(|&number| search.at.quantities[number] = 0.0);
     }
     search.check()?;
-    let found: Vec<Found> = found.into_iter().flatten().collect();
+    let found: Vec<FittedQuantity> = found.into_iter().flatten().collect();
     let mut model = file.clone();
     for (number, of) in found.iter().enumerate() {
         if of.is_adopted() {
@@ -118,7 +120,7 @@ pub fn identify(
     // With the file's numbers where they agree the run may begin a little otherwise.
     search.minimise("where the run begins", horizon, false, true);
     let at_end = search.at.start.clone();
-    let mut compare = |model: &Model, start: &[f64]| {
+    let mut compare = |model: &SimulationModel, start: &[f64]| {
         let all = search.play(model, start, &[], false, replay.steps);
         let parts = all.or_else(|| search.play(model, start, &[], false, until));
         let of = |after: usize, to: usize| {
@@ -132,7 +134,7 @@ pub fn identify(
     search.check()?;
     let begin_s = replay.recording.span_s[0];
     let at_s = |steps: usize| begin_s + steps as f64 * replay.step_s;
-    Ok(Identified {
+    Ok(FitResult {
         model,
         found,
         correlated,
@@ -151,11 +153,11 @@ pub fn identify(
 /// # Errors
 /// Returns an error if the recording is too short, or if `goes_on` returns `false`.
 pub fn predict(
-    model: &Model,
+    model: &SimulationModel,
     recording: Recording,
     options: &Options,
     goes_on: impl FnMut(&Stage) -> bool,
-) -> Result<Option<Quality>, Unfit> {
+) -> Result<Option<Quality>, FitError> {
     let replay = replay(recording, model, options)?;
     let mut search = Search::new(&replay, model, &[], options.iterations, goes_on);
     let quarter = replay.steps / 4;
@@ -169,12 +171,12 @@ pub fn predict(
 /// Resamples a recording on a grid of steps.
 pub(super) fn replay(
     recording: Recording,
-    file: &Model,
+    file: &SimulationModel,
     options: &Options,
-) -> Result<Replay, Unfit> {
+) -> Result<Replay, FitError> {
     let [begin_s, end_s] = recording.span_s;
     if end_s - begin_s < SHORTEST_S {
-        return Err(Unfit::Short((end_s - begin_s).max(0.0)));
+        return Err(FitError::Short((end_s - begin_s).max(0.0)));
     }
     let [fewest_hz, most_hz, else_hz] = RATES_HZ;
     let mut step_s = recording.interval_s;

@@ -12,7 +12,7 @@
 //! | `search` | searches of a fit, each over a part of the run |
 //! | [`outcome`] | progress, results and errors |
 //! | `parts` | disagreement between parts of a run |
-//! | [`together`](mod@together) | combination of fits to several runs |
+//! | [`combine_fits`](mod@together) | combination of fits to several runs |
 //! | `effects` | mean of values that disagree by more than their standard deviations |
 //! | [`quality`] | noise of the measurements, and error of a simulated run |
 //!
@@ -35,10 +35,10 @@ mod tests;
 pub mod together;
 
 pub use fit::{Options, identify, predict};
-pub use outcome::{Found, Identified, Stage, Unfit, Verdict};
+pub use outcome::{FitError, FitResult, FittedQuantity, QuantityVerdict, Stage};
 pub use quality::Quality;
-pub use quantity::{Group, Kind, Model, Of, Quantity};
-pub use recording::{Drive, Idle, Recording, TableError, Wanted, motor_names};
+pub use quantity::{Group, Kind, Quantity, Scope, SimulationModel};
+pub use recording::{DriveSeries, NoMovement, Recording, RequestedSpan, TableError, motor_names};
 pub use rollout::Signal;
 pub use series::Series;
-pub use together::{Combined, Together, together};
+pub use together::{CombinedFit, CombinedQuantity, combine_fits};

@@ -1,7 +1,7 @@
 //! Progress, results and errors of a search.
 
 use super::quality::Quality;
-use super::quantity::{Kind, Model, Quantity};
+use super::quantity::{Kind, Quantity, SimulationModel};
 use super::recording::SHORTEST_S;
 use thiserror::Error;
 
@@ -18,7 +18,7 @@ pub struct Stage {
 
 /// Verdict on a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum QuantityVerdict {
     /// Value that differs from the value of the file.
     Changed,
     /// Value that agrees with the value of the file within two standard deviations.
@@ -40,7 +40,7 @@ const DIFFERENT: f64 = 2.0;
 /// Largest sensible change, as logarithm of the ratio to the value of the file.
 const ABSURD: f64 = 3.0;
 
-impl Verdict {
+impl QuantityVerdict {
     /// Verdict on a value with its standard deviation.
     pub(super) fn of(quantity: &Quantity, before: f64, fitted: f64, deviation: f64) -> Self {
         let is_delay = quantity.kind == Kind::Delay;
@@ -61,7 +61,7 @@ impl Verdict {
 
 /// A fitted quantity: its value, its deviation and the verdict on it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct FittedQuantity {
     /// Quantity that was fitted.
     pub quantity: Quantity,
     /// Value in the robot file.
@@ -72,31 +72,33 @@ pub struct Found {
     /// quantity.
     pub deviation: f64,
     /// Verdict on the value.
-    pub verdict: Verdict,
+    pub verdict: QuantityVerdict,
 }
 
-impl Found {
+impl FittedQuantity {
     /// True if the value counts in the mean of several runs: the run determines it, and the search ended in the sensible range.
     ///
     /// A value that is too uncertain for the robot file also counts, with the small weight of its standard deviation.
     pub(super) fn is_counted(&self) -> bool {
-        self.deviation.is_finite() && self.deviation > 0.0 && self.verdict != Verdict::Absurd
+        self.deviation.is_finite()
+            && self.deviation > 0.0
+            && self.verdict != QuantityVerdict::Absurd
     }
 
     /// True if the model adopts the value: it differs from the value of the file, or its kind is auxiliary
     /// ([`Kind::is_along`]).
     pub(super) fn is_adopted(&self) -> bool {
-        self.verdict == Verdict::Changed || self.quantity.kind.is_along()
+        self.verdict == QuantityVerdict::Changed || self.quantity.kind.is_along()
     }
 }
 
 /// Result of a fit.
 #[derive(Clone, Debug)]
-pub struct Identified {
+pub struct FitResult {
     /// Model with all adopted quantities.
-    pub model: Model,
+    pub model: SimulationModel,
     /// Fitted quantities, changed or not.
-    pub found: Vec<Found>,
+    pub found: Vec<FittedQuantity>,
     /// Pairs of quantities that the run hardly separates, with their correlation.
     pub correlated: Vec<(String, String, f64)>,
     /// Errors over the fitted steps, with the values of the file and with the fitted values; `None` if the robot falls.
@@ -113,7 +115,7 @@ pub struct Identified {
 
 /// Error of a fit without result.
 #[derive(Debug, Error)]
-pub enum Unfit {
+pub enum FitError {
     /// Simulated robot that falls at once.
     #[error(
         "with the values of the robot file, the simulated robot falls within {0:.2} s, although \

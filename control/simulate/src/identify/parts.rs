@@ -6,8 +6,8 @@
 //! the variance of the model error ([`effects`]). This variance counts in full, because model errors do not cancel as noise
 //! does. An error that is equal in all parts stays unknown.
 
-use super::effects::{self, Report};
-use super::quantity::Model;
+use super::effects::{self, SourceEstimate};
+use super::quantity::SimulationModel;
 use super::recording::Recording;
 use super::rollout::Replay;
 use super::start::Start;
@@ -21,7 +21,7 @@ const FEWEST: usize = 3;
 const MOST: usize = 6;
 
 /// Divides the first steps of a run into parts; empty if the steps are too few.
-pub(super) fn of(replay: &Replay, file: &Model, steps: usize) -> Vec<Replay> {
+pub(super) fn of(replay: &Replay, file: &SimulationModel, steps: usize) -> Vec<Replay> {
     let count = ((steps as f64 * replay.step_s / PART_S) as usize).min(MOST);
     if count < FEWEST {
         return Vec::new();
@@ -39,7 +39,7 @@ pub(super) fn of(replay: &Replay, file: &Model, steps: usize) -> Vec<Replay> {
 }
 
 /// Standard deviation between parts beyond noise; 0 if fewer than [`FEWEST`] parts are known.
-pub(super) fn spread(parts: &[Report]) -> f64 {
+pub(super) fn spread(parts: &[SourceEstimate]) -> f64 {
     let known = parts.iter().filter(|part| part.is_known()).count();
     if known < FEWEST { 0.0 } else { effects::between(parts) }
 }
@@ -48,8 +48,8 @@ pub(super) fn spread(parts: &[Report]) -> f64 {
 mod tests {
     use super::*;
 
-    fn reports(values: [f64; 4], deviation: f64) -> Vec<Report> {
-        values.map(|value| Report { value, deviation }).to_vec()
+    fn reports(values: [f64; 4], deviation: f64) -> Vec<SourceEstimate> {
+        values.map(|value| SourceEstimate { value, deviation }).to_vec()
     }
 
     #[test]
@@ -70,7 +70,7 @@ mod tests {
         assert!((found - 0.05).abs() < 1e-12, "{found}");
         // One that knows next to nothing does not count.
         let mut all = reports([2.0 + by, 2.0 - by, 2.0 + by, 2.0 - by], 0.03);
-        all.push(Report { value: 9.0, deviation: 1e4 });
+        all.push(SourceEstimate { value: 9.0, deviation: 1e4 });
         assert!((spread(&all) - found).abs() < 0.01, "{}", spread(&all));
     }
 }

@@ -1,6 +1,6 @@
 //! Noise of the measurements, and error of a simulated run.
 
-use super::rollout::{Miss, Noise, Signal, centered};
+use super::rollout::{MeasurementResidual, Noise, Signal, centered};
 use std::collections::BTreeMap;
 
 /// Root-mean-square error of each signal of a simulated run, over some of its steps.
@@ -12,10 +12,10 @@ pub struct Quality {
 
 impl Quality {
     /// Errors in the steps `after + 1` to `until`.
-    pub(super) fn of(misses: &[Miss], after: usize, until: usize) -> Self {
+    pub(super) fn of(misses: &[MeasurementResidual], after: usize, until: usize) -> Self {
         let values = centered(misses);
         let rms = Signal::ALL.into_iter().filter_map(|signal| {
-            let within = |(miss, _): &(&Miss, &f64)| {
+            let within = |(miss, _): &(&MeasurementResidual, &f64)| {
                 miss.signal == signal && miss.step > after && miss.step <= until
             };
             let of_signal = misses.iter().zip(&values).filter(within);
@@ -41,7 +41,7 @@ pub(super) fn nominal() -> Noise {
 ///
 /// Model errors persist over several steps. With a correlation ρ from one residual to the next, n residuals contain as much
 /// information as n (1 − ρ) / (1 + ρ) independent ones. Their standard deviation is hence multiplied by √((1 + ρ) / (1 − ρ)).
-pub(super) fn found(misses: &[Miss]) -> Noise {
+pub(super) fn estimate_noise(misses: &[MeasurementResidual]) -> Noise {
     let mut last: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     let mut sums = [[0.0_f64; 3]; 6];
     for (miss, value) in misses.iter().zip(centered(misses)) {
@@ -71,8 +71,8 @@ mod tests {
     use super::*;
     use rollwalk_physics::sensitivity::Residual;
 
-    fn misses(values: impl IntoIterator<Item = f64>) -> Vec<Miss> {
-        let of = |(step, value)| Miss {
+    fn misses(values: impl IntoIterator<Item = f64>) -> Vec<MeasurementResidual> {
+        let of = |(step, value)| MeasurementResidual {
             signal: Signal::Joint,
             number: 0,
             step,
@@ -84,10 +84,10 @@ mod tests {
     #[test]
     fn what_lasts_counts_for_less() {
         let sign = |k: i32, every: i32| if (k / every) % 2 == 0 { 0.01 } else { -0.01 };
-        let quick = found(&misses((0..1000).map(|k| sign(k, 1))))[Signal::Joint as usize];
+        let quick = estimate_noise(&misses((0..1000).map(|k| sign(k, 1))))[Signal::Joint as usize];
         assert!((quick - 0.01).abs() < 1e-9);
         // Of a sign that changes every 20th time ρ is 0.9.
-        let slow = found(&misses((0..1000).map(|k| sign(k, 20))))[Signal::Joint as usize];
+        let slow = estimate_noise(&misses((0..1000).map(|k| sign(k, 20))))[Signal::Joint as usize];
         assert!((slow / 0.01 / 19_f64.sqrt() - 1.0).abs() < 0.02, "{slow}");
     }
 

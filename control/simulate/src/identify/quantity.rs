@@ -4,9 +4,9 @@ use super::recording::Recording;
 use nalgebra::Vector3;
 use rollwalk_physics::force::Wrench;
 use rollwalk_physics::sensitivity::parameter::{
-    Constant, Drive, OfContact, OfMotor, Parameter, Targets, Touching,
+    Constant, ContactParameter, ContactQuantity, MotorParameter, MotorQuantity, Parameter, Targets,
 };
-use rollwalk_physics::sensitivity::{Column, Solved};
+use rollwalk_physics::sensitivity::{Column, SolvedStep};
 use rollwalk_physics::world::Parameters;
 use rollwalk_physics::{Body, Scheme, World};
 use rollwalk_robot::{Actuator, Robot};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Robot with the additional parameters of its simulation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Model {
+pub struct SimulationModel {
     /// Robot.
     pub robot: Robot,
     /// Parameters of joints and contacts.
@@ -23,7 +23,7 @@ pub struct Model {
     pub delay_s: f64,
 }
 
-impl Model {
+impl SimulationModel {
     /// Creates the model of a robot file, with an integrator and joints that do not bias fitted gains.
     ///
     /// The numerical damping of backward Euler at 120 Hz would make a fitted kd about 20 % too small, so the model uses BDF2.
@@ -68,7 +68,7 @@ pub enum Kind {
 }
 
 /// Properties of a kind.
-struct Facts {
+struct KindProperties {
     kind: Kind,
     name: &'static str,
     /// Description and unit for [`Kind::label`].
@@ -81,8 +81,8 @@ struct Facts {
     silence: &'static str,
 }
 
-const FACTS: [Facts; 10] = [
-    Facts {
+const FACTS: [KindProperties; 10] = [
+    KindProperties {
         kind: Kind::Friction,
         name: "friction",
         label: ("coefficient of friction", ""),
@@ -90,7 +90,7 @@ const FACTS: [Facts; 10] = [
         key: Some("friction_coefficient"),
         silence: "nothing slips in this run: push, accelerate or turn harder",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Resistance,
         name: "resistance",
         label: ("rolling resistance", ""),
@@ -98,7 +98,7 @@ const FACTS: [Facts; 10] = [
         key: Some("rolling_resistance"),
         silence: "no free wheel rolls",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Drag,
         name: "drag",
         label: ("rolling drag", "s/m"),
@@ -106,7 +106,7 @@ const FACTS: [Facts; 10] = [
         key: Some("rolling_drag_s_m"),
         silence: "no free wheel rolls",
     },
-    Facts {
+    KindProperties {
         kind: Kind::PositionGain,
         name: "kp",
         label: ("kp", "N·m/rad"),
@@ -114,7 +114,7 @@ const FACTS: [Facts; 10] = [
         key: Some("kp_nm_rad"),
         silence: "its drives are at their limits, or carry no load",
     },
-    Facts {
+    KindProperties {
         kind: Kind::SpeedGain,
         name: "kd",
         label: ("kd", "N·m·s/rad"),
@@ -122,7 +122,7 @@ const FACTS: [Facts; 10] = [
         key: Some("kd_nm_s_rad"),
         silence: "its drives are at their limits, or do not move",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Armature,
         name: "armature",
         label: ("rotor inertia", "kg·m²"),
@@ -130,7 +130,7 @@ const FACTS: [Facts; 10] = [
         key: Some("armature_kg_m2"),
         silence: "its drives do not accelerate",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Mass,
         name: "mass",
         label: ("mass", "kg"),
@@ -138,7 +138,7 @@ const FACTS: [Facts; 10] = [
         key: Some("mass_kg"),
         silence: "no measured value depends on the mass",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Stiffness,
         name: "stiffness",
         label: ("stiffness of contacts", "N/m"),
@@ -146,7 +146,7 @@ const FACTS: [Facts; 10] = [
         key: None,
         silence: "nothing touches the ground",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Stick,
         name: "stick",
         label: ("ratio of friction to creep of sticking contacts", "N·s/m"),
@@ -154,7 +154,7 @@ const FACTS: [Facts; 10] = [
         key: None,
         silence: "nothing touches the ground",
     },
-    Facts {
+    KindProperties {
         kind: Kind::Delay,
         name: "delay",
         label: ("delay of commands", "s"),
@@ -170,7 +170,7 @@ impl Kind {
         FACTS.iter().map(|facts| facts.kind)
     }
 
-    fn facts(self) -> &'static Facts {
+    fn facts(self) -> &'static KindProperties {
         FACTS.iter().find(|facts| facts.kind == self).expect("every kind is in the list")
     }
 
@@ -205,18 +205,18 @@ impl Kind {
     }
 
     /// Scope of the kind: a drive model, a description of links, or the whole robot.
-    pub fn is_of(self) -> Of {
+    pub fn is_of(self) -> Scope {
         match self {
-            Self::PositionGain | Self::SpeedGain | Self::Armature => Of::Drives,
-            Self::Mass => Of::Links,
-            _ => Of::Robot,
+            Self::PositionGain | Self::SpeedGain | Self::Armature => Scope::Drives,
+            Self::Mass => Scope::Links,
+            _ => Scope::Robot,
         }
     }
 }
 
 /// Scope of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Of {
+pub enum Scope {
     /// Drives of a model.
     Drives,
     /// Links that share a description.
@@ -270,7 +270,7 @@ impl Quantity {
     }
 
     /// Value in a model: the sum for masses, the first member for kinds that keep ratios, or 0 if the robot lacks the quantity.
-    pub fn value(&self, model: &Model) -> f64 {
+    pub fn value(&self, model: &SimulationModel) -> f64 {
         let robot = &model.robot;
         let drive = |of: fn(&Actuator) -> f64| {
             let number = self.members().first();
@@ -294,7 +294,7 @@ impl Quantity {
     }
 
     /// Sets the value in a model.
-    pub fn set(&self, model: &mut Model, value: f64) {
+    pub fn set(&self, model: &mut SimulationModel, value: f64) {
         let share = value / self.value(model);
         let robot = &mut model.robot;
         let members = self.members().to_vec();
@@ -360,7 +360,7 @@ impl Quantity {
     pub(super) fn parameters(
         &self,
         world: &World,
-        model: &Model,
+        model: &SimulationModel,
         recording: &Arc<Recording>,
         begin_s: f64,
     ) -> Vec<(Box<dyn Parameter>, f64)> {
@@ -371,23 +371,23 @@ impl Quantity {
             of.flat_map(|(number, _)| world.contacts(number)).collect()
         };
         // Nodes of soft feet have shares of a number.
-        let touching = |dragging: bool, of: OfContact, number: f64| {
-            let contacts = Touching::new(world.system(), contacts(dragging), of);
+        let touching = |dragging: bool, of: ContactQuantity, number: f64| {
+            let contacts = ContactParameter::new(world.system(), contacts(dragging), of);
             let share = contacts.value(world.system()) / number;
             (Box::new(contacts) as Box<dyn Parameter>, share)
         };
         let value = self.value(model);
-        let drive = |of: OfMotor| -> Vec<(Box<dyn Parameter>, f64)> {
+        let drive = |of: MotorQuantity| -> Vec<(Box<dyn Parameter>, f64)> {
             let motors = self.members().iter().map(|&channel| world.motors()[channel]).collect();
-            vec![(Box::new(Drive { motors, of }), 1.0)]
+            vec![(Box::new(MotorParameter { motors, of }), 1.0)]
         };
         match self.kind {
-            Kind::Friction => vec![touching(false, OfContact::Friction, value)],
-            Kind::Resistance => vec![touching(true, OfContact::Resistance, value)],
-            Kind::Drag => vec![touching(true, OfContact::ResistancePerSpeed, value)],
-            Kind::PositionGain => drive(OfMotor::PositionGain),
-            Kind::SpeedGain => drive(OfMotor::SpeedGain),
-            Kind::Armature => drive(OfMotor::Armature),
+            Kind::Friction => vec![touching(false, ContactQuantity::Friction, value)],
+            Kind::Resistance => vec![touching(true, ContactQuantity::Resistance, value)],
+            Kind::Drag => vec![touching(true, ContactQuantity::ResistancePerSpeed, value)],
+            Kind::PositionGain => drive(MotorQuantity::PositionGain),
+            Kind::SpeedGain => drive(MotorQuantity::SpeedGain),
+            Kind::Armature => drive(MotorQuantity::Armature),
             Kind::Mass => {
                 // Wheels that spin are bodies of their own, after the links.
                 let of_links = self.members().iter().copied();
@@ -395,12 +395,12 @@ impl Quantity {
                 let wheels = wheels.filter(|(_, of)| self.members().contains(&of.link));
                 let wheels = wheels.filter_map(|(number, _)| world.wheel(number));
                 let bodies = of_links.chain(wheels).collect();
-                vec![(Box::new(Heavier { bodies }), 1.0 / value)]
+                vec![(Box::new(MassChange { bodies }), 1.0 / value)]
             }
-            Kind::Stick => vec![touching(false, OfContact::Stick, value)],
+            Kind::Stick => vec![touching(false, ContactQuantity::Stick, value)],
             Kind::Stiffness => {
-                let (ramp, share) = touching(false, OfContact::Ramp, value);
-                let of = [OfContact::Stiffness, OfContact::Damping];
+                let (ramp, share) = touching(false, ContactQuantity::Ramp, value);
+                let of = [ContactQuantity::Stiffness, ContactQuantity::Damping];
                 let of = of.map(|of| touching(false, of, value));
                 of.into_iter().chain([(ramp, -share)]).collect()
             }
@@ -428,12 +428,12 @@ fn actuators(robot: &mut Robot) -> impl Iterator<Item = &mut Actuator> {
 
 /// Relative change of the masses and inertias of bodies.
 #[derive(Clone, Debug)]
-struct Heavier {
+struct MassChange {
     bodies: Vec<usize>,
 }
 
-impl Parameter for Heavier {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+impl Parameter for MassChange {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         for &body in &self.bodies {
             let of = solved.body(body);
             let force = solved.resisted_m_s2(body) * of.mass_kg();

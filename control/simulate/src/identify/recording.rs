@@ -16,7 +16,7 @@ pub struct Recording {
     /// Shortest of the mean intervals between samples of the measured series, s.
     pub interval_s: f64,
     /// Drives in channel order.
-    pub drives: Vec<Drive>,
+    pub drives: Vec<DriveSeries>,
     /// Position of the body's origin, m.
     pub position_m: Option<[Series; 3]>,
     /// World-from-body quaternion: w, x, y, z.
@@ -27,7 +27,7 @@ pub struct Recording {
 
 /// Time series of a drive: commands, and measured angle and speed.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Drive {
+pub struct DriveSeries {
     /// Commanded angle, rad; ignored for wheels.
     pub target_rad: Series,
     /// Commanded speed, rad/s.
@@ -89,7 +89,7 @@ pub enum TableError {
     },
     /// Run without a span that can be fitted.
     #[error(transparent)]
-    Idle(#[from] Idle),
+    Idle(#[from] NoMovement),
 }
 
 /// Error of a run without a usable span: the robot is held, fallen or without power all the time, or the requested span is too
@@ -100,7 +100,7 @@ pub enum TableError {
      interruption",
     span = within(from_s, to_s)
 )]
-pub struct Idle {
+pub struct NoMovement {
     /// Requested start of the span, s.
     pub from_s: Option<f64>,
     /// Requested end of the span, s.
@@ -117,7 +117,7 @@ fn within(from_s: &Option<f64>, to_s: &Option<f64>) -> String {
 }
 
 /// Requested start and end of the span to fit, s; `None` if unrestricted.
-pub type Wanted = [Option<f64>; 2];
+pub type RequestedSpan = [Option<f64>; 2];
 
 /// Duration of the shortest run that can be fitted, s.
 pub const SHORTEST_S: f64 = 0.5;
@@ -149,7 +149,11 @@ impl Recording {
     /// # Errors
     /// Returns an error if the table cannot be read, if a time or command column is missing, if times do not ascend, if the
     /// motors are not those of `robot` or were not measured, or if no span can be fitted.
-    pub fn from_text(text: &str, robot: &Robot, wanted_s: Wanted) -> Result<Self, TableError> {
+    pub fn from_text(
+        text: &str,
+        robot: &Robot,
+        wanted_s: RequestedSpan,
+    ) -> Result<Self, TableError> {
         let names = motor_names(robot);
         let is_read = |column: &str| {
             let plain = [&FLAGS[..], &PLACE, &ORIENTATION, &GYRO].concat();
@@ -166,7 +170,7 @@ impl Recording {
         table: &Table,
         robot: &Robot,
         names: &[String],
-        wanted_s: Wanted,
+        wanted_s: RequestedSpan,
     ) -> Result<Self, TableError> {
         let missing = |name: &str, what| TableError::Missing { name: name.to_owned(), what };
         let time_s = table.column("time_s").ok_or_else(|| missing("time_s", "time of each row"))?;
@@ -193,7 +197,7 @@ impl Recording {
             if of(target).is_none() {
                 return Err(missing(&format!("{name}_{target}"), what));
             }
-            drives.push(Drive {
+            drives.push(DriveSeries {
                 target_rad: of("target_rad").unwrap_or_default(),
                 target_rad_s: of("target_rad_s").unwrap_or_default(),
                 feedforward_nm: of("feedforward_nm").unwrap_or_default(),
@@ -220,7 +224,7 @@ impl Recording {
     /// Creates a recording of a robot from its available measurements. Call [`cut`](Self::cut) to select the span to fit.
     pub fn new(
         robot: &Robot,
-        mut drives: Vec<Drive>,
+        mut drives: Vec<DriveSeries>,
         position_m: Option<[Series; 3]>,
         orientation: Option<[Series; 4]>,
         gyro_rad_s: Option<[Series; 3]>,
@@ -241,7 +245,11 @@ impl Recording {
     ///
     /// # Errors
     /// Returns an error if no stretch is at least [`SHORTEST_S`] long, or if nothing was measured in it.
-    pub fn cut(mut self, stretches_s: &[[f64; 2]], wanted_s: Wanted) -> Result<Self, Idle> {
+    pub fn cut(
+        mut self,
+        stretches_s: &[[f64; 2]],
+        wanted_s: RequestedSpan,
+    ) -> Result<Self, NoMovement> {
         let [from_s, to_s] = wanted_s;
         let wanted = |[begin_s, end_s]: &[f64; 2]| {
             [begin_s.max(from_s.unwrap_or(*begin_s)), end_s.min(to_s.unwrap_or(*end_s))]
@@ -254,7 +262,7 @@ impl Recording {
             // Of several that are as long, the first.
             .rev()
             .max_by(|one, other| length_s(one).total_cmp(&length_s(other)));
-        self.span_s = longest.ok_or(Idle { from_s, to_s })?;
+        self.span_s = longest.ok_or(NoMovement { from_s, to_s })?;
         let span_s = self.span_s;
         let place = self.position_m.iter_mut().flatten();
         let turned = self.orientation.iter_mut().flatten();
@@ -265,14 +273,14 @@ impl Recording {
             *series = std::mem::take(series).between(span_s);
             series.interval_s()
         });
-        self.interval_s = intervals.min_by(f64::total_cmp).ok_or(Idle { from_s, to_s })?;
+        self.interval_s = intervals.min_by(f64::total_cmp).ok_or(NoMovement { from_s, to_s })?;
         Ok(self)
     }
 
     /// Measured orientation at a time; `None` without a measurement within `half_s`.
     pub(super) fn orientation_at(&self, time_s: f64, half_s: f64) -> Option<Matrix3<f64>> {
         let [w, x, y, z] = self.orientation.as_ref()?;
-        let at = |series: &Series| series.seen(time_s, half_s);
+        let at = |series: &Series| series.value_near(time_s, half_s);
         Some(rotation([at(w)?, at(x)?, at(y)?, at(z)?]))
     }
 
@@ -283,7 +291,7 @@ impl Recording {
         half_s: f64,
     ) -> Option<Vector3<f64>> {
         let [x, y, z] = of?;
-        let at = |series: &Series| series.seen(time_s, half_s);
+        let at = |series: &Series| series.value_near(time_s, half_s);
         Some(Vector3::new(at(x)?, at(y)?, at(z)?))
     }
 }

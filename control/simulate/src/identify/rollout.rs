@@ -1,6 +1,6 @@
 //! Simulation of a recorded run, and its residuals.
 
-use super::quantity::{Model, Quantity};
+use super::quantity::{Quantity, SimulationModel};
 use super::recording::Recording;
 use super::start::Start;
 use crate::script::servo;
@@ -76,7 +76,7 @@ pub(super) struct Replay {
 
 /// Residual of a measurement.
 #[derive(Clone, Debug)]
-pub(super) struct Miss {
+pub(super) struct MeasurementResidual {
     pub signal: Signal,
     /// Index within the signal, such as the channel or the axis.
     pub number: usize,
@@ -85,9 +85,9 @@ pub(super) struct Miss {
 }
 
 #[derive(Debug)]
-pub(super) struct Played {
+pub(super) struct SimulatedRun {
     rollout: Rollout,
-    misses: Vec<Miss>,
+    misses: Vec<MeasurementResidual>,
     /// Derivatives of the rollout that make up each search parameter: indices and factors.
     columns: Vec<Vec<(usize, f64)>>,
 }
@@ -98,12 +98,12 @@ impl Replay {
     /// Returns `None` if the robot falls or a step has no solution.
     pub fn play(
         &self,
-        model: &Model,
+        model: &SimulationModel,
         changes: &[f64],
         quantities: &[Quantity],
         by_start: bool,
         steps: usize,
-    ) -> Option<Played> {
+    ) -> Option<SimulatedRun> {
         let mut world = self.start.world(model, changes, &self.ground);
         let fall_watch = FallWatch::new(&world, &self.ground);
         let begin_s = self.recording.span_s[0];
@@ -145,11 +145,17 @@ impl Replay {
         }
         let rollout = recorder.finish();
         let misses = self.misses(&world, model, &rollout, steps);
-        Some(Played { rollout, misses, columns })
+        Some(SimulatedRun { rollout, misses, columns })
     }
 
     /// Residuals of all measurements in the first steps.
-    fn misses(&self, world: &World, model: &Model, rollout: &Rollout, steps: usize) -> Vec<Miss> {
+    fn misses(
+        &self,
+        world: &World,
+        model: &SimulationModel,
+        rollout: &Rollout,
+        steps: usize,
+    ) -> Vec<MeasurementResidual> {
         let recording = &self.recording;
         let joints = model.robot.joints.len();
         let motors: Vec<&Motor> = (world.motors().iter())
@@ -164,12 +170,12 @@ impl Replay {
             let time_s = recording.span_s[0] + step as f64 * self.step_s;
             let at = step * self.parts;
             let mut add = |signal, number, residual| {
-                misses.push(Miss { signal, number, step, residual });
+                misses.push(MeasurementResidual { signal, number, step, residual });
             };
             for (channel, (drive, motor)) in recording.drives.iter().zip(&motors).enumerate() {
                 let is_joint = channel < joints;
                 if !drive.rad.is_empty() {
-                    if let Some(angle_rad) = drive.rad.seen(time_s, half_s) {
+                    if let Some(angle_rad) = drive.rad.value_near(time_s, half_s) {
                         let zero = if is_joint { 0.0 } else { self.start.wheel_rad[channel] };
                         let residual = Residual::angle(rollout, at, motor, angle_rad - zero, 1.0);
                         add(
@@ -178,7 +184,7 @@ impl Replay {
                             residual,
                         );
                     }
-                } else if let Some(speed_rad_s) = drive.rad_s.seen(time_s, half_s) {
+                } else if let Some(speed_rad_s) = drive.rad_s.value_near(time_s, half_s) {
                     let residual = Residual::speed(rollout, at, motor, speed_rad_s, 1.0);
                     add(Signal::Speed, channel, residual);
                 }
@@ -224,9 +230,9 @@ fn origin_residual(
     residual
 }
 
-impl Played {
+impl SimulatedRun {
     /// Residuals of the rollout.
-    pub fn misses(&self) -> &[Miss] {
+    pub fn misses(&self) -> &[MeasurementResidual] {
         &self.misses
     }
 
@@ -258,7 +264,7 @@ impl Played {
 }
 
 /// Groups the rows of wheel angles by wheel.
-fn turning(misses: &[Miss]) -> Vec<Vec<usize>> {
+fn turning(misses: &[MeasurementResidual]) -> Vec<Vec<usize>> {
     let mut rows: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (row, miss) in misses.iter().enumerate().filter(|(_, miss)| miss.signal == Signal::Wheel) {
         rows.entry(miss.number).or_default().push(row);
@@ -275,7 +281,7 @@ fn center(turning: &[Vec<usize>], values: &mut [f64]) {
 }
 
 /// Residuals without the unknown zero of wheel encoders.
-pub(super) fn centered(misses: &[Miss]) -> Vec<f64> {
+pub(super) fn centered(misses: &[MeasurementResidual]) -> Vec<f64> {
     let mut values: Vec<f64> = misses.iter().map(|miss| miss.residual.value).collect();
     center(&turning(misses), &mut values);
     values

@@ -2,12 +2,12 @@
 //!
 //! The search applies the Gauss–Newton method to growing parts of the run, at first from several starting points.
 
-use super::effects::Report;
-use super::outcome::{Found, Stage, Unfit, Verdict};
+use super::effects::SourceEstimate;
+use super::outcome::{FitError, FittedQuantity, QuantityVerdict, Stage};
 use super::parts;
 use super::quality;
-use super::quantity::{Kind, Model, Quantity};
-use super::rollout::{Noise, Played, Replay};
+use super::quantity::{Kind, Quantity, SimulationModel};
+use super::rollout::{Noise, Replay, SimulatedRun};
 use nalgebra::DMatrix;
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Fit, Penalty, minimise};
 
@@ -28,7 +28,7 @@ const TOLERANCE: f64 = 1e-6;
 
 /// Current parameters of a search.
 #[derive(Clone, Debug)]
-pub(super) struct At {
+pub(super) struct SearchPoint {
     /// Parameter of each quantity: 0 is the value of the file.
     pub quantities: Vec<f64>,
     /// Parameters of the start state.
@@ -37,10 +37,10 @@ pub(super) struct At {
 
 pub(super) struct Search<'a, G> {
     replay: &'a Replay,
-    file: &'a Model,
+    file: &'a SimulationModel,
     iterations: usize,
     noise: Noise,
-    pub at: At,
+    pub at: SearchPoint,
     all: &'a [Quantity],
     /// Indices of the quantities that are still fitted.
     pub open: Vec<usize>,
@@ -54,12 +54,15 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     /// Creates a search that begins at the values of the file and the measured start state.
     pub fn new(
         replay: &'a Replay,
-        file: &'a Model,
+        file: &'a SimulationModel,
         all: &'a [Quantity],
         iterations: usize,
         goes_on: G,
     ) -> Self {
-        let at = At { quantities: vec![0.0; all.len()], start: vec![0.0; replay.start.count()] };
+        let at = SearchPoint {
+            quantities: vec![0.0; all.len()],
+            start: vec![0.0; replay.start.count()],
+        };
         Self {
             replay,
             file,
@@ -75,20 +78,20 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         }
     }
 
-    pub fn check(&self) -> Result<(), Unfit> {
-        if self.is_ended { Err(Unfit::Ended) } else { Ok(()) }
+    pub fn check(&self) -> Result<(), FitError> {
+        if self.is_ended { Err(FitError::Ended) } else { Ok(()) }
     }
 
     /// Simulates a rollout. Returns `None` if the simulated robot falls, a step has no solution, or the caller has ended the
     /// search.
     pub fn play(
         &mut self,
-        model: &Model,
+        model: &SimulationModel,
         start: &[f64],
         quantities: &[Quantity],
         by_start: bool,
         steps: usize,
-    ) -> Option<Played> {
+    ) -> Option<SimulatedRun> {
         self.rollouts += 1;
         self.stage.rollouts = self.rollouts;
         self.stage.horizon_s = steps as f64 * self.replay.step_s;
@@ -99,7 +102,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         self.replay.play(model, start, quantities, by_start, steps)
     }
 
-    fn model(&self, at: &[f64]) -> Model {
+    fn model(&self, at: &[f64]) -> SimulationModel {
         let mut model = self.file.clone();
         for (quantity, parameter) in self.all.iter().zip(at) {
             if *parameter != 0.0 {
@@ -178,11 +181,11 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         let file = self.at.start.clone();
         let mut best = (f64::INFINITY, self.at.clone());
         for quantities in self.starts() {
-            self.at = At { quantities, start: file.clone() };
+            self.at = SearchPoint { quantities, start: file.clone() };
             if self.minimise(begins, steps, false, true).is_none() {
                 continue;
             }
-            self.look_for_friction(steps);
+            self.search_friction(steps);
             self.minimise("quantities", steps, true, false);
             let Some(fit) = self.minimise("everything", steps, true, true) else { continue };
             let cost = fit.costs[fit.costs.len() - 1];
@@ -224,7 +227,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     }
 
     /// Tries other friction coefficients. Contacts may slip with them if they stick with the value of the file.
-    pub fn look_for_friction(&mut self, steps: usize) {
+    pub fn search_friction(&mut self, steps: usize) {
         let friction = self.open.iter().find(|&&k| self.all[k].kind == Kind::Friction);
         let Some(&friction) = friction else { return };
         self.stage.what = "friction";
@@ -250,18 +253,18 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
     }
 
     /// Sets the noise to the deviations that the fit leaves.
-    pub fn learn_noise(&mut self, steps: usize) {
+    pub fn estimate_noise(&mut self, steps: usize) {
         let model = self.model(&self.at.quantities);
         let start = self.at.start.clone();
         if let Some(played) = self.play(&model, &start, &[], false, steps) {
-            self.noise = quality::found(played.misses());
+            self.noise = quality::estimate_noise(played.misses());
         }
     }
 
     /// Standard deviation of each open parameter between separately fitted parts of the run, beyond noise.
     pub fn spreads(&mut self, steps: usize) -> Vec<f64> {
         let replays = parts::of(self.replay, self.file, steps);
-        let mut reports: Vec<Vec<Report>> = vec![Vec::new(); self.open.len()];
+        let mut reports: Vec<Vec<SourceEstimate>> = vec![Vec::new(); self.open.len()];
         for replay in &replays {
             let goes_on = &mut self.goes_on;
             let mut of_part = Search::new(replay, self.file, self.all, self.iterations, goes_on);
@@ -277,13 +280,13 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             }
             let Some(fit) = fit else { continue };
             let all = reports.iter_mut().zip(&fit.parameters).zip(fit.deviations());
-            all.for_each(|((of, &value), deviation)| of.push(Report { value, deviation }));
+            all.for_each(|((of, &value), deviation)| of.push(SourceEstimate { value, deviation }));
         }
         reports.iter().map(|of| parts::spread(of)).collect()
     }
 
     /// Judges each open quantity and returns its index and result.
-    pub fn judge(&self, fit: &Fit, spreads: &[f64]) -> Vec<(usize, Found)> {
+    pub fn judge(&self, fit: &Fit, spreads: &[f64]) -> Vec<(usize, FittedQuantity)> {
         let deviations = fit.deviations();
         let of = |(place, &number): (usize, &usize)| {
             let quantity = &self.all[number];
@@ -291,9 +294,9 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             let parameter = self.at.quantities[number];
             let fitted = quantity.of_parameter(before, parameter);
             let deviation = deviations[place].hypot(spreads[place]) * quantity.by_parameter(fitted);
-            let verdict = Verdict::of(quantity, before, fitted, deviation);
+            let verdict = QuantityVerdict::of(quantity, before, fitted, deviation);
             let quantity = quantity.clone();
-            (number, Found { quantity, before, fitted, deviation, verdict })
+            (number, FittedQuantity { quantity, before, fitted, deviation, verdict })
         };
         self.open.iter().enumerate().map(of).collect()
     }
@@ -330,7 +333,7 @@ fn inverse(hessian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::identify::fit::{Options, replay};
-    use crate::identify::{Drive, Recording, Series};
+    use crate::identify::{DriveSeries, Recording, Series};
     use rollwalk_robot::Robot;
 
     #[test]
@@ -339,16 +342,16 @@ mod tests {
         let robot = Robot::from_toml("car", &std::fs::read_to_string(path).unwrap()).unwrap();
         // Commands every 10 ms.
         let series = Series::new((0..=100).map(|k| (f64::from(k) * 0.01, 0.0)));
-        let drive = Drive {
+        let drive = DriveSeries {
             target_rad: series.clone(),
             target_rad_s: series.clone(),
             rad: series,
-            ..Drive::default()
+            ..DriveSeries::default()
         };
         let drives = vec![drive; robot.channels().count()];
         let run = Recording::new(&robot, drives, None, None, None);
         let run = run.cut(&[[0.0, 1.0]], [None; 2]).unwrap();
-        let (file, options) = (Model::new(&robot), Options::default());
+        let (file, options) = (SimulationModel::new(&robot), Options::default());
         let replay = replay(run, &file, &options).unwrap();
         let kinds = [Kind::Friction, Kind::Stiffness, Kind::Stick, Kind::Delay];
         let quantities = kinds.map(|kind| Quantity { kind, group: None });

@@ -79,7 +79,7 @@ impl Series {
     ///
     /// The value is interpolated. If the points before and after the time are more than 0.1 s apart, or one is missing, the
     /// value of the nearest point is returned.
-    pub fn seen(&self, time_s: f64, half_s: f64) -> Option<f64> {
+    pub fn value_near(&self, time_s: f64, half_s: f64) -> Option<f64> {
         let after = self.points.partition_point(|point| point[0] < time_s);
         let near = |point: &&[f64; 2]| (point[0] - time_s).abs() <= half_s;
         let before = after.checked_sub(1).and_then(|before| self.points.get(before));
@@ -127,10 +127,10 @@ mod tests {
         let [value, slope] = series.at(0.05);
         assert!((value - 2.0).abs() < 1e-12 && (slope - 20.0).abs() < 1e-12);
         assert_eq!([series.at(-1.0), series.at(1.0)], [[1.0, 0.0], [5.0, 0.0]]);
-        assert_eq!(series.seen(0.05, 0.01), None);
-        assert!((series.seen(0.045, 0.05).unwrap() - 1.9).abs() < 1e-12);
+        assert_eq!(series.value_near(0.05, 0.01), None);
+        assert!((series.value_near(0.045, 0.05).unwrap() - 1.9).abs() < 1e-12);
         // Across the gap nothing is made up.
-        assert_eq!(series.seen(0.12, 0.05), Some(3.0));
+        assert_eq!(series.value_near(0.12, 0.05), Some(3.0));
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! Start state of a run: the recorded state with small fitted changes.
 
-use super::quantity::Model;
+use super::quantity::SimulationModel;
 use super::recording::{Recording, rotation};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_multibody::rotation::log;
 use rollwalk_physics::sensitivity::gauss_newton::Penalty;
 use rollwalk_physics::sensitivity::parameter::Parameter;
-use rollwalk_physics::sensitivity::{Column, Solved, Start as Starts, Variation};
+use rollwalk_physics::sensitivity::{Column, SolvedStep, Start as Starts, Variation};
 use rollwalk_physics::world::RobotState;
 use rollwalk_physics::{System, World};
 use rollwalk_robot::Robot;
@@ -28,12 +28,12 @@ pub(super) struct Start {
     pub state: RobotState,
     /// Measured wheel angles at the start, by channel. Simulated wheels start at 0.
     pub wheel_rad: Vec<f64>,
-    freedoms: Vec<(Freedom, Deviation)>,
+    freedoms: Vec<(StartCoordinate, Deviation)>,
 }
 
 /// Free coordinate of the start state.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Freedom {
+enum StartCoordinate {
     Position(Vector3<f64>),
     Rotation(Vector3<f64>),
     Velocity(Vector3<f64>),
@@ -54,7 +54,7 @@ struct Deviation {
 impl Start {
     /// Estimates the start state from the first measurements. Without measurements the robot is level, at the origin and at
     /// rest.
-    pub fn of(recording: &Recording, model: &Model) -> Self {
+    pub fn of(recording: &Recording, model: &SimulationModel) -> Self {
         let robot = &model.robot;
         let [begin_s, _] = recording.span_s;
         let window = [begin_s, begin_s + WINDOW_S];
@@ -112,7 +112,7 @@ impl Start {
 
     /// Penalties that keep changes near their expected standard deviation. `first` is the index of the first parameter.
     pub fn penalties(&self, first: usize) -> Vec<Penalty> {
-        let of = |(number, (_, deviation)): (usize, &(Freedom, Deviation))| {
+        let of = |(number, (_, deviation)): (usize, &(StartCoordinate, Deviation))| {
             let factors = vec![(first + number, deviation.unit / deviation.expected)];
             Penalty { factors, target: 0.0 }
         };
@@ -120,7 +120,12 @@ impl Start {
     }
 
     /// Creates the world in the changed start state.
-    pub fn world(&self, model: &Model, changes: &[f64], ground: &Arc<dyn Ground>) -> World {
+    pub fn world(
+        &self,
+        model: &SimulationModel,
+        changes: &[f64],
+        ground: &Arc<dyn Ground>,
+    ) -> World {
         World::new(&model.robot, ground, &model.parameters, &self.changed(changes))
     }
 
@@ -130,7 +135,7 @@ impl Start {
     /// unlike derivatives along fixed axes.
     pub fn parameters(
         &self,
-        model: &Model,
+        model: &SimulationModel,
         changes: &[f64],
         ground: &Arc<dyn Ground>,
     ) -> Vec<Box<dyn Parameter>> {
@@ -151,7 +156,7 @@ impl Start {
                     spin: (more.spin - less.spin) * per,
                 }
             });
-            Box::new(Beginning { by: by.collect() })
+            Box::new(StartDerivative { by: by.collect() })
         };
         (0..changes.len()).map(of).collect()
     }
@@ -162,11 +167,11 @@ impl Start {
         for ((freedom, deviation), change) in self.freedoms.iter().zip(changes) {
             let by = change * deviation.unit;
             match freedom {
-                Freedom::Position(axis) => state.base_position_m += axis * by,
-                Freedom::Rotation(axis) => turned += axis * by,
-                Freedom::Velocity(axis) => state.base_velocity_m_s += axis * by,
-                Freedom::Spin(axis) => state.base_spin_rad_s += axis * by,
-                Freedom::Joint(joint) => state.joint_rad[*joint] += by,
+                StartCoordinate::Position(axis) => state.base_position_m += axis * by,
+                StartCoordinate::Rotation(axis) => turned += axis * by,
+                StartCoordinate::Velocity(axis) => state.base_velocity_m_s += axis * by,
+                StartCoordinate::Spin(axis) => state.base_spin_rad_s += axis * by,
+                StartCoordinate::Joint(joint) => state.joint_rad[*joint] += by,
             }
         }
         state.world_from_body = Rotation3::new(turned).matrix() * state.world_from_body;
@@ -179,12 +184,12 @@ const DIFFERENCE: f64 = 1e-5;
 
 /// Derivative of the start motions with respect to a free coordinate.
 #[derive(Clone, Debug)]
-struct Beginning {
+struct StartDerivative {
     by: Vec<Variation>,
 }
 
-impl Parameter for Beginning {
-    fn residual(&self, _: &Solved<'_>, _: &mut Column) {}
+impl Parameter for StartDerivative {
+    fn residual(&self, _: &SolvedStep<'_>, _: &mut Column) {}
 
     fn start(&self, _: &System, start: &mut Starts) {
         self.by.iter().enumerate().for_each(|(body, by)| start.add(body, by));
@@ -202,7 +207,7 @@ fn roll(robot: &Robot, state: &mut RobotState) {
 }
 
 /// Places a robot on the ground if it is near the ground or its height was not measured. Returns true if it was placed.
-fn stand(state: &mut RobotState, model: &Model, is_known: bool) -> bool {
+fn stand(state: &mut RobotState, model: &SimulationModel, is_known: bool) -> bool {
     let level: Arc<dyn Ground> = Arc::new(Plane::level());
     let clearance_m = |state: &RobotState| {
         World::new(&model.robot, &level, &model.parameters, state).clearance_m()
@@ -217,7 +222,11 @@ fn stand(state: &mut RobotState, model: &Model, is_known: bool) -> bool {
 }
 
 /// Free coordinates of the start state. Horizontal position and heading are free only if they were measured.
-fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom, Deviation)> {
+fn freedoms(
+    recording: &Recording,
+    stands: bool,
+    joints: usize,
+) -> Vec<(StartCoordinate, Deviation)> {
     let height_m = if stands { 1e-3 } else { 1e-2 };
     let has_place = recording.position_m.is_some();
     let has_heading = recording.orientation.is_some();
@@ -226,16 +235,16 @@ fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom,
     for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
         let is_vertical = axis.z == 1.0;
         if has_place || is_vertical {
-            add(Freedom::Position(axis), 0.1, if is_vertical { height_m } else { 1e-2 });
+            add(StartCoordinate::Position(axis), 0.1, if is_vertical { height_m } else { 1e-2 });
         }
         if has_heading || !is_vertical {
-            add(Freedom::Rotation(axis), 0.1, 3e-2);
+            add(StartCoordinate::Rotation(axis), 0.1, 3e-2);
         }
-        add(Freedom::Velocity(axis), 1.0, 0.3);
-        add(Freedom::Spin(axis), 3.0, 1.0);
+        add(StartCoordinate::Velocity(axis), 1.0, 0.3);
+        add(StartCoordinate::Spin(axis), 3.0, 1.0);
     }
     for joint in 0..joints {
-        add(Freedom::Joint(joint), 0.05, 3e-3);
+        add(StartCoordinate::Joint(joint), 0.05, 3e-3);
     }
     freedoms
 }
@@ -243,7 +252,7 @@ fn freedoms(recording: &Recording, stands: bool, joints: usize) -> Vec<(Freedom,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::{Drive, Series};
+    use crate::identify::{DriveSeries, Series};
 
     /// Duration of the recordings, s.
     const LONG_S: f64 = 1.0;
@@ -262,11 +271,11 @@ mod tests {
 
     /// Recording of motors at their nominal angles, without other measurements.
     fn recording(robot: &Robot) -> Recording {
-        let drive = |nominal_rad: f64| Drive {
+        let drive = |nominal_rad: f64| DriveSeries {
             target_rad: Series::constant(nominal_rad),
             target_rad_s: Series::constant(0.0),
             rad: series(|_| nominal_rad),
-            ..Drive::default()
+            ..DriveSeries::default()
         };
         let nominal = robot.joints.iter().map(|joint| joint.nominal_rad);
         let all = nominal.chain(std::iter::repeat(0.0)).take(robot.channels().count());
@@ -281,7 +290,7 @@ mod tests {
 
     #[test]
     fn a_run_begins_as_it_was_measured() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let mut run = recording(&model.robot);
         // A body that moves, turns to the left at 0.4 rad/s, and has a joint and a wheel that turn.
         let place =
@@ -322,7 +331,7 @@ mod tests {
 
     #[test]
     fn measured_speeds_and_a_gyro_come_before_slopes() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let mut run = recording(&model.robot);
         run.drives[0].rad_s = series(|_| 1.5);
         let wheel = model.robot.joints.len();
@@ -340,7 +349,7 @@ mod tests {
 
     #[test]
     fn where_only_speeds_of_joints_are_measured_they_begin_as_commanded() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let mut run = recording(&model.robot);
         run.drives[2].rad = Series::default();
         run.drives[2].target_rad = series(|t| 0.4 + t);
@@ -349,7 +358,7 @@ mod tests {
 
     #[test]
     fn a_robot_near_the_ground_stands_on_it_and_one_in_the_air_does_not() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let level: Arc<dyn Ground> = Arc::new(Plane::level());
         let clearance_m = |start: &Start| {
             World::new(&model.robot, &level, &model.parameters, &start.state).clearance_m()
@@ -374,7 +383,7 @@ mod tests {
 
     #[test]
     fn free_wheels_begin_as_they_roll() {
-        let model = Model::new(&robot("swizzlebot2"));
+        let model = SimulationModel::new(&robot("swizzlebot2"));
         let mut run = recording(&model.robot);
         // It moves along its own x axis, which is the world's y axis.
         let (half, none) = (std::f64::consts::FRAC_1_SQRT_2, || series(|_| 0.0));
@@ -389,7 +398,7 @@ mod tests {
 
     #[test]
     fn what_was_not_measured_does_not_change_but_where_the_ground_tells_it() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let joints = model.robot.joints.len();
         let mut run = recording(&model.robot);
         // Motors alone: height, tilt, velocities and joints; no place on the ground and no heading.
@@ -412,7 +421,7 @@ mod tests {
 
     #[test]
     fn changes_move_the_start_along_their_freedoms() {
-        let model = Model::new(&robot("agilebot"));
+        let model = SimulationModel::new(&robot("agilebot"));
         let mut run = recording(&model.robot);
         run.position_m = Some([series(|_| 1.0), series(|_| 0.0), series(|_| HIGH_M)]);
         let start = Start::of(&run, &model);
@@ -426,11 +435,15 @@ mod tests {
             let turned = to.world_from_body * from.world_from_body.transpose();
             let turned = log(&turned);
             let (found, expected) = match *freedom {
-                Freedom::Position(axis) => (to.base_position_m - from.base_position_m, axis),
-                Freedom::Velocity(axis) => (to.base_velocity_m_s - from.base_velocity_m_s, axis),
-                Freedom::Spin(axis) => (to.base_spin_rad_s - from.base_spin_rad_s, axis),
-                Freedom::Rotation(axis) => (turned, axis),
-                Freedom::Joint(joint) => {
+                StartCoordinate::Position(axis) => {
+                    (to.base_position_m - from.base_position_m, axis)
+                }
+                StartCoordinate::Velocity(axis) => {
+                    (to.base_velocity_m_s - from.base_velocity_m_s, axis)
+                }
+                StartCoordinate::Spin(axis) => (to.base_spin_rad_s - from.base_spin_rad_s, axis),
+                StartCoordinate::Rotation(axis) => (turned, axis),
+                StartCoordinate::Joint(joint) => {
                     (Vector3::x() * (to.joint_rad[joint] - from.joint_rad[joint]), Vector3::x())
                 }
             };

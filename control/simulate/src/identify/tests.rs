@@ -1,10 +1,10 @@
 //! Simulates a robot with hidden parameters, adds noise to its measurements, and identifies the parameters.
 
 use super::fit::{Options, identify, predict, replay};
-use super::outcome::Verdict;
+use super::outcome::QuantityVerdict;
 use super::parts;
-use super::quantity::{Group, Kind, Model, Quantity};
-use super::recording::{Drive, Recording};
+use super::quantity::{Group, Kind, Quantity, SimulationModel};
+use super::recording::{DriveSeries, Recording};
 use super::rollout::Signal;
 use super::series::Series;
 use crate::script::servo;
@@ -37,7 +37,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 }
 
 /// Recording of a robot whose wheels accelerate and reverse so hard that they slip, while all joints swing.
-fn recording(model: &Model, steps: usize, mut noise: impl FnMut() -> f64) -> Recording {
+fn recording(model: &SimulationModel, steps: usize, mut noise: impl FnMut() -> f64) -> Recording {
     let robot = &model.robot;
     let level: Arc<dyn Ground> = Arc::new(Plane::level());
     let mut world = World::standing(robot, &level, &model.parameters);
@@ -89,7 +89,7 @@ fn recording(model: &Model, steps: usize, mut noise: impl FnMut() -> f64) -> Rec
     }
     let drives = drives.into_iter().map(|columns| {
         let [target_rad, target_rad_s, feedforward_nm, rad, rad_s] = columns.map(Series::new);
-        Drive { target_rad, target_rad_s, feedforward_nm, rad, rad_s }
+        DriveSeries { target_rad, target_rad_s, feedforward_nm, rad, rad_s }
     });
     Recording {
         span_s: [0.0, steps as f64 * STEP_S],
@@ -122,13 +122,13 @@ fn a_slipping_robot_tells_its_friction_and_its_gains() {
         of(&robot, Kind::SpeedGain, "joints", joint),
         of(&robot, Kind::SpeedGain, "wheels", |channel| !joint(channel)),
     ];
-    let mut hidden = Model::new(&robot);
+    let mut hidden = SimulationModel::new(&robot);
     let truth = [0.25, 60.0, 1.4, 0.35];
     quantities.iter().zip(truth).for_each(|(of, value)| of.set(&mut hidden, value));
     let recording = recording(&hidden, 150, noise(1));
     let found = identify(&robot, recording, &quantities, &Options::default(), |_| true).unwrap();
     for (of, truth) in found.found.iter().zip(truth) {
-        assert_eq!(of.verdict, Verdict::Changed, "{of:?}");
+        assert_eq!(of.verdict, QuantityVerdict::Changed, "{of:?}");
         // Of four numbers one is beyond 2.4 deviations in every 15th draw.
         assert!((of.fitted - truth).abs() < 3.0 * of.deviation, "{:?}", found.found);
         assert!(of.deviation < 0.02 * of.fitted, "{of:?}");
@@ -145,12 +145,12 @@ fn a_slipping_robot_tells_its_friction_and_its_gains() {
 #[test]
 fn another_run_is_predicted_by_the_numbers_that_made_it() {
     let robot = agilebot();
-    let file = Model::new(&robot);
+    let file = SimulationModel::new(&robot);
     let mut hidden = file.clone();
     friction().set(&mut hidden, 0.25);
     let run = recording(&hidden, 120, noise(3));
     let options = Options { iterations: 8, ..Options::default() };
-    let rms = |model: &Model| {
+    let rms = |model: &SimulationModel| {
         let found = predict(model, run.clone(), &options, |_| true).unwrap().unwrap();
         [Signal::Joint, Signal::Position].map(|signal| found.of_signal(signal).unwrap())
     };
@@ -163,7 +163,7 @@ fn another_run_is_predicted_by_the_numbers_that_made_it() {
 #[test]
 fn parts_of_a_run_begin_where_it_was_measured_then() {
     let robot = agilebot();
-    let model = Model::new(&robot);
+    let model = SimulationModel::new(&robot);
     let replay = replay(recording(&model, 300, || 0.0), &model, &Options::default()).unwrap();
     let all = parts::of(&replay, &model, 300);
     let spans_s: Vec<_> = all.iter().map(|part| part.recording.span_s).collect();
@@ -183,7 +183,7 @@ fn parts_of_a_run_begin_where_it_was_measured_then() {
 
 /// Recording of a robot whose joints and wheels swing gently.
 fn gentle(robot: &Robot) -> Recording {
-    let mut recording = recording(&Model::new(robot), 90, || 0.0);
+    let mut recording = recording(&SimulationModel::new(robot), 90, || 0.0);
     let wheels = &mut recording.drives[robot.joints.len()..];
     for drive in wheels {
         drive.target_rad_s = Series::new((0..=90).map(|k| {
@@ -198,7 +198,7 @@ fn gentle(robot: &Robot) -> Recording {
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
 fn what_a_run_does_not_tell_stays_as_it_is() {
     let robot = agilebot();
-    let mut model = Model::new(&robot);
+    let mut model = SimulationModel::new(&robot);
     let mut quiet = gentle(&robot);
     // Commands of joints that stand still, and what becomes of it.
     for (drive, joint) in quiet.drives.iter_mut().zip(&robot.joints) {
@@ -212,8 +212,11 @@ fn what_a_run_does_not_tell_stays_as_it_is() {
     let quantities = [friction()];
     let options = Options { iterations: 3, ..Options::default() };
     let found = identify(&robot, quiet, &quantities, &options, |_| true).unwrap();
-    assert!(matches!(found.found[0].verdict, Verdict::Silent | Verdict::Vague), "{found:?}");
-    assert_eq!(found.model, Model::new(&robot));
+    assert!(
+        matches!(found.found[0].verdict, QuantityVerdict::Silent | QuantityVerdict::Vague),
+        "{found:?}"
+    );
+    assert_eq!(found.model, SimulationModel::new(&robot));
     quantities[0].set(&mut model, 0.4);
     assert_ne!(found.model, model);
 }
@@ -233,11 +236,11 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
         Quantity { kind: Kind::Stick, group: None },
         Quantity { kind: Kind::Delay, group: None },
     ];
-    let mut model = Model::new(&robot);
+    let mut model = SimulationModel::new(&robot);
     // A friction that slips, gains that are the same for all, a delay that is no whole number of steps.
     let values = [0.2, 70.0, 1.2, 5e-3, 1.5, 3e4, 4e3, 0.0047];
     quantities.iter().zip(values).for_each(|(of, value)| of.set(&mut model, value));
-    let mut recording = recording(&Model::new(&robot), 60, || 0.0);
+    let mut recording = recording(&SimulationModel::new(&robot), 60, || 0.0);
     for (channel, drive) in (0..).zip(&mut recording.drives) {
         let wave = |step| (f64::from(step) * STEP_S, 0.4 * f64::from(step * 2 + channel).sin());
         drive.feedforward_nm = Series::new((0..=60).map(wave));
@@ -246,11 +249,11 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
 }
 
 /// Checks the derivatives of a rollout with respect to quantities and start state.
-fn agree(recording: Recording, model: &Model, quantities: &[Quantity]) {
+fn agree(recording: Recording, model: &SimulationModel, quantities: &[Quantity]) {
     let replay = replay(recording, model, &Options::default()).unwrap();
     let changes = vec![0.05; replay.start.count()];
     let noise = [1.0; 6];
-    let values = |model: &Model| {
+    let values = |model: &SimulationModel| {
         let played = replay.play(model, &changes, &[], false, 20).unwrap();
         nalgebra::DVector::from_vec(played.weighted(&noise).0)
     };
@@ -299,7 +302,7 @@ fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
     }
     robot.validate().unwrap();
     // No whole number of steps, where slopes of commands jump.
-    let model = Model { delay_s: 0.0047, ..Model::new(&robot) };
+    let model = SimulationModel { delay_s: 0.0047, ..SimulationModel::new(&robot) };
     let whole = |kind| Quantity { kind, group: None };
     agree(
         recording(&model, 60, || 0.0),
@@ -329,13 +332,13 @@ fn motors_alone_tell_gains() {
         "pitch",
         |channel| matches!(channel, Channel::Joint(joint) if joint.name.ends_with("_pitch")),
     );
-    let mut hidden = Model::new(&robot);
+    let mut hidden = SimulationModel::new(&robot);
     gain.set(&mut hidden, 70.0);
     let mut recording = recording(&hidden, 100, noise(2));
     (recording.position_m, recording.orientation) = (None, None);
     let options = Options { iterations: 6, ..Options::default() };
     let found = identify(&robot, recording, &[gain], &options, |_| true).unwrap();
     let [of] = &found.found[..] else { panic!("one quantity") };
-    assert_eq!(of.verdict, Verdict::Changed);
+    assert_eq!(of.verdict, QuantityVerdict::Changed);
     assert!((of.fitted - 70.0).abs() < 2.5 * of.deviation && of.deviation < 1.0, "{of:?}");
 }

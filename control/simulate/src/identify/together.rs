@@ -8,26 +8,26 @@
 //! value: of two runs with equal relative uncertainty, the one with the smaller value does not get more weight. Correlations
 //! between quantities of a run are ignored.
 
-use super::effects::{self, Report};
-use super::outcome::{Found, Identified, Verdict};
-use super::quantity::{Model, Quantity};
+use super::effects::{self, SourceEstimate};
+use super::outcome::{FitResult, FittedQuantity, QuantityVerdict};
+use super::quantity::{Quantity, SimulationModel};
 use rollwalk_robot::Robot;
 
 /// Combined result of several runs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Together {
+pub struct CombinedFit {
     /// Model with all adopted quantities.
-    pub model: Model,
+    pub model: SimulationModel,
     /// Combined quantities.
-    pub combined: Vec<Combined>,
+    pub combined: Vec<CombinedQuantity>,
 }
 
 /// Quantity from several runs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Combined {
+pub struct CombinedQuantity {
     /// Value, standard deviation and verdict. If only one run determines the quantity, they are copied from that run.
-    pub found: Found,
-    /// Standard deviation between runs beyond their own, which is included in the deviation of [`found`](Self::found).
+    pub found: FittedQuantity,
+    /// Standard deviation between runs beyond their own, which is included in the deviation of [`run_result`](Self::found).
     ///
     /// `None` if fewer than two runs determine the quantity. The deviation then does not include the error of the model.
     pub between: Option<f64>,
@@ -36,53 +36,54 @@ pub struct Combined {
 }
 
 /// Combines fits of the same quantities of a robot to different runs.
-pub fn together(robot: &Robot, quantities: &[Quantity], fits: &[Identified]) -> Together {
-    let file = Model::new(robot);
-    let all: Vec<&[Found]> = fits.iter().map(|fit| &fit.found[..]).collect();
-    let combined: Vec<Combined> =
+pub fn combine_fits(robot: &Robot, quantities: &[Quantity], fits: &[FitResult]) -> CombinedFit {
+    let file = SimulationModel::new(robot);
+    let all: Vec<&[FittedQuantity]> = fits.iter().map(|fit| &fit.found[..]).collect();
+    let combined: Vec<CombinedQuantity> =
         quantities.iter().map(|quantity| combine(quantity, quantity.value(&file), &all)).collect();
     let mut model = file;
-    for Combined { found, .. } in combined.iter().filter(|of| of.found.is_adopted()) {
+    for CombinedQuantity { found, .. } in combined.iter().filter(|of| of.found.is_adopted()) {
         found.quantity.set(&mut model, found.fitted);
     }
-    Together { model, combined }
+    CombinedFit { model, combined }
 }
 
 /// Combines the fits of one quantity, whose value in the file is `before`.
-fn combine(quantity: &Quantity, before: f64, fits: &[&[Found]]) -> Combined {
-    let of_run = |(run, found): (usize, &&[Found])| {
+fn combine(quantity: &Quantity, before: f64, fits: &[&[FittedQuantity]]) -> CombinedQuantity {
+    let of_run = |(run, found): (usize, &&[FittedQuantity])| {
         found.iter().find(|of| of.quantity == *quantity).cloned().map(|of| (run, of))
     };
-    let found: Vec<(usize, Found)> = fits.iter().enumerate().filter_map(of_run).collect();
-    let telling: Vec<&(usize, Found)> = found.iter().filter(|(_, of)| of.is_counted()).collect();
+    let found: Vec<(usize, FittedQuantity)> = fits.iter().enumerate().filter_map(of_run).collect();
+    let telling: Vec<&(usize, FittedQuantity)> =
+        found.iter().filter(|(_, of)| of.is_counted()).collect();
     let runs: Vec<usize> = telling.iter().map(|(run, _)| *run).collect();
     if let [(_, only)] = telling[..] {
-        return Combined { found: only.clone(), between: None, runs };
+        return CombinedQuantity { found: only.clone(), between: None, runs };
     }
-    let report = |(_, of): &&(usize, Found)| Report {
+    let report = |(_, of): &&(usize, FittedQuantity)| SourceEstimate {
         value: quantity.to_parameter(before, of.fitted),
         deviation: of.deviation / quantity.by_parameter(of.fitted),
     };
-    let reports: Vec<Report> = telling.iter().map(report).collect();
+    let reports: Vec<SourceEstimate> = telling.iter().map(report).collect();
     let Some(mean) = effects::mean(&reports) else {
         // Why a run does not tell it is worth more than that none does.
-        let absurd = found.iter().find(|(_, of)| of.verdict == Verdict::Absurd);
+        let absurd = found.iter().find(|(_, of)| of.verdict == QuantityVerdict::Absurd);
         let found =
             absurd.or(found.first()).map_or_else(|| silent(quantity, before), |(_, of)| of.clone());
-        return Combined { found, between: None, runs };
+        return CombinedQuantity { found, between: None, runs };
     };
     let fitted = quantity.of_parameter(before, mean.value);
     let by = quantity.by_parameter(fitted);
     let deviation = mean.deviation * by;
-    let verdict = Verdict::of(quantity, before, fitted, deviation);
-    let found = Found { quantity: quantity.clone(), before, fitted, deviation, verdict };
-    Combined { found, between: Some(mean.between * by), runs }
+    let verdict = QuantityVerdict::of(quantity, before, fitted, deviation);
+    let found = FittedQuantity { quantity: quantity.clone(), before, fitted, deviation, verdict };
+    CombinedQuantity { found, between: Some(mean.between * by), runs }
 }
 
 /// Result for a quantity that no run contains.
-fn silent(quantity: &Quantity, before: f64) -> Found {
+fn silent(quantity: &Quantity, before: f64) -> FittedQuantity {
     let (quantity, deviation) = (quantity.clone(), f64::INFINITY);
-    Found { quantity, before, fitted: before, deviation, verdict: Verdict::Silent }
+    FittedQuantity { quantity, before, fitted: before, deviation, verdict: QuantityVerdict::Silent }
 }
 
 #[cfg(test)]
@@ -95,19 +96,19 @@ mod tests {
     }
 
     /// Result of a run whose standard deviation is given relative to the value, or in s for a delay.
-    fn found(kind: Kind, before: f64, fitted: f64, share: f64) -> Found {
+    fn run_result(kind: Kind, before: f64, fitted: f64, share: f64) -> FittedQuantity {
         let quantity = quantity(kind);
         let deviation = share * if kind == Kind::Delay { 1.0 } else { fitted };
-        let verdict = Verdict::of(&quantity, before, fitted, deviation);
-        Found { quantity, before, fitted, deviation, verdict }
+        let verdict = QuantityVerdict::of(&quantity, before, fitted, deviation);
+        FittedQuantity { quantity, before, fitted, deviation, verdict }
     }
 
-    fn friction(fitted: f64, share: f64) -> [Found; 1] {
-        [found(Kind::Friction, 0.8, fitted, share)]
+    fn friction(fitted: f64, share: f64) -> [FittedQuantity; 1] {
+        [run_result(Kind::Friction, 0.8, fitted, share)]
     }
 
-    fn combined(kind: Kind, before: f64, runs: &[[Found; 1]]) -> Combined {
-        let runs: Vec<&[Found]> = runs.iter().map(|found| &found[..]).collect();
+    fn combined(kind: Kind, before: f64, runs: &[[FittedQuantity; 1]]) -> CombinedQuantity {
+        let runs: Vec<&[FittedQuantity]> = runs.iter().map(|found| &found[..]).collect();
         combine(&quantity(kind), before, &runs)
     }
 
@@ -127,12 +128,12 @@ mod tests {
         near(all.found.deviation, 0.3 * ((variance + own * own) / 2.0 + variance).sqrt());
         assert_eq!(all.runs, [0, 1]);
         // More than a quarter of it.
-        assert_eq!(all.found.verdict, Verdict::Vague);
+        assert_eq!(all.found.verdict, QuantityVerdict::Vague);
     }
 
     #[test]
     fn delays_are_no_logarithms() {
-        let of = |delay_s| [found(Kind::Delay, 0.0, delay_s, 1e-4)];
+        let of = |delay_s| [run_result(Kind::Delay, 0.0, delay_s, 1e-4)];
         let all = combined(Kind::Delay, 0.0, &[of(-4e-3), of(2e-3)]);
         near(all.found.fitted, -1e-3);
         near(all.between.unwrap(), (18e-6_f64 - 1e-8).sqrt());
@@ -143,7 +144,7 @@ mod tests {
         let all = combined(Kind::Friction, 0.8, &[friction(0.3, 0.02), friction(0.3, 0.02)]);
         near(all.found.fitted, 0.3);
         near(all.found.deviation, 0.3 * 0.02 / 2.0_f64.sqrt());
-        assert_eq!((all.between, all.found.verdict), (Some(0.0), Verdict::Changed));
+        assert_eq!((all.between, all.found.verdict), (Some(0.0), QuantityVerdict::Changed));
     }
 
     #[test]
@@ -159,25 +160,25 @@ mod tests {
         assert_eq!((all.between, all.runs), (both.between, vec![1, 3]));
         // One that tells it has the last word, without a spread.
         let one = combined(Kind::Friction, 0.8, &[silent.clone(), known.clone()]);
-        assert_eq!(one, Combined { found: known[0].clone(), between: None, runs: vec![1] });
+        assert_eq!(one, CombinedQuantity { found: known[0].clone(), between: None, runs: vec![1] });
         // None: the file's value stays, and the verdict says why.
         let none = combined(Kind::Friction, 0.8, &[silent.clone(), absurd]);
-        assert_eq!((none.found.verdict, none.runs), (Verdict::Absurd, Vec::new()));
+        assert_eq!((none.found.verdict, none.runs), (QuantityVerdict::Absurd, Vec::new()));
         let none = combined(Kind::Friction, 0.8, &[silent.clone(), silent]);
-        assert_eq!((none.found.verdict, none.between), (Verdict::Silent, None));
-        assert_eq!(combined(Kind::Delay, 0.0, &[known]).found.verdict, Verdict::Silent);
+        assert_eq!((none.found.verdict, none.between), (QuantityVerdict::Silent, None));
+        assert_eq!(combined(Kind::Delay, 0.0, &[known]).found.verdict, QuantityVerdict::Silent);
     }
 
     #[test]
     fn the_spread_decides_whether_a_number_changed() {
         let sure = friction(0.7, 0.01);
-        assert_eq!(sure[0].verdict, Verdict::Changed);
+        assert_eq!(sure[0].verdict, QuantityVerdict::Changed);
         let all = combined(
             Kind::Friction,
             0.8,
             &[sure.clone(), friction(0.9, 0.01), friction(0.78, 0.01)],
         );
-        assert_eq!(all.found.verdict, Verdict::Agrees, "{all:?}");
+        assert_eq!(all.found.verdict, QuantityVerdict::Agrees, "{all:?}");
         let alone = combined(Kind::Friction, 0.8, std::slice::from_ref(&sure));
         assert_eq!(alone.found, sure[0]);
     }
@@ -186,14 +187,14 @@ mod tests {
     fn the_model_has_what_changed_and_what_is_fitted_along() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shipped/robots/agilebot.toml");
         let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
-        let file = Model::new(&robot);
+        let file = SimulationModel::new(&robot);
         let stiffness = quantity(Kind::Stiffness).value(&file);
-        let fit = |friction: f64| Identified {
+        let fit = |friction: f64| FitResult {
             model: file.clone(),
             found: vec![
-                found(Kind::Friction, 0.8, friction, 0.01),
+                run_result(Kind::Friction, 0.8, friction, 0.01),
                 // Uncertain, and fitted along.
-                found(Kind::Stiffness, stiffness, 2.0 * stiffness, 0.5),
+                run_result(Kind::Stiffness, stiffness, 2.0 * stiffness, 0.5),
             ],
             correlated: Vec::new(),
             fitted: [None, None],
@@ -203,12 +204,12 @@ mod tests {
             rollouts: 0,
         };
         let quantities = [Kind::Friction, Kind::Stiffness].map(quantity);
-        let all = together(&robot, &quantities, &[fit(0.3), fit(0.3)]);
+        let all = combine_fits(&robot, &quantities, &[fit(0.3), fit(0.3)]);
         near(all.model.robot.end_effectors[0].friction_coefficient, 0.3);
         near(all.model.parameters.normal.stiffness_n_m / stiffness, 2.0);
-        let all = together(&robot, &quantities, &[fit(0.8), fit(0.8)]);
+        let all = combine_fits(&robot, &quantities, &[fit(0.8), fit(0.8)]);
         near(all.model.robot.end_effectors[0].friction_coefficient, 0.8);
         // No fit at all is the file.
-        assert_eq!(together(&robot, &quantities, &[]).model, file);
+        assert_eq!(combine_fits(&robot, &quantities, &[]).model, file);
     }
 }

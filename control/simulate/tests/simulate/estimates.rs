@@ -7,7 +7,7 @@ use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_simulate::{Control, Noise, Options, SimulatedSensors, play};
-use rollwalk_tracking::{Estimator, Sensors, Untrusted};
+use rollwalk_tracking::{EstimateError, Estimator, Sensors};
 
 /// Largest errors of the trusted estimates.
 #[derive(Debug, Default)]
@@ -23,7 +23,7 @@ struct Errors {
     /// Length of the path of the base, m.
     way_m: f64,
     /// First rejected estimate after the alignment, and its time, s.
-    untrusted: Option<(Untrusted, f64)>,
+    untrusted: Option<(EstimateError, f64)>,
 }
 
 /// Plays a plan in open loop for two periods, with the noise of MEMS gyros and encoders, until an estimate is not trusted.
@@ -58,7 +58,7 @@ fn errors(plan: &Plan, mut change: impl FnMut(f64, &mut Sensors<'_>, &mut [bool]
                 errors.add(&state.clone().moved(there), &truth, way.xy().norm());
                 true
             }
-            Err(Untrusted::BadSensor) => true,
+            Err(EstimateError::BadSensor) => true,
             Err(_) if world_from_estimate.is_none() => true,
             Err(why) => {
                 errors.untrusted = Some((why, moment.done_s));
@@ -164,14 +164,14 @@ fn faults_are_bridged_or_found() {
         (why, at_s - FAULT_S)
     };
     let (why, after_s) = fault(&|sensors, _| sensors.gyro_rad_s = None);
-    assert!(why == Untrusted::ImuMissing && after_s < 0.06, "{why} {after_s}");
+    assert!(why == EstimateError::ImuMissing && after_s < 0.06, "{why} {after_s}");
     let (why, after_s) = fault(&|_, touches| touches.fill(false));
-    assert!(why == Untrusted::NoContact, "{why} {after_s}");
+    assert!(why == EstimateError::NoContact, "{why} {after_s}");
     for (gyro, force) in [(1.0, 0.0), (0.0, 3.0)] {
         let (why, after_s) = fault(&|sensors, _| {
             sensors.gyro_rad_s = sensors.gyro_rad_s.map(|rate| rate.add_scalar(gyro));
             sensors.accelerometer_m_s2 = sensors.accelerometer_m_s2.map(|of| of.add_scalar(force));
         });
-        assert!(why == Untrusted::Contradiction && after_s < 0.5, "{why} {after_s}");
+        assert!(why == EstimateError::Contradiction && after_s < 0.5, "{why} {after_s}");
     }
 }

@@ -8,7 +8,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::Report;
 use rollwalk_robot::Robot;
 use rollwalk_robot::shape::Shape;
-use rollwalk_simulate::{Control, Options, Outcome, play};
+use rollwalk_simulate::{Control, Options, RunOutcome, play};
 
 /// Origins of the body frame in the frame of the robot file, m.
 const ORIGINS_M: [[f64; 3]; 4] =
@@ -62,7 +62,7 @@ fn a_robot_stands_on_the_same_feet() {
 /// Plans, plays and pushes the robot over.
 #[test]
 fn a_motion_holds_and_a_push_topples_wherever_the_frame_lies() {
-    let run = |plan: &_, push_n: f64| -> Outcome {
+    let run = |plan: &_, push_n: f64| -> RunOutcome {
         let shoves = vec![Shove::new(0.5, 0.1, [0.0, push_n, 0.0])];
         let options = Options { cycles: 2, shoves, ..Options::new(Control::FeedForward, 240) };
         play(plan, &options, |_| true).unwrap()

@@ -6,13 +6,13 @@ use rollwalk_physics::push::Shove;
 use rollwalk_physics::world::heading_rad;
 use rollwalk_planner::plan::Plan;
 use rollwalk_simulate::{
-    Control, Feedback, Mismatch, Noise, Options, Outcome, SensorFault, SensorFaultKind, play,
+    Control, Feedback, Mismatch, Noise, Options, RunOutcome, SensorFault, SensorFaultKind, play,
 };
 use std::sync::Arc;
 
 const TRACKING: Control = Control::Tracking(Feedback::Gains);
 
-fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> Outcome {
+fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> RunOutcome {
     let ground = Arc::new(Plane::rising(slope_rad));
     let control = if feed_forward { Control::FeedForward } else { Control::Servos };
     let options = Options { cycles: 3, ground, ..Options::new(control, 60) };

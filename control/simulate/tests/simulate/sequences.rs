@@ -13,7 +13,7 @@ use rollwalk_planner::plan::{Plan, Sample, Status};
 use rollwalk_planner::{Options, optimise, optimise_transition};
 use rollwalk_robot::Robot;
 use rollwalk_robot::document::DocumentError;
-use rollwalk_simulate::closed_loop::{Measured, Timing, Untracked};
+use rollwalk_simulate::closed_loop::{Measurement, Timing, TrackingError};
 use rollwalk_simulate::{Leg, Noise, Script, Sequence, SimulatedSensors};
 use rollwalk_tracking::Sensors;
 use std::collections::VecDeque;
@@ -192,7 +192,7 @@ fn far(motion: &Isometry3<f64>) -> [f64; 2] {
 }
 
 /// Horizontal position and heading of a body.
-fn place(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
+fn ground_pose(position_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Isometry3<f64> {
     isometry(position_m.x, position_m.y, heading_rad(rotation))
 }
 
@@ -238,11 +238,11 @@ fn play(
         let gyro_rad_s = sensed.gyro_rad_s.filter(|_| time_s < bus.imu_until_s);
         let sensed = Sensors { touches, gyro_rad_s, ..sensed };
         if bus.loses.is_none_or(|every| tick % every != every - 1) {
-            let (laws, untracked) = sequence.tick(time_s, Measured::Sensors(&sensed));
-            outcome.stopped |= untracked == Some(Untracked::Stopped);
+            let (laws, untracked) = sequence.tick(time_s, Measurement::Sensors(&sensed));
+            outcome.stopped |= untracked == Some(TrackingError::Stopped);
             let progress = sequence.progress();
             if progress.moves {
-                start.get_or_insert_with(|| place(&world.base().0, &world.base().1));
+                start.get_or_insert_with(|| ground_pose(&world.base().0, &world.base().1));
                 outcome.untracked += u32::from(untracked.is_some());
                 outcome.legs.push(progress.leg);
             }
@@ -266,10 +266,10 @@ fn play(
         }
     }
     outcome.legs.dedup();
-    let of = |state: &State| place(&state.base_position_m, &state.world_from_body);
+    let of = |state: &State| ground_pose(&state.base_position_m, &state.world_from_body);
     let reference = of(&sequence.reference().unwrap().state);
     outcome.from_reference = reference.inverse() * of(sequence.estimate());
-    let end = place(&world.base().0, &world.base().1);
+    let end = ground_pose(&world.base().0, &world.base().1);
     outcome.way = start.map_or(Isometry3::identity(), |start| start.inverse() * end);
     outcome
 }
@@ -356,8 +356,8 @@ fn a_robot_that_was_not_at_rest_does_not_begin() {
     sequence.go();
     // Times that are none, and one that lies back, too.
     for time_s in [f64::NAN, f64::INFINITY, 0.01, 0.0].into_iter().chain((1..200).map(f64::from)) {
-        let (laws, untracked) = sequence.tick(time_s, Measured::Sensors(&sensed));
-        assert!(matches!(untracked, Some(Untracked::State(_))), "{untracked:?}");
+        let (laws, untracked) = sequence.tick(time_s, Measurement::Sensors(&sensed));
+        assert!(matches!(untracked, Some(TrackingError::State(_))), "{untracked:?}");
         assert!(laws.iter().all(|law| law.position_rad.is_finite()));
     }
     assert!(!sequence.is_ready() && !sequence.progress().moves && !sequence.is_over());

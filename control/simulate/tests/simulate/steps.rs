@@ -5,13 +5,13 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::optimise;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
-use rollwalk_simulate::{Control, Options, Outcome, play};
+use rollwalk_simulate::{Control, Options, RunOutcome, play};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Plays a plan with the usual simulation step and with half of it.
-fn with_both_steps(plan: &Plan) -> [Outcome; 2] {
+fn with_both_steps(plan: &Plan) -> [RunOutcome; 2] {
     let control = Control::FeedForward;
     let usual_hz = control.usual_rate_hz();
     [usual_hz, 2 * usual_hz].map(|rate_hz| {

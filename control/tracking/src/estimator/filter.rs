@@ -133,7 +133,7 @@ impl Filter {
     }
 
     /// Corrects the estimate with zero velocity of the material at a contact, and the covariance of this measurement.
-    pub fn measure_contact(&mut self, contact: &Contact, covariance: &Matrix3<f64>) {
+    pub fn measure_contact(&mut self, contact: &ContactKinematics, covariance: &Matrix3<f64>) {
         let innovation = -contact.velocity(self);
         let mut jacobian = MeasurementJacobian::zeros();
         // However the body tilts, the rim moves parallel to the ground at the contact: of the rotation error, only yaw
@@ -193,7 +193,7 @@ impl Filter {
 
 /// Contact from forward kinematics, in world axes.
 #[derive(Clone, Copy, Debug)]
-pub struct Contact {
+pub struct ContactKinematics {
     /// Vector from the base origin to the contact, m.
     pub lever_m: Vector3<f64>,
     /// Velocity of the material at the contact due to the joints alone, m/s.
@@ -202,7 +202,7 @@ pub struct Contact {
     pub spin_m_s: Vector3<f64>,
 }
 
-impl Contact {
+impl ContactKinematics {
     /// Estimated velocity of the material in world axes, m/s.
     pub fn velocity(&self, filter: &Filter) -> Vector3<f64> {
         let by_base = filter.velocity_m_s + filter.angular_velocity_rad_s().cross(&self.lever_m);

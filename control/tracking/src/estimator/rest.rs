@@ -15,7 +15,7 @@ const FORCE_M_S2: f64 = 0.5;
 
 /// Detector of a robot that stands still, with low-passed sensors.
 #[derive(Clone, Debug)]
-pub struct Rest {
+pub struct RestDetector {
     /// Mean gyro reading in body axes, rad/s.
     pub gyro_rad_s: Vector3<f64>,
     /// Mean specific force in body axes, m/s².
@@ -26,7 +26,7 @@ pub struct Rest {
     pub lasts_s: f64,
 }
 
-impl Rest {
+impl RestDetector {
     pub fn new(speeds: usize) -> Self {
         let zero = Vector3::zeros();
         Self { gyro_rad_s: zero, force_m_s2: zero, speed_rad_s: vec![0.0; speeds], lasts_s: 0.0 }

@@ -56,7 +56,7 @@ impl Truth {
         &mut self,
         estimator: &'e mut Estimator,
         change: impl FnOnce(&mut Sensors<'_>),
-    ) -> Result<&'e State, Untrusted> {
+    ) -> Result<&'e State, EstimateError> {
         let speeds = self.state.velocity[JOINTS..].to_vec();
         let (gyro, force) = (self.gyro_rad_s(), self.force_m_s2());
         // Even noise of this width has a standard deviation of 1.
@@ -75,7 +75,7 @@ impl Truth {
     }
 
     /// Runs ticks for some seconds and returns the result of the final one.
-    fn ticks(&mut self, estimator: &mut Estimator, seconds: f64) -> Result<(), Untrusted> {
+    fn ticks(&mut self, estimator: &mut Estimator, seconds: f64) -> Result<(), EstimateError> {
         let count = (seconds / TICK_S).round() as usize;
         (0..count).map(|_| self.tick(estimator, |_| {}).map(|_| ())).last().unwrap_or(Ok(()))
     }
@@ -136,7 +136,7 @@ fn at_rest_tilt_height_and_gyro_bias_are_found() {
         truth.gyro_bias_rad_s = Vector3::new(0.02, -0.03, 0.01);
         truth.noise = 1.0;
         let mut estimator = Estimator::new(truth.tree.clone());
-        assert_eq!(truth.ticks(&mut estimator, 0.3), Err(Untrusted::NotAligned), "{name}");
+        assert_eq!(truth.ticks(&mut estimator, 0.3), Err(EstimateError::NotAligned), "{name}");
         truth.ticks(&mut estimator, 2.0).unwrap();
         let state = estimator.state();
         let ypr = |yaw: f64| rotation::yaw_rotation(yaw) * state.world_from_body;
@@ -229,10 +229,10 @@ fn a_long_gap_of_the_imu_is_an_error_until_the_robot_has_stood_still() {
             match k {
                 0..25 => assert_eq!(verdict, Ok(()), "{k}"),
                 25 => {} // 0.05 s, but for rounding
-                _ => assert_eq!(verdict, Err(Untrusted::ImuMissing), "{k}"),
+                _ => assert_eq!(verdict, Err(EstimateError::ImuMissing), "{k}"),
             }
         }
-        assert_eq!(truth.ticks(&mut estimator, 0.3), Err(Untrusted::NotAligned));
+        assert_eq!(truth.ticks(&mut estimator, 0.3), Err(EstimateError::NotAligned));
         truth.ticks(&mut estimator, 0.3).unwrap();
     }
     // Short gaps do not delay an alignment.
@@ -256,9 +256,9 @@ fn a_long_gap_of_the_imu_is_an_error_until_the_robot_has_stood_still() {
         speed_rad_s: &truth.state.velocity[JOINTS..],
         touches: &truth.touches,
     };
-    assert_eq!(estimator.tick(&sensors, 0.06), Err(Untrusted::ImuMissing));
+    assert_eq!(estimator.tick(&sensors, 0.06), Err(EstimateError::ImuMissing));
     for bad in [0.0, -0.002, f64::NAN, f64::INFINITY] {
-        assert_eq!(estimator.tick(&sensors, bad), Err(Untrusted::BadSensor));
+        assert_eq!(estimator.tick(&sensors, bad), Err(EstimateError::BadSensor));
     }
 }
 
@@ -269,10 +269,10 @@ fn a_long_flight_is_an_error() {
     truth.touches.fill(false);
     truth.ticks(&mut estimator, 0.49).unwrap();
     let verdict = (0..10).find_map(|_| truth.tick(&mut estimator, |_| {}).err());
-    assert_eq!(verdict, Some(Untrusted::NoContact));
+    assert_eq!(verdict, Some(EstimateError::NoContact));
     // Back on its feet it aligns again.
     truth.touches.fill(true);
-    assert_eq!(truth.ticks(&mut estimator, 0.3), Err(Untrusted::NotAligned));
+    assert_eq!(truth.ticks(&mut estimator, 0.3), Err(EstimateError::NotAligned));
     truth.ticks(&mut estimator, 0.3).unwrap();
 }
 
@@ -280,7 +280,7 @@ fn a_long_flight_is_an_error() {
 #[test]
 fn sensors_that_contradict_each_other_are_an_error() {
     let mut truth = Truth::at_rest("anymal_wheels", Vector3::zeros());
-    let contradiction = Some(Untrusted::Contradiction);
+    let contradiction = Some(EstimateError::Contradiction);
     let (x, z) = (Vector3::x(), Vector3::z());
     let zero = Vector3::zeros();
     for (turns, force, expected) in [
@@ -313,9 +313,9 @@ fn sensors_that_contradict_each_other_are_an_error() {
 fn what_is_too_steep_to_stand_on_is_no_alignment() {
     let mut truth = Truth::at_rest("anymal_wheels", Vector3::new(0.8, 0.0, 0.0));
     let mut estimator = Estimator::new(truth.tree.clone());
-    assert_eq!(truth.ticks(&mut estimator, 1.0), Err(Untrusted::Contradiction));
+    assert_eq!(truth.ticks(&mut estimator, 1.0), Err(EstimateError::Contradiction));
     truth.touches.fill(false);
-    assert_eq!(truth.ticks(&mut estimator, 1.0), Err(Untrusted::NotAligned));
+    assert_eq!(truth.ticks(&mut estimator, 1.0), Err(EstimateError::NotAligned));
 }
 
 /// Replaces one sensor reading by a value.
@@ -392,7 +392,7 @@ proptest! {
         };
         spoil(&mut sensors, at, bad, &mut angles, &mut speeds);
         let sensors = Sensors { joint_rad: &angles, speed_rad_s: &speeds, ..sensors };
-        prop_assert_eq!(estimator.tick(&sensors, TICK_S), Err(Untrusted::BadSensor));
+        prop_assert_eq!(estimator.tick(&sensors, TICK_S), Err(EstimateError::BadSensor));
         let after = truth.tick(&mut estimator, |_| {}).unwrap();
         prop_assert!((after.base_position_m - before.base_position_m).norm() < 1e-6);
         prop_assert!(tilt_rad(after, &before) < 1e-6);

@@ -131,17 +131,17 @@ fn a_constraint_that_binds_has_its_price() {
 fn what_has_no_solution_says_why() {
     let mut program = Program::zeros(1, 2);
     let mut solver = Solver::new(1, 2);
-    assert_eq!(solver.solve(&program).err(), Some(Unsolved::NotConvex));
+    assert_eq!(solver.solve(&program).err(), Some(SolveError::NotConvex));
     program.hessian[(0, 0)] = f64::NAN;
-    assert_eq!(solver.solve(&program).err(), Some(Unsolved::NotConvex));
+    assert_eq!(solver.solve(&program).err(), Some(SolveError::NotConvex));
     program.hessian[(0, 0)] = 1.0;
     // x ≥ 1 and −x ≥ 0.
     program.normals.copy_from_slice(&[1.0, -1.0]);
     program.bounds.copy_from_slice(&[1.0, 0.0]);
     program.constraints = 2;
-    assert_eq!(solver.solve(&program).err(), Some(Unsolved::Infeasible));
+    assert_eq!(solver.solve(&program).err(), Some(SolveError::Infeasible));
     program.equalities = 2;
-    assert_eq!(solver.solve(&program).err(), Some(Unsolved::Infeasible));
+    assert_eq!(solver.solve(&program).err(), Some(SolveError::Infeasible));
     // Said twice.
     program.normals.copy_from_slice(&[1.0, 2.0]);
     program.bounds.copy_from_slice(&[1.0, 2.0]);

@@ -11,7 +11,7 @@ pub(super) const OF_CONTACT: usize = 5;
 
 impl Tracker {
     /// Adds the dynamics M ν̇ + h = Σ Jᵀ f of degrees of freedom without motors.
-    pub(super) fn keep_dynamics(&mut self) {
+    pub(super) fn add_dynamics(&mut self) {
         let free = (0..JOINTS).chain(self.free_wheels.iter().copied());
         for (constraint, dof) in free.enumerate() {
             write_torque(&mut self.program, constraint, dof, 1.0, &self.mass, &self.feet);
@@ -20,7 +20,7 @@ impl Tracker {
     }
 
     /// Adds the limits: friction, no pull of the ground, and torque limits of motors.
-    pub(super) fn keep_limits(&mut self) {
+    pub(super) fn add_limits(&mut self) {
         let dofs = self.tree.dofs();
         let mut constraint = self.program.equalities;
         // The pyramid is within the cone of friction; of a robot that recovers around it: to slide a little is better than to fall.

@@ -3,7 +3,7 @@
 use super::Tracker;
 use crate::contacts::Phase;
 use crate::reference::Reference;
-use crate::tasks::{Feedback, Squares, limited};
+use crate::tasks::{Feedback, SquaredTerms, limited};
 use nalgebra::Vector3;
 use rollwalk_multibody::{ANGULAR, JOINTS, Kinematics, rotation};
 use rollwalk_robot::GRAVITY_M_S2;
@@ -13,9 +13,9 @@ const BELOW_M: f64 = 0.02;
 
 impl Tracker {
     /// Adds the contact task: the material at a rolling or resting contact stays still.
-    pub(super) fn want_contacts(&mut self) {
+    pub(super) fn add_contact_task(&mut self) {
         let Self { weights, program, row, feet, normal, .. } = self;
-        let mut squares = Squares { program };
+        let mut squares = SquaredTerms { program };
         for foot in feet.iter().filter(|foot| foot.stands()) {
             if foot.drag.is_none() {
                 squares.add(weights.contact, &foot.jacobian, &foot.still_m_s2);
@@ -30,11 +30,11 @@ impl Tracker {
     }
 
     /// Adds the tasks of centre of mass and body, which follow the plan.
-    pub(super) fn want_body(&mut self, reference: &Reference) {
+    pub(super) fn add_body_tasks(&mut self, reference: &Reference) {
         let Self {
             weights, tree, planned, measured, program, jacobian, correction, recovery, ..
         } = self;
-        let mut squares = Squares { program };
+        let mut squares = SquaredTerms { program };
         let (there, here) = (&planned.frames, &measured.frames);
         let place = there.com(tree) - here.com(tree);
         let speed = planned.com_velocity(tree) - measured.com_velocity(tree);
@@ -60,7 +60,7 @@ impl Tracker {
     }
 
     /// Adds the tasks of the end effectors: feet in the air follow the plan, wheels on the ground have the planned speed.
-    pub(super) fn want_feet(&mut self, reference: &Reference) {
+    pub(super) fn add_foot_tasks(&mut self, reference: &Reference) {
         let Self {
             weights,
             tree,
@@ -89,7 +89,7 @@ impl Tracker {
                 speed += correction.speed_m_s[j];
                 there += correction.foothold_m[j];
             }
-            let mut squares = Squares { program };
+            let mut squares = SquaredTerms { program };
             if foot.phase == Phase::Landing {
                 // Whatever height the plan has for it, and however it goes there.
                 there -= *normal * (BELOW_M + foot.height_m.max(0.0));
@@ -117,12 +117,12 @@ impl Tracker {
     }
 
     /// Adds the posture task: joints stay near the planned posture where no other task needs them.
-    pub(super) fn want_posture(&mut self, reference: &Reference) {
+    pub(super) fn add_posture_task(&mut self, reference: &Reference) {
         let Self { weights, program, ahead, recovery, .. } = self;
         let Feedback { per_s2, per_s } = weights.posture_feedback;
         let weight =
             if recovery.is_active() { weights.posture_recovering } else { weights.posture };
-        let mut squares = Squares { program };
+        let mut squares = SquaredTerms { program };
         for (joint, (there, here)) in
             reference.state.joint_rad.iter().zip(&ahead.joint_rad).enumerate()
         {
@@ -134,10 +134,10 @@ impl Tracker {
     }
 
     /// Adds the force task: ground forces stay near the planned ones, and are 0 for feet in the air.
-    pub(super) fn want_forces(&mut self, reference: &Reference) {
+    pub(super) fn add_force_task(&mut self, reference: &Reference) {
         let weight_n = self.tree.total_mass_kg() * GRAVITY_M_S2;
         let price = self.weights.force / (weight_n * weight_n);
-        let mut squares = Squares { program: &mut self.program };
+        let mut squares = SquaredTerms { program: &mut self.program };
         for (j, foot) in self.feet.iter().enumerate() {
             let change = self.correction.as_ref().map_or(Vector3::zeros(), |of| of.force_n[j]);
             let planned =

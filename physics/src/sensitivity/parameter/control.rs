@@ -2,7 +2,7 @@
 
 use crate::curve::Curve;
 use crate::sensitivity::parameter::targets::target_by;
-use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep};
 use std::sync::Arc;
 
 /// Knot of a curve that is added to a motor's target at the end of each step: angle and speed,
@@ -31,7 +31,7 @@ impl Control {
 }
 
 impl Parameter for Control {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         let [angle, speed] = self.curve.of_knot(self.knot, solved.time_s);
         target_by(solved, self.motor, [angle, speed, 0.0], column);
     }

@@ -1,7 +1,7 @@
 //! Gravity, which models a tilt of the ground or of the room.
 
 use crate::force::Wrench;
-use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Constant, Parameter, SolvedStep};
 use crate::system::System;
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ pub struct Gravity {
 }
 
 impl Parameter for Gravity {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         for (number, body) in solved.step.bodies.iter().enumerate() {
             let force = self.axis * -body.mass_kg();
             column.add(number, &Wrench { force, ..Wrench::default() });

@@ -3,7 +3,7 @@
 use crate::anchor::Anchor;
 use crate::curve::Curve;
 use crate::force::Wrench;
-use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub struct Handle {
 }
 
 impl Parameter for Handle {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         let [shift, _] = self.curve.of_knot(self.knot, solved.time_s);
         if shift == 0.0 {
             return;

@@ -1,10 +1,10 @@
 //! Initial poses and velocities of bodies.
 
 use crate::body::Body;
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use crate::rotation::Increment;
 use crate::sensitivity::Variation;
-use crate::sensitivity::parameter::{Column, Parameter, Solved, Start};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep, Start};
 use crate::system::System;
 use nalgebra::Vector3;
 
@@ -40,7 +40,7 @@ impl Initial {
         let mut motions = system.motions().to_vec();
         for &body in &self.bodies {
             let turns = matches!(system.bodies()[body], Body::Rigid(_));
-            let Motion { position, rotation, velocity, spin } = &mut motions[body];
+            let BodyMotion { position, rotation, velocity, spin } = &mut motions[body];
             match self.freedom {
                 Freedom::Position => *position += along,
                 Freedom::Velocity => *velocity += along,
@@ -74,7 +74,7 @@ impl Initial {
 }
 
 impl Parameter for Initial {
-    fn residual(&self, _: &Solved<'_>, _: &mut Column) {}
+    fn residual(&self, _: &SolvedStep<'_>, _: &mut Column) {}
 
     fn start(&self, system: &System, start: &mut Start) {
         let (axis, pivot) = (self.axis, self.pivot(system));

@@ -2,21 +2,21 @@
 
 use crate::force::Wrench;
 use crate::motor::Motor;
-use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Constant, Parameter, SolvedStep};
 use crate::system::System;
 
 /// Parameter with one common value for several motors. Controllers must not change it in the motors' laws during a rollout.
 #[derive(Clone, Debug)]
-pub struct Drive {
+pub struct MotorParameter {
     /// Force indices of the motors.
     pub motors: Vec<usize>,
     /// Quantity that the parameter changes.
-    pub of: OfMotor,
+    pub of: MotorQuantity,
 }
 
 /// Parameter of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OfMotor {
+pub enum MotorQuantity {
     /// Position gain kp, N·m/rad.
     PositionGain,
     /// Speed gain kd, N·m·s/rad.
@@ -27,8 +27,8 @@ pub enum OfMotor {
     Armature,
 }
 
-impl OfMotor {
-    fn place(self, motor: &mut Motor) -> &mut f64 {
+impl MotorQuantity {
+    fn value_mut(self, motor: &mut Motor) -> &mut f64 {
         match self {
             Self::PositionGain => &mut motor.law.kp_nm_rad,
             Self::SpeedGain => &mut motor.law.kd_nm_s_rad,
@@ -38,17 +38,17 @@ impl OfMotor {
     }
 }
 
-impl Parameter for Drive {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+impl Parameter for MotorParameter {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         for &number in &self.motors {
             let motor: &Motor = solved.force(number);
             let wrenches = solved.view(number, |view| {
                 let by = motor.law_by(view);
                 let torque = match self.of {
-                    OfMotor::PositionGain => by.kp_rad,
-                    OfMotor::SpeedGain => by.kd_rad_s,
-                    OfMotor::Torque => by.torque,
-                    OfMotor::Armature => -motor.acceleration(view),
+                    MotorQuantity::PositionGain => by.kp_rad,
+                    MotorQuantity::SpeedGain => by.kd_rad_s,
+                    MotorQuantity::Torque => by.torque,
+                    MotorQuantity::Armature => -motor.acceleration(view),
                 };
                 let moment = motor.axis_in_world(&view.now[0]) * torque;
                 [-moment, moment].map(|moment| Wrench { moment, ..Wrench::default() })
@@ -58,16 +58,16 @@ impl Parameter for Drive {
     }
 }
 
-impl Constant for Drive {
+impl Constant for MotorParameter {
     fn value(&self, system: &System) -> f64 {
         let motor = self.motors.first().and_then(|&motor| system.force::<Motor>(motor));
-        *self.of.place(&mut motor.expect("the force is a motor").clone())
+        *self.of.value_mut(&mut motor.expect("the force is a motor").clone())
     }
 
     fn set(&self, system: &mut System, value: f64) {
         for &motor in &self.motors {
             let motor = system.force_mut::<Motor>(motor).expect("the force is a motor");
-            *self.of.place(motor) = value;
+            *self.of.value_mut(motor) = value;
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::curve::Curve;
 use crate::force::Wrench;
 use crate::hold::Hold;
-use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep};
 use nalgebra::Vector3;
 use rollwalk_multibody::rotation::skew;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ pub struct Pose {
     pub knot: usize,
 }
 
-/// Coordinate of a pose, as in [`Place::new`](crate::hold::Place::new).
+/// Coordinate of a pose, as in [`TargetPose::new`](crate::hold::TargetPose::new).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
     /// Position along a direction, m.
@@ -47,7 +47,7 @@ impl Pose {
 }
 
 impl Parameter for Pose {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         let [share, _] = self.curve.of_knot(self.knot, solved.time_s);
         let hold: &Hold = solved.force(self.hold);
         let Some(place) = hold.place.filter(|_| share != 0.0) else { return };

@@ -3,7 +3,7 @@
 use crate::anchor::Anchor;
 use crate::force::{Force, Wrench};
 use crate::joint::{Ball, ParallelAxes};
-use crate::sensitivity::parameter::{Column, Constant, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Constant, Parameter, SolvedStep};
 use crate::spring::Spring;
 use crate::system::System;
 use std::fmt::Debug;
@@ -13,13 +13,13 @@ use std::marker::PhantomData;
 #[derive(Clone, Debug)]
 pub struct Elastic<F> {
     forces: Vec<usize>,
-    of: OfSpring,
+    of: SpringQuantity,
     kind: PhantomData<F>,
 }
 
 /// Parameter of a spring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OfSpring {
+pub enum SpringQuantity {
     /// Stiffness, N/m; for parallel axes N·m/rad.
     Stiffness,
     /// Damping, N·s/m; for parallel axes N·m·s/rad.
@@ -27,60 +27,60 @@ pub enum OfSpring {
 }
 
 /// Spring type: [`Spring`], [`Ball`], [`ParallelAxes`] or [`Anchor`].
-pub trait Springy: Force + Clone {
+pub trait SpringForce: Force + Clone {
     /// Reference to a parameter of the spring. Wrenches are linear in the parameters.
-    fn number(&mut self, of: OfSpring) -> &mut f64;
+    fn number(&mut self, of: SpringQuantity) -> &mut f64;
 }
 
-impl Springy for Spring {
-    fn number(&mut self, of: OfSpring) -> &mut f64 {
+impl SpringForce for Spring {
+    fn number(&mut self, of: SpringQuantity) -> &mut f64 {
         match of {
-            OfSpring::Stiffness => &mut self.stiffness_n_m,
-            OfSpring::Damping => &mut self.damping_n_s_m,
+            SpringQuantity::Stiffness => &mut self.stiffness_n_m,
+            SpringQuantity::Damping => &mut self.damping_n_s_m,
         }
     }
 }
 
-impl Springy for Ball {
-    fn number(&mut self, of: OfSpring) -> &mut f64 {
+impl SpringForce for Ball {
+    fn number(&mut self, of: SpringQuantity) -> &mut f64 {
         match of {
-            OfSpring::Stiffness => &mut self.stiffness_n_m,
-            OfSpring::Damping => &mut self.damping_n_s_m,
+            SpringQuantity::Stiffness => &mut self.stiffness_n_m,
+            SpringQuantity::Damping => &mut self.damping_n_s_m,
         }
     }
 }
 
-impl Springy for Anchor {
-    fn number(&mut self, of: OfSpring) -> &mut f64 {
+impl SpringForce for Anchor {
+    fn number(&mut self, of: SpringQuantity) -> &mut f64 {
         match of {
-            OfSpring::Stiffness => &mut self.stiffness_n_m,
-            OfSpring::Damping => &mut self.damping_n_s_m,
+            SpringQuantity::Stiffness => &mut self.stiffness_n_m,
+            SpringQuantity::Damping => &mut self.damping_n_s_m,
         }
     }
 }
 
-impl Springy for ParallelAxes {
-    fn number(&mut self, of: OfSpring) -> &mut f64 {
+impl SpringForce for ParallelAxes {
+    fn number(&mut self, of: SpringQuantity) -> &mut f64 {
         match of {
-            OfSpring::Stiffness => &mut self.stiffness_nm_rad,
-            OfSpring::Damping => &mut self.damping_nm_s_rad,
+            SpringQuantity::Stiffness => &mut self.stiffness_nm_rad,
+            SpringQuantity::Damping => &mut self.damping_nm_s_rad,
         }
     }
 }
 
-impl<F: Springy> Elastic<F> {
+impl<F: SpringForce> Elastic<F> {
     /// Creates a parameter of springs, given by force index.
-    pub fn new(forces: impl IntoIterator<Item = usize>, of: OfSpring) -> Self {
+    pub fn new(forces: impl IntoIterator<Item = usize>, of: SpringQuantity) -> Self {
         Self { forces: forces.into_iter().collect(), of, kind: PhantomData }
     }
 }
 
-impl<F: Springy> Parameter for Elastic<F> {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+impl<F: SpringForce> Parameter for Elastic<F> {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         for &number in &self.forces {
             let spring: &F = solved.force(number);
             let mut unit = spring.clone();
-            for of in [OfSpring::Stiffness, OfSpring::Damping] {
+            for of in [SpringQuantity::Stiffness, SpringQuantity::Damping] {
                 *unit.number(of) = f64::from(u8::from(of == self.of));
             }
             let mut wrenches = vec![Wrench::default(); spring.bodies().len()];
@@ -90,7 +90,7 @@ impl<F: Springy> Parameter for Elastic<F> {
     }
 }
 
-impl<F: Springy> Constant for Elastic<F> {
+impl<F: SpringForce> Constant for Elastic<F> {
     fn value(&self, system: &System) -> f64 {
         let spring = self.forces.first().and_then(|&force| system.force::<F>(force));
         *spring.expect("the force is of its kind").clone().number(self.of)

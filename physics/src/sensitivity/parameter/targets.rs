@@ -2,7 +2,7 @@
 
 use crate::force::Wrench;
 use crate::motor::Motor;
-use crate::sensitivity::parameter::{Column, Parameter, Solved};
+use crate::sensitivity::parameter::{Column, Parameter, SolvedStep};
 use std::fmt;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ impl fmt::Debug for Targets {
 }
 
 impl Parameter for Targets {
-    fn residual(&self, solved: &Solved<'_>, column: &mut Column) {
+    fn residual(&self, solved: &SolvedStep<'_>, column: &mut Column) {
         for (place, &motor) in self.motors.iter().enumerate() {
             target_by(solved, motor, (self.by)(place, solved.time_s), column);
         }
@@ -34,7 +34,7 @@ impl Parameter for Targets {
 
 /// Adds the derivative for a change of a motor's target angle, speed and torque.
 pub(super) fn target_by(
-    solved: &Solved<'_>,
+    solved: &SolvedStep<'_>,
     number: usize,
     [angle, speed, torque]: [f64; 3],
     column: &mut Column,

@@ -4,10 +4,10 @@ use super::*;
 use crate::anchor::Anchor;
 use crate::assembly::Assembly;
 use crate::body::Inertia;
-use crate::contact::{Contact, Normal, Resistance, Tip};
+use crate::contact::{GroundContact, Normal, Resistance, Tip};
 use crate::curve::{Curve, Degree};
-use crate::friction::{Friction, Model};
-use crate::hold::{Grip, Hold, Place};
+use crate::friction::{Friction, FrictionModel};
+use crate::hold::{Hold, HoldGains, TargetPose};
 use crate::joint::{Ball, ParallelAxes};
 use crate::motion::{Scheme, Weights};
 use crate::motor::{Law, Motor};
@@ -22,7 +22,8 @@ use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use std::sync::Arc;
 
-const FRICTION: Friction = Friction { model: Model::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };
+const FRICTION: Friction =
+    Friction { model: FrictionModel::Tanh, coefficient: 0.5, stick_n_s_m: 20.0 };
 
 /// Scene near the ground: a foot that carries a wheel with a motor, springs from the wheel to the foot and to a bolt, a skate,
 /// and a soft block.
@@ -38,7 +39,7 @@ struct Scene {
     surface: std::ops::Range<usize>,
 }
 
-fn scene(model: Model, law: Law) -> Scene {
+fn scene(model: FrictionModel, law: Law) -> Scene {
     let ground: Arc<dyn Ground> = Arc::new(Plane::rising(0.1));
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::new(0.02, 0.001, 0.0, 0.001, 0.03, 0.002, 0.0, 0.002, 0.04);
@@ -47,8 +48,8 @@ fn scene(model: Model, law: Law) -> Scene {
     let tips = [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }];
     let contacts = [0, 1, 2].map(|body| {
         let place = Vector3::new(body as f64, 0.0, 0.1 * (1.0 + body as f64));
-        assembly.add_body(inertia, Motion::at(place));
-        assembly.add(Contact {
+        assembly.add_body(inertia, BodyMotion::at(place));
+        assembly.add(GroundContact {
             body: [body],
             center: Vector3::new(0.0, 0.01, -0.02),
             radius_m: 0.09,
@@ -87,8 +88,9 @@ fn scene(model: Model, law: Law) -> Scene {
         assembly.add(parallel),
         assembly.add(Anchor { body: [2], point, place, stiffness_n_m, damping_n_s_m }),
     ];
-    let place = Place { position: Vector3::x() * 2.1, rotation: Matrix3::identity() };
-    let grip = Grip { shift_n_m: 40.0, velocity_n_s_m: 3.0, turn_nm_rad: 5.0, spin_nm_s_rad: 0.7 };
+    let place = TargetPose { position: Vector3::x() * 2.1, rotation: Matrix3::identity() };
+    let grip =
+        HoldGains { shift_n_m: 40.0, velocity_n_s_m: 3.0, turn_nm_rad: 5.0, spin_nm_s_rad: 0.7 };
     let hold = assembly.add(Hold { body: [2], grip, place: Some(place) });
     let mesh = Mesh::block(Vector3::new(3.0, 0.0, 0.3), Vector3::repeat(0.1), [1; 3]);
     let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(100.0, 1e4, 0.3) };
@@ -118,9 +120,9 @@ const LAW: Law = Law {
 };
 
 /// Moves bodies randomly near their initial positions, with random velocities, so that most touch the ground.
-fn stir(system: &mut System, places: &[Motion], rng: &mut Rng) {
+fn randomise(system: &mut System, places: &[BodyMotion], rng: &mut Rng) {
     let mut random = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
-    let stirred = places.iter().map(|motion| Motion {
+    let stirred = places.iter().map(|motion| BodyMotion {
         position: motion.position
             + random(0.02)
             + Vector3::z() * (motion.position.x * 0.1 - motion.position.z + 0.08),
@@ -128,7 +130,7 @@ fn stir(system: &mut System, places: &[Motion], rng: &mut Rng) {
         velocity: random(1.0),
         spin: random(2.0),
     });
-    let mut stirred: Vec<Motion> = stirred.collect();
+    let mut stirred: Vec<BodyMotion> = stirred.collect();
     // The soft block keeps its shape.
     for (motion, place) in stirred.iter_mut().zip(places).skip(3) {
         motion.position = place.position + random(0.01) + Vector3::z() * 0.02;
@@ -152,7 +154,7 @@ fn column(system: &System, trial: &[Displacement], parameter: &dyn Parameter) ->
     let mut equations = Equations::new(step.bodies, step.forces);
     equations.begin(&step);
     equations.evaluate(&step, trial, &[], &[], Derive::Nothing);
-    let solved = Solved { step: &step, motions: &equations.motions, held: &[], time_s: 0.3 };
+    let solved = SolvedStep { step: &step, motions: &equations.motions, held: &[], time_s: 0.3 };
     let mut column = Column::new(equations.firsts.clone());
     parameter.residual(&solved, &mut column);
     let mut all = vec![0.0; equations.residual.len()];
@@ -171,7 +173,7 @@ fn agrees(
     let mut moves = false;
     for seed in 0..12 {
         let mut rng = Rng::with_seed(seed);
-        stir(system, &places, &mut rng);
+        randomise(system, &places, &mut rng);
         let mut random = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
         let trial: Vec<_> = places
             .iter()
@@ -198,23 +200,23 @@ fn agrees(
 
 #[test]
 fn every_constant_is_the_derivative_of_the_residual() {
-    for model in [Model::Linear, Model::Tanh] {
+    for model in [FrictionModel::Linear, FrictionModel::Tanh] {
         let Scene { mut system, motor, contacts, springs, elements, nodes, surface, .. } =
             scene(model, LAW);
         let mut all: Vec<Box<dyn Constant>> = Vec::new();
-        for of in [OfMass::Mass, OfMass::Inertia(0, 0), OfMass::Inertia(0, 2)] {
+        for of in [MassQuantity::Mass, MassQuantity::Inertia(0, 0), MassQuantity::Inertia(0, 2)] {
             all.push(Box::new(BodyMass { body: 1, of }));
         }
-        all.push(Box::new(BodyMass { body: nodes.start, of: OfMass::Mass }));
-        use OfMotor::{Armature, PositionGain, SpeedGain, Torque};
+        all.push(Box::new(BodyMass { body: nodes.start, of: MassQuantity::Mass }));
+        use MotorQuantity::{Armature, PositionGain, SpeedGain, Torque};
         for of in [PositionGain, SpeedGain, Torque, Armature] {
-            all.push(Box::new(Drive { motors: vec![motor], of }));
+            all.push(Box::new(MotorParameter { motors: vec![motor], of }));
         }
-        use OfMaterial::{Density, Lambda, Mu, Viscosity};
+        use MaterialQuantity::{Density, Lambda, Mu, Viscosity};
         for of in [Mu, Lambda, Viscosity, Density] {
             all.push(Box::new(Softness { elements: elements.clone(), of }));
         }
-        for of in [OfSpring::Stiffness, OfSpring::Damping] {
+        for of in [SpringQuantity::Stiffness, SpringQuantity::Damping] {
             let [spring, ball, axes, anchor] = springs.map(|force| [force]);
             all.push(Box::new(Elastic::<Spring>::new(spring, of)));
             all.push(Box::new(Elastic::<Ball>::new(ball, of)));
@@ -222,18 +224,18 @@ fn every_constant_is_the_derivative_of_the_residual() {
             all.push(Box::new(Elastic::<Anchor>::new(anchor, of)));
         }
         all.push(Box::new(Gravity { axis: Vector3::new(0.6, 0.0, 0.8) }));
-        use OfContact::{
+        use ContactQuantity::{
             Damping, Friction, Ramp, Resistance, ResistancePerSpeed, Stick, Stiffness,
         };
         let of_all = contacts.into_iter().chain(surface);
         for of in [Stiffness, Damping, Ramp, Friction, Stick] {
-            all.push(Box::new(Touching::new(&system, of_all.clone(), of)));
+            all.push(Box::new(ContactParameter::new(&system, of_all.clone(), of)));
         }
         for (of, contact) in [Resistance, ResistancePerSpeed]
             .into_iter()
             .flat_map(|of| [(of, contacts[1]), (of, contacts[2])])
         {
-            all.push(Box::new(Touching::new(&system, [contact], of)));
+            all.push(Box::new(ContactParameter::new(&system, [contact], of)));
         }
         for constant in &all {
             let value = constant.value(&system);
@@ -251,7 +253,7 @@ fn every_constant_is_the_derivative_of_the_residual() {
 
 #[test]
 fn places_of_handles_and_moved_targets_are_derivatives_of_the_residual() {
-    let Scene { mut system, motor, springs: [.., anchor], .. } = scene(Model::Tanh, LAW);
+    let Scene { mut system, motor, springs: [.., anchor], .. } = scene(FrictionModel::Tanh, LAW);
     let curve =
         Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Linear, periodic: false };
     let axis = Vector3::new(0.6, 0.0, 0.8);
@@ -276,7 +278,7 @@ fn places_of_handles_and_moved_targets_are_derivatives_of_the_residual() {
 
 #[test]
 fn poses_of_holds_are_derivatives_of_the_residual() {
-    let Scene { mut system, hold, .. } = scene(Model::Tanh, LAW);
+    let Scene { mut system, hold, .. } = scene(FrictionModel::Tanh, LAW);
     let curve =
         Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
     let curve = Arc::new(curve);
@@ -294,7 +296,7 @@ fn poses_of_holds_are_derivatives_of_the_residual() {
                 axis @ 0..3 => position[axis] += share * *moved,
                 axis => turn[axis - 3] += share * *moved,
             }
-            system.force_mut::<Hold>(hold).unwrap().place = Some(Place::new(position, &turn));
+            system.force_mut::<Hold>(hold).unwrap().place = Some(TargetPose::new(position, &turn));
         };
         change(&mut system, 0.0);
         assert_eq!(agrees(&mut system, pose.as_ref(), 1.0, change), share != 0.0, "{pose:?}");
@@ -306,7 +308,7 @@ fn controls_are_derivatives_of_the_residual_and_nothing_at_a_motors_limit() {
     let curve =
         Curve { begin_s: 0.0, spacing_s: 0.1, knots: 6, degree: Degree::Cubic, periodic: false };
     for (limit_nm, free) in [(1e3, true), (1e-3, false)] {
-        let Scene { mut system, motor, .. } = scene(Model::Tanh, Law { limit_nm, ..LAW });
+        let Scene { mut system, motor, .. } = scene(FrictionModel::Tanh, Law { limit_nm, ..LAW });
         for knot in [2, 4, 5] {
             let control = Control { motor, curve: Arc::new(curve), knot };
             let [angle, speed] = curve.of_knot(knot, 0.3);

@@ -10,7 +10,7 @@ mod model;
 mod pose;
 mod swept;
 
-pub use model::{Carried, Chain, Model};
+pub use model::{Chain, Model, Subtree};
 pub use pose::{EndEffectorPose, Pose};
 pub use swept::{CarriedPair, SweptMoment, cross_sum, turned_first, turned_second};
 

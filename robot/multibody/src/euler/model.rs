@@ -13,13 +13,13 @@ pub struct Model {
     second_moments_kg_m2: Vec<Matrix3<f64>>,
     nominal_q: DVector<f64>,
     chains: Vec<Chain>,
-    carried: Vec<Carried>,
+    carried: Vec<Subtree>,
     clearance: Clearance,
 }
 
 /// Subtree that a joint moves, and the joints that move it.
 #[derive(Clone, Debug)]
-pub struct Carried {
+pub struct Subtree {
     /// Mass of the links beyond the joint, kg.
     pub mass_kg: f64,
     /// Joints between the base and this joint, base first.
@@ -123,7 +123,7 @@ impl Model {
     }
 
     /// Subtree beyond joint `index`.
-    pub fn carried(&self, index: usize) -> &Carried {
+    pub fn carried(&self, index: usize) -> &Subtree {
         &self.carried[index]
     }
 
@@ -151,13 +151,13 @@ fn drop_to_contact(axis: Vector3<f64>, radius_m: f64) -> f64 {
 }
 
 /// Subtree beyond each joint.
-fn carried(tree: &Tree) -> Vec<Carried> {
+fn carried(tree: &Tree) -> Vec<Subtree> {
     let robot = tree.robot();
     let moves = |joint: usize, link: usize| tree.joints_to_link(link).contains(&joint);
     let joints = 0..robot.joints.len();
     let of = |joint: usize| {
         let path = tree.joints_to_link(robot.joints[joint].child);
-        Carried {
+        Subtree {
             mass_kg: tree.carried_mass_kg(joint),
             above: path[..path.len() - 1].to_vec(),
             below: joints

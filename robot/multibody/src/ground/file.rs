@@ -1,7 +1,7 @@
 //! Terrain files: TOML files that describe a [`Ground`] (docs/terrain-files.md).
 
 use super::terrain::CORNER_MIN_M;
-use super::{Ground, HeightField, Plane, Profile, Turned};
+use super::{Ground, HeightField, Plane, Profile, RotatedGround};
 use rollwalk_robot::document::{Document, DocumentError, Table, alternatives};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -19,10 +19,10 @@ const FAR_M: f64 = 1000.0;
 const HEIGHT_MAX_M: f64 = 10.0;
 
 /// Reader of a kind of terrain.
-type Read = fn(&Table<'_>) -> Option<Arc<dyn Ground>>;
+type TerrainReader = fn(&Table<'_>) -> Option<Arc<dyn Ground>>;
 
 /// Names of the tables for the kinds of terrain, with their readers.
-const KINDS: [(&str, Read); 6] = [
+const KINDS: [(&str, TerrainReader); 6] = [
     ("slope", slope),
     ("step", step),
     ("ramp", ramp),
@@ -74,7 +74,11 @@ fn ground(document: &Document<'_>) -> Option<Arc<dyn Ground>> {
     table.done();
     let heading_rad = heading_deg?.to_radians();
     let ground = ground?;
-    if heading_rad == 0.0 { Some(ground) } else { Some(Arc::new(Turned::new(ground, heading_rad))) }
+    if heading_rad == 0.0 {
+        Some(ground)
+    } else {
+        Some(Arc::new(RotatedGround::new(ground, heading_rad)))
+    }
 }
 
 fn slope(table: &Table<'_>) -> Option<Arc<dyn Ground>> {

@@ -15,7 +15,7 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::force::{Derivative, View, Wrench};
 use rollwalk_physics::motion::Weights;
-use rollwalk_physics::{Assembly, Motion, Scheme};
+use rollwalk_physics::{Assembly, BodyMotion, Scheme};
 
 /// Gap above which a particle does not touch within a step, m.
 const REACH_M: f64 = 0.01;
@@ -70,7 +70,7 @@ impl Reference {
     /// Advances by a step. Returns `None` if a program has no solution.
     pub fn step(&mut self) -> Option<Report> {
         let begin = self.assembly.motions.clone();
-        let gap = |motion: &Motion| self.plane.at(&motion.position).gap_m;
+        let gap = |motion: &BodyMotion| self.plane.at(&motion.position).gap_m;
         let near: Vec<(usize, f64)> = begin.iter().map(gap).enumerate().collect();
         let near: Vec<_> = near.into_iter().filter(|(_, gap_m)| *gap_m < REACH_M).collect();
         let mut velocities: Vec<_> = begin.iter().map(|motion| motion.velocity).collect();
@@ -96,8 +96,8 @@ impl Reference {
         Some(report)
     }
 
-    fn moved(&self, begin: &[Motion], velocities: &[Vector3<f64>]) -> Vec<Motion> {
-        let moved = |(motion, velocity): (&Motion, &Vector3<f64>)| Motion {
+    fn moved(&self, begin: &[BodyMotion], velocities: &[Vector3<f64>]) -> Vec<BodyMotion> {
+        let moved = |(motion, velocity): (&BodyMotion, &Vector3<f64>)| BodyMotion {
             position: motion.position + velocity * self.step_s,
             velocity: *velocity,
             ..*motion
@@ -112,7 +112,7 @@ impl Reference {
         near.iter().map(|&(particle, _)| across(velocities[particle])).collect()
     }
 
-    fn model(&self, begin: &[Motion], velocities: &[Vector3<f64>]) -> Model {
+    fn model(&self, begin: &[BodyMotion], velocities: &[Vector3<f64>]) -> Model {
         let step_s = self.step_s;
         let now = self.moved(begin, velocities);
         let mut model = Model { excess: Vec::new(), blocks: Vec::new() };
@@ -124,7 +124,7 @@ impl Reference {
         }
         let weights = Weights::new(Scheme::Bdf1, step_s);
         for force in &self.assembly.forces {
-            let of = |motions: &[Motion]| -> Vec<Motion> {
+            let of = |motions: &[BodyMotion]| -> Vec<BodyMotion> {
                 force.bodies().iter().map(|&body| motions[body]).collect()
             };
             let (now, last) = (of(&now), of(begin));

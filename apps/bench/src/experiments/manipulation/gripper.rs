@@ -6,10 +6,10 @@ use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
 use rollwalk_physics::curve::Curve;
-use rollwalk_physics::hold::{Grip, Hold, Place};
+use rollwalk_physics::hold::{Hold, HoldGains, TargetPose};
 use rollwalk_physics::sensitivity::Parameter;
 use rollwalk_physics::sensitivity::parameter::Pose;
-use rollwalk_physics::{Assembly, Motion, Settings, System};
+use rollwalk_physics::{Assembly, BodyMotion, Settings, System};
 use std::sync::Arc;
 
 /// Edge of a cube, m.
@@ -32,11 +32,15 @@ pub(crate) struct Gripper {
 
 impl Gripper {
     pub fn add(assembly: &mut Assembly, at: Vector3<f64>) -> Self {
-        let body = add_cube(assembly, Motion::at(at));
+        let body = add_cube(assembly, BodyMotion::at(at));
         // A robot's arm is far stiffer than what it pulls.
-        let grip =
-            Grip { shift_n_m: 1e4, velocity_n_s_m: 0.0, turn_nm_rad: 10.0, spin_nm_s_rad: 0.0 };
-        let place = Some(Place::new(at, &Vector3::zeros()));
+        let grip = HoldGains {
+            shift_n_m: 1e4,
+            velocity_n_s_m: 0.0,
+            turn_nm_rad: 10.0,
+            spin_nm_s_rad: 0.0,
+        };
+        let place = Some(TargetPose::new(at, &Vector3::zeros()));
         let hold = assembly.add(Hold { body: [body], grip, place });
         Self { body, hold, begin: at }
     }
@@ -55,12 +59,12 @@ impl Effector for Gripper {
         let [shift, turn] =
             [0, 3].map(|first| Vector3::from_column_slice(&coordinates[first..first + 3]));
         let hold = system.force_mut::<Hold>(self.hold).expect("the gripper's hold");
-        hold.place = Some(Place::new(self.begin + shift, &turn));
+        hold.place = Some(TargetPose::new(self.begin + shift, &turn));
     }
 }
 
 /// Adds a cube without contacts and returns its index.
-pub(crate) fn add_cube(assembly: &mut Assembly, motion: Motion) -> usize {
+pub(crate) fn add_cube(assembly: &mut Assembly, motion: BodyMotion) -> usize {
     assembly.add_body(parts::cube(CUBE_KG, EDGE_M), motion)
 }
 

@@ -5,20 +5,20 @@ use nalgebra::Vector3;
 use std::fmt;
 
 /// Warning about one or several parts of the robot.
-pub(super) struct Doubt {
+pub(super) struct RobotWarning {
     /// Kind of a single part: `link`, `joint` or `end effector`.
     pub kind: &'static str,
     pub names: Vec<String>,
     pub text: String,
 }
 
-impl Doubt {
+impl RobotWarning {
     pub fn of(kind: &'static str, name: &str, text: String) -> Self {
         Self { kind, names: vec![name.to_owned()], text }
     }
 }
 
-impl fmt::Display for Doubt {
+impl fmt::Display for RobotWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names = quoted(self.names.iter().map(String::as_str));
         let plural = if self.names.len() > 1 { "s" } else { "" };
@@ -27,14 +27,14 @@ impl fmt::Display for Doubt {
 }
 
 /// Standing robot with its size.
-pub(super) struct Seen<'a> {
+pub(super) struct CheckedRobot<'a> {
     pub tree: &'a Tree,
     pub standing: &'a Standing,
     /// Diagonal of the box around contacts, link origins and link centres of mass, m.
     pub size_m: f64,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> CheckedRobot<'a> {
     pub fn new(tree: &'a Tree, standing: &'a Standing) -> Self {
         let frames = &standing.frames;
         let coms = (0..tree.robot().links.len()).map(|link| frames.link_com(tree, link));

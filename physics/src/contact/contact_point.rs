@@ -1,6 +1,6 @@
 //! Contact point of a sphere, rim or blade: the lowest point, and its movement on the body as the body turns.
 
-use crate::motion::Motion;
+use crate::motion::BodyMotion;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use rollwalk_multibody::ground::{Ground, Surface};
 use rollwalk_multibody::rotation::skew;
@@ -26,7 +26,7 @@ pub enum Tip {
 }
 
 /// Contact point, with its derivatives with respect to the body's pose.
-pub(super) struct Place {
+pub(super) struct ContactPoint {
     pub surface: Surface,
     /// Vector from the centre of mass to the contact point, m.
     pub arm: Vector3<f64>,
@@ -40,14 +40,14 @@ pub(super) struct Place {
     pub axis: Option<Vector3<f64>>,
 }
 
-impl Place {
+impl ContactPoint {
     /// Computes the contact point of a tip for a motion of its body. `center` is in body axes.
     pub fn new(
         center: &Vector3<f64>,
         radius_m: f64,
         tip: Tip,
         ground: &dyn Ground,
-        body: &Motion,
+        body: &BodyMotion,
     ) -> Self {
         let fixed = body.rotation * center;
         let center_by_rotation = -skew(&fixed);

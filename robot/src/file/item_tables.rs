@@ -1,7 +1,7 @@
 //! Spans of items and fields in a robot file. The rules themselves have no access to spans.
 
 use crate::document::{Span, Table};
-use crate::rules::Place;
+use crate::rules::Item;
 use std::collections::BTreeMap;
 
 /// Tables from which an item was read.
@@ -35,7 +35,7 @@ impl<'d> Source<'d> {
 
 /// Tables of all items of a robot, in the order of the robot.
 #[derive(Debug)]
-pub(super) struct Places<'d> {
+pub(super) struct ItemTables<'d> {
     pub root: Table<'d>,
     pub links: Vec<Source<'d>>,
     pub joints: Vec<Source<'d>>,
@@ -43,22 +43,22 @@ pub(super) struct Places<'d> {
     pub buses: BTreeMap<u8, Source<'d>>,
 }
 
-impl<'d> Places<'d> {
+impl<'d> ItemTables<'d> {
     pub fn new(root: Table<'d>) -> Self {
         let buses = BTreeMap::new();
         Self { root, links: vec![], joints: vec![], end_effectors: vec![], buses }
     }
 
     /// Span of a field's value, or of the item if the field is absent.
-    pub fn span(&self, place: Place, field: &str) -> Span {
+    pub fn span(&self, place: Item, field: &str) -> Span {
         let source = match place {
-            Place::Robot if matches!(field, "name" | "clearance_margin_m") => None,
+            Item::Robot if matches!(field, "name" | "clearance_margin_m") => None,
             // What is missing or too many has no single place: show the start of the file.
-            Place::Robot => return 0..0,
-            Place::Link(index) => self.links.get(index),
-            Place::Joint(index) => self.joints.get(index),
-            Place::EndEffector(index) => self.end_effectors.get(index),
-            Place::Bus(number) => self.buses.get(&number),
+            Item::Robot => return 0..0,
+            Item::Link(index) => self.links.get(index),
+            Item::Joint(index) => self.joints.get(index),
+            Item::EndEffector(index) => self.end_effectors.get(index),
+            Item::Bus(number) => self.buses.get(&number),
         };
         source.map_or_else(|| self.root.span_of(field), |source| source.span(field))
     }

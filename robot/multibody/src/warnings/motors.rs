@@ -1,6 +1,6 @@
 //! Warnings about gains and rotor inertias that do not suit the load of the motors.
 
-use super::seen::{Doubt, Seen};
+use super::warning::{CheckedRobot, RobotWarning};
 use crate::CompositeInertia;
 use rollwalk_robot::Actuator;
 
@@ -14,16 +14,16 @@ const YIELDS_MAX_RAD: f64 = 0.15;
 /// Assumed period of a drive's damping loop, s. Many drives are faster, few are slower.
 const LOOP_S: f64 = 1e-3;
 
-pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let (tree, frames) = (seen.tree, &seen.standing.frames);
     let robot = tree.robot();
     let composite = CompositeInertia::new(tree, frames);
     let carried: Vec<f64> =
         (0..robot.joints.len()).map(|joint| composite.joint_inertia(tree, frames, joint)).collect();
     let of_robot_kg_m2 = robot.total_mass_kg() * seen.size_m.powi(2);
-    let mut doubts = Vec::new();
+    let mut warnings = Vec::new();
     for (index, joint) in robot.joints.iter().enumerate() {
-        let doubt = |text| Doubt::of("joint", &joint.name, text);
+        let warning = |text| RobotWarning::of("joint", &joint.name, text);
         let motor = &joint.actuator;
         let before = tree.joints_to_link(joint.child).iter().map(|joint| carried[*joint]);
         let limb_kg_m2 = before.fold(0.0, f64::max);
@@ -31,7 +31,7 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
         if armature_kg_m2 > ARMATURE_OF_LIMB * limb_kg_m2
             && armature_kg_m2 > ARMATURE_OF_ROBOT * of_robot_kg_m2
         {
-            doubts.push(doubt(format!(
+            warnings.push(warning(format!(
                 "`armature_kg_m2` is {armature_kg_m2}, {:.0} times the inertia of the limb; give \
                  the rotor's inertia times the square of the gear ratio, with g·cm² multiplied by \
                  1e-7 and kg·cm² by 1e-4",
@@ -40,15 +40,15 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
         }
         let yields_rad = (seen.standing.torque_nm[index] / motor.kp_nm_rad).abs();
         if yields_rad > YIELDS_MAX_RAD {
-            doubts.push(doubt(format!(
+            warnings.push(warning(format!(
                 "`kp_nm_rad` is {}, too low to carry the robot: the joint yields by \
                  {yields_rad:.2} rad; multiply a value in N·m per degree by 57.3",
                 motor.kp_nm_rad
             )));
         }
-        doubts.extend(damping(motor, carried[index] + armature_kg_m2).map(doubt));
+        warnings.extend(damping(motor, carried[index] + armature_kg_m2).map(warning));
     }
-    doubts
+    warnings
 }
 
 /// Warning about unstable damping: a digital loop diverges if I / kd is below half of its period.

@@ -1,6 +1,6 @@
 //! Warnings about wheels that lie flat, and about wheels that overlap.
 
-use super::seen::{Doubt, Seen};
+use super::warning::{CheckedRobot, RobotWarning};
 use nalgebra::Vector3;
 
 /// Sine of the angle between an axis and the horizontal above which a wheel or blade lies flat.
@@ -8,7 +8,7 @@ const LIES: f64 = 0.6;
 /// Assumed width of a wheel, as a fraction of its radius. Tyres are at least as wide.
 const WIDTH: f64 = 0.2;
 
-pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
     let ends = robot.end_effectors.iter();
     let wheels: Vec<(&str, Vector3<f64>, Vector3<f64>, f64)> = ends
@@ -21,14 +21,14 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
         })
         .collect();
     let lying = wheels.iter().filter(|(_, _, axis, _)| axis.z.abs() > LIES);
-    let mut doubts: Vec<_> = lying
+    let mut warnings: Vec<_> = lying
         .map(|(name, _, axis, _)| {
             let out = axis.z.abs().min(1.0).asin().to_degrees();
             let text = format!(
                 "axis is {out:.0}° from the horizontal in the nominal pose; give a wheel that \
                  rolls forward `axis_in_link = [0, 1, 0]` if y of the link is lateral"
             );
-            Doubt::of("end effector", name, text)
+            RobotWarning::of("end effector", name, text)
         })
         .collect();
     for (index, (name, center, axis, radius_m)) in wheels.iter().enumerate() {
@@ -44,9 +44,9 @@ pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
                      positions"
                 );
                 let names = [*other, *name].map(str::to_owned).to_vec();
-                doubts.push(Doubt { kind: "end effector", names, text });
+                warnings.push(RobotWarning { kind: "end effector", names, text });
             }
         }
     }
-    doubts
+    warnings
 }

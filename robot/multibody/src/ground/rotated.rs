@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 /// Ground that is turned.
 #[derive(Clone, Debug)]
-pub struct Turned {
+pub struct RotatedGround {
     inner: Arc<dyn Ground>,
     world_from_inner: Rotation3<f64>,
 }
 
-impl Turned {
+impl RotatedGround {
     /// Turns `inner` so that its x axis points along a heading, rad.
     pub fn new(inner: Arc<dyn Ground>, heading_rad: f64) -> Self {
         let world_from_inner = Rotation3::from_axis_angle(&Vector3::z_axis(), heading_rad);
@@ -19,7 +19,7 @@ impl Turned {
     }
 }
 
-impl Ground for Turned {
+impl Ground for RotatedGround {
     fn is_distance(&self) -> bool {
         self.inner.is_distance()
     }
@@ -49,7 +49,7 @@ mod tests {
     #[test]
     fn a_turned_ground_has_its_derivatives() {
         let ramp = Arc::new(Profile::ramp(-0.2, 0.5, 0.3).unwrap());
-        let turned = Turned::new(ramp, 0.7);
+        let turned = RotatedGround::new(ramp, 0.7);
         let mut rng = fastrand::Rng::with_seed(5);
         for _ in 0..200 {
             let point = Vector3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);

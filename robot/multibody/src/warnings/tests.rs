@@ -1,6 +1,6 @@
 //! Tests that typical errors in robot files give their warning, and that shipped robots give none.
 
-use super::doubts;
+use super::warnings;
 use crate::{Standing, Tree};
 use rollwalk_robot::Robot;
 
@@ -9,7 +9,7 @@ const PUP: &str = include_str!("../../../../shipped/robots/pup.toml");
 fn of(text: &str) -> Vec<String> {
     let robot = Robot::from_toml("robot.toml", text).unwrap();
     let tree = Tree::new(&robot);
-    doubts(&tree, &Standing::new(&tree).unwrap())
+    warnings(&tree, &Standing::new(&tree).unwrap())
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn a_slip_is_named_with_its_value() {
     ];
     for (changes, expected) in cases {
         let found = of(&table(&changes));
-        assert!(found.iter().any(|doubt| doubt.contains(expected)), "{expected}: {found:#?}");
+        assert!(found.iter().any(|warning| warning.contains(expected)), "{expected}: {found:#?}");
     }
     assert_eq!(of(PUP), [""; 0]);
 }

@@ -1,6 +1,6 @@
 //! Warnings about end effectors whose positions contradict their names: front and rear, left and right.
 
-use super::seen::{Doubt, Seen};
+use super::warning::{CheckedRobot, RobotWarning};
 
 /// Distance from the middle below which an end effector has no side, as a fraction of the robot's size.
 const MIDDLE: f64 = 0.02;
@@ -35,12 +35,12 @@ const DIRECTIONS: [Direction; 2] = [
     },
 ];
 
-pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     DIRECTIONS.iter().filter_map(|direction| swapped(seen, direction)).collect()
 }
 
 /// Warning about end effectors on the side opposite to their name.
-fn swapped(seen: &Seen<'_>, direction: &Direction) -> Option<Doubt> {
+fn swapped(seen: &CheckedRobot<'_>, direction: &Direction) -> Option<RobotWarning> {
     let ends = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
     let named: Vec<(&str, bool, f64)> = ends
         .filter_map(|(end, contact)| {
@@ -67,7 +67,7 @@ fn swapped(seen: &Seen<'_>, direction: &Direction) -> Option<Doubt> {
          the signs of `origin_in_parent_m`, or change the name",
         direction.key
     );
-    (!names.is_empty()).then_some(Doubt { kind: "end effector", names, text })
+    (!names.is_empty()).then_some(RobotWarning { kind: "end effector", names, text })
 }
 
 /// Words of a name in lower case, from forms such as `front_left`, `LF_FOOT`, `frontLeft` or `FL2`.

@@ -1,6 +1,6 @@
 //! Warnings about implausible densities and inertias of links.
 
-use super::seen::{Doubt, Seen};
+use super::warning::{CheckedRobot, RobotWarning};
 use rollwalk_robot::Link;
 use std::ops::RangeInclusive;
 
@@ -19,17 +19,17 @@ const MASS_LEAST: f64 = 1e-4;
 const UNITS: [(&str, f64); 5] =
     [("g·m²", 1e-3), ("kg·cm²", 1e-4), ("kg·mm²", 1e-6), ("g·cm²", 1e-7), ("g·mm²", 1e-9)];
 
-pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
+pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let robot = seen.tree.robot();
     let total_kg = robot.total_mass_kg();
     let links = robot.links.iter();
     // A mass that is far too small is not seen by its share.
     let counts = |link: &&Link| link.mass_kg > MASS_LEAST * total_kg;
-    let doubt = |link: &Link| {
+    let warning = |link: &Link| {
         let text = inertia(seen, link).or_else(|| density(link))?;
-        Some(Doubt::of("link", &link.name, text))
+        Some(RobotWarning::of("link", &link.name, text))
     };
-    links.filter(counts).filter_map(doubt).collect()
+    links.filter(counts).filter_map(warning).collect()
 }
 
 /// Largest moment of inertia, kg·m², and its radius of gyration, m.
@@ -38,7 +38,7 @@ fn largest(link: &Link) -> (f64, f64) {
     (inertia, (inertia / link.mass_kg).sqrt())
 }
 
-fn inertia(seen: &Seen<'_>, link: &Link) -> Option<String> {
+fn inertia(seen: &CheckedRobot<'_>, link: &Link) -> Option<String> {
     let (inertia_kg_m2, radius_m) = largest(link);
     let share = radius_m / seen.size_m;
     let [least, most] = GYRATION;

@@ -1,6 +1,6 @@
 //! Warnings about joints without effect, and about a pose in which few feet carry the robot.
 
-use super::seen::{Doubt, Seen};
+use super::warning::{CheckedRobot, RobotWarning};
 use nalgebra::Vector3;
 
 /// Distance between two axes, or of a contact from an axis, below which they coincide, as a fraction of the robot's size.
@@ -12,17 +12,17 @@ const CARRIES: f64 = 0.25;
 /// Minimum number of standing contacts for a warning about uneven forces.
 const MANY: usize = 4;
 
-pub(super) fn doubts(seen: &Seen<'_>) -> Vec<Doubt> {
-    let mut doubts = axes(seen);
-    doubts.extend(ends(seen));
-    doubts.extend(loads(seen));
-    doubts
+pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
+    let mut warnings = axes(seen);
+    warnings.extend(ends(seen));
+    warnings.extend(loads(seen));
+    warnings
 }
 
 /// Warnings about joints that turn about the axis of the previous joint.
-fn axes(seen: &Seen<'_>) -> Vec<Doubt> {
+fn axes(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
-    let mut doubts = Vec::new();
+    let mut warnings = Vec::new();
     for (after, joint) in robot.joints.iter().enumerate() {
         let Some(before) = robot.joints.iter().position(|other| other.child == joint.parent) else {
             continue;
@@ -33,16 +33,16 @@ fn axes(seen: &Seen<'_>) -> Vec<Doubt> {
         if parallel && is_same(seen, &apart, &axis) {
             let text = "axis coincides with that of the previous joint, so the link between the \
                 two joints has a length of 0; check `origin_in_parent_m`";
-            doubts.push(Doubt::of("joint", &joint.name, text.to_owned()));
+            warnings.push(RobotWarning::of("joint", &joint.name, text.to_owned()));
         }
     }
-    doubts
+    warnings
 }
 
 /// Warnings about joints that do not move the contact at the end of their limb.
-fn ends(seen: &Seen<'_>) -> Vec<Doubt> {
+fn ends(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
-    let mut doubts = Vec::new();
+    let mut warnings = Vec::new();
     for end in &robot.end_effectors {
         let Some(last) = robot.joints.iter().position(|joint| joint.child == end.link) else {
             continue;
@@ -55,18 +55,18 @@ fn ends(seen: &Seen<'_>) -> Vec<Doubt> {
         if parallel && is_same(seen, &(center - frames.link_origins[end.link]), &axis) {
             let text = "contact lies on the axis of the last joint, which therefore does not move \
                 the contact; check `center_in_link_m`";
-            doubts.push(Doubt::of("end effector", &end.name, text.to_owned()));
+            warnings.push(RobotWarning::of("end effector", &end.name, text.to_owned()));
         }
     }
-    doubts
+    warnings
 }
 
-fn is_same(seen: &Seen<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -> bool {
+fn is_same(seen: &CheckedRobot<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -> bool {
     axis.cross(apart).norm() < SAME * seen.size_m
 }
 
 /// Warning about standing contacts that hardly carry. A leg with a wrong sign then stands in a wrong position.
-fn loads(seen: &Seen<'_>) -> Option<Doubt> {
+fn loads(seen: &CheckedRobot<'_>) -> Option<RobotWarning> {
     let contacts = seen.tree.robot().end_effectors.iter().zip(&seen.standing.contacts);
     let standing: Vec<_> = contacts.filter(|(_, contact)| contact.force_n > 0.0).collect();
     if standing.len() < MANY || !seen.standing.balanced {
@@ -78,5 +78,5 @@ fn loads(seen: &Seen<'_>) -> Option<Doubt> {
     let text = "almost no load, because the centre of mass is nearly beyond the other contacts; \
                 check the signs of `axis_in_joint` and `nominal_rad` of the joints, from the body \
                 outwards, and the positions of heavy parts";
-    (!names.is_empty()).then(|| Doubt { kind: "end effector", names, text: text.to_owned() })
+    (!names.is_empty()).then(|| RobotWarning { kind: "end effector", names, text: text.to_owned() })
 }
