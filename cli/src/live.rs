@@ -4,7 +4,7 @@ use clap::Args;
 use miette::miette;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use rollwalk_host::joints::{Joint, Joints};
-use rollwalk_interchange::foxglove::{Figure, Live, Posture};
+use rollwalk_interchange::foxglove::{Figure, LiveServer, Posture};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_physics::World;
 use rollwalk_robot::{Robot, Solid};
@@ -46,7 +46,7 @@ impl LiveArgs {
         parts: &[Vec<Solid>],
     ) -> miette::Result<Option<View<'r>>> {
         let Some(port) = self.foxglove else { return Ok(None) };
-        let live = Live::start(&robot.name, port).map_err(|error| {
+        let live = LiveServer::start(&robot.name, port).map_err(|error| {
             miette!(
                 help = "give another port with --foxglove PORT; 0 stands for any free port",
                 "{error}"
@@ -59,7 +59,7 @@ impl LiveArgs {
 
 /// Measured robot on a server, with the planned robot beside it.
 pub struct View<'r> {
-    live: Live,
+    live: LiveServer,
     robot: &'r Robot,
     measured: Figure<'r>,
     planned: Figure<'r>,
@@ -74,7 +74,7 @@ pub struct View<'r> {
 }
 
 impl<'r> View<'r> {
-    fn new(live: Live, robot: &'r Robot, parts: &[Vec<Solid>]) -> Self {
+    fn new(live: LiveServer, robot: &'r Robot, parts: &[Vec<Solid>]) -> Self {
         let height = Standing::new(&Tree::new(robot)).map_or(0.0, |s| s.frames.link_origins[0].z);
         Self {
             live,

@@ -5,7 +5,7 @@
 use cpu_time::ProcessTime;
 use rollwalk_multibody::State;
 use rollwalk_planner::motion::Motion;
-use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, Measured, Steering};
+use rollwalk_planner::receding::{Gait, Horizon, HorizonOptions, MeasuredState, Steering};
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_planner::{Options, optimise};
 use rollwalk_robot::Robot;
@@ -75,7 +75,7 @@ fn measured(
             [[0.1, 0.0], [0.1, 0.2], [-0.1, 0.0], [0.0; 2]][(k / 25) as usize % 4];
         let steering = Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };
         let mut plan = |state: &State| {
-            let measured = Measured { state, touches: &touches };
+            let measured = MeasuredState { state, touches: &touches };
             horizon.plan(measured, at, steering, &mut |_| ControlFlow::Continue(()))
         };
         let mut pushed = state.clone();

@@ -15,7 +15,7 @@ use thiserror::Error;
 
 /// Library file with its robot, motions and plans.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted<'w> {
+pub struct LibraryRequest<'w> {
     /// Robot of the library.
     pub robot: &'w Robot,
     /// Library file.
@@ -27,7 +27,7 @@ pub struct Wanted<'w> {
 }
 
 /// Source of the files that a library file names, by paths relative to it. The caller implements it.
-pub trait Shelf {
+pub trait LibraryFiles {
     /// Error of the caller for a missing or invalid file.
     type Error;
 
@@ -54,12 +54,12 @@ pub trait Shelf {
     fn faults(&mut self, error: DocumentError) -> Self::Error;
 
     /// Converts a mismatch between files.
-    fn misfit(&mut self, error: Misfit) -> Self::Error;
+    fn misfit(&mut self, error: LibraryMismatch) -> Self::Error;
 }
 
 /// Mismatch between files of a library that are valid individually.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
-pub enum Misfit {
+pub enum LibraryMismatch {
     /// The file names the plan of a transition for a motion.
     #[error("{library}: motion `{motion}` refers to {at}, which is the plan of a transition")]
     #[diagnostic(help(
@@ -113,7 +113,7 @@ impl Contents {
     ///
     /// # Errors
     /// Returns an error if a file is missing or invalid, or if motions do not fit together.
-    pub fn read<S: Shelf>(name: &str, text: &str, shelf: &mut S) -> Result<Self, S::Error> {
+    pub fn read<S: LibraryFiles>(name: &str, text: &str, shelf: &mut S) -> Result<Self, S::Error> {
         let robot = LibraryFile::robot_path_in_toml(name, text).map_err(|why| shelf.faults(why))?;
         let (robot, robot_at) = shelf.robot(&robot)?;
         let file = LibraryFile::from_toml(name, text, &robot).map_err(|why| shelf.faults(why))?;
@@ -133,7 +133,11 @@ impl Contents {
                     let plan = Plan { motion: named(plan.motion), ..plan };
                     if plan.motion.ends == Ends::Prescribed {
                         let (library, motion) = (name.to_owned(), item.name.clone());
-                        return Err(shelf.misfit(Misfit::Transition { library, motion, at }));
+                        return Err(shelf.misfit(LibraryMismatch::Transition {
+                            library,
+                            motion,
+                            at,
+                        }));
                     }
                     motions.push(plan.motion.clone());
                     let other = plan.robot.clone();
@@ -145,7 +149,7 @@ impl Contents {
             };
             if other != robot {
                 let same_name = other.name == robot.name;
-                return Err(shelf.misfit(Misfit::OtherRobot {
+                return Err(shelf.misfit(LibraryMismatch::OtherRobot {
                     library: name.to_owned(),
                     motion: item.name.clone(),
                     other: other.name,
@@ -164,9 +168,9 @@ impl Contents {
     }
 
     /// Returns the input for planning.
-    pub fn wanted(&self) -> Wanted<'_> {
+    pub fn request(&self) -> LibraryRequest<'_> {
         let Self { robot, file, motions, plans } = self;
-        Wanted { robot, file, motions, plans }
+        LibraryRequest { robot, file, motions, plans }
     }
 }
 
@@ -189,7 +193,7 @@ pub trait Solver {
     ) -> Result<Option<Plan>, TransitionError>;
 
     /// Called for a motion whose plan the file names, which is used unchanged.
-    fn taken(&mut self, motion: &Motion);
+    fn plan_given(&mut self, motion: &Motion);
 
     /// Called for a transition that is left out.
     fn left_out(&mut self, transition: &Motion, why: Missing<'_>);
@@ -211,7 +215,7 @@ impl fmt::Display for Missing<'_> {
 
 /// Plan of a transition between two motions of a library.
 #[derive(Clone, Copy, Debug)]
-pub struct Joined<P> {
+pub struct TransitionPlan<P> {
     /// Index of the motion that the transition leaves.
     pub from: usize,
     /// Index of the motion that the transition enters.
@@ -220,13 +224,13 @@ pub struct Joined<P> {
     pub plan: P,
 }
 
-impl Wanted<'_> {
+impl LibraryRequest<'_> {
     /// Plans every motion. Motions for which the file names a plan use that plan. Returns `None` if the user stopped a solve.
     pub fn motions(&self, solver: &mut dyn Solver) -> Option<Vec<Plan>> {
         let options = Options::default();
         let plan = |(motion, given): (&Motion, &Option<Plan>)| match given {
             Some(plan) => {
-                solver.taken(motion);
+                solver.plan_given(motion);
                 Some(plan.clone())
             }
             None => solver.motion(self.robot, motion, &options),
@@ -242,7 +246,7 @@ impl Wanted<'_> {
         &self,
         motions: &[Plan],
         solver: &mut dyn Solver,
-    ) -> Result<Option<Vec<Joined<Plan>>>, TransitionError> {
+    ) -> Result<Option<Vec<TransitionPlan<Plan>>>, TransitionError> {
         let options = Options::default();
         let mut transitions = Vec::new();
         for wanted in &self.file.transitions {
@@ -253,7 +257,9 @@ impl Wanted<'_> {
                 continue;
             }
             match solver.transition(&wanted.motion, from, to, &options)? {
-                Some(plan) => transitions.push(Joined { from: wanted.from, to: wanted.to, plan }),
+                Some(plan) => {
+                    transitions.push(TransitionPlan { from: wanted.from, to: wanted.to, plan })
+                }
                 None => return Ok(None),
             }
         }
@@ -267,7 +273,7 @@ impl Wanted<'_> {
     pub fn pack<'p>(
         &self,
         motions: impl IntoIterator<Item = &'p Plan>,
-        transitions: impl IntoIterator<Item = Joined<&'p Plan>>,
+        transitions: impl IntoIterator<Item = TransitionPlan<&'p Plan>>,
     ) -> Result<BuiltLibrary, LibraryError> {
         let items = self.file.motions.iter().zip(motions);
         let content = LibraryContent {
@@ -277,7 +283,7 @@ impl Wanted<'_> {
                 .collect(),
             transitions: transitions
                 .into_iter()
-                .map(|Joined { from, to, plan }| LibraryTransition {
+                .map(|TransitionPlan { from, to, plan }| LibraryTransition {
                     from,
                     exit_time_s: self.motions[from].exit_time_s(),
                     to,

@@ -99,7 +99,7 @@ impl Level {
 /// Tolerance between the samples, as the motion is played: the largest residual with which motions succeed in an independent
 /// rigid-body simulator. Tolerances scale with the robot, so that they are as strict for 1 kg as for 100 kg.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum AsPlayed {
+pub enum PlayedTolerance {
     /// Multiple of the tolerance at the samples.
     TimesLevel(f64),
     /// Fraction of the robot's weight.
@@ -123,7 +123,7 @@ pub struct Scales {
     pub height_m: f64,
 }
 
-impl AsPlayed {
+impl PlayedTolerance {
     /// Returns the tolerance in the family's unit, if it follows from the robot.
     pub fn at(self, scales: &Scales) -> Option<f64> {
         let Scales { weight_n, height_m } = *scales;
@@ -304,8 +304,8 @@ impl Family {
     }
 
     /// Tolerance between the samples.
-    pub const fn as_played(self) -> AsPlayed {
-        use AsPlayed::{OfHeight, OfMoment, OfSpeed, OfWeight, TimesLevel};
+    pub const fn as_played(self) -> PlayedTolerance {
+        use PlayedTolerance::{OfHeight, OfMoment, OfSpeed, OfWeight, TimesLevel};
         match self {
             // 1.15 times the most of a motion that holds, and less than of any that missed its way by more than 8 %.
             Self::MeanSlip => OfSpeed(0.0035),
@@ -324,7 +324,7 @@ impl Family {
             Self::JointLimit | Self::JointSpeed | Self::WheelMotorSpeed => TimesLevel(1.0),
             Self::LinkClearance | Self::GroundClearance => TimesLevel(1.0),
             Self::JointTorqueAsPlayed | Self::WheelTorqueAsPlayed => TimesLevel(1.0),
-            _ => AsPlayed::None,
+            _ => PlayedTolerance::None,
         }
     }
 
@@ -459,12 +459,12 @@ mod tests {
         for &family in Family::ALL {
             let percent = |part: f64, of: &str| format!("{} % of {of}", (part * 1e6).round() / 1e4);
             let tolerance = match family.as_played() {
-                AsPlayed::TimesLevel(times) => format!("{times} times the level"),
-                AsPlayed::OfWeight(part) => percent(part, "W"),
-                AsPlayed::OfMoment(part) => percent(part, "W h"),
-                AsPlayed::OfHeight(part) => percent(part, "h"),
-                AsPlayed::OfSpeed(part) => percent(part, "√(g h)"),
-                AsPlayed::None => continue,
+                PlayedTolerance::TimesLevel(times) => format!("{times} times the level"),
+                PlayedTolerance::OfWeight(part) => percent(part, "W"),
+                PlayedTolerance::OfMoment(part) => percent(part, "W h"),
+                PlayedTolerance::OfHeight(part) => percent(part, "h"),
+                PlayedTolerance::OfSpeed(part) => percent(part, "√(g h)"),
+                PlayedTolerance::None => continue,
             };
             let line = format!("| {family} | {tolerance} |");
             assert!(text.lines().any(|found| found == line), "no row {line}");

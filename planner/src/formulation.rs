@@ -22,7 +22,7 @@ use crate::families::FamilySet;
 use crate::problem::variables::TimelineSample;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
-use rows::{Columns, Differentiated, Pattern, RowWriter, Rows, Wanted, Window};
+use rows::{Columns, DifferentiatedRows, Evaluation, Pattern, RowWriter, Rows, Window};
 use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
@@ -142,7 +142,7 @@ impl<'a> System<'a> {
             return None;
         }
         system.pattern.get_or_init(|| pattern);
-        let rows = system.evaluate(unknowns, Wanted::Again, reuse);
+        let rows = system.evaluate(unknowns, Evaluation::Again, reuse);
         system.fits().then_some((system, rows))
     }
 
@@ -181,31 +181,31 @@ impl<'a> System<'a> {
 
     /// Computes residuals and Jacobian of every term. The memory of `reuse`, an earlier result, is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
-        self.evaluate(unknowns, Wanted::All, reuse)
+        self.evaluate(unknowns, Evaluation::All, reuse)
     }
 
     /// Computes the residuals of every term. Derivatives may be missing.
     pub fn values(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
-        self.evaluate(unknowns, Wanted::Values, reuse)
+        self.evaluate(unknowns, Evaluation::Values, reuse)
     }
 
     /// Differentiates the rows at a point that contribute to the energy with the multipliers `shifts`.
     pub fn differentiate(&self, unknowns: &Unknowns, rows: &mut Rows, shifts: &[f64]) {
-        if rows.differentiated != Differentiated::All {
+        if rows.differentiated != DifferentiatedRows::All {
             let values = std::mem::take(rows);
-            *rows = self.evaluate(unknowns, Wanted::Derivatives(shifts), values);
+            *rows = self.evaluate(unknowns, Evaluation::Derivatives(shifts), values);
         }
     }
 
-    fn evaluate(&self, unknowns: &Unknowns, wanted: Wanted<'_>, mut reuse: Rows) -> Rows {
+    fn evaluate(&self, unknowns: &Unknowns, wanted: Evaluation<'_>, mut reuse: Rows) -> Rows {
         let Self { problem, selection, columns, pattern, fits } = self;
         let known = pattern.get();
         let mut states = match wanted {
-            Wanted::Derivatives(_) => std::mem::take(&mut reuse.states),
-            Wanted::Values | Wanted::All | Wanted::Again => problem.states(unknowns),
+            Evaluation::Derivatives(_) => std::mem::take(&mut reuse.states),
+            Evaluation::Values | Evaluation::All | Evaluation::Again => problem.states(unknowns),
         };
-        let wanted = if known.is_some() { wanted } else { Wanted::All };
-        if matches!(wanted, Wanted::All | Wanted::Derivatives(_)) {
+        let wanted = if known.is_some() { wanted } else { Evaluation::All };
+        if matches!(wanted, Evaluation::All | Evaluation::Derivatives(_)) {
             problem.differentiate(&mut states);
         }
         let mut out = RowWriter::new(problem, columns, unknowns, &states, known, wanted, reuse);

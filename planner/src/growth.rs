@@ -16,7 +16,7 @@ mod cycle;
 use crate::motion::Ends;
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
-use cycle::{Contact, Instant, Roll, growth};
+use cycle::{ContactLoad, Instant, Roll, growth};
 use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Joint};
@@ -153,7 +153,7 @@ fn instant(
         contacts: rims
             .iter()
             .enumerate()
-            .map(|(j, rim)| Contact {
+            .map(|(j, rim)| ContactLoad {
                 position: rim.position(),
                 force_n: stands(&j).then_some(planned[j].force_n),
                 roll: roll(plan, kinematics, rim, &planned[j].force_n),

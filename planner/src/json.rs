@@ -195,11 +195,11 @@ fn in_words(path: &str, message: &str) -> String {
     };
     let wrong = after("invalid type: ").or(after("invalid value: "));
     if let Some((found, wanted)) = wrong.and_then(|rest| rest.rsplit_once(", expected ")) {
-        format!("{subject} is {}; expected {}", found_as(found), wanted_as(wanted))
+        format!("{subject} is {}; expected {}", describe_value(found), describe_type(wanted))
     } else if let Some((length, wanted)) =
         after("invalid length ").and_then(|rest| rest.split_once(", expected "))
     {
-        format!("{subject} is a list of length {length}; expected {}", wanted_as(wanted))
+        format!("{subject} is a list of length {length}; expected {}", describe_type(wanted))
     } else if let Some(rest) = after("missing field `") {
         format!("{start}`{}` is missing", named(rest).0)
     } else if let Some(rest) = after("duplicate field `") {
@@ -214,7 +214,7 @@ fn in_words(path: &str, message: &str) -> String {
         let word = named(rest);
         format!("{subject} is \"{}\"; {}", cut(&word.0, VALUE_MAX), likely(&word))
     } else if message == "expected value" {
-        format!("{subject} has the wrong type; expected {}", wanted_as("string or map"))
+        format!("{subject} has the wrong type; expected {}", describe_type("string or map"))
     } else if message == "number out of range" {
         format!("{subject} is out of range; expected a number within ±1.8e308")
     } else {
@@ -223,7 +223,7 @@ fn in_words(path: &str, message: &str) -> String {
 }
 
 /// Converts serde's description of a value to the notation of the file.
-fn found_as(found: &str) -> String {
+fn describe_value(found: &str) -> String {
     let value = |kind: &str| found.strip_prefix(kind)?.strip_suffix('`').map(str::to_owned);
     match found {
         "sequence" => "a list".to_owned(),
@@ -236,7 +236,7 @@ fn found_as(found: &str) -> String {
 }
 
 /// Rewrites the type that serde expects in terms of the file.
-fn wanted_as(wanted: &str) -> String {
+fn describe_type(wanted: &str) -> String {
     if let Some(count) = wanted.strip_prefix("an array of length ") {
         return format!("a list of length {count}");
     }

@@ -281,7 +281,7 @@ mod tests {
 
     /// Plan at rest in the pose in which `start_stop` begins and ends.
     fn stand() -> Plan {
-        test_plans::Drive {
+        test_plans::BoxMotion {
             ends: Ends::AtRest,
             duration_s: 0.5,
             samples: 6,
@@ -408,7 +408,7 @@ mod tests {
     #[test]
     fn what_is_too_fast_off_the_frames_or_for_another_robot_is_named() {
         let drive = |duration_s: f64, x_m: fn(f64) -> f64, leg_rad: fn(f64) -> f64| {
-            test_plans::Drive { ends: Ends::AtRest, duration_s, samples: 31, x_m, leg_rad }
+            test_plans::BoxMotion { ends: Ends::AtRest, duration_s, samples: 31, x_m, leg_rad }
                 .plan("drive")
         };
         let message = built(&drive(1.01, |_| 0.0, |_| 0.3)).expect_err("off the grid").to_string();

@@ -4,12 +4,12 @@ mod diagnosis;
 mod json;
 mod number;
 mod placement;
-mod started;
+mod solve_start;
 mod validate;
 
 pub use diagnosis::{Culprit, DURATION, Diagnosis, Verdict};
 pub use json::PlanError;
-pub use started::{StartKind, Started};
+pub use solve_start::{SolveStart, StartKind};
 
 pub(crate) use json::join_plain_arrays;
 
@@ -160,7 +160,7 @@ pub struct SolveSummary {
     /// Family of the constraint with the worst residual.
     pub worst_constraint: Family,
     /// Starting point of the solve.
-    pub start: Started,
+    pub start: SolveStart,
     /// Diagnosis, if constraints could not be met.
     pub diagnosis: Option<Diagnosis>,
     /// Coarser grids on which the plan failed as played, in order. Empty if the plan has the samples of the motion file.
@@ -186,20 +186,22 @@ pub struct Refinement {
 
 impl SolveSummary {
     /// Returns the consequence of the outcome for other starts.
-    pub fn ending(&self) -> Ending {
+    pub fn ending(&self) -> StartOutcome {
         let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
             // What fails between samples fails from other starts, too, and each costs its refinements.
-            Status::Converged | Status::FailsAsPlayed | Status::Interrupted => Ending::Decided,
-            Status::Infeasible if grave => Ending::Hopeless,
-            Status::Infeasible | Status::Stalled | Status::IterationLimit => Ending::Failed,
+            Status::Converged | Status::FailsAsPlayed | Status::Interrupted => {
+                StartOutcome::Decided
+            }
+            Status::Infeasible if grave => StartOutcome::Hopeless,
+            Status::Infeasible | Status::Stalled | Status::IterationLimit => StartOutcome::Failed,
         }
     }
 }
 
 /// Consequence of one start's outcome for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum StartOutcome {
     /// The solve converged, failed between the samples or was interrupted. No other start is tried.
     Decided,
     /// The request looks impossible from this start. If the first two starts both find this, no others are tried.

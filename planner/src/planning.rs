@@ -12,7 +12,7 @@
 //! | `probed_solve` | one solve, which is restarted or diagnosed if the constraints cannot be met |
 //! | `neighbour` | one solve from a neighbouring plan |
 //! | `attempt` | solves from one start, or from the plan with half the samples |
-//! | `trials`, `second_look` | solves with the values that a diagnosis suggests |
+//! | `trials`, `feasibility` | solves with the values that a diagnosis suggests |
 //! | `refine` | solves with more samples if a plan fails the checks as played |
 //! | `search` | attempts from all starts of a motion |
 //! | `replan`, `editing`, `transition` | other entry points for callers |
@@ -20,13 +20,13 @@
 mod attempt;
 mod editing;
 mod effort;
+mod feasibility;
 mod neighbour;
 mod probed_solve;
 pub(crate) mod refine;
 mod replan;
 mod request;
 mod search;
-mod second_look;
 mod solution;
 mod transition;
 mod trials;

@@ -19,9 +19,9 @@ mod scale;
 mod still;
 mod strip;
 mod style;
-mod wanted;
+mod target_marks;
 
-pub use animation::{Extras, animation, frames};
+pub use animation::{AnimationParts, animation, frames};
 pub use panels::JointPanels;
 pub use still::robot;
 pub use strip::strip;

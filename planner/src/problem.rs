@@ -10,7 +10,7 @@ pub mod variables;
 mod weights;
 
 pub use horizon::HorizonGoal;
-pub use means::Means;
+pub use means::MeanWeights;
 pub use weights::Weights;
 
 use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Reserve, Target, swing};
@@ -256,9 +256,9 @@ impl Problem {
     }
 
     /// Weights of the samples around timeline index `t` in the dynamics at that sample.
-    pub fn means(&self, t: usize) -> Means {
+    pub fn mean_weights(&self, t: usize) -> MeanWeights {
         let [before, after] = [t > 1, t < self.samples].map(|inside| inside || self.periodic);
-        Means::new(before, after)
+        MeanWeights::new(before, after)
     }
 
     /// Sets the force and moment sums of every slot to those of its ground forces.

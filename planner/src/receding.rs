@@ -35,11 +35,11 @@ use crate::families::Family;
 use crate::formulation::rows::Rows;
 use crate::formulation::{Selection, Structure, System};
 use crate::motion::{Ends, Goal, Motion};
-use crate::plan::{Plan, SolveSummary, StartKind, Started, Status};
+use crate::plan::{Plan, SolveStart, SolveSummary, StartKind, Status};
 use crate::planning::write_plan;
 use crate::problem::{HorizonGoal, Problem, Unknowns, Weights};
 use crate::solve::normal::NormalEquations;
-use crate::solve::{ACCEPTED_LEVEL, Begin, Outcome, Point, Progress, Settings, Solver};
+use crate::solve::{ACCEPTED_LEVEL, Point, Progress, Settings, SolveMode, SolveOutcome, Solver};
 use crate::start::guess;
 use crate::torque;
 use nalgebra::Isometry3;
@@ -47,7 +47,7 @@ use rollwalk_multibody::euler::Model;
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::{Kinematics, RimContact, State, Tree};
 use rollwalk_robot::Robot;
-use schedule::{Place, Schedule};
+use schedule::{ContactState, Schedule};
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -65,7 +65,7 @@ pub struct Steering {
 
 /// Measured state in the world, whose plane z = 0 is the ground.
 #[derive(Clone, Copy, Debug)]
-pub struct Measured<'a> {
+pub struct MeasuredState<'a> {
     /// Pose and velocity, in the coordinates of [`Horizon::tree`].
     pub state: &'a State,
     /// Contact flag of each end effector: true on the ground.
@@ -127,7 +127,7 @@ pub struct Horizon {
     samples: usize,
     interval_s: f64,
     schedule: Schedule,
-    kept: HashMap<Vec<Vec<bool>>, Kept>,
+    kept: HashMap<Vec<Vec<bool>>, ReusedSolve>,
 }
 
 impl fmt::Debug for Horizon {
@@ -137,7 +137,7 @@ impl fmt::Debug for Horizon {
 }
 
 /// Results of one solve that the next one with the same footfalls reuses.
-struct Kept {
+struct ReusedSolve {
     structure: Structure,
     normal: NormalEquations,
     rows: Rows,
@@ -201,17 +201,18 @@ impl Horizon {
     /// Returns an error if the state belongs to another robot, or if a value is not finite.
     pub fn plan(
         &mut self,
-        measured: Measured<'_>,
+        measured: MeasuredState<'_>,
         at: u64,
         steering: Steering,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<HorizonPlan, HorizonError> {
         self.check(measured, steering)?;
         let at = at as i64;
-        let stands = &self.schedule.from(at, self.samples, &self.places(measured)).stance[0];
+        let stands =
+            &self.schedule.from(at, self.samples, &self.contact_states(measured)).stance[0];
         let state = measured::on_contacts(&self.tree, self.ground(), measured.state, stands);
         // On its contacts, the robot holds what swings a little higher or lower.
-        let places = self.places(Measured { state: &state, touches: stands });
+        let places = self.contact_states(MeasuredState { state: &state, touches: stands });
         let footfalls = self.schedule.from(at, self.samples, &places);
         let world_from_plan = measured::isometry(&measured::over_ground(&state));
         let motion = Motion {
@@ -263,7 +264,7 @@ impl Horizon {
     ) -> (Unknowns, SolveSummary) {
         let Self { options, kept, samples, .. } = self;
         problem.add_up(&mut unknowns);
-        let known = kept.remove(stance).and_then(|Kept { structure, normal, rows }| {
+        let known = kept.remove(stance).and_then(|ReusedSolve { structure, normal, rows }| {
             let (system, rows) = System::again(problem, &unknowns, structure, rows)?;
             Some((system, rows, normal))
         });
@@ -274,7 +275,7 @@ impl Horizon {
             (system, rows, normal)
         });
         let point = Point { unknowns, rows };
-        let solver = Solver::at(&system, point, normal, Begin::Cold, &options.settings);
+        let solver = Solver::at(&system, point, normal, SolveMode::Cold, &options.settings);
         let (best, outcome, normal, rows) = iterate(solver, &options.settings, progress);
         let Best { mut unknowns, worst_level, worst_constraint } = best;
         let after = &mut unknowns.slots[*samples + 1];
@@ -285,7 +286,7 @@ impl Horizon {
                 kept.clear();
             }
             let structure = system.into_structure();
-            kept.insert(stance.to_vec(), Kept { structure, normal, rows });
+            kept.insert(stance.to_vec(), ReusedSolve { structure, normal, rows });
         }
         let summary = SolveSummary {
             status: outcome.status,
@@ -293,7 +294,7 @@ impl Horizon {
             energy: outcome.energy,
             worst_level,
             worst_constraint,
-            start: Started { kind: StartKind::Neighbour, seed: 0 },
+            start: SolveStart { kind: StartKind::Neighbour, seed: 0 },
             diagnosis: None,
             refinements: Vec::new(),
         };
@@ -306,7 +307,10 @@ impl Horizon {
     }
 
     /// Heights of the contact points above the ground, with their rates.
-    fn places(&self, Measured { state, touches }: Measured<'_>) -> Vec<Place> {
+    fn contact_states(
+        &self,
+        MeasuredState { state, touches }: MeasuredState<'_>,
+    ) -> Vec<ContactState> {
         let mut kinematics = Kinematics::new(&self.tree, &state.configuration());
         kinematics.update(&self.tree, &state.configuration(), &state.velocity);
         let ground = self.ground();
@@ -320,13 +324,13 @@ impl Horizon {
                 [ground.height_above_m(&position), rises_m_s]
             });
             let [height_m, rises_m_s] = at.unwrap_or_default();
-            Place { touches: touches && at.is_some(), height_m, rises_m_s }
+            ContactState { touches: touches && at.is_some(), height_m, rises_m_s }
         };
         touches.iter().enumerate().map(place).collect()
     }
 
-    fn check(&self, measured: Measured<'_>, steering: Steering) -> Result<(), HorizonError> {
-        let Measured { state, touches } = measured;
+    fn check(&self, measured: MeasuredState<'_>, steering: Steering) -> Result<(), HorizonError> {
+        let MeasuredState { state, touches } = measured;
         let robot = self.model.robot();
         for (what, found, expected) in [
             ("state.joint_rad", state.joint_rad.len(), robot.joints.len()),
@@ -400,7 +404,7 @@ fn iterate(
     mut solver: Solver<'_>,
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> (Best, Outcome, NormalEquations, Rows) {
+) -> (Best, SolveOutcome, NormalEquations, Rows) {
     let first = solver.present();
     let mut best = Best::of(&mut solver, &first);
     let mut cost = f64::INFINITY;

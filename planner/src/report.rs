@@ -15,12 +15,12 @@ mod as_played;
 mod choreography;
 mod clearance;
 mod conclusion;
+mod distances;
 mod grid;
 mod judgement;
 mod motors;
 mod net;
 mod residual;
-mod room;
 mod rows;
 mod sag;
 #[cfg(test)]
@@ -31,10 +31,10 @@ mod table;
 pub use crate::growth::Growth;
 pub use as_played::{LargestTorque, MotorKind};
 pub use conclusion::Conclusion;
+pub use distances::{SmallestDistance, SmallestDistances};
 pub use judgement::Judgement;
-pub use net::TakenBack;
-pub use residual::{Grid, Place, Row};
-pub use room::{Least, Room};
+pub use net::UndoneGoal;
+pub use residual::{Grid, ResidualLocation, Row};
 pub use sag::Sag;
 
 use crate::families::Family;
@@ -68,11 +68,11 @@ pub struct Report {
     /// Largest torque of every motor as played at 60 Hz: joints, then wheels.
     pub torques: Vec<LargestTorque>,
     /// Smallest distances of the motion as played at 60 Hz.
-    pub room: Room,
+    pub room: SmallestDistances,
     /// Swing that loses the largest fraction of its height on servos without torque feed-forward; `None` if nothing swings.
     pub sag: Option<Sag>,
     /// Goal component that the net displacement of a motion at rest misses most. `None` for other motions and without goals.
-    pub taken_back: Option<TakenBack>,
+    pub taken_back: Option<UndoneGoal>,
     /// Factor by which small errors grow per cycle without feedback. `None` for motions that are not periodic, and if legs
     /// buckle.
     pub growth_per_cycle: Option<Growth>,
@@ -89,7 +89,7 @@ impl Report {
         let torques = in_frames(plan, &frames, &mut rows);
         in_ticks(plan, &mut rows);
         Self {
-            room: Room::of(&frames),
+            room: SmallestDistances::of(&frames),
             sag: sag::sag(&samples),
             growth_per_cycle: growth::per_cycle(plan),
             ..Self::of(plan, rows, torques)
@@ -117,9 +117,9 @@ impl Report {
             judgement: Judgement::new(plan, &rows),
             rows,
             torques,
-            room: Room::default(),
+            room: SmallestDistances::default(),
             sag: None,
-            taken_back: TakenBack::of(plan),
+            taken_back: UndoneGoal::of(plan),
             growth_per_cycle: None,
         }
     }
@@ -150,7 +150,7 @@ impl Report {
             // What would become of it if it were played is no news.
             return text;
         }
-        if let Some(taken_back) = self.taken_back.filter(TakenBack::is_said)
+        if let Some(taken_back) = self.taken_back.filter(UndoneGoal::is_said)
             && self.judgement != Judgement::TakenBack
         {
             text += &format!("\n{taken_back}");

@@ -20,7 +20,7 @@ pub use price::Price;
 pub use shortfall::{Shortfall, Slopes};
 
 use crate::formulation::System;
-use crate::formulation::rows::{Columns, Differentiated, Role, Row, Rows};
+use crate::formulation::rows::{Columns, DifferentiatedRows, Role, Row, Rows};
 use crate::motion::{Ends, Motion};
 use crate::plan::{Plan, Status};
 use crate::planning::{Effort, Options, ReplanError, Solution, from_near, refine, same_structure};
@@ -124,12 +124,12 @@ pub struct Optimal {
 }
 
 /// Rows of a system around a point.
-struct Around<'a> {
+struct SystemAtPoint<'a> {
     system: &'a System<'a>,
     unknowns: &'a Unknowns,
 }
 
-impl Residuals for Around<'_> {
+impl Residuals for SystemAtPoint<'_> {
     fn columns(&self) -> &Columns {
         self.system.columns()
     }
@@ -141,7 +141,7 @@ impl Residuals for Around<'_> {
     fn rows(&self, step: &[f64], shifts: &[f64], reuse: Rows) -> Rows {
         let unknowns = self.system.moved(self.unknowns, step);
         let mut rows = self.system.values(&unknowns, reuse);
-        if rows.differentiated == Differentiated::None {
+        if rows.differentiated == DifferentiatedRows::None {
             self.system.differentiate(&unknowns, &mut rows, shifts);
         }
         rows
@@ -201,7 +201,7 @@ impl Optimal {
         let shifts = multipliers.carried(&rows, system.penalty());
         let shifts = shifts.unwrap_or_else(|| vec![0.0; rows.rows.len()]);
         let pin = time_shift::free(&problem, &unknowns, system.columns());
-        let around = Around { system: &system, unknowns: &unknowns };
+        let around = SystemAtPoint { system: &system, unknowns: &unknowns };
         let mut optimum = Optimum::near(&around, shifts, pin.clone()).map_err(failed)?;
         let curvature = match polish {
             Some(steps) => {
@@ -361,7 +361,7 @@ impl Optimal {
         work: impl Fn(&Self, &Optimum<'_>, Curvature) -> Result<T, NotOptimal>,
     ) -> Result<T, NotOptimal> {
         let system = System::selected(&self.problem, Default::default());
-        let around = Around { system: &system, unknowns: &self.unknowns };
+        let around = SystemAtPoint { system: &system, unknowns: &self.unknowns };
         let optimum = Optimum::near(&around, self.shifts.clone(), self.pin.clone())
             .map_err(|reason| self.failed(reason))?;
         let mut found = work(self, &optimum, self.curvature);

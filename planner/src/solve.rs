@@ -49,7 +49,7 @@ const DAMPING_NEAR: f64 = 1e-7;
 
 /// Additional knowledge at the start of a solve.
 #[derive(Clone, Copy, Debug)]
-pub enum Begin<'a> {
+pub enum SolveMode<'a> {
     /// Cold start: multipliers begin at zero, and steps are damped.
     Cold,
     /// Start near an optimum, with its multipliers if known. Multipliers that are missing or do not fit the rows are estimated.
@@ -75,7 +75,7 @@ pub struct Iteration {
 }
 
 /// Effect of a step on the energy.
-struct Stepped {
+struct StepEffect {
     /// Relative decrease of the energy; 0 without a step.
     decrease: f64,
     /// Mismatch as in [`Iteration::mismatch`].
@@ -84,7 +84,7 @@ struct Stepped {
 
 /// Outcome of a solve.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct SolveOutcome {
     /// Status.
     pub status: Status,
     /// Number of iterations.
@@ -126,7 +126,7 @@ impl<'a> Solver<'a> {
     pub fn new(
         system: &'a System<'a>,
         unknowns: Unknowns,
-        begin: Begin<'_>,
+        begin: SolveMode<'_>,
         settings: &'a Settings,
     ) -> Self {
         let rows = system.rows(&unknowns, Rows::default());
@@ -139,14 +139,14 @@ impl<'a> Solver<'a> {
         system: &'a System<'a>,
         mut point: Point,
         mut normal: NormalEquations,
-        begin: Begin<'_>,
+        begin: SolveMode<'_>,
         settings: &'a Settings,
     ) -> Self {
         let penalty = system.penalty();
         let Point { unknowns, rows } = &mut point;
         let (damping, shifts) = match begin {
-            Begin::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
-            Begin::Near(known) => {
+            SolveMode::Cold => (DAMPING_COLD, vec![0.0; rows.rows.len()]),
+            SolveMode::Near(known) => {
                 let carried = known.and_then(|multipliers| multipliers.carried(rows, penalty));
                 let shifts = carried.unwrap_or_else(|| {
                     system.differentiate(unknowns, rows, &vec![0.0; rows.rows.len()]);
@@ -201,7 +201,7 @@ impl<'a> Solver<'a> {
     /// Linearises the rows and takes one step.
     pub fn iterate(&mut self) -> Iteration {
         self.iteration += 1;
-        let Stepped { decrease, mismatch } = self.step();
+        let StepEffect { decrease, mismatch } = self.step();
         let progress = self.progress();
         let level = progress.worst_level;
         let ended = self.end_without_step(level);
@@ -229,7 +229,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Increases the damping until the step lowers the energy about as predicted, and takes that step.
-    fn step(&mut self) -> Stepped {
+    fn step(&mut self) -> StepEffect {
         let Point { unknowns, rows } = &mut self.point;
         self.system.differentiate(unknowns, rows, &self.shifts);
         self.normal.assemble(rows, &self.shifts, self.system.penalty());
@@ -256,7 +256,7 @@ impl<'a> Solver<'a> {
                 } else if ratio < 0.25 {
                     self.damping *= 3.0;
                 }
-                return Stepped { decrease, mismatch };
+                return StepEffect { decrease, mismatch };
             }
             self.trials.spare.push(trial.point.rows);
             if energy - trial.energy > -1e-13 * energy {
@@ -265,7 +265,7 @@ impl<'a> Solver<'a> {
             rejected = true;
             self.damping = (self.damping * 6.0).max(DAMPING_FELT);
         }
-        Stepped { decrease: 0.0, mismatch: f64::INFINITY }
+        StepEffect { decrease: 0.0, mismatch: f64::INFINITY }
     }
 
     /// Resets damping that has reached its limit, because a less damped step may succeed with new multipliers. Ends the solve
@@ -323,17 +323,17 @@ impl<'a> Solver<'a> {
     }
 
     /// Ends the solve with a status.
-    pub fn finish(self, status: Status) -> Outcome {
+    pub fn finish(self, status: Status) -> SolveOutcome {
         self.finish_with_parts(status).0
     }
 
     /// Ends the solve with a status. Also returns the normal equations and rows, which [`at`](Self::at) accepts for another
     /// problem.
-    pub fn finish_with_parts(self, status: Status) -> (Outcome, NormalEquations, Rows) {
+    pub fn finish_with_parts(self, status: Status) -> (SolveOutcome, NormalEquations, Rows) {
         let Point { unknowns, rows } = self.point;
         let (row, worst_level) = worst(&rows);
         let good = status == Status::IterationLimit && worst_level <= ACCEPTED_LEVEL;
-        let outcome = Outcome {
+        let outcome = SolveOutcome {
             status: if good { Status::Converged } else { status },
             iterations: self.iteration,
             energy: self.energy,

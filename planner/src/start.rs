@@ -20,7 +20,7 @@ pub use warm::WarmStart;
 pub(crate) use warm::warm;
 
 use crate::motion::Motion;
-use crate::plan::{StartKind, Started};
+use crate::plan::{SolveStart, StartKind};
 use crate::problem::state::rolling_direction;
 use crate::problem::{Problem, Unknowns};
 use fastrand::Rng;
@@ -120,7 +120,7 @@ fn rolls_freely(robot: &Robot, motion: &Motion, j: usize) -> bool {
 }
 
 /// Returns a start that needs no solve: any except [`Start::Warm`] and [`Start::Coarse`].
-pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, Started) {
+pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, SolveStart) {
     let (kind, amplitude_rad) = match start {
         Start::Sinusoid => (StartKind::Sinusoid, SWING_RAD),
         _ if seed == 0 => (StartKind::Standing, 0.0),
@@ -130,7 +130,7 @@ pub(crate) fn initial(problem: &Problem, start: Start, seed: u64) -> (Unknowns, 
     if amplitude_rad > 0.0 {
         swing_joints(problem, &mut unknowns, amplitude_rad, seed);
     }
-    (unknowns, Started { kind, seed })
+    (unknowns, SolveStart { kind, seed })
 }
 
 /// Adds a sinusoid of random phase to every joint, and updates contact points and wheels.

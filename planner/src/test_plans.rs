@@ -21,7 +21,7 @@ const LEG_M: f64 = 0.2;
 const RADIUS_M: f64 = 0.05;
 
 /// Motion of the box: body x and leg angle φ as functions of time.
-pub struct Drive {
+pub struct BoxMotion {
     /// Kind of ends.
     pub ends: Ends,
     /// Duration, s.
@@ -42,7 +42,7 @@ fn smooth_step(u: f64) -> f64 {
 
 /// Plan that drives 0.5 m forward in 2 s and bows, from rest to rest.
 pub fn start_stop() -> Plan {
-    Drive {
+    BoxMotion {
         ends: Ends::AtRest,
         duration_s: 2.0,
         samples: 41,
@@ -54,13 +54,19 @@ pub fn start_stop() -> Plan {
 
 /// Periodic plan that rolls at 0.4 m/s with a sway, period 1.2 s.
 pub fn cruise() -> Plan {
-    Drive { ends: Ends::Periodic, duration_s: 1.2, samples: 24, x_m: cruise_x, leg_rad: cruise_leg }
-        .plan("cruise")
+    BoxMotion {
+        ends: Ends::Periodic,
+        duration_s: 1.2,
+        samples: 24,
+        x_m: cruise_x,
+        leg_rad: cruise_leg,
+    }
+    .plan("cruise")
 }
 
 /// Second and third quarter of [`cruise`], with prescribed ends.
 pub fn cruise_middle() -> Plan {
-    Drive {
+    BoxMotion {
         ends: Ends::Prescribed,
         duration_s: 0.6,
         samples: 13,
@@ -143,7 +149,7 @@ pub fn robot() -> Robot {
     robot
 }
 
-impl Drive {
+impl BoxMotion {
     /// Forces, and their moments about the centre of mass, at the samples. They are linear in between. Their mean around every
     /// sample, with the weight 1 − |t|/h, is the change of momentum: second differences of the centre of mass, and differences
     /// of angular momentum over the intervals. `poses` begins two samples early.

@@ -12,7 +12,7 @@ mod tests;
 use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::sample::{PlanSpline, PlannedContact, Rates};
-use ground_forces::{Support, Wanted};
+use ground_forces::{RequiredWrench, Support};
 use nalgebra::{Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, WHEEL_MASS_SHARE, about_com};
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
@@ -104,7 +104,7 @@ impl InverseDynamics {
                 Some((contact, support))
             })
             .collect();
-        let wanted = Wanted {
+        let wanted = RequiredWrench {
             wrench: about_com(&generalised, &base_to_com),
             weight_n: tree.total_mass_kg() * GRAVITY_M_S2,
             height_m: ground.height_above_m(&com).max(LEVER_MIN_M),

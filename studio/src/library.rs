@@ -3,7 +3,9 @@
 use crate::documents::{Documents, Found, faults, missing};
 use crate::messages::{Answer, Done, Edge, Fault, Node};
 use miette::Diagnostic;
-use rollwalk_planner::building::{Contents, Joined, Misfit, Missing, Shelf, Solver};
+use rollwalk_planner::building::{
+    Contents, LibraryFiles, LibraryMismatch, Missing, Solver, TransitionPlan,
+};
 use rollwalk_planner::library_file::{LibraryFile, MotionSource};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Status};
@@ -24,7 +26,7 @@ pub fn build(
     progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
 ) -> Result<(Done, Vec<u8>), Answer> {
     let contents = read(documents, path)?;
-    let (wanted, Contents { file, motions, .. }) = (contents.wanted(), &contents);
+    let (wanted, Contents { file, motions, .. }) = (contents.request(), &contents);
     let mut solver = Watched { progress };
     let stopped = || error("stopped", "build the library again");
     let nodes = wanted.motions(&mut solver).ok_or_else(stopped)?;
@@ -35,7 +37,8 @@ pub fn build(
     let failed: Vec<_> = all.filter(|plan| plan.solve.status != Status::Converged).collect();
     let built = match failed[..] {
         [] => {
-            let edges = joined.iter().map(|of| Joined { from: of.from, to: of.to, plan: &of.plan });
+            let edges =
+                joined.iter().map(|of| TransitionPlan { from: of.from, to: of.to, plan: &of.plan });
             Some(wanted.pack(&nodes, edges).map_err(|why| {
                 error(why.to_string(), "change the motion, or the limits of the robot")
             })?)
@@ -51,7 +54,7 @@ pub fn build(
         periodic: motions[index].ends == Ends::Periodic,
         status: nodes[index].solve.status,
     };
-    let edge = |(index, of): (usize, &Joined<Plan>)| Edge {
+    let edge = |(index, of): (usize, &TransitionPlan<Plan>)| Edge {
         from: of.from,
         to: of.to,
         duration_s: of.plan.motion.duration_s,
@@ -118,7 +121,7 @@ impl<'d> Beside<'d> {
     }
 }
 
-impl Shelf for Beside<'_> {
+impl LibraryFiles for Beside<'_> {
     type Error = Answer;
 
     fn robot(&mut self, named: &str) -> Result<(Robot, String), Answer> {
@@ -143,7 +146,7 @@ impl Shelf for Beside<'_> {
         faults(self.text, &error)
     }
 
-    fn misfit(&mut self, error: Misfit) -> Answer {
+    fn misfit(&mut self, error: LibraryMismatch) -> Answer {
         let help = error.help().map_or_else(String::new, |help| help.to_string());
         self::error(error.to_string(), &help)
     }
@@ -193,7 +196,7 @@ impl Solver for Watched<'_> {
         self.watch(&motion.name, solve).transpose()
     }
 
-    fn taken(&mut self, _: &Motion) {}
+    fn plan_given(&mut self, _: &Motion) {}
 
     fn left_out(&mut self, _: &Motion, _: Missing<'_>) {}
 }

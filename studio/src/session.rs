@@ -14,7 +14,7 @@ use crate::{
 use rollwalk_planner::export::{Rate, Table};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
-use rollwalk_planner::plot::{Extras, animation};
+use rollwalk_planner::plot::{AnimationParts, animation};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::{Editing, Options, Progress, Search, Settings, Solution, replan_solution};
 use rollwalk_robot::Robot;
@@ -136,7 +136,7 @@ impl Session {
                 Done::Text { text }
             }
             Wanted::Animation => {
-                let extras = Extras { forces: true, footfalls: true };
+                let extras = AnimationParts { forces: true, footfalls: true };
                 Done::Text { text: animation(self.shown()?, extras) }
             }
             Wanted::Solution => {

@@ -3,7 +3,7 @@
 use crate::documents::Documents;
 use crate::messages::{Answer, Parameter};
 use rollwalk_design::file::DesignFile;
-use rollwalk_design::parameter::{Axis, Kind, Place};
+use rollwalk_design::parameter::{Axis, Kind, Location};
 use rollwalk_design::text::RobotText;
 use toml_edit::{Document, Item, TableLike};
 
@@ -19,7 +19,7 @@ const LIMBS: [&str; 6] = ["front_left", "front_right", "rear_left", "rear_right"
 pub struct Slider {
     /// Parameter for the page.
     pub shown: Parameter,
-    pub(crate) place: Place,
+    pub(crate) place: Location,
 }
 
 /// Sliders of the robot file at `path`. If an open design file names the robot file, its parameters are used.
@@ -89,10 +89,10 @@ fn usual(text: &str, robot: &mut RobotText) -> Vec<Slider> {
             .filter_map(|(name, item)| Some((Some(name), item.as_table_like()?))),
     );
     groups.push((None, root));
-    let mut places: Vec<Place> = Vec::new();
+    let mut places: Vec<Location> = Vec::new();
     let mut place = |kind, template: Option<&str>, name: String, axis| {
         let template = template.map(str::to_owned);
-        let place = Place { kind, template, name, axis, limbs: Vec::new() };
+        let place = Location { kind, template, name, axis, limbs: Vec::new() };
         if !places.contains(&place) {
             places.push(place);
         }
@@ -118,7 +118,7 @@ fn usual(text: &str, robot: &mut RobotText) -> Vec<Slider> {
         place(Kind::Torque, None, name.to_owned(), None);
         place(Kind::Speed, None, name.to_owned(), None);
     }
-    let slider = |place: Place| {
+    let slider = |place: Location| {
         let motors = matches!(place.kind, Kind::Torque | Kind::Speed);
         let driven = if motors { driven_by(&groups, &place.name) } else { Vec::new() };
         slider(place, &driven, robot)
@@ -147,7 +147,7 @@ fn driven_by(groups: &[(Option<&str>, &dyn TableLike)], actuator: &str) -> Vec<S
     driven
 }
 
-fn slider(place: Place, driven: &[String], robot: &mut RobotText) -> Option<Slider> {
+fn slider(place: Location, driven: &[String], robot: &mut RobotText) -> Option<Slider> {
     let value = robot.value(&place).ok().filter(|value| *value > 0.0)?;
     let step = step_of(value);
     let [min, max] = RANGE.map(|part| rounded(part * value, step));
@@ -164,7 +164,7 @@ fn slider(place: Place, driven: &[String], robot: &mut RobotText) -> Option<Slid
 }
 
 /// Label for users: `thigh length`, `xm430 torque limit`.
-fn label(place: &Place, driven: &[String]) -> String {
+fn label(place: &Location, driven: &[String]) -> String {
     let template = place.template.as_deref().unwrap_or("robot");
     let part = plain(&place.name, template);
     let of = match driven {

@@ -7,7 +7,7 @@ use crate::sliders::{Slider, sliders};
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::Parameter;
 use rollwalk_design::goal::Quantity;
-use rollwalk_design::plans::{self, Failed};
+use rollwalk_design::plans::{self, PlansError};
 use rollwalk_planner::Solution;
 use rollwalk_planner::sensitivity::{self, Curvature, NotOptimal, Objective};
 use std::ops::ControlFlow;
@@ -76,9 +76,9 @@ fn parameter(Slider { shown, place }: Slider) -> Parameter {
     Parameter { name: shown.name, place, min, max, step }
 }
 
-fn answer(failed: &Failed) -> Answer {
+fn answer(failed: &PlansError) -> Answer {
     let help = match failed {
-        Failed::Interrupted => "request the slopes again",
+        PlansError::Interrupted => "request the slopes again",
         _ => {
             "change the motion until its plan holds and is near an optimum; only such plans have \
             slopes"

@@ -8,7 +8,7 @@ use crate::only::Only;
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use miette::IntoDiagnostic;
-use rollwalk_design::repair::{Free, Made, Outcome, PULL, Shown, repair};
+use rollwalk_design::repair::{BuiltDesign, Feasibility, Free, PULL, RepairProgress, repair};
 use rollwalk_planner::motion::{Motion, Subject, Target};
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::plot::chart::{self, Curve};
@@ -122,13 +122,13 @@ fn car() -> miette::Result<Option<Case>> {
     let made = |values: &[f64]| {
         let mut robot = robot.clone();
         robot.end_effectors[..2].iter_mut().for_each(|ee| ee.center_in_link_m.z = values[0]);
-        Made { robot, motions: vec![motion.clone()] }
+        BuiltDesign { robot, motions: vec![motion.clone()] }
     };
     let Some(mut case) = work("car", &[free], &made, asked_m, displacement_m)? else {
         return Ok(None);
     };
     for row in &mut case.rows {
-        let Made { robot, motions } = made(&row.values);
+        let BuiltDesign { robot, motions } = made(&row.values);
         row.thesis = as_the_thesis(&robot, &motions[0]);
         if row.thesis.is_none() {
             return Ok(None);
@@ -160,7 +160,7 @@ fn reach(up_m: f64) -> miette::Result<Option<Case>> {
         for wheel in &mut robot.end_effectors {
             wheel.center_in_link_m.z = -values[of(&wheel.name) + 1];
         }
-        Made { robot, motions: vec![motion.clone()] }
+        BuiltDesign { robot, motions: vec![motion.clone()] }
     };
     let names = ["front thigh", "front shank", "rear thigh", "rear shank"];
     let free = names.map(|name| Free { bounds: LEG_BOUNDS_M, ..length(name, LEG_M) });
@@ -179,20 +179,20 @@ fn length(name: &str, original: f64) -> Free {
 fn work(
     name: &str,
     free: &[Free],
-    made: &dyn Fn(&[f64]) -> Made,
+    made: &dyn Fn(&[f64]) -> BuiltDesign,
     asked_m: f64,
     reached_m: fn(&Plan) -> f64,
 ) -> miette::Result<Option<Case>> {
     let clock = ThreadTime::now();
     let original: Vec<f64> = free.iter().map(|free| free.original).collect();
-    let Made { robot, motions } = made(&original);
+    let BuiltDesign { robot, motions } = made(&original);
     let options = Options::default();
     let plan = optimise(&robot, &motions[0], &options, &mut |_| unless_interrupted());
     output::say(format_args!("{name}: as designed {}", plan.solve.status));
     let mut rows: Vec<Row> = Vec::new();
     let mut blamed = Vec::new();
-    let mut watch = |shown: Shown<'_>| -> ControlFlow<()> {
-        if let Shown::Step(step, short) = shown {
+    let mut watch = |shown: RepairProgress<'_>| -> ControlFlow<()> {
+        if let RepairProgress::Step(step, short) = shown {
             let short: &Shortfall = &short[0];
             if rows.is_empty() {
                 let culprits = short.diagnosis().map(|diagnosis| diagnosis.culprits);
@@ -215,9 +215,9 @@ fn work(
     let make = |values: &[f64]| Ok::<_, Infallible>(made(values));
     let found = repair(free, &[plan], PULL, &make, &options, &mut watch).into_diagnostic()?;
     let (outcome, reached, solved) = match &found.outcome {
-        Outcome::Interrupted => return Ok(None),
-        Outcome::Nearest(nearest) => (nearest.to_string(), f64::NAN, false),
-        Outcome::Feasible(solutions) => {
+        Feasibility::Interrupted => return Ok(None),
+        Feasibility::Nearest(nearest) => (nearest.to_string(), f64::NAN, false),
+        Feasibility::Feasible(solutions) => {
             let plan = &solutions[0].plan;
             let status = plan.solve.status;
             (status.to_string(), reached_m(plan), status == Status::Converged)

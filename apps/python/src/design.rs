@@ -9,7 +9,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
-use rollwalk_design::plans::Failed;
+use rollwalk_design::plans::PlansError;
 use rollwalk_planner::sensitivity::{Curvature, Feature, Objective};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -184,7 +184,7 @@ impl Design {
             Ok((plans, Ok(all)))
         })?;
         let (plans, all) = found.map_err(failed)?;
-        let all = all.map_err(|_: Failed| {
+        let all = all.map_err(|_: PlansError| {
             let lost: Vec<_> = plans.plans().filter(|of| !of.solve.status.is_solved()).collect();
             not_consistent(py, &lost)
         })?;
@@ -257,9 +257,9 @@ fn named<T: Copy>(what: &str, names: &[String], known: &[(&'static str, T)]) -> 
     names.iter().map(find).collect()
 }
 
-fn failed(why: Failed) -> PyErr {
+fn failed(why: PlansError) -> PyErr {
     match why {
-        Failed::Robot(error) => wrong(error),
+        PlansError::Robot(error) => wrong(error),
         other => refused(other),
     }
 }

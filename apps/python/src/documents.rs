@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_multibody::ground::{self, Ground};
-use rollwalk_planner::building::{Contents, Misfit, Shelf};
+use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
 use rollwalk_robot::Robot;
@@ -106,7 +106,7 @@ struct Beside<'l> {
     path: &'l Path,
 }
 
-impl Shelf for Beside<'_> {
+impl LibraryFiles for Beside<'_> {
     type Error = PyErr;
 
     fn robot(&mut self, named: &str) -> PyResult<(Robot, String)> {
@@ -129,7 +129,7 @@ impl Shelf for Beside<'_> {
         wrong(error)
     }
 
-    fn misfit(&mut self, error: Misfit) -> PyErr {
+    fn misfit(&mut self, error: LibraryMismatch) -> PyErr {
         wrong(error)
     }
 }

@@ -5,7 +5,7 @@ use crate::error::refused;
 use crate::plan::{Progress, not_consistent, optimise};
 use crate::watch::{Watch, watched};
 use pyo3::prelude::*;
-use rollwalk_planner::building::{Contents, Joined, Missing, Solver};
+use rollwalk_planner::building::{Contents, Missing, Solver, TransitionPlan};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{self as planner, Options, TransitionError, optimise_transition};
@@ -54,7 +54,7 @@ enum Built {
 }
 
 fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
-    let wanted = contents.wanted();
+    let wanted = contents.request();
     // Whoever stops it raises another exception.
     let stopped = || Built::Refused("stopped".to_owned());
     let Some(motions) = wanted.motions(solver) else { return stopped() };
@@ -69,7 +69,8 @@ fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
     if !failed.is_empty() {
         return Built::Failed(failed);
     }
-    let joined = transitions.iter().map(|of| Joined { from: of.from, to: of.to, plan: &of.plan });
+    let joined =
+        transitions.iter().map(|of| TransitionPlan { from: of.from, to: of.to, plan: &of.plan });
     match wanted.pack(&motions, joined) {
         Ok(built) => Built::Library(built.bytes),
         Err(error) => Built::Refused(error.to_string()),
@@ -100,7 +101,7 @@ impl Solver for Watched<'_> {
         Ok((!self.watch.is_stopped()).then_some(plan))
     }
 
-    fn taken(&mut self, _: &Motion) {}
+    fn plan_given(&mut self, _: &Motion) {}
 
     fn left_out(&mut self, _: &Motion, _: Missing<'_>) {}
 }

@@ -4,7 +4,7 @@ use super::robot::print_robot_warnings;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::{
-    Diagnosis, Plan, Refinement, SolveSummary, StartKind, Started, Status,
+    Diagnosis, Plan, Refinement, SolveStart, SolveSummary, StartKind, Status,
 };
 use rollwalk_planner::report::{Judgement, Report};
 use rollwalk_planner::{Options, replan, replan_finer};
@@ -99,7 +99,7 @@ struct Outcome<'a> {
     refinements: &'a [Refinement],
     robot: &'a str,
     energy: f64,
-    start: Started,
+    start: SolveStart,
     /// Diagnosis; null unless the request is infeasible.
     diagnosis: Option<&'a Diagnosis>,
     /// Path of the written plan; null after an interrupt.

@@ -10,9 +10,9 @@ use miette::{Context, Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
-use rollwalk_design::sweep::{Files, Ready, Sweep};
+use rollwalk_design::sweep::{Files, LoadedSweep, Sweep};
 use rollwalk_multibody::ground::{self, Ground};
-use rollwalk_planner::building::{Contents, Misfit, Shelf, Wanted};
+use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch, LibraryRequest};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
@@ -99,9 +99,9 @@ pub struct Library {
 
 impl Library {
     /// Planning request for the library.
-    pub fn wanted(&self) -> Wanted<'_> {
+    pub fn request(&self) -> LibraryRequest<'_> {
         let Self { robot, file, motions, plans, .. } = self;
-        Wanted { robot, file, motions, plans }
+        LibraryRequest { robot, file, motions, plans }
     }
 }
 
@@ -125,7 +125,7 @@ fn names(path: &Path, named: &str) -> String {
     format!("{} names `{named}`", path.display())
 }
 
-impl Shelf for Beside<'_> {
+impl LibraryFiles for Beside<'_> {
     type Error = Report;
 
     fn robot(&mut self, named: &str) -> miette::Result<(Robot, String)> {
@@ -153,7 +153,7 @@ impl Shelf for Beside<'_> {
         Kind::Library.explain(self.path, self.text)(error)
     }
 
-    fn misfit(&mut self, error: Misfit) -> Report {
+    fn misfit(&mut self, error: LibraryMismatch) -> Report {
         Report::new(error)
     }
 }
@@ -255,7 +255,11 @@ impl Source {
     ///
     /// # Errors
     /// Returns an error if a file is missing or has mistakes, or if an axis does not fit.
-    pub fn sweep(self, path: &Path, servos: Option<&Path>) -> miette::Result<(Ready, Vec<String>)> {
+    pub fn sweep(
+        self,
+        path: &Path,
+        servos: Option<&Path>,
+    ) -> miette::Result<(LoadedSweep, Vec<String>)> {
         let file = self.text(path, Named::ByUser, Kind::Sweep)?;
         let sweep = Sweep::from_toml(&file.path, &file.text)
             .map_err(Kind::Sweep.explain(path, &file.text))?;
@@ -283,7 +287,7 @@ impl Source {
             None => Catalog::shipped(),
         };
         texts.push(format!("{catalog:?}"));
-        let ready = Ready::new(&file.into(), design, files, catalog).map_err(Report::new)?;
+        let ready = LoadedSweep::new(&file.into(), design, files, catalog).map_err(Report::new)?;
         Ok((ready, texts))
     }
 

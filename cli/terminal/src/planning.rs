@@ -4,7 +4,7 @@ use crate::inputs::Library;
 use crate::progress::Watch;
 use crate::{interrupt, output};
 use miette::IntoDiagnostic;
-use rollwalk_planner::building::{Joined, Missing, Solver};
+use rollwalk_planner::building::{Missing, Solver, TransitionPlan};
 use rollwalk_planner::families::Family;
 use rollwalk_planner::library::BuiltLibrary;
 use rollwalk_planner::motion::Motion;
@@ -69,8 +69,8 @@ impl Plans {
     /// Returns the motion, channel, time and value that the library format cannot represent.
     pub fn pack(&self, library: &Library) -> miette::Result<BuiltLibrary> {
         let motions = self.motions.iter().map(|planned| &planned.plan);
-        let wanted = library.wanted();
-        let transitions = self.transitions.iter().map(|of| Joined {
+        let wanted = library.request();
+        let transitions = self.transitions.iter().map(|of| TransitionPlan {
             from: of.from,
             to: of.to,
             plan: &of.planned.plan,
@@ -159,7 +159,7 @@ impl Solver for Watched {
         Ok(self.ended(watch, plan))
     }
 
-    fn taken(&mut self, motion: &Motion) {
+    fn plan_given(&mut self, motion: &Motion) {
         output::say(format_args!(
             "– {:<26} not planned again: the library file names a plan",
             motion.name
@@ -176,7 +176,7 @@ impl Solver for Watched {
 /// again. Returns `None` after Ctrl-C.
 pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
     let mut solver = Watched::new(verbose);
-    let plans = library.wanted().motions(&mut solver)?;
+    let plans = library.request().motions(&mut solver)?;
     Some(plans.into_iter().zip(solver.took).map(|(plan, took)| Planned { plan, took }).collect())
 }
 
@@ -186,14 +186,15 @@ pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
 /// # Errors
 /// Returns the motions that no transition can enter or leave.
 pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
-    let (wanted, mut solver) = (library.wanted(), Watched::new(verbose));
+    let (wanted, mut solver) = (library.request(), Watched::new(verbose));
     let Some(motions) = wanted.motions(&mut solver) else { return Ok(None) };
     let transitions = wanted.transitions(&motions, &mut solver).into_diagnostic()?;
     let Some(transitions) = transitions else { return Ok(None) };
     let mut took = solver.took.into_iter();
     let mut planned = |plan| Planned { plan, took: took.next().unwrap_or_default() };
     let motions = motions.into_iter().map(&mut planned).collect();
-    let joined = |Joined { from, to, plan }| PlannedTransition { from, to, planned: planned(plan) };
+    let joined =
+        |TransitionPlan { from, to, plan }| PlannedTransition { from, to, planned: planned(plan) };
     let transitions = transitions.into_iter().map(joined).collect();
     Ok(Some(Plans { motions, transitions, safe: library.file.safe }))
 }

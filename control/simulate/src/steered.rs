@@ -13,7 +13,7 @@ use rollwalk_physics::motor::Law;
 use rollwalk_physics::push::{Shove, mean_force};
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
 use rollwalk_physics::{StepError, World};
-use rollwalk_planner::receding::{Gait, Horizon, HorizonError, Measured, Steering};
+use rollwalk_planner::receding::{Gait, Horizon, HorizonError, MeasuredState, Steering};
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_robot::Robot;
 use rollwalk_tracking::Tracker;
@@ -169,7 +169,7 @@ impl Planner {
     /// Plans from the state that is predicted for a step. Returns `None` if the plan is not accepted.
     fn plan(
         &mut self,
-        measured: Measured<'_>,
+        measured: MeasuredState<'_>,
         step: usize,
     ) -> Result<Option<PlacedPlan>, HorizonError> {
         let mut left = self.iterations;
@@ -193,7 +193,7 @@ impl Planner {
     fn plan_ahead(
         &mut self,
         tracked: &mut PlacedPlan,
-        measured: Measured<'_>,
+        measured: MeasuredState<'_>,
         [now, then]: [usize; 2],
     ) -> Result<Option<PlacedPlan>, HorizonError> {
         let [here, there] = [now, then].map(|step| tracked.at(step as f64 * self.step_s));
@@ -201,7 +201,7 @@ impl Planner {
             .map(|((here, there), touches)| if here == there { *touches } else { *there })
             .collect();
         let state = expected(measured.state, &here.state, there.state);
-        self.plan(Measured { state: &state, touches: &touches }, then)
+        self.plan(MeasuredState { state: &state, touches: &touches }, then)
     }
 }
 
@@ -239,7 +239,7 @@ pub fn steer(
     let mut commands = commands.iter().peekable();
     let standing = vec![true; robot.end_effectors.len()];
     let state = world.state(&tree);
-    let first = planner.plan(Measured { state: &state, touches: &standing }, 0)?;
+    let first = planner.plan(MeasuredState { state: &state, touches: &standing }, 0)?;
     let mut tracked = first.ok_or(SteeredError::CannotStand)?;
     let mut next = None;
     let (mut untracked, mut fell_at_s, mut velocities) = (0, None, Vec::new());
@@ -255,7 +255,7 @@ pub fn steer(
                     planner.horizon.change_gait(gait.clone(), (then / steps) as u64)?;
                 }
             }
-            let measured = Measured { state: &state, touches: &touching };
+            let measured = MeasuredState { state: &state, touches: &touching };
             next = planner.plan_ahead(&mut tracked, measured, [step, then])?;
         }
         if step.is_multiple_of(between)

@@ -2,8 +2,8 @@
 
 use crate::catalog::Servo;
 use crate::file::{self, DesignFile};
-use crate::parameter::{Kind, Place};
-use crate::text::{Nothing, RobotText, number};
+use crate::parameter::{Kind, Location};
+use crate::text::{NoEffect, RobotText, number};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::sensitivity::{Design, Parameter};
 use rollwalk_robot::Robot;
@@ -81,11 +81,11 @@ impl Designed {
         Robot::from_toml(&robot.name, &robot.text)?;
         let mut text = RobotText::new(&robot.text).unwrap_or_default();
         let motions: Vec<MotionText> = motions.into_iter().map(MotionText::new).collect();
-        let of_motion = |place: &Place| {
+        let of_motion = |place: &Location| {
             let stem = place.template.as_deref().unwrap_or_default();
             let motion = motions.iter().find(|motion| motion.stem() == stem);
             let known = || motions.iter().map(MotionText::stem).collect::<Vec<_>>().join(", ");
-            let motion = motion.ok_or_else(|| Nothing {
+            let motion = motion.ok_or_else(|| NoEffect {
                 problem: format!("the design has no motion file `{stem}`"),
                 help: format!(
                     "give one of the motion files {}, as in {}/duration_s",
@@ -187,7 +187,7 @@ impl Designed {
     ///
     /// # Errors
     /// If the robot lacks the part that the parameter changes.
-    pub fn value_of(&self, place: &Place) -> Result<f64, Nothing> {
+    pub fn value_of(&self, place: &Location) -> Result<f64, NoEffect> {
         self.text.clone().value(place)
     }
 

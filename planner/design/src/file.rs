@@ -34,8 +34,8 @@
 //! ```
 
 use crate::goal::Goal;
-use crate::parameter::{Axis, Kind, Place};
-use crate::text::Nothing;
+use crate::parameter::{Axis, Kind, Location};
+use crate::text::NoEffect;
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
 /// Maximum number of parameters in a design.
@@ -78,7 +78,7 @@ pub struct Parameter {
     /// Name in the design file.
     pub name: String,
     /// Number in the robot file or motion file that the parameter changes.
-    pub place: Place,
+    pub place: Location,
     /// Lower bound.
     pub min: f64,
     /// Upper bound.
@@ -108,7 +108,7 @@ impl DesignFile {
         &self,
         file_name: &str,
         text: &str,
-        mut value: impl FnMut(&Place) -> Result<f64, Nothing>,
+        mut value: impl FnMut(&Location) -> Result<f64, NoEffect>,
     ) -> Result<Vec<f64>, DocumentError> {
         let document = Document::parse(file_name, text)?;
         let mut values = Vec::new();
@@ -117,7 +117,7 @@ impl DesignFile {
             let Parameter { name, place, min, max, .. } = parameter;
             let key = place.kind.key();
             match value(place) {
-                Err(Nothing { problem, help }) => {
+                Err(NoEffect { problem, help }) => {
                     table.fault(
                         key,
                         format_args!("of parameter `{name}`: {problem}"),
@@ -221,7 +221,7 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
         table.fault("name", problem, "one kind of change", help);
         return None;
     };
-    let place = place(&table, kind);
+    let place = read_location(&table, kind);
     let [min, max, step] = kind.unit().1;
     let bounds = [min, max].map(|key| table.number(key));
     let step_given = if table.has(step) { Some(table.number(step)?) } else { None };
@@ -243,7 +243,7 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
     Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })
 }
 
-fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
+fn read_location(table: &Table<'_>, kind: Kind) -> Option<Location> {
     let key = kind.key();
     let given = table.string(key)?;
     let (part, axis) = match (kind.has_axis(), given.rsplit_once('.')) {
@@ -262,7 +262,7 @@ fn place(table: &Table<'_>, kind: Kind) -> Option<Place> {
     let has_limbs = kind == Kind::Mount || (template.is_some() && !kind.is_of_motion());
     let limbs = if has_limbs && table.has("limbs") { table.strings("limbs")? } else { Vec::new() };
     let limbs = limbs.into_iter().map(|(limb, _)| limb.to_owned()).collect();
-    Some(Place { kind, template, name, axis, limbs })
+    Some(Location { kind, template, name, axis, limbs })
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 //! then move by centimetres to gain hundredths of a degree.
 
 use crate::designed::{Designed, on_samples_of};
-use crate::plans::{Failed, Plans, Watch, unless_interrupted};
+use crate::plans::{Plans, PlansError, Watch, unless_interrupted};
 use crate::quadratic::Quadratic;
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::sensitivity::{Change, Design, Feature, Optimal};
@@ -35,7 +35,7 @@ pub fn keep(
     given: &[(usize, f64)],
     feature: Feature,
     watch: &mut Watch<'_>,
-) -> Result<Plans, Failed> {
+) -> Result<Plans, PlansError> {
     keep_in(STEPS, TAKEN_BACK, designed, plans, given, feature, watch)
 }
 
@@ -48,7 +48,7 @@ fn keep_in(
     given: &[(usize, f64)],
     feature: Feature,
     watch: &mut Watch<'_>,
-) -> Result<Plans, Failed> {
+) -> Result<Plans, PlansError> {
     plans.all_solved()?;
     let mut here = plans.clone();
     let mut at_start: Option<Vec<f64>> = None;
@@ -122,7 +122,7 @@ impl Linear {
         plans: &Plans,
         feature: Feature,
         watch: &mut Watch<'_>,
-    ) -> Result<Self, Failed> {
+    ) -> Result<Self, PlansError> {
         let count = plans.variant.values.len();
         let mut linear =
             Self { optima: Vec::new(), feature: Vec::new(), jacobian: DMatrix::zeros(0, count) };
@@ -150,7 +150,7 @@ impl Linear {
         plans: &Plans,
         step: &DVector<f64>,
         watch: &mut Watch<'_>,
-    ) -> Result<Plans, Failed> {
+    ) -> Result<Plans, PlansError> {
         let amounts: Vec<f64> =
             step.iter().enumerate().map(|(k, step)| step * designed.unit(k)).collect();
         let moved = plans.variant.values.iter().zip(&amounts).map(|(value, by)| value + by);

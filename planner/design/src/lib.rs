@@ -11,7 +11,7 @@
 //! | [`file`](mod@file) | design files: parameters with their bounds |
 //! | [`goal`] | goal of an optimisation |
 //! | [`keep`](mod@keep) | semi-automatic changes: some parameters are given, the others keep a feature of the motions |
-//! | [`made`] | rounding of a result to manufacturing steps |
+//! | [`rounding`] | rounding of a result to manufacturing steps |
 //! | [`optimise`](mod@optimise) | optimisation of the parameters |
 //! | [`parameter`] | kinds of parameters |
 //! | [`plans`] | plans of all motions of a design |
@@ -40,11 +40,11 @@ pub mod duty;
 pub mod file;
 pub mod goal;
 pub mod keep;
-pub mod made;
 pub mod optimise;
 pub mod parameter;
 pub mod plans;
 mod quadratic;
 pub mod repair;
+pub mod rounding;
 pub mod sweep;
 pub mod text;

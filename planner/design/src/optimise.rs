@@ -13,7 +13,7 @@
 
 use crate::designed::Designed;
 use crate::goal::{Goal, Quantity};
-use crate::plans::{Failed, Plans, Watch};
+use crate::plans::{Plans, PlansError, Watch};
 use crate::quadratic::{EXCESS, Quadratic};
 use nalgebra::{DMatrix, DVector};
 use rollwalk_planner::Weights;
@@ -45,7 +45,7 @@ pub struct Step {
 
 /// Result of an optimisation.
 #[derive(Clone, Debug)]
-pub struct Optimised {
+pub struct OptimisationResult {
     /// Accepted designs; the first is the original one.
     pub steps: Vec<Step>,
     /// Plans of the final design, on the samples of the original plans.
@@ -60,7 +60,7 @@ pub struct Optimised {
     pub estimated: Vec<String>,
 }
 
-impl Optimised {
+impl OptimisationResult {
     /// Ratio of the actual to the predicted gain of the merit, over all planned trial steps. `None` if no step was planned.
     pub fn gain_of_predicted(&self) -> Option<f64> {
         let [gain, predicted] = self.gains;
@@ -111,7 +111,7 @@ pub fn merit_of(designed: &Designed, goal: &Goal, plans: &Plans, original: &Plan
     let (quantities, estimated) =
         (values(plans).into_iter().map(with_slopes).collect(), Vec::new());
     let point = Point { plans: plans.clone(), quantities, estimated };
-    Outer { designed, goal }.merit(&point, &values(original)).value()
+    OuterProblem { designed, goal }.merit(&point, &values(original)).value()
 }
 
 /// Optimises a design, starting from plans of the original. `each` receives every accepted step.
@@ -124,8 +124,8 @@ pub fn optimise(
     goal: &Goal,
     watch: &mut Watch<'_>,
     each: &mut dyn FnMut(&Step),
-) -> Result<Optimised, Failed> {
-    let problem = Outer { designed, goal };
+) -> Result<OptimisationResult, PlansError> {
+    let problem = OuterProblem { designed, goal };
     plans.all_solved()?;
     let mut here = problem.point(plans.clone(), watch)?;
     let original: Vec<Vec<f64>> = values_of(&here);
@@ -151,7 +151,7 @@ pub fn optimise(
         };
         let there = match there {
             Ok(there) => there,
-            Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+            Err(PlansError::Interrupted) => return Err(PlansError::Interrupted),
             Err(reason) => {
                 lost.push(reason.to_string());
                 trust *= 0.5;
@@ -182,7 +182,7 @@ pub fn optimise(
             }
         }
     }
-    Ok(Optimised { steps, plans: here.plans, merit, lost, gains, estimated })
+    Ok(OptimisationResult { steps, plans: here.plans, merit, lost, gains, estimated })
 }
 
 /// Damped BFGS update, which keeps the curvature positive definite.
@@ -235,12 +235,12 @@ impl Merit {
     }
 }
 
-struct Outer<'a> {
+struct OuterProblem<'a> {
     designed: &'a Designed,
     goal: &'a Goal,
 }
 
-impl Outer<'_> {
+impl OuterProblem<'_> {
     /// Changes of the parameters from the original, in their units.
     fn scaled(&self, values: &[f64]) -> DVector<f64> {
         let original = self.designed.original();
@@ -248,7 +248,12 @@ impl Outer<'_> {
     }
 
     /// Plans the design at `x`, starting from plans of a neighbour.
-    fn plan(&self, from: &Point, x: &DVector<f64>, watch: &mut Watch<'_>) -> Result<Plans, Failed> {
+    fn plan(
+        &self,
+        from: &Point,
+        x: &DVector<f64>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Plans, PlansError> {
         let original = self.designed.original();
         let value = |(k, x): (usize, &f64)| original[k] + x * self.designed.unit(k);
         let values: Vec<f64> = x.iter().enumerate().map(value).collect();
@@ -258,7 +263,7 @@ impl Outer<'_> {
     }
 
     /// Evaluates all quantities of a design and their gradients.
-    fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, Failed> {
+    fn point(&self, plans: Plans, watch: &mut Watch<'_>) -> Result<Point, PlansError> {
         self.designed.all_defined(&plans.variant.motions)?;
         let (mut quantities, mut estimated) = (Vec::new(), Vec::new());
         self.designed.each_optimum(&plans, watch, &mut |mut optimal, parameters| {

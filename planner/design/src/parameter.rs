@@ -138,7 +138,7 @@ impl Kind {
 
 /// Kind and location of the value that a parameter changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// Kind of the value.
     pub kind: Kind,
     /// Template of the link, joint or end effector. `None` for servos and for parts outside templates. For a value of a motion:
@@ -152,7 +152,7 @@ pub struct Place {
     pub limbs: Vec<String>,
 }
 
-impl Place {
+impl Location {
     /// Returns true if both parameters change the same value.
     pub fn meets(&self, other: &Self) -> bool {
         let same_limbs = self.limbs.is_empty()
@@ -169,7 +169,7 @@ impl Place {
 }
 
 /// Prints the notation of design files.
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = \"", self.kind.key())?;
         if let Some(template) = &self.template {

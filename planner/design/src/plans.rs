@@ -3,7 +3,7 @@
 use crate::designed::{Designed, Variant, on_samples_of};
 use crate::file::Parameter;
 use crate::goal::Quantity;
-use crate::repair::{self, Free, Made, Outcome, Repair, Shown};
+use crate::repair::{self, BuiltDesign, Feasibility, Free, Repair, RepairProgress};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
@@ -17,7 +17,8 @@ use thiserror::Error;
 pub type Watch<'a> = dyn FnMut(&str, &Progress) -> ControlFlow<()> + 'a;
 
 /// Callback for the optimum of a motion and the parameters at this optimum.
-pub type Work<'a> = dyn FnMut(Optimal, &[sensitivity::Parameter<'_>]) -> Result<(), Failed> + 'a;
+pub type OptimumCallback<'a> =
+    dyn FnMut(Optimal, &[sensitivity::Parameter<'_>]) -> Result<(), PlansError> + 'a;
 
 /// Robot with plans of its motions.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +31,7 @@ pub struct Plans {
 
 /// Reason for which work on a design ended.
 #[derive(Debug, Error)]
-pub enum Failed {
+pub enum PlansError {
     /// The caller stopped the work.
     #[error("interrupted")]
     Interrupted,
@@ -74,7 +75,7 @@ impl Plans {
     ///
     /// # Errors
     /// Returns the first motion that the robot cannot do.
-    pub fn all_solved(&self) -> Result<(), Failed> {
+    pub fn all_solved(&self) -> Result<(), PlansError> {
         let lost = self.plans().find(|plan| !plan.solve.status.is_solved());
         lost.map_or(Ok(()), |plan| Err(cannot(plan)))
     }
@@ -84,7 +85,7 @@ impl Plans {
     ///
     /// # Errors
     /// If the caller stops the work.
-    pub fn polished(self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
+    pub fn polished(self, watch: &mut Watch<'_>) -> Result<Self, PlansError> {
         let optima = self.clone().at_optimum(watch)?;
         Ok(if optima.all_hold() { optima } else { self })
     }
@@ -93,12 +94,12 @@ impl Plans {
     ///
     /// # Errors
     /// If the caller stops the work.
-    pub fn at_optimum(mut self, watch: &mut Watch<'_>) -> Result<Self, Failed> {
+    pub fn at_optimum(mut self, watch: &mut Watch<'_>) -> Result<Self, PlansError> {
         for solution in &mut self.solutions {
             let Plan { robot, motion, .. } = &solution.plan;
             let optimum = match optimal(solution, watch) {
                 Ok(optimum) => optimum,
-                Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+                Err(PlansError::Interrupted) => return Err(PlansError::Interrupted),
                 Err(_) => continue,
             };
             let progress = &mut |state: &Progress| watch(&motion.name, state);
@@ -110,13 +111,13 @@ impl Plans {
     }
 }
 
-fn cannot(plan: &Plan) -> Failed {
+fn cannot(plan: &Plan) -> PlansError {
     let solve = &plan.solve;
     let reason = match &solve.diagnosis {
         Some(diagnosis) => diagnosis.to_string(),
         None => solve.status.to_string(),
     };
-    Failed::CannotDo { motion: plan.motion.name.clone(), reason }
+    PlansError::CannotDo { motion: plan.motion.name.clone(), reason }
 }
 
 impl Designed {
@@ -127,13 +128,13 @@ impl Designed {
     pub fn all_defined<'a>(
         &self,
         motions: impl IntoIterator<Item = &'a Motion>,
-    ) -> Result<(), Failed> {
+    ) -> Result<(), PlansError> {
         let Some(goal) = &self.file.goal else { return Ok(()) };
         for motion in motions {
             let mut quantities = goal.minimise.iter().chain(&goal.keep).map(|(of, _)| *of);
             if let Some(objective) = quantities.find(|of| !of.is_defined(motion)) {
                 let (motion, quantity) = (motion.name.clone(), Quantity::of(objective).name);
-                return Err(Failed::Undefined { motion, quantity });
+                return Err(PlansError::Undefined { motion, quantity });
             }
         }
         Ok(())
@@ -143,7 +144,7 @@ impl Designed {
     ///
     /// # Errors
     /// If the robot is invalid at these values, or the caller stops the work.
-    pub fn plan(&self, values: &[f64], watch: &mut Watch<'_>) -> Result<Plans, Failed> {
+    pub fn plan(&self, values: &[f64], watch: &mut Watch<'_>) -> Result<Plans, PlansError> {
         let variant = self.at(values)?;
         let solve = |motion| {
             let progress = &mut |state: &Progress| watch(named(motion), state);
@@ -169,7 +170,7 @@ impl Designed {
         values: &[f64],
         refine: bool,
         watch: &mut Watch<'_>,
-    ) -> Result<Plans, Failed> {
+    ) -> Result<Plans, PlansError> {
         let variant = self.at(values)?;
         let options = Options { refine, ..Options::default() };
         let solve = |(motion, solution): (_, &Solution)| {
@@ -191,7 +192,7 @@ fn named(motion: &Motion) -> &str {
 
 /// Outcome of the repair of a design that cannot do its motions.
 #[derive(Clone, Debug)]
-pub enum Repaired {
+pub enum RepairOutcome {
     /// Success at changed values.
     Feasible {
         /// Plans of the repaired design.
@@ -200,7 +201,7 @@ pub enum Repaired {
         steps: Vec<repair::Step>,
     },
     /// Failure: no design within the bounds can do the motions.
-    Nearest(repair::Nearest),
+    Nearest(repair::NearestDesign),
 }
 
 impl Designed {
@@ -208,7 +209,11 @@ impl Designed {
     ///
     /// # Errors
     /// If the robot is invalid near the original values, a plan has no derivatives, or the caller stops the work.
-    pub fn repair(&self, plans: &Plans, watch: &mut Watch<'_>) -> Result<Repaired, Failed> {
+    pub fn repair(
+        &self,
+        plans: &Plans,
+        watch: &mut Watch<'_>,
+    ) -> Result<RepairOutcome, PlansError> {
         let free = |(k, of): (usize, &Parameter)| Free {
             name: of.name.clone(),
             original: self.original()[k],
@@ -219,26 +224,26 @@ impl Designed {
         let free: Vec<Free> = self.file.parameters.iter().enumerate().map(free).collect();
         let given: Vec<Plan> = plans.plans().cloned().collect();
         let pull = self.file.repair_pull.unwrap_or(repair::PULL);
-        let make = |values: &[f64]| -> Result<Made, DocumentError> {
-            self.at(values).map(|Variant { robot, motions, .. }| Made { robot, motions })
+        let make = |values: &[f64]| -> Result<BuiltDesign, DocumentError> {
+            self.at(values).map(|Variant { robot, motions, .. }| BuiltDesign { robot, motions })
         };
         let all = self.file.name.clone();
-        let shown = &mut |shown: Shown<'_>| match shown {
-            Shown::Iteration(progress) => watch(&all, progress),
-            Shown::Step(..) => ControlFlow::Continue(()),
+        let shown = &mut |shown: RepairProgress<'_>| match shown {
+            RepairProgress::Iteration(progress) => watch(&all, progress),
+            RepairProgress::Step(..) => ControlFlow::Continue(()),
         };
         let repair = repair::repair(&free, &given, pull, &make, &Options::default(), shown);
         let Repair { values, steps, outcome } = repair.map_err(|failed| match failed {
-            repair::Failed::Made(error) => Failed::Robot(error),
-            repair::Failed::NotOptimal(error) => Failed::NotOptimal(error),
+            repair::RepairError::Made(error) => PlansError::Robot(error),
+            repair::RepairError::NotOptimal(error) => PlansError::NotOptimal(error),
         })?;
         match outcome {
-            Outcome::Feasible(solutions) => {
+            Feasibility::Feasible(solutions) => {
                 let plans = Box::new(Plans { variant: self.at(&values)?, solutions });
-                Ok(Repaired::Feasible { plans, steps })
+                Ok(RepairOutcome::Feasible { plans, steps })
             }
-            Outcome::Nearest(nearest) => Ok(Repaired::Nearest(nearest)),
-            Outcome::Interrupted => Err(Failed::Interrupted),
+            Feasibility::Nearest(nearest) => Ok(RepairOutcome::Nearest(nearest)),
+            Feasibility::Interrupted => Err(PlansError::Interrupted),
         }
     }
 }
@@ -253,8 +258,8 @@ impl Designed {
         &self,
         plans: &Plans,
         watch: &mut Watch<'_>,
-        work: &mut Work<'_>,
-    ) -> Result<(), Failed> {
+        work: &mut OptimumCallback<'_>,
+    ) -> Result<(), PlansError> {
         let values = &plans.variant.values;
         let around = (0..values.len()).map(|k| self.around(values, k));
         let around = around.collect::<Result<Vec<_>, _>>()?;
@@ -271,9 +276,9 @@ impl Designed {
 }
 
 /// Returns the solution, or an error if the caller stopped the solve.
-pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed> {
+pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, PlansError> {
     match solution.plan.solve.status {
-        Status::Interrupted => Err(Failed::Interrupted),
+        Status::Interrupted => Err(PlansError::Interrupted),
         _ => Ok(solution),
     }
 }
@@ -282,7 +287,7 @@ pub(crate) fn unless_interrupted(solution: Solution) -> Result<Solution, Failed>
 ///
 /// # Errors
 /// If the solution did not converge, or the caller stops the work.
-pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Failed> {
+pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, PlansError> {
     let motion = &solution.plan.motion.name;
     let mut stopped = false;
     let progress = &mut |state: &Progress| {
@@ -291,5 +296,5 @@ pub fn optimal(solution: &Solution, watch: &mut Watch<'_>) -> Result<Optimal, Fa
         flow
     };
     let found = Optimal::of(solution, &Options::default(), progress);
-    if stopped { Err(Failed::Interrupted) } else { Ok(found?) }
+    if stopped { Err(PlansError::Interrupted) } else { Ok(found?) }
 }

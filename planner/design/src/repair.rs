@@ -73,7 +73,7 @@ impl Free {
 
 /// Robot with its motions.
 #[derive(Clone, Debug)]
-pub struct Made {
+pub struct BuiltDesign {
     /// The robot.
     pub robot: Robot,
     /// Motions of this robot.
@@ -82,7 +82,7 @@ pub struct Made {
 
 /// Progress of a repair.
 #[derive(Clone, Copy, Debug)]
-pub enum Shown<'a> {
+pub enum RepairProgress<'a> {
     /// Iteration of a planner.
     Iteration(&'a Progress),
     /// Step of the design, with the shortfall of each motion.
@@ -112,30 +112,30 @@ pub struct Repair {
     /// Intermediate designs; the first is the original one.
     pub steps: Vec<Step>,
     /// Feasibility of the motions.
-    pub outcome: Outcome,
+    pub outcome: Feasibility,
 }
 
 /// Feasibility of the motions on a design.
 #[derive(Clone, Debug)]
-pub enum Outcome {
+pub enum Feasibility {
     /// Converged plans of all motions. A plan may still fail the checks as played; its status shows this.
     Feasible(Vec<Solution>),
     /// Failure: no design near the best one within the bounds can do the motions.
-    Nearest(Nearest),
+    Nearest(NearestDesign),
     /// The caller stopped the work.
     Interrupted,
 }
 
 /// Design within the bounds with the least violation.
 #[derive(Clone, Debug)]
-pub struct Nearest {
+pub struct NearestDesign {
     /// Names of the infeasible motions, with their diagnoses.
     pub misses: Vec<(String, Diagnosis)>,
     /// Names, values and units of the parameters at a bound.
     pub at_bounds: Vec<(String, f64, &'static str)>,
 }
 
-impl fmt::Display for Nearest {
+impl fmt::Display for NearestDesign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "no design within the bounds can perform the motions: the nearest design ")?;
         match self.misses.len() {
@@ -157,7 +157,7 @@ impl fmt::Display for Nearest {
 
 /// Reason for which a design cannot be repaired.
 #[derive(Debug, Error)]
-pub enum Failed<E> {
+pub enum RepairError<E> {
     /// Error of the caller, because the robot is invalid at values of the parameters.
     #[error(transparent)]
     Made(E),
@@ -167,21 +167,21 @@ pub enum Failed<E> {
 }
 
 /// Callback that builds the robot and its motions at values of the parameters.
-type Make<'a, E> = dyn Fn(&[f64]) -> Result<Made, E> + 'a;
+type BuildDesign<'a, E> = dyn Fn(&[f64]) -> Result<BuiltDesign, E> + 'a;
 /// Callback for the progress, which may stop the work.
-type Watch<'a> = dyn FnMut(Shown<'_>) -> ControlFlow<()> + 'a;
+type Watch<'a> = dyn FnMut(RepairProgress<'_>) -> ControlFlow<()> + 'a;
 
 /// Reason for which work ended.
-enum Ended<E> {
-    Failed(Failed<E>),
+enum RepairStop<E> {
+    Failed(RepairError<E>),
     Interrupted,
 }
 
-impl<E> From<NotOptimal> for Ended<E> {
+impl<E> From<NotOptimal> for RepairStop<E> {
     fn from(error: NotOptimal) -> Self {
         match error {
             NotOptimal::Interrupted { .. } => Self::Interrupted,
-            other => Self::Failed(Failed::NotOptimal(other)),
+            other => Self::Failed(RepairError::NotOptimal(other)),
         }
     }
 }
@@ -198,26 +198,27 @@ pub fn repair<E>(
     free: &[Free],
     plans: &[Plan],
     pull: f64,
-    make: &Make<'_, E>,
+    make: &BuildDesign<'_, E>,
     options: &Options,
     watch: &mut Watch<'_>,
-) -> Result<Repair, Failed<E>> {
+) -> Result<Repair, RepairError<E>> {
     let values = free.iter().map(|free| free.original).collect();
-    let mut work = Work { free, plans, pull, make, options, watch, values, steps: Vec::new() };
+    let mut work =
+        RepairState { free, plans, pull, make, options, watch, values, steps: Vec::new() };
     let outcome = match work.run() {
         Ok(outcome) => outcome,
-        Err(Ended::Interrupted) => Outcome::Interrupted,
-        Err(Ended::Failed(failed)) => return Err(failed),
+        Err(RepairStop::Interrupted) => Feasibility::Interrupted,
+        Err(RepairStop::Failed(failed)) => return Err(failed),
     };
     Ok(Repair { values: work.values, steps: work.steps, outcome })
 }
 
 /// State of a repair.
-struct Work<'a, 'w, E> {
+struct RepairState<'a, 'w, E> {
     free: &'a [Free],
     plans: &'a [Plan],
     pull: f64,
-    make: &'a Make<'a, E>,
+    make: &'a BuildDesign<'a, E>,
     options: &'a Options,
     watch: &'a mut Watch<'w>,
     values: Vec<f64>,
@@ -225,12 +226,12 @@ struct Work<'a, 'w, E> {
 }
 
 /// Trial values, with the shortfall of each motion.
-type Tried = (Vec<f64>, Vec<Shortfall>);
+type TrialResult = (Vec<f64>, Vec<Shortfall>);
 
 /// Robots on both sides of a design, for central differences with respect to one parameter.
 struct Neighbours {
-    ahead: Made,
-    behind: Made,
+    ahead: BuiltDesign,
+    behind: BuiltDesign,
     apart: f64,
 }
 
@@ -244,14 +245,14 @@ impl Neighbours {
 }
 
 /// Gradient and Hessian of the energy with the pull, per unit of each parameter; and the derivatives of each motion's point.
-struct Around {
+struct LocalModel {
     gradient: DVector<f64>,
     curvature: DMatrix<f64>,
     moves: Vec<Vec<Vec<f64>>>,
 }
 
-impl<E> Work<'_, '_, E> {
-    fn run(&mut self) -> Result<Outcome, Ended<E>> {
+impl<E> RepairState<'_, '_, E> {
+    fn run(&mut self) -> Result<Feasibility, RepairStop<E>> {
         let mut short = Vec::new();
         for plan in self.plans {
             short.push(Shortfall::of(plan, self.options, &mut self.iterated())?);
@@ -293,11 +294,11 @@ impl<E> Work<'_, '_, E> {
         if solutions.iter().all(is_solved) {
             return self.finish(&solutions);
         }
-        Ok(Outcome::Nearest(self.nearest(&short)))
+        Ok(Feasibility::Nearest(self.nearest(&short)))
     }
 
     /// Minimises the energy over the parameters until no further step lowers it.
-    fn descend(&mut self, short: &mut Vec<Shortfall>, round: usize) -> Result<(), Ended<E>> {
+    fn descend(&mut self, short: &mut Vec<Shortfall>, round: usize) -> Result<(), RepairStop<E>> {
         if self.free.is_empty() {
             return Ok(());
         }
@@ -338,13 +339,13 @@ impl<E> Work<'_, '_, E> {
         short: &[Shortfall],
         moves: &[Vec<Vec<f64>>],
         step: &DVector<f64>,
-    ) -> Result<Option<Tried>, Ended<E>> {
+    ) -> Result<Option<TrialResult>, RepairStop<E>> {
         let changes: Vec<f64> =
             self.free.iter().zip(step.iter()).map(|(free, step)| free.unit * step).collect();
         let ends = self.free.iter().zip(&self.values).zip(&changes);
         let values: Vec<f64> =
             ends.map(|((free, from), change)| free.within_bounds(from + change)).collect();
-        let Ok(made) = self.made(&values) else { return Ok(None) };
+        let Ok(made) = self.build(&values) else { return Ok(None) };
         let mut there = Vec::new();
         for ((short, motion), moves) in short.iter().zip(&made.motions).zip(moves) {
             let by: Vec<(f64, &[f64])> =
@@ -359,7 +360,7 @@ impl<E> Work<'_, '_, E> {
         Ok(Some((values, there)))
     }
 
-    fn around(&mut self, short: &[Shortfall]) -> Result<Around, Ended<E>> {
+    fn around(&mut self, short: &[Shortfall]) -> Result<LocalModel, RepairStop<E>> {
         let count = self.free.len();
         let mut neighbours = Vec::new();
         for (k, free) in self.free.iter().enumerate() {
@@ -367,11 +368,11 @@ impl<E> Work<'_, '_, E> {
             let at = |by: f64| {
                 let mut values = self.values.clone();
                 values[k] += by;
-                self.made(&values)
+                self.build(&values)
             };
             neighbours.push(Neighbours { ahead: at(half)?, behind: at(-half)?, apart: 2.0 * half });
         }
-        let mut around = Around {
+        let mut around = LocalModel {
             gradient: DVector::zeros(count),
             curvature: DMatrix::zeros(count, count),
             moves: Vec::new(),
@@ -415,7 +416,7 @@ impl<E> Work<'_, '_, E> {
     }
 
     /// Minimum of the quadratic model within the bounds and the trust region, in units of the parameters.
-    fn in_box(&self, around: &Around, trust: f64) -> DVector<f64> {
+    fn in_box(&self, around: &LocalModel, trust: f64) -> DVector<f64> {
         let ends = |k: usize| {
             self.free.iter().zip(&self.values).map(move |(free, value)| {
                 ((free.bounds[k] - value) / free.unit).clamp(-trust, trust)
@@ -449,7 +450,7 @@ impl<E> Work<'_, '_, E> {
         values: Vec<f64>,
         short: &[Shortfall],
         round: usize,
-    ) -> Result<(), Ended<E>> {
+    ) -> Result<(), RepairStop<E>> {
         let step = Step {
             values: values.clone(),
             energy: short.iter().map(Shortfall::energy).sum(),
@@ -458,13 +459,13 @@ impl<E> Work<'_, '_, E> {
             newton_steps: short.iter().map(Shortfall::steps).sum(),
         };
         self.values = values;
-        let stopped = (self.watch)(Shown::Step(&step, short)).is_break();
+        let stopped = (self.watch)(RepairProgress::Step(&step, short)).is_break();
         self.steps.push(step);
-        if stopped { Err(Ended::Interrupted) } else { Ok(()) }
+        if stopped { Err(RepairStop::Interrupted) } else { Ok(()) }
     }
 
     /// Plans all motions, starting from their points of least violation.
-    fn planned(&mut self, short: &[Shortfall]) -> Result<Vec<Solution>, Ended<E>> {
+    fn planned(&mut self, short: &[Shortfall]) -> Result<Vec<Solution>, RepairStop<E>> {
         let mut options = Options { refine: false, ..self.options.clone() };
         options.settings.iterations = ITERATIONS;
         let plan =
@@ -473,23 +474,23 @@ impl<E> Work<'_, '_, E> {
     }
 
     /// Refines the plans of a feasible design until they pass the checks as played.
-    fn finish(&mut self, solutions: &[Solution]) -> Result<Outcome, Ended<E>> {
-        let made = self.made(&self.values)?;
+    fn finish(&mut self, solutions: &[Solution]) -> Result<Feasibility, RepairStop<E>> {
+        let made = self.build(&self.values)?;
         let refined = |(solution, motion): (&Solution, &Motion)| {
             let solution = solution.replan(&made.robot, motion, self.options, &mut self.iterated());
             unless_interrupted(solution.map_err(NotOptimal::from)?)
         };
         let solutions = solutions.iter().zip(&made.motions).map(refined);
-        Ok(Outcome::Feasible(solutions.collect::<Result<_, _>>()?))
+        Ok(Feasibility::Feasible(solutions.collect::<Result<_, _>>()?))
     }
 
-    fn nearest(&self, short: &[Shortfall]) -> Nearest {
+    fn nearest(&self, short: &[Shortfall]) -> NearestDesign {
         let misses = short.iter().filter(|short| short.worst().1 > ACCEPTED_LEVEL);
         let misses =
             misses.filter_map(|short| Some((short.motion().name.clone(), short.diagnosis()?)));
         let at_bound = |(free, value): &(&Free, &f64)| free.bounds.contains(value);
         let values = self.free.iter().zip(&self.values).filter(at_bound);
-        Nearest {
+        NearestDesign {
             misses: misses.collect(),
             at_bounds: values
                 .map(|(free, value)| (free.name.clone(), *value, free.symbol))
@@ -498,8 +499,9 @@ impl<E> Work<'_, '_, E> {
     }
 
     /// Builds the robot at given values, with its motions on the samples of their plans.
-    fn made(&self, values: &[f64]) -> Result<Made, Ended<E>> {
-        let mut made = (self.make)(values).map_err(|error| Ended::Failed(Failed::Made(error)))?;
+    fn build(&self, values: &[f64]) -> Result<BuiltDesign, RepairStop<E>> {
+        let mut made =
+            (self.make)(values).map_err(|error| RepairStop::Failed(RepairError::Made(error)))?;
         for (motion, plan) in made.motions.iter_mut().zip(self.plans) {
             motion.stance.clone_from(&plan.motion.stance);
         }
@@ -507,7 +509,7 @@ impl<E> Work<'_, '_, E> {
     }
 
     fn iterated(&mut self) -> impl FnMut(&Progress) -> ControlFlow<()> {
-        |state| (self.watch)(Shown::Iteration(state))
+        |state| (self.watch)(RepairProgress::Iteration(state))
     }
 }
 
@@ -519,9 +521,9 @@ fn is_solved(solution: &Solution) -> bool {
     solution.plan.solve.status.is_solved()
 }
 
-fn unless_interrupted<E>(solution: Solution) -> Result<Solution, Ended<E>> {
+fn unless_interrupted<E>(solution: Solution) -> Result<Solution, RepairStop<E>> {
     match solution.plan.solve.status {
-        Status::Interrupted => Err(Ended::Interrupted),
+        Status::Interrupted => Err(RepairStop::Interrupted),
         _ => Ok(solution),
     }
 }

@@ -16,7 +16,7 @@ pub use row::Row;
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
 use crate::goal::Goal;
-use crate::plans::{Failed, Watch};
+use crate::plans::{PlansError, Watch};
 use rollwalk_robot::document::DocumentError;
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub type Files = BTreeMap<String, NamedText>;
 
 /// Sweep with all of its files.
 #[derive(Clone, Debug)]
-pub struct Ready {
+pub struct LoadedSweep {
     /// The sweep.
     pub sweep: Sweep,
     /// Design of the sweep; `None` if an axis lists robots instead.
@@ -34,7 +34,7 @@ pub struct Ready {
     catalog: Catalog,
 }
 
-impl Ready {
+impl LoadedSweep {
     /// Combines a sweep with its design and its other files.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Ready {
     ///
     /// # Errors
     /// If the caller stops the work.
-    pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
+    pub fn chain(&self, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, PlansError> {
         row::chain(self, chain, watch)
     }
 

@@ -4,7 +4,7 @@ pub(crate) mod number;
 mod split;
 
 use crate::catalog::Servo;
-use crate::parameter::{Kind, Place};
+use crate::parameter::{Kind, Location};
 use nalgebra::Vector3;
 use std::fmt;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
@@ -17,7 +17,7 @@ pub struct RobotText {
 
 /// Reason for which a parameter changes nothing in a robot file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Nothing {
+pub struct NoEffect {
     /// Missing item.
     pub problem: String,
     /// Available items.
@@ -43,47 +43,49 @@ impl RobotText {
     ///
     /// # Errors
     /// If the robot lacks the part that the parameter changes.
-    pub fn value(&mut self, place: &Place) -> Result<f64, Nothing> {
+    pub fn value(&mut self, place: &Location) -> Result<f64, NoEffect> {
         if place.kind != Kind::Mount && !place.limbs.is_empty() {
             let templates = split::templates(&mut self.document, place)?;
-            let Some(template) = templates.first() else { return Err(nothing(place, &[])) };
+            let Some(template) = templates.first() else { return Err(no_effect(place, &[])) };
             return self.value(&place.of_template(template));
         }
         if let Some(all) = self.all_of(place)? {
-            return all.first().map_or_else(|| Err(nothing(place, &[])), |first| self.value(first));
+            return all
+                .first()
+                .map_or_else(|| Err(no_effect(place, &[])), |first| self.value(first));
         }
         match place.kind {
             Kind::Length => Ok(self.reach(place)?.norm()),
             Kind::Speed | Kind::Torque => {
                 let key = limit_key(place.kind);
-                self.servo(place)?.get(key).and_then(number_of).ok_or_else(|| nothing(place, &[]))
+                self.servo(place)?.get(key).and_then(number_of).ok_or_else(|| no_effect(place, &[]))
             }
             Kind::Mount => {
                 let axis = place.axis.map_or(0, |axis| axis.index());
                 let limbs = self.mounts(place)?;
                 let value = limbs.first().and_then(|limb| vector(*limb, "origin_in_parent_m"));
-                Ok(value.ok_or_else(|| nothing(place, &[]))?[axis].abs())
+                Ok(value.ok_or_else(|| no_effect(place, &[]))?[axis].abs())
             }
             Kind::Joint | Kind::Center => {
                 let (table, key) = self.vector_of(place)?;
                 let axis = place.axis.map_or(0, |axis| axis.index());
-                Ok(vector(table, key).ok_or_else(|| nothing(place, &[]))?[axis])
+                Ok(vector(table, key).ok_or_else(|| no_effect(place, &[]))?[axis])
             }
             Kind::Radius => {
                 let table = self.named(place, "end_effector")?;
-                table.get("radius_m").and_then(number_of).ok_or_else(|| nothing(place, &[]))
+                table.get("radius_m").and_then(number_of).ok_or_else(|| no_effect(place, &[]))
             }
             Kind::Tilt => {
                 let table = self.named(place, "end_effector")?;
-                let axis = vector(table, "axis_in_link").ok_or_else(|| nothing(place, &[]))?;
+                let axis = vector(table, "axis_in_link").ok_or_else(|| no_effect(place, &[]))?;
                 Ok(axis.z.atan2(axis.y))
             }
             Kind::Mass => {
                 let table = self.named(place, "link")?;
                 let mass = heaviest(table).and_then(|mass| mass.as_float());
-                mass.ok_or_else(|| nothing(place, &[]))
+                mass.ok_or_else(|| no_effect(place, &[]))
             }
-            Kind::MotionLength | Kind::MotionTime | Kind::MotionAngle => Err(nothing(place, &[])),
+            Kind::MotionLength | Kind::MotionTime | Kind::MotionAngle => Err(no_effect(place, &[])),
         }
     }
 
@@ -91,7 +93,7 @@ impl RobotText {
     ///
     /// # Errors
     /// If the robot lacks the part that the parameter changes.
-    pub fn set(&mut self, place: &Place, to: f64) -> Result<(), Nothing> {
+    pub fn set(&mut self, place: &Location, to: f64) -> Result<(), NoEffect> {
         if place.kind != Kind::Mount && !place.limbs.is_empty() {
             let templates = split::apart(&mut self.document, place)?;
             return templates.iter().try_for_each(|of| self.set(&place.of_template(of), to));
@@ -211,7 +213,7 @@ impl RobotText {
     }
 
     /// Expands a name with `*` outside templates to all matching parts. Inside templates, `*` is the name of the limb.
-    fn all_of(&mut self, place: &Place) -> Result<Option<Vec<Place>>, Nothing> {
+    fn all_of(&mut self, place: &Location) -> Result<Option<Vec<Location>>, NoEffect> {
         let table = match place.kind {
             Kind::Length | Kind::Mass => "link",
             Kind::Joint => "joint",
@@ -231,13 +233,13 @@ impl RobotText {
             name.strip_prefix(start)
                 .is_some_and(|rest| rest.len() >= end.len() && rest.ends_with(end))
         };
-        let one = |name: &String| Place { name: name.clone(), ..place.clone() };
-        let all: Vec<Place> = known.iter().filter(fits).map(one).collect();
-        if all.is_empty() { Err(nothing(place, &known)) } else { Ok(Some(all)) }
+        let one = |name: &String| Location { name: name.clone(), ..place.clone() };
+        let all: Vec<Location> = known.iter().filter(fits).map(one).collect();
+        if all.is_empty() { Err(no_effect(place, &known)) } else { Ok(Some(all)) }
     }
 
     /// Vector from a link's joint to its next joint, or to its foot or wheel, in the link's frame.
-    fn reach(&mut self, place: &Place) -> Result<Vector3<f64>, Nothing> {
+    fn reach(&mut self, place: &Location) -> Result<Vector3<f64>, NoEffect> {
         self.named(place, "link")?;
         let ends = [
             ("joint", "parent", "origin_in_parent_m"),
@@ -253,7 +255,7 @@ impl RobotText {
                 return Ok(at);
             }
         }
-        Err(Nothing {
+        Err(NoEffect {
             problem: format!(
                 "link `{}` has no length, because no joint, foot or wheel lies away \
                 from its own joint",
@@ -266,7 +268,7 @@ impl RobotText {
 
     /// Scales all positions in a link along its length. Parts that stretch keep their cross-section, so that their mass grows
     /// with the length.
-    fn stretch(&mut self, place: &Place, length_m: f64) -> Result<(), Nothing> {
+    fn stretch(&mut self, place: &Location, length_m: f64) -> Result<(), NoEffect> {
         let reach = self.reach(place)?;
         let along = reach.normalize();
         let more = length_m / reach.norm() - 1.0;
@@ -303,7 +305,7 @@ impl RobotText {
     }
 
     /// Tables of a kind in the parameter's template, or outside templates if it has none.
-    fn tables(&mut self, place: &Place, kind: &str) -> Vec<&mut dyn TableLike> {
+    fn tables(&mut self, place: &Location, kind: &str) -> Vec<&mut dyn TableLike> {
         let group: Option<&mut dyn TableLike> = match &place.template {
             Some(template) => {
                 let all = self.document.get_mut("template").and_then(Item::as_table_like_mut);
@@ -315,15 +317,18 @@ impl RobotText {
     }
 
     /// Table of a kind with the parameter's name.
-    fn named(&mut self, place: &Place, kind: &str) -> Result<&mut dyn TableLike, Nothing> {
+    fn named(&mut self, place: &Location, kind: &str) -> Result<&mut dyn TableLike, NoEffect> {
         let tables = self.tables(place, kind);
         let known: Vec<String> =
             tables.iter().map(|table| text_of(&**table, "name").to_owned()).collect();
         let found = tables.into_iter().find(|table| text_of(&**table, "name") == place.name);
-        found.ok_or_else(|| nothing(place, &known))
+        found.ok_or_else(|| no_effect(place, &known))
     }
 
-    fn vector_of(&mut self, place: &Place) -> Result<(&mut dyn TableLike, &'static str), Nothing> {
+    fn vector_of(
+        &mut self,
+        place: &Location,
+    ) -> Result<(&mut dyn TableLike, &'static str), NoEffect> {
         let (kind, key) = match place.kind {
             Kind::Joint => ("joint", "origin_in_parent_m"),
             _ => ("end_effector", "center_in_link_m"),
@@ -331,18 +336,18 @@ impl RobotText {
         Ok((self.named(place, kind)?, key))
     }
 
-    fn servo(&mut self, place: &Place) -> Result<&mut dyn TableLike, Nothing> {
+    fn servo(&mut self, place: &Location) -> Result<&mut dyn TableLike, NoEffect> {
         let all = self.document.get_mut("actuator").and_then(Item::as_table_like_mut);
         let known: Vec<String> = all
             .as_ref()
             .map(|all| all.iter().map(|(name, _)| name.to_owned()).collect())
             .unwrap_or_default();
         let found = all.and_then(|all| all.get_mut(&place.name)).and_then(Item::as_table_like_mut);
-        found.ok_or_else(|| nothing(place, &known))
+        found.ok_or_else(|| no_effect(place, &known))
     }
 
     /// Tables of the limbs that the parameter lists, or of all limbs of its template.
-    fn mounts(&mut self, place: &Place) -> Result<Vec<&mut dyn TableLike>, Nothing> {
+    fn mounts(&mut self, place: &Location) -> Result<Vec<&mut dyn TableLike>, NoEffect> {
         let limbs = inner(self.document.as_table_mut(), "limb");
         let known: Vec<String> =
             limbs.iter().map(|table| text_of(&**table, "name").to_owned()).collect();
@@ -355,11 +360,11 @@ impl RobotText {
             }
         };
         let found: Vec<_> = limbs.into_iter().filter(is_meant).collect();
-        if found.is_empty() { Err(nothing(place, &known)) } else { Ok(found) }
+        if found.is_empty() { Err(no_effect(place, &known)) } else { Ok(found) }
     }
 }
 
-fn nothing(place: &Place, known: &[String]) -> Nothing {
+fn no_effect(place: &Location, known: &[String]) -> NoEffect {
     let template = place.template.as_ref().map_or(String::new(), |of| format!("{of}/"));
     let problem = format!("the robot has no `{template}{}` to change", place.name);
     let help = if known.is_empty() {
@@ -367,7 +372,7 @@ fn nothing(place: &Place, known: &[String]) -> Nothing {
     } else {
         format!("give one of {}", known.join(", "))
     };
-    Nothing { problem, help }
+    NoEffect { problem, help }
 }
 
 fn limit_key(kind: Kind) -> &'static str {

@@ -38,7 +38,7 @@ pub struct Body<'r> {
     /// Joint or axle to the parent; the root has none.
     pub hinge: Option<Hinge<'r>>,
     /// Visual and collision solids.
-    pub solids: Vec<Placed<'r>>,
+    pub solids: Vec<PlacedSolid<'r>>,
 }
 
 /// A joint or axle.
@@ -52,12 +52,12 @@ pub struct Hinge<'r> {
     /// Unit axis in the body's frame.
     pub axis: Vector3<f64>,
     /// Joint or wheel of the robot file.
-    pub of: Of<'r>,
+    pub of: HingeOrigin<'r>,
 }
 
 /// Origin of a hinge in the robot file.
 #[derive(Clone, Copy)]
-pub enum Of<'r> {
+pub enum HingeOrigin<'r> {
     /// A joint.
     Joint {
         /// Index of the joint in the robot.
@@ -75,7 +75,7 @@ pub enum Of<'r> {
 }
 
 /// A solid in the frame of its body.
-pub struct Placed<'r> {
+pub struct PlacedSolid<'r> {
     /// Pose of the solid's centre and axes.
     pub body_from_solid: Isometry3<f64>,
     /// Geometry of the solid.
@@ -110,7 +110,7 @@ pub enum Role<'r> {
     Contact(&'r EndEffector),
 }
 
-impl Of<'_> {
+impl HingeOrigin<'_> {
     /// Joints before wheels, each as in the robot file: the order of channels.
     pub fn order(&self) -> (bool, usize) {
         match *self {
@@ -155,7 +155,7 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
             parent: joint.parent,
             parent_from_body: joint.parent_from_joint,
             axis: joint.axis_in_joint,
-            of: Of::Joint { number, joint },
+            of: HingeOrigin::Joint { number, joint },
         });
     }
     let mut names = Names::from_iter([WORLD]);
@@ -175,7 +175,7 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
                 parent: wheel.link,
                 parent_from_body: Translation3::from(wheel.center_in_link_m).into(),
                 axis: wheel.contact.axis_in_link().copied().unwrap_or_else(Vector3::y),
-                of: Of::Wheel { number, wheel },
+                of: HingeOrigin::Wheel { number, wheel },
             }),
             solids: Vec::new(),
         });
@@ -275,7 +275,7 @@ fn is_in_wheel(solid: &Solid, wheel: &EndEffector) -> bool {
     round && apart_m < IN_THE_WHEEL * wheel.radius_m
 }
 
-fn part<'r>(solid: &Solid, wheel: Option<&EndEffector>) -> Placed<'r> {
+fn part<'r>(solid: &Solid, wheel: Option<&EndEffector>) -> PlacedSolid<'r> {
     let origin = wheel.map_or_else(Vector3::zeros, |wheel| wheel.center_in_link_m);
     let at = Translation3::from(solid.center_in_link_m - origin);
     let (turn, form) = match solid.form {
@@ -285,10 +285,10 @@ fn part<'r>(solid: &Solid, wheel: Option<&EndEffector>) -> Placed<'r> {
             (turn_z_to(&along), Geometry::Cylinder(radius_m, length_m))
         }
     };
-    Placed { body_from_solid: Isometry3::from_parts(at, turn), form, role: Role::Part }
+    PlacedSolid { body_from_solid: Isometry3::from_parts(at, turn), form, role: Role::Part }
 }
 
-fn room<'r>(shape: &Shape) -> Placed<'r> {
+fn room<'r>(shape: &Shape) -> PlacedSolid<'r> {
     let (at, turn, form) = match *shape {
         Shape::Box { center_in_link_m, size_m } => {
             (center_in_link_m, UnitQuaternion::identity(), Geometry::Box(size_m))
@@ -301,17 +301,17 @@ fn room<'r>(shape: &Shape) -> Placed<'r> {
             }
         }
     };
-    Placed { body_from_solid: Isometry3::from_parts(at.into(), turn), form, role: Role::Room }
+    PlacedSolid { body_from_solid: Isometry3::from_parts(at.into(), turn), form, role: Role::Room }
 }
 
-fn contact(end_effector: &EndEffector, center: Vector3<f64>) -> Placed<'_> {
+fn contact(end_effector: &EndEffector, center: Vector3<f64>) -> PlacedSolid<'_> {
     let radius_m = end_effector.radius_m;
     let (turn, form) = match end_effector.contact.axis_in_link() {
         Some(axis) => (turn_z_to(axis), Geometry::Tyre(radius_m)),
         None => (UnitQuaternion::identity(), Geometry::Sphere(radius_m)),
     };
     let body_from_solid = Isometry3::from_parts(center.into(), turn);
-    Placed { body_from_solid, form, role: Role::Contact(end_effector) }
+    PlacedSolid { body_from_solid, form, role: Role::Contact(end_effector) }
 }
 
 /// The shortest turn that takes z to a direction.

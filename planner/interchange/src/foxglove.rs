@@ -1,5 +1,5 @@
 //! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground; in a
-//! file ([`recording`]) or as they happen ([`Live`]).
+//! file ([`recording`]) or as they happen ([`LiveServer`]).
 //!
 //! A robot is published once as solids that are locked to frames, then as frames, so that a file has its geometry once. A
 //! prefix of all frames tells robots apart: the planned one beside the measured one.
@@ -11,5 +11,5 @@ mod recording;
 mod session;
 
 pub use figure::{Figure, Posture};
-pub use live::{Live, LiveError};
+pub use live::{LiveError, LiveServer};
 pub use recording::{RecordingError, recording};

@@ -6,7 +6,8 @@
 mod frames;
 
 use crate::bodies::{
-    Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, TYRE_HALF_WIDTH, bodies, carried,
+    Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, TYRE_HALF_WIDTH, bodies,
+    carried,
 };
 use crate::xml::{Xml, numbers, vector};
 use frames::{Keyframe, keyframes, standing};
@@ -185,11 +186,11 @@ impl Bodies<'_> {
             attributes.push(("armature", motor.armature_kg_m2.to_string()));
         }
         match hinge.of {
-            Of::Joint { joint, .. } => {
+            HingeOrigin::Joint { joint, .. } => {
                 let range = numbers(&[joint.position_min_rad, joint.position_max_rad]);
                 attributes.push(("range", range));
             }
-            Of::Wheel { number, wheel } => {
+            HingeOrigin::Wheel { number, wheel } => {
                 // Drag follows the load of a contact, which MJCF cannot say: that of standing is taken.
                 if let Some(drag) = wheel.contact.drag() {
                     let lever_nm = self.loads_n[number] * wheel.radius_m;
@@ -223,7 +224,7 @@ fn full_inertia(about_com_kg_m2: &Matrix3<f64>) -> [f64; 6] {
     [moment(0), moment(1), moment(2), i(0, 1), i(0, 2), i(1, 2)]
 }
 
-fn geom(xml: &mut Xml, names: &mut Names, solid: &Placed<'_>) -> io::Result<()> {
+fn geom(xml: &mut Xml, names: &mut Names, solid: &PlacedSolid<'_>) -> io::Result<()> {
     let (kind, size) = match solid.form {
         Geometry::Box(size_m) => ("box", vector(&(size_m * 0.5))),
         Geometry::Cylinder(radius_m, length_m) => {
@@ -262,8 +263,8 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
             let Some(motor) = hinge.of.actuator() else { continue };
             let limit_nm = motor.torque_max_nm;
             let (kind, gains) = match hinge.of {
-                Of::Joint { .. } => ("position", Some(("kp", motor.kp_nm_rad))),
-                Of::Wheel { .. } => ("velocity", None),
+                HingeOrigin::Joint { .. } => ("position", Some(("kp", motor.kp_nm_rad))),
+                HingeOrigin::Wheel { .. } => ("velocity", None),
             };
             let gains = gains.into_iter().chain([("kv", motor.kd_nm_s_rad)]);
             let mut attributes = vec![("name", hinge.name.clone()), ("joint", hinge.name.clone())];

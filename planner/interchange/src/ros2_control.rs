@@ -4,7 +4,7 @@
 //! Joints take positions, driven wheels speeds, as the controller's channels do; both report angle, speed and torque. What has no
 //! motor, such as a caster, has no interface.
 
-use crate::bodies::{Body, Hinge, Of, driven};
+use crate::bodies::{Body, Hinge, HingeOrigin, driven};
 use crate::urdf::urdf_with;
 use crate::xml::Xml;
 use rollwalk_robot::{Robot, Solid};
@@ -42,7 +42,7 @@ pub fn urdf_with_control(robot: &Robot, parts: &[Vec<Solid>], plugin: &str) -> i
 pub fn controllers(robot: &Robot) -> String {
     let bodies = crate::bodies::bodies(robot, &[], crate::bodies::Blades::Fixed);
     let (joints, wheels): (Vec<_>, Vec<_>) =
-        channels(&bodies).into_iter().partition(|of| matches!(of.of, Of::Joint { .. }));
+        channels(&bodies).into_iter().partition(|of| matches!(of.of, HingeOrigin::Joint { .. }));
     let mut kinds =
         vec![("joint_state_broadcaster", "joint_state_broadcaster/JointStateBroadcaster")];
     let mut parameters = String::new();
@@ -82,10 +82,10 @@ fn channels<'b>(bodies: &'b [Body<'b>]) -> Vec<&'b Hinge<'b>> {
 
 fn interfaces(xml: &mut Xml, of: &Hinge<'_>) -> io::Result<()> {
     let (command, min, max, start_rad) = match of.of {
-        Of::Joint { joint, .. } => {
+        HingeOrigin::Joint { joint, .. } => {
             ("position", joint.position_min_rad, joint.position_max_rad, joint.nominal_rad)
         }
-        Of::Wheel { .. } => {
+        HingeOrigin::Wheel { .. } => {
             let speed_rad_s = of.of.actuator().map_or(0.0, |motor| motor.speed_max_rad_s);
             ("velocity", -speed_rad_s, speed_rad_s, 0.0)
         }

@@ -4,7 +4,9 @@
 //! telemetry has for them. What URDF cannot say, and `rollwalk robot import` reads from a side file, is left out: kinds of
 //! contacts, friction, gains, rotors, torque-speed lines, buses.
 
-use crate::bodies::{Blades, Body, Geometry, Hinge, Names, Of, Placed, Role, WORLD, bodies};
+use crate::bodies::{
+    Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, WORLD, bodies,
+};
 use crate::xml::{Xml, numbers, vector};
 use nalgebra::{Isometry3, Matrix3};
 use rollwalk_multibody::RigidPart;
@@ -93,7 +95,7 @@ fn inertial(xml: &mut Xml, inertia: &RigidPart) -> io::Result<()> {
 }
 
 /// URDF has no capsules: a cylinder with two balls.
-fn geometry(xml: &mut Xml, element: &str, solid: &Placed<'_>) -> io::Result<()> {
+fn geometry(xml: &mut Xml, element: &str, solid: &PlacedSolid<'_>) -> io::Result<()> {
     let at = &solid.body_from_solid;
     let mut one = |at: &Isometry3<f64>, name: &str, attributes: &[(&str, String)]| {
         xml.element(element, &[], |xml| {
@@ -125,8 +127,8 @@ fn geometry(xml: &mut Xml, element: &str, solid: &Placed<'_>) -> io::Result<()> 
 
 fn joint(xml: &mut Xml, bodies: &[Body<'_>], body: &Body<'_>, of: &Hinge<'_>) -> io::Result<()> {
     let kind = match of.of {
-        Of::Joint { .. } => "revolute",
-        Of::Wheel { .. } => "continuous",
+        HingeOrigin::Joint { .. } => "revolute",
+        HingeOrigin::Wheel { .. } => "continuous",
     };
     xml.element("joint", &[("name", of.name.clone()), ("type", kind.into())], |xml| {
         xml.empty("parent", &[("link", bodies[of.parent].name.clone())])?;
@@ -134,7 +136,7 @@ fn joint(xml: &mut Xml, bodies: &[Body<'_>], body: &Body<'_>, of: &Hinge<'_>) ->
         origin(xml, &of.parent_from_body)?;
         xml.empty("axis", &[("xyz", vector(&of.axis))])?;
         let mut limits = Vec::new();
-        if let Of::Joint { joint, .. } = of.of {
+        if let HingeOrigin::Joint { joint, .. } = of.of {
             limits.push(("lower", joint.position_min_rad.to_string()));
             limits.push(("upper", joint.position_max_rad.to_string()));
         }

@@ -1,7 +1,7 @@
 //! The server of the live view, over real connections of clients.
 
 use nalgebra::Isometry3;
-use rollwalk_interchange::foxglove::{Figure, Live, Posture};
+use rollwalk_interchange::foxglove::{Figure, LiveServer, Posture};
 use rollwalk_robot::Robot;
 use serde_json::{Value, json};
 use std::net::TcpStream;
@@ -17,7 +17,7 @@ fn robot() -> Robot {
 }
 
 /// A client that has asked for this subprotocol, and the one that was selected.
-fn connect(live: &Live, offered: &str) -> Result<(WebSocket<TcpStream>, String), String> {
+fn connect(live: &LiveServer, offered: &str) -> Result<(WebSocket<TcpStream>, String), String> {
     let address = live.address();
     let mut request = address.as_str().into_client_request().unwrap();
     request.headers_mut().insert("Sec-WebSocket-Protocol", offered.parse().unwrap());
@@ -61,7 +61,7 @@ fn clients_come_subscribe_get_messages_and_go() {
         wheel_rad: &wheel_rad,
     };
     let figure = Figure::new(&robot, &[], "", [1.0; 4]);
-    let live = Live::start("legbot", 0).unwrap();
+    let live = LiveServer::start("legbot", 0).unwrap();
     assert!(!live.has_clients());
     let why = connect(&live, "chat").unwrap_err();
     assert!(why.contains("400"), "{why}");
@@ -103,7 +103,7 @@ fn a_client_that_reads_nothing_holds_up_nobody() {
     let robot = robot();
     let figure = Figure::new(&robot, &[], "", [1.0; 4]);
     let solids = figure.solids(0.0);
-    let live = Live::start("legbot", 0).unwrap();
+    let live = LiveServer::start("legbot", 0).unwrap();
     let (mut idle, _) = connect(&live, "foxglove.sdk.v1").unwrap();
     subscribe(&mut idle, 1, 2);
     let (mut keen, _) = connect(&live, "foxglove.sdk.v1").unwrap();
@@ -127,8 +127,8 @@ fn a_client_that_reads_nothing_holds_up_nobody() {
 
 #[test]
 fn a_port_that_is_taken_is_refused() {
-    let live = Live::start("legbot", 0).unwrap();
+    let live = LiveServer::start("legbot", 0).unwrap();
     let port = live.address().rsplit(':').next().unwrap().parse().unwrap();
-    let why = Live::start("legbot", port).err().unwrap().to_string();
+    let why = LiveServer::start("legbot", port).err().unwrap().to_string();
     assert!(why.starts_with(&format!("cannot serve Foxglove on 127.0.0.1:{port}: ")), "{why}");
 }

@@ -14,7 +14,7 @@ fn shipped(name: &str) -> Robot {
 
 /// A shipped robot as it comes back from what it was exported as, with the side file that the survey proposes; and as it was.
 /// Mass, joints, their limits and torques are the same to rounding.
-fn come_back(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
+fn round_trip(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
     let robot = shipped(name);
     let text = exported(&robot);
     let text = Text { name, text: &text };
@@ -23,7 +23,7 @@ fn come_back(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
     assert!((back.total_mass_kg() - robot.total_mass_kg()).abs() < 1e-9, "{name}");
     assert_eq!(back.joints.len(), robot.joints.len(), "{name}");
     for joint in &robot.joints {
-        let found = found(&back, &joint.name);
+        let found = joint_named(&back, &joint.name);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{name} {}", joint.name);
         near(found.position_min_rad, joint.position_min_rad);
         near(found.position_max_rad, joint.position_max_rad);
@@ -32,7 +32,7 @@ fn come_back(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
     [robot, back]
 }
 
-fn found<'r>(robot: &'r Robot, name: &str) -> &'r Joint {
+fn joint_named<'r>(robot: &'r Robot, name: &str) -> &'r Joint {
     let found = robot.joints.iter().find(|joint| joint.name == name);
     found.unwrap_or_else(|| panic!("{} has no {name}", robot.name))
 }
@@ -41,9 +41,9 @@ fn found<'r>(robot: &'r Robot, name: &str) -> &'r Joint {
 fn robots_come_back_from_urdf_with_their_joints_wheels_and_masses() {
     for name in ["agilebot", "pup", "anymal_wheels", "swizzlebot", "creature3"] {
         let [robot, back] =
-            come_back(name, |robot| rollwalk_interchange::urdf(robot, &[]).unwrap());
+            round_trip(name, |robot| rollwalk_interchange::urdf(robot, &[]).unwrap());
         for joint in &robot.joints {
-            let found = found(&back, &joint.name);
+            let found = joint_named(&back, &joint.name);
             let range = |joint: &Joint| [joint.position_min_rad, joint.position_max_rad];
             assert_eq!(range(found), range(joint), "{name} {}", joint.name);
             let motor =
@@ -58,11 +58,11 @@ fn robots_come_back_from_urdf_with_their_joints_wheels_and_masses() {
 fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
     for name in ["agilebot", "pup", "anymal_wheels", "legbot"] {
         let [robot, back] =
-            come_back(name, |robot| rollwalk_interchange::mjcf(robot, &[]).unwrap());
+            round_trip(name, |robot| rollwalk_interchange::mjcf(robot, &[]).unwrap());
         for joint in &robot.joints {
             let armature = |joint: &Joint| joint.actuator.armature_kg_m2;
             assert_eq!(
-                armature(found(&back, &joint.name)),
+                armature(joint_named(&back, &joint.name)),
                 armature(joint),
                 "{name} {}",
                 joint.name
@@ -77,7 +77,7 @@ fn wheels_without_motors_come_back_without_motors() {
     for name in ["swizzlebot", "dinobot"] {
         let urdf = |robot: &Robot| rollwalk_interchange::urdf(robot, &[]).unwrap();
         let mjcf = |robot: &Robot| rollwalk_interchange::mjcf(robot, &[]).unwrap();
-        for [robot, back] in [come_back(name, urdf), come_back(name, mjcf)] {
+        for [robot, back] in [round_trip(name, urdf), round_trip(name, mjcf)] {
             let kinds = |robot: &Robot| {
                 let feet = robot.end_effectors.iter();
                 let kind =

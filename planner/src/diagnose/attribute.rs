@@ -9,7 +9,7 @@
 use super::mobility::Mobility;
 use super::weak;
 use crate::families::{Family, FamilySet, Kind};
-use crate::formulation::rows::{Given, Role, Row, Rows, Subject};
+use crate::formulation::rows::{ComparedField, Role, Row, Rows, Subject};
 use crate::motion::{self, Reserve};
 use crate::plan::{Culprit, Diagnosis, Verdict};
 use crate::problem::Problem;
@@ -123,7 +123,7 @@ fn pull(row: &Row) -> f64 {
 
 /// Returns the swing height that determines the height in a row of a swing foot, from the motion file or from a target. The
 /// height in the row is a fraction of it. `None` for a stance foot, whose height is 0.
-fn swing_height(problem: &Problem, row: &Row) -> Option<Given> {
+fn swing_height(problem: &Problem, row: &Row) -> Option<ComparedField> {
     let Subject::EndEffector(j) = row.subject else { return None };
     let swings = |at: &usize| !problem.stance[*at][j];
     if !swings(&row.at) {
@@ -138,7 +138,7 @@ fn swing_height(problem: &Problem, row: &Row) -> Option<Given> {
     let height_m = problem.height_m[row.at][j];
     let highest = swing.map(|at| problem.height_m[at][j]).fold(0.0, f64::max);
     let (field, value) = of_target.map_or(("swing_height_m", highest), |up_m| ("up_m", up_m));
-    (height_m > 0.0).then(|| Given { field, value, slope: -height_m / value })
+    (height_m > 0.0).then(|| ComparedField { field, value, slope: -height_m / value })
 }
 
 fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
@@ -161,7 +161,8 @@ fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
             slope: 0.0,
         });
         group.pulls.push((y, row.at, y.abs() * row.scale));
-        let per = |given: Given| if family.kind() == Kind::Request { 1.0 } else { given.value };
+        let per =
+            |given: ComparedField| if family.kind() == Kind::Request { 1.0 } else { given.value };
         group.slope += given.map_or(0.0, |given| y * given.slope * per(given) / row.scale);
     }
     let mut groups: Vec<Group> = groups.into_values().collect();

@@ -69,7 +69,7 @@ impl Default for Schedule {
 
 /// Probe that is due.
 #[derive(Clone, Copy, Debug)]
-pub struct Due {
+pub struct DueProbe {
     /// Worst residual-to-tolerance ratio that counts as far off.
     pub far_level: f64,
     /// True if a solve that is merely stuck should continue. Some such solves converge after more iterations.
@@ -78,9 +78,9 @@ pub struct Due {
 
 impl Schedule {
     /// Returns the probe that is due after an iteration. Probes become rarer, so that slow solves spend little time on them.
-    pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<Due> {
+    pub fn due(&mut self, iteration: usize, last: &Iteration) -> Option<DueProbe> {
         if last.no_better == HALTING && !std::mem::replace(&mut self.halted, true) {
-            return Some(Due { far_level: self.far_level, is_early: true });
+            return Some(DueProbe { far_level: self.far_level, is_early: true });
         }
         let level = last.progress.worst_level;
         if iteration < self.next {
@@ -90,7 +90,7 @@ impl Schedule {
         let doubtful = if self.next == FIRST { far_level } else { DOUBTFUL_LEVEL };
         self.next = PATIENCE * iteration;
         self.far_level *= PATIENCE as f64;
-        (level > doubtful).then_some(Due { far_level, is_early: false })
+        (level > doubtful).then_some(DueProbe { far_level, is_early: false })
     }
 
     /// Returns the level that counts as far off at the end of a solve.
@@ -101,7 +101,7 @@ impl Schedule {
 
 /// Result of a probe.
 #[derive(Debug)]
-pub struct Nearest {
+pub struct ProbeResult {
     /// Point with the least violation that the probe has found.
     pub point: Point,
     /// Verdict against the request; `None` if there is no evidence.
@@ -128,7 +128,7 @@ impl FeasibilityProbe<'_> {
         normal: &mut NormalEquations,
         from: &Unknowns,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Option<Nearest> {
+    ) -> Option<ProbeResult> {
         let Self { system, most_steps, far_level } = *self;
         let penalty = EMPHASIS * system.penalty();
         let mut unknowns = from.clone();
@@ -194,6 +194,6 @@ impl FeasibilityProbe<'_> {
                 _ => None,
             }
         };
-        Some(Nearest { point: Point { unknowns, rows }, verdict })
+        Some(ProbeResult { point: Point { unknowns, rows }, verdict })
     }
 }

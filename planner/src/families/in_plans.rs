@@ -77,7 +77,7 @@ impl<'de> Deserialize<'de> for Formulation {
 /// Compares the catalogue in a file with that of this program.
 fn agree(found: &Value, known: &Value) -> Result<(), String> {
     for constant in ["gravity_m_s2", "clearance_m", "rolling_sign_width_m_s"] {
-        same("", found, known, constant)?;
+        compare("", found, known, constant)?;
     }
     let families = &found["families"];
     let families =
@@ -93,7 +93,7 @@ fn agree(found: &Value, known: &Value) -> Result<(), String> {
         })?;
         let known = &known["families"][family as usize];
         for key in ["kind", "unit", "level", "level_of"] {
-            same(&format!("{path}."), found, known, key)?;
+            compare(&format!("{path}."), found, known, key)?;
         }
         no_others(&format!("{path}: "), found, known)?;
     }
@@ -113,7 +113,7 @@ fn no_others(start: &str, found: &Value, known: &Value) -> Result<(), String> {
 }
 
 /// Compares one field; numbers may differ by a relative [`AGREEMENT`].
-fn same(path: &str, found: &Value, known: &Value, key: &str) -> Result<(), String> {
+fn compare(path: &str, found: &Value, known: &Value, key: &str) -> Result<(), String> {
     let (found, known) = (&found[key], &known[key]);
     let near = |(found, known): (f64, f64)| (found - known).abs() <= AGREEMENT * known.abs();
     if found == known || found.as_f64().zip(known.as_f64()).is_some_and(near) {

@@ -7,7 +7,7 @@
 
 mod writer;
 
-pub use writer::{Pattern, RowWriter, Wanted};
+pub use writer::{Evaluation, Pattern, RowWriter};
 
 use crate::families::Family;
 use crate::motion;
@@ -119,7 +119,7 @@ impl From<motion::Subject> for Subject {
 
 /// Field of the motion or robot file that a residual compares with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Given {
+pub struct ComparedField {
     /// Name of the field.
     pub field: &'static str,
     /// Value of the field.
@@ -138,7 +138,7 @@ pub struct Row {
     /// Part of the robot to which the row belongs.
     pub subject: Subject,
     /// Field that the residual compares with, if any.
-    pub given: Option<Given>,
+    pub given: Option<ComparedField>,
     /// Residual over its scale.
     pub value: f64,
     /// Residual at which `value` is 1, in the family's unit.
@@ -180,14 +180,14 @@ pub struct Rows {
     /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows outside [`Self::differentiated`].
     pub derivatives: Vec<f64>,
     /// Set of rows with derivatives.
-    pub differentiated: Differentiated,
+    pub differentiated: DifferentiatedRows,
     /// States of the timeline at the point.
     pub(super) states: Vec<State>,
 }
 
 /// Set of rows with derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Differentiated {
+pub enum DifferentiatedRows {
     /// Empty set.
     #[default]
     None,

@@ -27,11 +27,11 @@ pub struct Instant {
     /// Ratio of damping D to stiffness K, s.
     pub damping_s: f64,
     /// Contacts of all end effectors.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<ContactLoad>,
 }
 
 /// Contact of an end effector in an [`Instant`].
-pub struct Contact {
+pub struct ContactLoad {
     /// Contact point, m.
     pub position: Vector3<f64>,
     /// Planned force, N; `None` in swing.
@@ -133,7 +133,7 @@ fn body_to_point(arm: &Vector3<f64>) -> nalgebra::Matrix3x6<f64> {
 
 /// Matrix A of ẋ = A x.
 fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
-    let standing: Vec<(usize, Vector3<f64>, &Contact, Vector3<f64>)> = at
+    let standing: Vec<(usize, Vector3<f64>, &ContactLoad, Vector3<f64>)> = at
         .contacts
         .iter()
         .enumerate()
@@ -220,7 +220,7 @@ mod tests {
             damping_s: 0.05,
             contacts: contacts
                 .iter()
-                .map(|&(x, y)| Contact {
+                .map(|&(x, y)| ContactLoad {
                     position: Vector3::new(x, y, 0.0),
                     force_n: Some(share),
                     roll: None,

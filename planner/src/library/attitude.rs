@@ -42,7 +42,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     fn plan_with(ypr: impl Fn(usize) -> [f64; 3]) -> Plan {
-        let mut plan = test_plans::Drive {
+        let mut plan = test_plans::BoxMotion {
             ends: Ends::AtRest,
             duration_s: 0.5,
             samples: 6,

@@ -1,7 +1,7 @@
 //! Frames of a plan in a library: one value per channel, within the channel's limits and rate limit.
 
 use super::{LibraryError, frames};
-use crate::families::{AsPlayed, Family};
+use crate::families::{Family, PlayedTolerance};
 use crate::plan::Plan;
 use crate::sample::Setpoints;
 use crate::torque::InverseDynamics;
@@ -50,7 +50,7 @@ impl Channels<'_> {
             let planned: Vec<f64> =
                 at.joint_rad.iter().chain(&at.motor_speed_rad_s).copied().collect();
             for (c, channel) in self.config.channels.iter().enumerate() {
-                let place = Place { name, frame, channel: c };
+                let place = ValueLocation { name, frame, channel: c };
                 let (mut value, part) = self.within(&place, channel, planned[c])?;
                 if let Some((before, stored)) = &previous {
                     self.check_rate(&place, channel, planned[c] - before[c])?;
@@ -86,7 +86,7 @@ impl Channels<'_> {
     /// Clamps a value to the channel's limits. Returns the value, and the excess as a fraction of the tolerance.
     fn within(
         &self,
-        place: &Place,
+        place: &ValueLocation,
         channel: &Channel,
         value: f64,
     ) -> Result<(f32, f64), LibraryError> {
@@ -115,7 +115,7 @@ impl Channels<'_> {
     /// added to the limit.
     fn check_rate(
         &self,
-        place: &Place,
+        place: &ValueLocation,
         channel: &Channel,
         change: f64,
     ) -> Result<(), LibraryError> {
@@ -148,19 +148,19 @@ const QUANTUM: f64 = 1.0 / 1024.0;
 /// Largest excess over a limit that is clamped: the tolerance of played motions.
 fn tolerance(family: Family, limit: f64) -> f64 {
     match family.as_played() {
-        AsPlayed::TimesLevel(times) => times * family.level().at(limit),
+        PlayedTolerance::TimesLevel(times) => times * family.level().at(limit),
         _ => 0.0,
     }
 }
 
 /// Frame and channel of a value, for messages.
-struct Place<'a> {
+struct ValueLocation<'a> {
     name: &'a str,
     frame: usize,
     channel: usize,
 }
 
-impl Place<'_> {
+impl ValueLocation<'_> {
     fn time_s(&self) -> f64 {
         self.frame as f64 / f64::from(RATE_HZ)
     }

@@ -253,16 +253,19 @@ mod tests {
     }
 
     /// Collects the JSON pointers of all objects and values of a plan. Lists are represented by their first item.
-    fn places(value: &Value, path: &str, found: &mut Vec<String>) {
+    fn collect_pointers(value: &Value, path: &str, found: &mut Vec<String>) {
         found.push(path.to_owned());
         match value {
             Value::Object(fields) => {
-                fields
-                    .iter()
-                    .for_each(|(key, value)| places(value, &format!("{path}/{key}"), found));
+                fields.iter().for_each(|(key, value)| {
+                    collect_pointers(value, &format!("{path}/{key}"), found)
+                });
             }
             Value::Array(items) => {
-                items.iter().take(1).for_each(|value| places(value, &format!("{path}/0"), found));
+                items
+                    .iter()
+                    .take(1)
+                    .for_each(|value| collect_pointers(value, &format!("{path}/0"), found));
             }
             _ => {}
         }
@@ -300,7 +303,7 @@ mod tests {
         let read = |changed: &Value| Plan::from_json("x.json", &changed.to_string());
         read(&whole).expect("a plan");
         let mut all = Vec::new();
-        places(&whole, "", &mut all);
+        collect_pointers(&whole, "", &mut all);
         let rust = [
             "f64",
             "u8",

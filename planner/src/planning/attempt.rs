@@ -6,9 +6,9 @@ use super::probed_solve::{solve, solve_selected};
 use super::request::Request;
 use super::solution::Solution;
 use crate::motion::Motion;
-use crate::plan::{StartKind, Started};
+use crate::plan::{SolveStart, StartKind};
 use crate::problem::{Problem, Unknowns};
-use crate::solve::{Begin, Settings};
+use crate::solve::{Settings, SolveMode};
 use crate::start::{self, Start, WarmStart};
 use rollwalk_multibody::euler::Model;
 
@@ -24,11 +24,11 @@ pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution
     let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
     let (unknowns, started) = match chosen {
         Start::Warm(how) => {
-            (warm(&problem, how, effort), Started { kind: StartKind::Warm, seed: 0 })
+            (warm(&problem, how, effort), SolveStart { kind: StartKind::Warm, seed: 0 })
         }
         chosen => start::initial(&problem, chosen, options.seed),
     };
-    let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, effort);
+    let solved = solve(&problem, unknowns, SolveMode::Cold, &options.settings, effort);
     solved.write(&problem, motion, started)
 }
 
@@ -37,7 +37,8 @@ fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -
     let coarse = attempt(Request { motion: halved, ..request }, effort).plan;
     let mut solution =
         neighbour::from(&coarse, None, request, effort).expect("one robot, one kind of ends");
-    solution.plan.solve.start = Started { kind: StartKind::Coarse, seed: coarse.solve.start.seed };
+    solution.plan.solve.start =
+        SolveStart { kind: StartKind::Coarse, seed: coarse.solve.start.seed };
     solution
 }
 
@@ -49,7 +50,7 @@ fn warm(problem: &Problem, how: WarmStart, effort: &mut Effort<'_>) -> Unknowns 
         }
         let settings = Settings { iterations, ..Settings::default() };
         let (selection, from) = (selection.clone(), unknowns.clone());
-        let solved = solve_selected(stage, selection, from, Begin::Cold, &settings, effort);
+        let solved = solve_selected(stage, selection, from, SolveMode::Cold, &settings, effort);
         *unknowns = solved.outcome.unknowns;
     })
 }

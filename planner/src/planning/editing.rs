@@ -12,18 +12,18 @@
 
 use super::effort::Effort;
 use super::neighbour::{ReplanError, check};
-use super::probed_solve::Solved;
+use super::probed_solve::DiagnosedOutcome;
 use super::refine;
-use super::replan::surely;
+use super::replan::replan_or_plan;
 use super::request::{Options, Request};
 use super::solution::Solution;
 use crate::formulation::rows::Rows;
 use crate::formulation::{Selection, Structure, System};
 use crate::motion::Motion;
-use crate::plan::{StartKind, Started, Status};
+use crate::plan::{SolveStart, StartKind, Status};
 use crate::problem::Problem;
 use crate::solve::normal::NormalEquations;
-use crate::solve::{Begin, Method, Outcome, Point, Progress, Settings, Solver};
+use crate::solve::{Method, Point, Progress, Settings, SolveMode, SolveOutcome, Solver};
 use crate::start;
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
@@ -52,7 +52,7 @@ pub struct Editing {
     options: Options,
     /// Last converged solution, before refinement, so that its samples are those of the request.
     solution: Solution,
-    kept: Option<Kept>,
+    kept: Option<ReusedSolve>,
 }
 
 impl fmt::Debug for Editing {
@@ -62,7 +62,7 @@ impl fmt::Debug for Editing {
 }
 
 /// Results of a solve that the next solve reuses.
-struct Kept {
+struct ReusedSolve {
     structure: Structure,
     normal: NormalEquations,
     rows: Rows,
@@ -113,7 +113,7 @@ impl Editing {
             None => {
                 // Multipliers of a robot that is not near lead astray.
                 let request = Request { robot, motion, options: &self.options };
-                surely(&self.solution.plan, None, request, effort)?
+                replan_or_plan(&self.solution.plan, None, request, effort)?
             }
         };
         if solution.plan.solve.status == Status::Converged {
@@ -128,7 +128,7 @@ impl Editing {
         let problem = Problem::new(Model::new(robot), motion, options.weights.clone());
         let mut unknowns = start::neighbour(&problem, &solution.plan);
         problem.add_up(&mut unknowns);
-        let known = kept.take().and_then(|Kept { structure, normal, rows }| {
+        let known = kept.take().and_then(|ReusedSolve { structure, normal, rows }| {
             let (system, rows) = System::again(&problem, &unknowns, structure, rows)?;
             Some((system, rows, normal))
         });
@@ -139,13 +139,15 @@ impl Editing {
             (system, rows, normal)
         });
         let settings = &options.settings;
-        let (point, begin) = (Point { unknowns, rows }, Begin::Near(Some(&solution.multipliers)));
+        let (point, begin) =
+            (Point { unknowns, rows }, SolveMode::Near(Some(&solution.multipliers)));
         let solver = Solver::at(&system, point, normal, begin, settings);
-        let (mut outcome, normal, rows) = until_costs_are_flat(solver, settings, effort);
+        let (mut outcome, normal, rows) = iterate_until_flat(solver, settings, effort);
         effort.add(&mut outcome.iterations);
-        *kept = system.fits().then(|| Kept { structure: system.into_structure(), normal, rows });
-        let start = Started { kind: StartKind::Neighbour, seed: 0 };
-        Solved { outcome, diagnosis: None }.write(&problem, motion, start)
+        *kept =
+            system.fits().then(|| ReusedSolve { structure: system.into_structure(), normal, rows });
+        let start = SolveStart { kind: StartKind::Neighbour, seed: 0 };
+        DiagnosedOutcome { outcome, diagnosis: None }.write(&problem, motion, start)
     }
 }
 
@@ -155,11 +157,11 @@ impl Editing {
 /// inequalities that the step has taken into the smoothing of ψ and that exert no force. Newton's method leaves an eighth of
 /// their cubic part in each iteration, while the motion does not change. On edits by 10 mm, that would be half of all
 /// iterations, for at most 0.1 % of the costs.
-fn until_costs_are_flat(
+fn iterate_until_flat(
     mut solver: Solver<'_>,
     settings: &Settings,
     effort: &mut Effort<'_>,
-) -> (Outcome, NormalEquations, Rows) {
+) -> (SolveOutcome, NormalEquations, Rows) {
     let mut cost = f64::INFINITY;
     let status = loop {
         if solver.iteration() >= settings.iterations {

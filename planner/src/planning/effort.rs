@@ -4,7 +4,7 @@ use crate::solve::Progress;
 use std::ops::ControlFlow;
 
 /// Callback after every iteration of a solve. The callback may stop the solve.
-pub(super) type Watched<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+pub(super) type ProgressCallback<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 /// Effort spent on a request so far, and the callback that receives it.
 pub(crate) struct Effort<'a> {
@@ -12,12 +12,12 @@ pub(crate) struct Effort<'a> {
     pub spent: usize,
     /// True once the callback has stopped a solve. Further solves only evaluate their starting point.
     pub interrupted: bool,
-    progress: &'a mut Watched<'a>,
+    progress: &'a mut ProgressCallback<'a>,
 }
 
 impl<'a> Effort<'a> {
     /// Creates the effort of a new request.
-    pub fn new(progress: &'a mut Watched<'_>) -> Self {
+    pub fn new(progress: &'a mut ProgressCallback<'_>) -> Self {
         Self { spent: 0, interrupted: false, progress }
     }
 

@@ -7,9 +7,9 @@ use super::probed_solve::solve;
 use super::request::{Options, Request};
 use super::solution::Solution;
 use crate::motion::{Ends, Motion};
-use crate::plan::{Plan, StartKind, Started};
+use crate::plan::{Plan, SolveStart, StartKind};
 use crate::problem::{Problem, Unknowns};
-use crate::solve::{Begin, Multipliers};
+use crate::solve::{Multipliers, SolveMode};
 use crate::start;
 use rollwalk_multibody::euler::Model;
 use rollwalk_robot::Robot;
@@ -99,8 +99,8 @@ pub(crate) fn from_near(
     options: &Options,
     effort: &mut Effort<'_>,
 ) -> Solution {
-    let solved = solve(problem, unknowns, Begin::Near(multipliers), &options.settings, effort);
-    solved.write(problem, motion, Started { kind: StartKind::Neighbour, seed: 0 })
+    let solved = solve(problem, unknowns, SolveMode::Near(multipliers), &options.settings, effort);
+    solved.write(problem, motion, SolveStart { kind: StartKind::Neighbour, seed: 0 })
 }
 
 /// True if two robots have the same variables: joints of the same names, and end effectors of the same names and kinds.

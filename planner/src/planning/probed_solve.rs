@@ -9,22 +9,23 @@ use super::write::write_plan;
 use crate::diagnose::{FeasibilityProbe, Schedule, diagnose};
 use crate::formulation::{Selection, System};
 use crate::motion::Motion;
-use crate::plan::{Diagnosis, SolveSummary, Started, Status, Verdict};
+use crate::plan::{Diagnosis, SolveStart, SolveSummary, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
-use crate::solve::{Begin, Method, Outcome, Progress, Settings, Solver, penalty};
+use crate::solve::{Method, Progress, Settings, SolveMode, SolveOutcome, Solver, penalty};
 
 /// Outcome of a solve, with a diagnosis if the solve failed.
-pub(super) struct Solved {
+pub(super) struct DiagnosedOutcome {
     /// Outcome. The iterations are those of all solves of the request.
-    pub outcome: Outcome,
+    pub outcome: SolveOutcome,
     pub diagnosis: Option<Diagnosis>,
 }
 
-impl Solved {
+impl DiagnosedOutcome {
     /// Converts the outcome to the solution of a motion.
-    pub fn write(self, problem: &Problem, motion: &Motion, start: Started) -> Solution {
+    pub fn write(self, problem: &Problem, motion: &Motion, start: SolveStart) -> Solution {
         let Self { outcome, diagnosis } = self;
-        let Outcome { status, iterations, energy, worst_level, worst_constraint, .. } = outcome;
+        let SolveOutcome { status, iterations, energy, worst_level, worst_constraint, .. } =
+            outcome;
         let summary = SolveSummary {
             status,
             iterations,
@@ -46,10 +47,10 @@ impl Solved {
 pub(super) fn solve(
     problem: &Problem,
     unknowns: Unknowns,
-    begin: Begin<'_>,
+    begin: SolveMode<'_>,
     settings: &Settings,
     effort: &mut Effort<'_>,
-) -> Solved {
+) -> DiagnosedOutcome {
     solve_selected(problem, Selection::default(), unknowns, begin, settings, effort)
 }
 
@@ -58,10 +59,10 @@ pub(super) fn solve_selected(
     problem: &Problem,
     selection: Selection,
     unknowns: Unknowns,
-    begin: Begin<'_>,
+    begin: SolveMode<'_>,
     settings: &Settings,
     effort: &mut Effort<'_>,
-) -> Solved {
+) -> DiagnosedOutcome {
     // After an interrupt the solve only evaluates the present point.
     let iterations = if effort.interrupted { 0 } else { settings.iterations };
     let settings = &Settings { iterations, ..settings.clone() };
@@ -78,17 +79,17 @@ fn probed(
     problem: &Problem,
     selection: Selection,
     mut unknowns: Unknowns,
-    begin: Begin<'_>,
+    begin: SolveMode<'_>,
     settings: &Settings,
     effort: &mut Effort<'_>,
-) -> Solved {
+) -> DiagnosedOutcome {
     problem.add_up(&mut unknowns);
     let system = System::selected(problem, selection);
     if settings.method != Method::GaussNewton {
         // At the balance of penalties and costs the residuals do not show which constraints contradict each other.
         let outcome =
             penalty::solve(&system, unknowns, settings, &mut |state| effort.report(state));
-        return Solved { outcome, diagnosis: None };
+        return DiagnosedOutcome { outcome, diagnosis: None };
     }
     let mut solver = Solver::new(&system, unknowns, begin, settings);
     let mut probes = Schedule::default();
@@ -143,7 +144,7 @@ fn probed(
             solver.shift_multipliers();
         }
     };
-    Solved { outcome: solver.finish(status), diagnosis }
+    DiagnosedOutcome { outcome: solver.finish(status), diagnosis }
 }
 
 #[cfg(test)]

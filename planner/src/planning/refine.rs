@@ -29,7 +29,7 @@ const IN_VAIN: usize = 2;
 /// Function that plans a motion with more samples from the plan with fewer.
 type Resolve<'a> = dyn FnMut(&Plan, &Motion, &mut Effort<'_>) -> Solution + 'a;
 
-/// Runs [`until_it_holds`] for a motion with periodic or at-rest ends.
+/// Runs [`refine_until_valid`] for a motion with periodic or at-rest ends.
 pub(crate) fn motion(
     solution: Solution,
     robot: &Robot,
@@ -38,7 +38,7 @@ pub(crate) fn motion(
 ) -> Solution {
     let mut limited = options.clone();
     limited.settings.iterations = limited.settings.iterations.min(MOST_ITERATIONS);
-    until_it_holds(solution, options, effort, &mut |coarse, finer, effort| {
+    refine_until_valid(solution, options, effort, &mut |coarse, finer, effort| {
         let request = Request { robot, motion: finer, options: &limited };
         let near =
             neighbour::from(coarse, None, request, effort).expect("one robot, one kind of ends");
@@ -53,7 +53,7 @@ pub(crate) fn motion(
 ///
 /// If the final grid fails, cannot be solved or is interrupted, the returned plan is the last one that converged, with
 /// [`Status::FailsAsPlayed`].
-pub(super) fn until_it_holds(
+pub(super) fn refine_until_valid(
     mut best: Solution,
     options: &Options,
     effort: &mut Effort<'_>,

@@ -4,13 +4,13 @@
 //! complete the solve. If they do not, the request is planned from scratch before it is called infeasible.
 
 use super::effort::Effort;
+use super::feasibility::search_feasible_values;
 use super::neighbour::{self, ReplanError};
 use super::refine;
 use super::request::{Options, Request};
 use super::search::{Search, candidates};
-use super::second_look::second_look;
 use super::solution::Solution;
-use super::trials::OwnEnds;
+use super::trials::MotionMethods;
 use crate::motion::Motion;
 use crate::plan::{Plan, Status};
 use crate::report::Report;
@@ -66,7 +66,7 @@ pub fn replan_solution(
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
     let effort = &mut Effort::new(progress);
-    let solution = surely(previous, None, Request { robot, motion, options }, effort)?;
+    let solution = replan_or_plan(previous, None, Request { robot, motion, options }, effort)?;
     Ok(refine::motion(solution, robot, options, effort))
 }
 
@@ -84,7 +84,7 @@ impl Solution {
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
         let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(progress));
-        let solution = surely(&self.plan, Some(&self.multipliers), request, effort)?;
+        let solution = replan_or_plan(&self.plan, Some(&self.multipliers), request, effort)?;
         Ok(refine::motion(solution, robot, options, effort))
     }
 
@@ -107,7 +107,7 @@ impl Solution {
 
 /// Runs [`neighbour::from`]. If that fails, plans from scratch, because a failure from one plan does not prove the request
 /// infeasible.
-pub(super) fn surely(
+pub(super) fn replan_or_plan(
     previous: &Plan,
     multipliers: Option<&Multipliers>,
     request: Request<'_>,
@@ -117,8 +117,12 @@ pub(super) fn surely(
     let solution = neighbour::from(previous, multipliers, request, effort)?;
     let from_scratch = Options { start: Start::Auto, refine: false, ..options.clone() };
     let first = candidates(robot, motion, &from_scratch).swap_remove(0);
-    let (_, mut solution) =
-        second_look(Request { options: &first, ..request }, &OwnEnds, solution, effort);
+    let (_, mut solution) = search_feasible_values(
+        Request { options: &first, ..request },
+        &MotionMethods,
+        solution,
+        effort,
+    );
     if !matches!(solution.plan.solve.status, Status::Infeasible | Status::Stalled) {
         return Ok(solution);
     }

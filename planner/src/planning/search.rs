@@ -5,14 +5,14 @@
 //! begin. The search ends early if each of the first two candidates finds the request impossible.
 
 use super::attempt::attempt;
-use super::effort::{Effort, Watched};
+use super::effort::{Effort, ProgressCallback};
+use super::feasibility::search_feasible_values;
 use super::refine;
 use super::request::{Options, Request};
-use super::second_look::second_look;
 use super::solution::Solution;
-use super::trials::OwnEnds;
+use super::trials::MotionMethods;
 use crate::motion::Motion;
-use crate::plan::{Diagnosis, Ending, Plan};
+use crate::plan::{Diagnosis, Plan, StartOutcome};
 use crate::solve::Progress;
 use crate::start;
 use rollwalk_robot::Robot;
@@ -91,7 +91,7 @@ impl<'a> Search<'a> {
                     plan.solve.diagnosis.iter_mut().for_each(Diagnosis::forget_numbers);
                     self.refusal.get_or_init(|| plan);
                 }
-                second_look(request, &OwnEnds, solution, effort)
+                search_feasible_values(request, &MotionMethods, solution, effort)
             };
             (ending, refine::motion(solution, robot, options, effort))
         });
@@ -145,8 +145,8 @@ impl<T> Race<T> {
     /// Solves candidates until none is left that can still win.
     fn work(
         &self,
-        progress: &mut Watched<'_>,
-        solve: &dyn Fn(usize, &mut Watched<'_>) -> (Ending, T),
+        progress: &mut ProgressCallback<'_>,
+        solve: &dyn Fn(usize, &mut ProgressCallback<'_>) -> (StartOutcome, T),
     ) {
         loop {
             let begun = self.state().begin();
@@ -154,9 +154,9 @@ impl<T> Race<T> {
             let (ending, result) = solve(index, &mut |state| {
                 let standing = self.state().standing(index);
                 match standing {
-                    Standing::Lost => ControlFlow::Break(()),
-                    Standing::Leads => progress(state),
-                    Standing::Follows => ControlFlow::Continue(()),
+                    RacePosition::Lost => ControlFlow::Break(()),
+                    RacePosition::Leads => progress(state),
+                    RacePosition::Follows => ControlFlow::Continue(()),
                 }
             });
             self.state().end(index, ending, result);
@@ -173,7 +173,7 @@ impl<T> Race<T> {
 }
 
 /// Standing of a running candidate.
-enum Standing {
+enum RacePosition {
     /// An earlier candidate has decided the race.
     Lost,
     /// The candidate is the first that can still win. Exactly one running candidate leads, so that an interrupt always reaches
@@ -198,25 +198,25 @@ impl<T> State<T> {
         self.winner.is_some_and(|winner| winner < index)
     }
 
-    fn standing(&self, index: usize) -> Standing {
+    fn standing(&self, index: usize) -> RacePosition {
         if self.is_decided_before(index) {
-            Standing::Lost
+            RacePosition::Lost
         } else if self.failed[..index].iter().all(|failed| *failed) {
-            Standing::Leads
+            RacePosition::Leads
         } else {
-            Standing::Follows
+            RacePosition::Follows
         }
     }
 
     /// Records the end of candidate `index`.
-    fn end(&mut self, index: usize, ending: Ending, result: T) {
-        let hopeless = ending == Ending::Hopeless && index < HOPELESS;
+    fn end(&mut self, index: usize, ending: StartOutcome, result: T) {
+        let hopeless = ending == StartOutcome::Hopeless && index < HOPELESS;
         self.hopeless += usize::from(hopeless);
         // A losing candidate that was stopped comes after the winner anyway.
         let decided = match ending {
-            Ending::Decided => Some(index),
-            Ending::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),
-            Ending::Hopeless | Ending::Failed => None,
+            StartOutcome::Decided => Some(index),
+            StartOutcome::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),
+            StartOutcome::Hopeless | StartOutcome::Failed => None,
         };
         match decided {
             Some(index) => self.winner = Some(self.winner.map_or(index, |w| w.min(index))),

@@ -26,7 +26,7 @@ const JSON: Format = Format {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Kept<P> {
+struct SolutionFile<P> {
     format: String,
     version: u32,
     plan: P,
@@ -37,8 +37,12 @@ impl Solution {
     /// Returns the solution as JSON.
     pub fn to_json(&self) -> String {
         let (format, version) = (JSON.name.to_owned(), JSON.version);
-        let kept =
-            Kept { format, version, plan: &self.plan, multipliers: self.multipliers.clone() };
+        let kept = SolutionFile {
+            format,
+            version,
+            plan: &self.plan,
+            multipliers: self.multipliers.clone(),
+        };
         // Only maps with non-string keys can fail to become JSON; a solution has no map.
         serde_json::to_string(&kept).unwrap_or_default()
     }
@@ -48,7 +52,7 @@ impl Solution {
     /// # Errors
     /// Returns an error if the text is not a valid solution. [`PlanError`] names file, field, value and the valid range.
     pub fn from_json(file: &str, text: &str) -> Result<Self, PlanError> {
-        let Kept { plan, multipliers, .. }: Kept<Plan> = JSON.read(file, text)?;
+        let SolutionFile { plan, multipliers, .. }: SolutionFile<Plan> = JSON.read(file, text)?;
         plan.validate(file)?;
         if !multipliers.are_sound() {
             let expected = "a finite shift for every row";

@@ -5,18 +5,18 @@
 //! The end may be anywhere on the ground.
 
 use super::effort::Effort;
+use super::feasibility::search_feasible_values;
 use super::probed_solve::solve;
 use super::refine;
 use super::request::{Options, Request};
-use super::second_look::second_look;
 use super::solution::Solution;
-use super::trials::Ways;
+use super::trials::SolveMethods;
 use crate::motion::Motion;
-use crate::plan::{Placement, Plan, StartKind, Started};
+use crate::plan::{Placement, Plan, SolveStart, StartKind};
 use crate::problem::variables::{Layout, Lift};
 use crate::problem::{PrescribedEnd, Problem};
 use crate::sample::{PlanSpline, correction};
-use crate::solve::{Begin, Progress};
+use crate::solve::{Progress, SolveMode};
 use crate::start::{self, guess};
 use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
@@ -101,12 +101,12 @@ pub fn optimise_transition(
             });
         }
     }
-    let joined = Joined { from, to };
+    let joined = MotionPair { from, to };
     let request = Request { robot: &from.robot, motion, options };
     let effort = &mut Effort::new(progress);
     let solution = joined.solve(request, effort);
-    let (_, solution) = second_look(request, &joined, solution, effort);
-    let refined = refine::until_it_holds(solution, options, effort, &mut |_, finer, effort| {
+    let (_, solution) = search_feasible_values(request, &joined, solution, effort);
+    let refined = refine::refine_until_valid(solution, options, effort, &mut |_, finer, effort| {
         joined.solve(Request { motion: finer, ..request }, effort)
     });
     let mut plan = refined.plan;
@@ -116,12 +116,12 @@ pub fn optimise_transition(
 
 /// Two motions that a transition joins.
 #[derive(Clone, Copy)]
-struct Joined<'a> {
+struct MotionPair<'a> {
     from: &'a Plan,
     to: &'a Plan,
 }
 
-impl Ways for Joined<'_> {
+impl SolveMethods for MotionPair<'_> {
     fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution> {
         // The motions are plans of one robot.
         (*request.robot == self.from.robot).then(|| self.solve(request, effort))
@@ -137,7 +137,7 @@ impl Ways for Joined<'_> {
     }
 }
 
-impl Joined<'_> {
+impl MotionPair<'_> {
     /// Optimises a transition between the two motions.
     fn solve(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
         let (Self { from, to }, Request { robot, motion, options }) = (*self, request);
@@ -150,8 +150,8 @@ impl Joined<'_> {
         let (problem, fixed) =
             Problem::transition(model, motion, &start, &end, options.weights.clone());
         let unknowns = start::joined(&problem, fixed);
-        let solved = solve(&problem, unknowns, Begin::Cold, &options.settings, effort);
-        solved.write(&problem, motion, Started { kind: StartKind::Joined, seed: 0 })
+        let solved = solve(&problem, unknowns, SolveMode::Cold, &options.settings, effort);
+        solved.write(&problem, motion, SolveStart { kind: StartKind::Joined, seed: 0 })
     }
 }
 

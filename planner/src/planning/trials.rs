@@ -11,7 +11,7 @@ use crate::solve::Settings;
 use rollwalk_robot::Robot;
 
 /// Ways to solve a request. A method returns `None` if it does not apply.
-pub(super) trait Ways {
+pub(super) trait SolveMethods {
     /// Solves from the start in the request, as for a user who enters its values.
     fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution>;
 
@@ -25,9 +25,9 @@ pub(super) trait Ways {
 }
 
 /// Solves of a motion with periodic or at-rest ends.
-pub(super) struct OwnEnds;
+pub(super) struct MotionMethods;
 
-impl Ways for OwnEnds {
+impl SolveMethods for MotionMethods {
     fn cold(&self, request: Request<'_>, effort: &mut Effort<'_>) -> Option<Solution> {
         (request.motion.ends != Ends::Prescribed).then(|| attempt(request, effort))
     }
@@ -45,12 +45,12 @@ impl Ways for OwnEnds {
 }
 
 /// Error: the user has stopped a trial.
-pub(super) struct Stopped;
+pub(super) struct Interrupted;
 
 /// Solves of changed requests, one after the other.
 pub(super) struct Trials<'a, 'p> {
     pub request: Request<'a>,
-    pub ways: &'a dyn Ways,
+    pub ways: &'a dyn SolveMethods,
     pub effort: &'a mut Effort<'p>,
     /// Total effort at which trials end, iterations.
     pub most: usize,
@@ -67,7 +67,7 @@ impl Trials<'_, '_> {
         motion: &Motion,
         neighbour: Option<&Solution>,
         most: usize,
-    ) -> Result<Option<Solution>, Stopped> {
+    ) -> Result<Option<Solution>, Interrupted> {
         let Request { options, .. } = self.request;
         let left = self.most.saturating_sub(self.effort.spent);
         let iterations = options.settings.iterations.min(most).min(left);
@@ -81,6 +81,6 @@ impl Trials<'_, '_> {
             Some(known) => self.ways.near(known, request, self.effort),
             None => self.ways.cold(request, self.effort),
         };
-        if self.effort.interrupted { Err(Stopped) } else { Ok(solution) }
+        if self.effort.interrupted { Err(Interrupted) } else { Ok(solution) }
     }
 }

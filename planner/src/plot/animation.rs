@@ -46,7 +46,7 @@ const MARKS_PX: f64 = 55.0;
 
 /// Optional parts of an animation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extras {
+pub struct AnimationParts {
     /// True to draw ground forces as arrows.
     pub forces: bool,
     /// True to draw the footfall chart, with a line at the present time.
@@ -54,7 +54,7 @@ pub struct Extras {
 }
 
 /// Draws the motion of a validated plan in real time, repeated, as SVG text.
-pub fn animation(plan: &Plan, extras: Extras) -> String {
+pub fn animation(plan: &Plan, extras: AnimationParts) -> String {
     let page = Page::new(plan, extras);
     let run = &page.run;
     let mut document = page.document().add(Style::new(style(run))).add(page.view.ground());
@@ -83,7 +83,7 @@ pub fn animation(plan: &Plan, extras: Extras) -> String {
 
 /// Draws the frames of the animation as separate pictures, for films. Also returns the duration of a frame, s. The last frame
 /// of a motion that does not repeat occurs several times, to fill its duration.
-pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
+pub fn frames(plan: &Plan, extras: AnimationParts) -> (f64, Vec<String>) {
     let page = Page::new(plan, extras);
     let run = &page.run;
     let one = |k: usize| {
@@ -105,7 +105,7 @@ pub fn frames(plan: &Plan, extras: Extras) -> (f64, Vec<String>) {
 struct Page {
     run: Run,
     view: View,
-    extras: Extras,
+    extras: AnimationParts,
     chart: Option<Chart>,
     height: f64,
     texts: [String; 2],
@@ -130,7 +130,7 @@ impl Chart {
 }
 
 impl Page {
-    fn new(plan: &Plan, extras: Extras) -> Self {
+    fn new(plan: &Plan, extras: AnimationParts) -> Self {
         let run = Run::new(plan);
         let view = View::of(&run, extras);
         let chart = extras.footfalls.then(|| panels::footfalls(plan)).flatten();
@@ -286,7 +286,7 @@ struct View {
 
 impl View {
     /// Fits the view to a whole run.
-    fn of(run: &Run, extras: Extras) -> Self {
+    fn of(run: &Run, extras: AnimationParts) -> Self {
         let extent_m = run.figure.extent_m();
         let mut points: Vec<Vector3<f64>> = Vec::new();
         for moment in &run.moments {
@@ -382,7 +382,7 @@ mod tests {
     fn every_frame_is_shown_once_a_loop() {
         for plan in [test_plans::cruise(), test_plans::start_stop()] {
             let run = Run::new(&plan);
-            let svg = animation(&plan, Extras::default());
+            let svg = animation(&plan, AnimationParts::default());
             assert_eq!(svg.matches("animation-delay:").count(), run.moments.len());
             assert!(!svg.contains("NaN") && !svg.contains("inf "), "finite");
             assert!(svg.contains("prefers-reduced-motion"));
@@ -417,9 +417,9 @@ mod tests {
     fn extras_are_drawn_only_if_asked_for() {
         let plan = test_plans::cruise();
         let arrows = |svg: &str| svg.matches("class=\"force\"").count();
-        let plain = animation(&plan, Extras::default());
+        let plain = animation(&plan, AnimationParts::default());
         assert!(arrows(&plain) == 0 && !plain.contains("footfalls"));
-        let full = animation(&plan, Extras { forces: true, footfalls: true });
+        let full = animation(&plan, AnimationParts { forces: true, footfalls: true });
         assert!(arrows(&full) > 0 && full.contains("footfalls") && full.contains("class=\"now\""));
     }
 
@@ -427,7 +427,7 @@ mod tests {
     fn all_that_moves_is_on_the_page() {
         let plan = test_plans::cruise();
         let run = Run::new(&plan);
-        let view = View::of(&run, Extras { forces: true, ..Extras::default() });
+        let view = View::of(&run, AnimationParts { forces: true, ..AnimationParts::default() });
         for moment in &run.moments {
             for point in run.figure.outline(&moment.sample) {
                 let [x, y] = view.camera.project(&point);

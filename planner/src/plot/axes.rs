@@ -134,13 +134,13 @@ struct Area<'a> {
 impl Area<'_> {
     fn x_of(&self, value: f64) -> f64 {
         let [low, high, value] = [self.axis.range[0], self.axis.range[1], value]
-            .map(|value| self.axis.scale.place(value));
+            .map(|value| self.axis.scale.coordinate(value));
         px(self.x + self.width * (value - low) / (high - low))
     }
 
     fn y_of(&self, value: f64) -> f64 {
         let [low, high, value] =
-            [self.range[0], self.range[1], value].map(|value| self.scale.place(value));
+            [self.range[0], self.range[1], value].map(|value| self.scale.coordinate(value));
         px(self.y + self.height * (high - value) / (high - low))
     }
 }

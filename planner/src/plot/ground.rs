@@ -2,13 +2,13 @@
 
 use super::axes::Series;
 use super::hull::{convex_hull, depth};
-use super::panels::{Panel, Played, distinct};
+use super::panels::{EvaluatedPlan, Panel, distinct};
 use crate::plan::{EndEffectorSample, Sample};
 
 /// Height from which an end effector counts as lifted, m.
 const LIFTED_M: f64 = 1e-3;
 
-impl Played<'_> {
+impl EvaluatedPlan<'_> {
     /// Heights of contact points above the ground. `None` for a robot that lifts no end effector.
     pub(super) fn swing_heights(&self) -> Option<Panel> {
         let feet = &self.plan.robot.end_effectors;

@@ -1,7 +1,7 @@
 //! Panels of joints and motors: angles, speeds and torques with their limits, one panel per limb or per joint.
 
 use super::axes::Series;
-use super::panels::{JointPanels, Panel, Played, distinct};
+use super::panels::{EvaluatedPlan, JointPanels, Panel, distinct};
 use crate::plan::Sample;
 use crate::sample::driven_wheels;
 use crate::torque::Actuation;
@@ -19,7 +19,7 @@ pub(super) struct Group {
     wheels: Vec<usize>,
 }
 
-impl Played<'_> {
+impl EvaluatedPlan<'_> {
     /// Returns the groups of joints and driven wheels. For limb panels, each limb is a group, and joints that move no end
     /// effector form the last group. For joint panels, every joint and driven wheel is a group.
     pub(super) fn groups(&self, panels: JointPanels) -> Vec<Group> {

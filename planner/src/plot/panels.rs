@@ -24,7 +24,7 @@ const POINTS: usize = 240;
 const EQUAL: f64 = 1e-3;
 
 /// Plan with its motion evaluated along the time axis.
-pub(super) struct Played<'a> {
+pub(super) struct EvaluatedPlan<'a> {
     pub(super) plan: &'a Plan,
     pub(super) spline: PlanSpline,
     pub(super) states: Vec<(f64, Sample, Setpoints)>,
@@ -46,7 +46,7 @@ pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
         .collect();
     let mut inverse = InverseDynamics::new(plan);
     let actuations = states.iter().map(|(t, ..)| inverse.at(*t)).collect();
-    let played = Played { plan, spline, states, actuations };
+    let played = EvaluatedPlan { plan, spline, states, actuations };
     let body = vec![
         footfalls(plan),
         played.horizontal(),
@@ -56,7 +56,7 @@ pub fn columns(plan: &Plan, panels: JointPanels) -> Vec<Vec<Panel>> {
         played.orientation(),
         played.wheels(),
     ];
-    let body = body.into_iter().flatten().chain(played.ways()).collect();
+    let body = body.into_iter().flatten().chain(played.path_panels()).collect();
     let groups = played.groups(panels);
     let [angles, speeds] = [played.angles(&groups), played.speeds(&groups)];
     vec![body, angles, speeds, played.torques(&groups), played.forces()]
@@ -97,7 +97,7 @@ fn stances(plan: &Plan, j: usize) -> Vec<[f64; 2]> {
     spans
 }
 
-impl Played<'_> {
+impl EvaluatedPlan<'_> {
     pub(super) fn panel(&self, title: impl Into<String>, series: Vec<Series>) -> Panel {
         self.limited(title, series, Vec::new(), Vec::new())
     }
@@ -140,7 +140,8 @@ impl Played<'_> {
 
     fn horizontal(&self) -> Option<Panel> {
         let axis = |name, color, c: usize| self.series(name, color, move |s| s.com_m[c]);
-        let asked = [self.places(Subject::Com, 0, 0), self.places(Subject::Com, 1, 1)].concat();
+        let asked =
+            [self.target_marks(Subject::Com, 0, 0), self.target_marks(Subject::Com, 1, 1)].concat();
         let series = vec![axis("x", 0, 0), axis("y", 1, 1)];
         Some(self.marked("centre of mass (m)", series, asked))
     }
@@ -150,7 +151,8 @@ impl Played<'_> {
         let above_m = |point: [f64; 3]| ground.height_above_m(&point.into());
         let com = self.series("centre of mass", 0, |s| above_m(s.com_m));
         let base = self.series("base", 1, |s| above_m(s.base_position_m));
-        let asked = [self.places(Subject::Com, 2, 0), self.places(Subject::Body, 2, 1)].concat();
+        let asked = [self.target_marks(Subject::Com, 2, 0), self.target_marks(Subject::Body, 2, 1)]
+            .concat();
         Some(self.marked("height (m)", vec![com, base], asked))
     }
 

@@ -13,7 +13,7 @@ pub enum Scale {
 
 impl Scale {
     /// Converts a value to a coordinate that is linear on the page.
-    pub fn place(&self, value: f64) -> f64 {
+    pub fn coordinate(&self, value: f64) -> f64 {
         if *self == Self::Logarithmic { value.ln() } else { value }
     }
 

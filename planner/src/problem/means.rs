@@ -14,14 +14,14 @@
 
 /// Weights of a sample and its neighbours in the mean around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Means {
+pub struct MeanWeights {
     /// Weights of previous, present and next sample in the mean of a function that is linear between samples.
     pub linear: [f64; 3],
     /// Ratio of the mean of a second derivative to the second difference.
     pub second_difference: f64,
 }
 
-impl Means {
+impl MeanWeights {
     /// Computes the weights around a sample with an interval of the motion before it, after it, or both.
     pub fn new(before: bool, after: bool) -> Self {
         let [before, after] = [before, after].map(|inside| f64::from(u8::from(inside)));
@@ -56,7 +56,7 @@ mod tests {
         let x = |t: f64| 0.2 + 0.5 * t + 0.5 * 3.0 * t * t + third(t) * t * t * t / 6.0;
         let acceleration = |t: f64| 3.0 + third(t) * t;
         for (before, after) in [(true, true), (true, false), (false, true)] {
-            let means = Means::new(before, after);
+            let means = MeanWeights::new(before, after);
             let expected = mean(before, after, h, acceleration);
             let at = |inside: bool, t: f64| if inside { x(t) } else { 0.2 + 0.5 * t };
             let difference = (at(before, -h) - 2.0 * x(0.0) + at(after, h)) / (h * h);

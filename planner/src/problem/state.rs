@@ -49,12 +49,12 @@ pub struct ContactFrame {
     /// Normal n of the ground at the contact point.
     pub normal: Vector3<f64>,
     /// Derivatives with respect to the normal. `None` on level ground, whose normal is constant.
-    pub by_normal: Option<ByNormal>,
+    pub by_normal: Option<NormalDerivatives>,
 }
 
 /// Derivatives of a contact frame with respect to the normal of the ground.
 #[derive(Clone, Copy, Debug)]
-pub struct ByNormal {
+pub struct NormalDerivatives {
     /// Derivative ∂ρ/∂n.
     pub d_to_contact: Matrix3<f64>,
     /// Derivative ∂t/∂n.
@@ -171,7 +171,7 @@ impl ContactFrame {
             d_to_contact: d_unit.map(|d_unit| d_unit * -radius_m),
             d_rolling: [0, 1].map(|k| d_axis[k].cross(&unit) + axis.cross(&d_unit[k])),
             normal: *normal,
-            by_normal: Some(ByNormal {
+            by_normal: Some(NormalDerivatives {
                 d_to_contact: by_normal * -radius_m,
                 d_rolling: axis.cross_matrix() * by_normal,
             }),

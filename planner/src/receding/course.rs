@@ -6,7 +6,7 @@
 
 use super::measured::over_ground;
 use super::trim::Trim;
-use super::{Gait, Horizon, HorizonError, HorizonOptions, Measured, Steering};
+use super::{Gait, Horizon, HorizonError, HorizonOptions, MeasuredState, Steering};
 use crate::plan::Placement;
 use crate::solve::Progress;
 use crate::whole_body::WholeBody;
@@ -162,7 +162,7 @@ impl Course {
                 (instant.state, instant.stands)
             }
         };
-        let measured = Measured { state: &state, touches: &stands };
+        let measured = MeasuredState { state: &state, touches: &stands };
         let trim = self.trims.entry(self.gait.clone()).or_default();
         let asked = trim.apply(steering);
         let found = self.horizon.plan(measured, self.samples, asked, progress)?;

@@ -74,7 +74,8 @@ impl Gait {
             |c: usize| velocities.iter().map(|v| v[c]).sum::<f64>() / velocities.len() as f64;
         let mean = [mean(0), mean(1), mean(2)];
         let sway = velocities.iter().map(|v| [0, 1, 2].map(|c| v[c] - mean[c])).collect();
-        let cycle = placed[..motion.stance.len()].iter().map(|vars| seen_from_base(&layout, vars));
+        let cycle =
+            placed[..motion.stance.len()].iter().map(|vars| relative_to_base(&layout, vars));
         Ok(Self { motion: motion.clone(), cycle: cycle.collect(), sway })
     }
 
@@ -135,7 +136,7 @@ impl Gait {
 }
 
 /// Moves variables so that the base is at the origin with heading 0.
-pub(super) fn seen_from_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f64> {
+pub(super) fn relative_to_base(layout: &Layout, vars: &DVector<f64>) -> DVector<f64> {
     Lift::PlacedBack.apply(layout, vars, &base_placement(vars))
 }
 

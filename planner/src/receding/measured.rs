@@ -3,7 +3,7 @@
 //! A measured foot is never exactly on the ground and never without slip. A horizon from such a state could not meet the
 //! constraints of its first sample. It begins instead in the nearest state that meets them.
 
-use super::start::Beginning;
+use super::start::InitialState;
 use crate::formulation::terms::motor_speed_rad_s;
 use crate::plan::Placement;
 use crate::problem::Problem;
@@ -37,7 +37,7 @@ pub(super) fn on_contacts(
         *angle = angle.clamp(joint.position_min_rad, joint.position_max_rad);
     }
     for _ in 0..ROUNDS {
-        let (rows, off) = contact_rows(tree, ground, &state, stands, Wanted::Distance);
+        let (rows, off) = contact_rows(tree, ground, &state, stands, ContactResidual::Distance);
         let step = nearest(&rows, &off, &DVector::from_element(tree.dofs(), 1.0));
         let turn = Vector3::from_column_slice(&step.as_slice()[ANGULAR..ANGULAR + 3]);
         state.base_position_m += Vector3::from_column_slice(&step.as_slice()[LINEAR..LINEAR + 3]);
@@ -46,7 +46,7 @@ pub(super) fn on_contacts(
             *angle += step;
         }
     }
-    let (rows, _) = contact_rows(tree, ground, &state, stands, Wanted::Velocity);
+    let (rows, _) = contact_rows(tree, ground, &state, stands, ContactResidual::Velocity);
     let velocity = DVector::from_column_slice(&state.velocity);
     let mut weights = DVector::from_element(tree.dofs(), 1.0);
     weights.rows_mut(0, JOINTS).fill(BODY);
@@ -62,19 +62,19 @@ pub(super) fn on_contacts(
 
 /// Quantity of a contact that must be zero.
 #[derive(Clone, Copy, PartialEq)]
-enum Wanted {
+enum ContactResidual {
     Distance,
     Velocity,
 }
 
 /// Returns the rows of the stance contacts over the generalised velocity ν, and the distances of the contacts from the ground,
-/// m. For [`Wanted::Velocity`], the residuals are the product of rows and ν instead.
+/// m. For [`ContactResidual::Velocity`], the residuals are the product of rows and ν instead.
 fn contact_rows(
     tree: &Tree,
     ground: &ElevationMap,
     state: &State,
     stands: &[bool],
-    wanted: Wanted,
+    wanted: ContactResidual,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let frames = Frames::new(tree, &state.configuration());
     let mut jacobian = Matrix3xX::zeros(tree.dofs());
@@ -87,9 +87,9 @@ fn contact_rows(
         let glides = tree.robot().end_effectors[j].contact.blade_length_m().is_some();
         let side = normal.cross(&contact.axis.cross(&normal)).normalize();
         let directions: &[Vector3<f64>] = match wanted {
-            Wanted::Distance => &[normal],
-            Wanted::Velocity if glides => &[side, normal],
-            Wanted::Velocity => &[Vector3::x(), Vector3::y(), Vector3::z()],
+            ContactResidual::Distance => &[normal],
+            ContactResidual::Velocity if glides => &[side, normal],
+            ContactResidual::Velocity => &[Vector3::x(), Vector3::y(), Vector3::z()],
         };
         for direction in directions {
             rows.push(jacobian.tr_mul(direction).transpose());
@@ -135,7 +135,7 @@ fn yaw_pitch_roll(world_from_body: &Matrix3<f64>) -> Vector3<f64> {
 }
 
 /// Converts a state at the origin with heading 0 to the first sample of a horizon and the sample before it.
-pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginning {
+pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> InitialState {
     let layout: &Layout = &problem.layout;
     let mut at = DVector::zeros(layout.len);
     at.rows_mut(BASE_POSITION, 3).copy_from(&state.base_position_m);
@@ -167,7 +167,7 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Beginni
         before[wheel.speed] = state.velocity[dof] - motor_speed_rad_s(problem, j, &from, &to);
         at[wheel.speed] = before[wheel.speed];
     }
-    Beginning { at, before }
+    InitialState { at, before }
 }
 
 #[cfg(test)]

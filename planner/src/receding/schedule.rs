@@ -18,7 +18,7 @@ pub(super) struct Schedule {
 
 /// State of the contact point of an end effector.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct ContactState {
     /// True if the end effector touches the ground.
     pub touches: bool,
     /// Height above the ground, m.
@@ -83,7 +83,7 @@ impl Schedule {
     }
 
     /// Footfalls of `samples` samples from sample `at`, at which the contact points have the states `places`.
-    pub fn from(&self, at: i64, samples: usize, places: &[Place]) -> Footfalls {
+    pub fn from(&self, at: i64, samples: usize, places: &[ContactState]) -> Footfalls {
         let period = self.gait.samples();
         let (swing_m, h) = (self.gait.motion.swing_height_m, self.gait.interval_s());
         // With a period before and after, every swing has its lift-off and its landing.
@@ -116,7 +116,7 @@ impl Schedule {
             // A swing is on the ground at its last sample.
             let last = (until - 1 - here) as f64;
             for (k, row) in heights[here..until].iter_mut().enumerate() {
-                row[j] += faded(off, k as f64, last);
+                row[j] += fade_out(off, k as f64, last);
             }
             heights[here + 1..until].iter_mut().for_each(|row| row[j] = row[j].max(0.0));
         }
@@ -131,7 +131,7 @@ impl Schedule {
 }
 
 /// Value at `t` of the cubic that has the given value and slope at 0, and value and slope 0 at `end`. Beyond `end`, 0.
-pub(super) fn faded([value, slope]: [f64; 2], t: f64, end: f64) -> f64 {
+pub(super) fn fade_out([value, slope]: [f64; 2], t: f64, end: f64) -> f64 {
     if t >= end {
         return if t == 0.0 { value } else { 0.0 };
     }
@@ -155,15 +155,20 @@ mod tests {
         gait
     }
 
-    fn down() -> Place {
-        Place { touches: true, height_m: 0.0, rises_m_s: 0.0 }
+    fn down() -> ContactState {
+        ContactState { touches: true, height_m: 0.0, rises_m_s: 0.0 }
     }
 
     fn flags(rows: &[Vec<bool>]) -> String {
         rows.iter().map(|row| if row[0] { '#' } else { '.' }).collect()
     }
 
-    fn from(schedule: &Schedule, at: i64, samples: usize, first: Place) -> (String, Vec<f64>) {
+    fn from(
+        schedule: &Schedule,
+        at: i64,
+        samples: usize,
+        first: ContactState,
+    ) -> (String, Vec<f64>) {
         let footfalls = schedule.from(at, samples, &[first, down(), down(), down()]);
         (flags(&footfalls.stance), footfalls.height_m.iter().map(|row| row[0]).collect())
     }
@@ -173,14 +178,15 @@ mod tests {
         let schedule = Schedule::new(gait("##.......#"), 0);
         // On its profile, 0.04 m · sin²(πu) from sample 2 to sample 8, and as fast as its samples differ.
         let rises_m_s = (0.04 - 0.01) / 0.2;
-        let there = Place { touches: false, height_m: 0.03, rises_m_s };
+        let there = ContactState { touches: false, height_m: 0.03, rises_m_s };
         let (marks, heights) = from(&schedule, 4, 7, there);
         assert_eq!(marks, ".....##");
         for (height, expected) in heights.iter().zip([0.03, 0.04, 0.03, 0.01, 0.0, 0.0, 0.0]) {
             assert!((height - expected).abs() < 1e-12, "{heights:?}"); // rounding only
         }
         // Lower and slower, it comes back to the profile until it lands.
-        let (_, lower) = from(&schedule, 4, 7, Place { height_m: 0.01, rises_m_s: 0.0, ..there });
+        let (_, lower) =
+            from(&schedule, 4, 7, ContactState { height_m: 0.01, rises_m_s: 0.0, ..there });
         assert!((lower[0] - 0.01).abs() < 1e-12); // rounding only
         assert!((1..4).all(|k| 0.0 < lower[k] && lower[k] < heights[k]), "{lower:?}");
         assert!(lower[4..].iter().all(|height| height.abs() < 1e-12), "{lower:?}");
@@ -193,12 +199,12 @@ mod tests {
         assert_eq!(from(&schedule, 6, 8, down()).0, "######..");
         assert_eq!(from(&schedule, 3, 8, down()).0, "......##");
         // Not landed in time: down from 20 mm at π · 40 mm / 0.7 s at most takes two samples.
-        let aloft = Place { touches: false, height_m: 0.02, rises_m_s: -0.1 };
+        let aloft = ContactState { touches: false, height_m: 0.02, rises_m_s: -0.1 };
         let (marks, heights) = from(&schedule, 9, 5, aloft);
         assert_eq!(marks, "..#..");
         assert_eq!(heights[..4], [0.02, 0.0, 0.0, 0.0]);
         // Within what a contact yields it stands.
-        assert_eq!(from(&schedule, 9, 5, Place { height_m: 0.002, ..aloft }).0, "###..");
+        assert_eq!(from(&schedule, 9, 5, ContactState { height_m: 0.002, ..aloft }).0, "###..");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! multipliers of the previous horizon save one iteration of three in a walk and none in a trot.
 
 use super::gait::Gait;
-use super::schedule::faded;
+use super::schedule::fade_out;
 use crate::plan::Placement;
 use crate::problem::variables::Lift;
 use crate::problem::{Problem, Unknowns};
@@ -22,7 +22,7 @@ const SETTLES_S: f64 = 0.3;
 
 /// State in which a horizon begins.
 #[derive(Clone, Debug)]
-pub(super) struct Beginning {
+pub(super) struct InitialState {
     /// Variables of the first sample, at the origin with heading 0.
     pub at: DVector<f64>,
     /// Variables one interval earlier, extrapolated at the initial velocity.
@@ -34,7 +34,7 @@ pub(super) fn from_gait(
     problem: &Problem,
     gait: &Gait,
     phase: usize,
-    beginning: &Beginning,
+    beginning: &InitialState,
 ) -> Unknowns {
     let h = problem.interval_s;
     let (at, before) = (&beginning.at, &beginning.before);
@@ -61,9 +61,13 @@ pub(super) fn from_gait(
 }
 
 /// Adds the fading error to `slots`, so that they begin in the measured state. The last slot is the state after the horizon.
-fn with_error(problem: &Problem, mut slots: Vec<DVector<f64>>, beginning: &Beginning) -> Unknowns {
+fn with_error(
+    problem: &Problem,
+    mut slots: Vec<DVector<f64>>,
+    beginning: &InitialState,
+) -> Unknowns {
     let (layout, h) = (&problem.layout, problem.interval_s);
-    let Beginning { at, before } = beginning;
+    let InitialState { at, before } = beginning;
     let end = FADES_S / h;
     let off: Vec<[f64; 2]> = (0..layout.dofs)
         .map(|k| {
@@ -73,7 +77,7 @@ fn with_error(problem: &Problem, mut slots: Vec<DVector<f64>>, beginning: &Begin
         .collect();
     for (i, vars) in slots.iter_mut().enumerate() {
         for (k, off) in off.iter().enumerate() {
-            vars[k] += faded(*off, i as f64, end);
+            vars[k] += fade_out(*off, i as f64, end);
         }
         guess::follow_kinematics(&problem.model, layout, &problem.ground, vars);
         let stance = &problem.stance[(i + 1).min(problem.samples)];

@@ -2,7 +2,7 @@
 //! both.
 
 use super::grid::Timeline;
-use super::residual::{Grid, Row, Worst};
+use super::residual::{Grid, Row, WorstCase};
 use crate::families::Family;
 use crate::plan::Plan;
 use crate::torque::InverseDynamics;
@@ -38,21 +38,21 @@ pub enum MotorKind {
 /// of the excesses over torque limits and of the force and moment that no contact supplies.
 pub fn as_played(plan: &Plan, frames: &Timeline) -> (Vec<LargestTorque>, Vec<Row>) {
     let grid = Grid::Library60Hz;
-    let mut joint = Worst::of(Family::JointTorqueAsPlayed, grid);
-    let mut wheel = Worst::of(Family::WheelTorqueAsPlayed, grid);
-    let mut force = Worst::of(Family::UnmetForce, grid);
-    let mut moment = Worst::of(Family::UnmetMoment, grid);
+    let mut joint = WorstCase::of(Family::JointTorqueAsPlayed, grid);
+    let mut wheel = WorstCase::of(Family::WheelTorqueAsPlayed, grid);
+    let mut force = WorstCase::of(Family::UnmetForce, grid);
+    let mut moment = WorstCase::of(Family::UnmetMoment, grid);
     let mut largest: Vec<LargestTorque> = plan.robot.channels().map(LargestTorque::new).collect();
     let mut inverse = InverseDynamics::new(plan);
     for w in frames.samples() {
         let time_s = w.here.sample.time_s;
         let actuation = inverse.at(time_s);
-        force.see(actuation.unmet_force_n.norm(), &w, None);
-        moment.see(actuation.unmet_moment_nm.norm(), &w, None);
+        force.record(actuation.unmet_force_n.norm(), &w, None);
+        moment.record(actuation.unmet_moment_nm.norm(), &w, None);
         for (torque_nm, largest) in actuation.channels_nm().zip(&mut largest) {
             let (torque_nm, limit) = (torque_nm.abs(), largest.limit_nm);
             let worst = if largest.kind == MotorKind::Joint { &mut joint } else { &mut wheel };
-            worst.see_beyond((torque_nm - limit).max(0.0), limit, &w, Some(&largest.motor));
+            worst.record_excess((torque_nm - limit).max(0.0), limit, &w, Some(&largest.motor));
             if torque_nm > largest.torque_nm {
                 (largest.torque_nm, largest.time_s) = (torque_nm, time_s);
             }

@@ -1,13 +1,13 @@
 //! Residuals of a motion's targets and height limits, computed from the values of a plan in the frame of its first sample.
 
 use super::grid::{State, Timeline, Window};
-use super::residual::{Grid, Worst};
+use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use crate::motion::{Ends, Subject};
 use nalgebra::{Rotation3, Vector3};
 
 /// Deviations from targets, and violations of height limits.
-pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
+pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
     let mut found = targets(timeline, grid);
     found.push(heights(timeline, grid));
     found
@@ -39,10 +39,10 @@ where
     (here + slope * u + bend * (0.5 * u * u), slope + bend * u)
 }
 
-fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut places = Worst::of(Family::TargetPosition, grid);
-    let mut velocities = Worst::of(Family::TargetVelocity, grid);
-    let mut headings = Worst::of(Family::TargetHeading, grid);
+fn targets(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
+    let mut places = WorstCase::of(Family::TargetPosition, grid);
+    let mut velocities = WorstCase::of(Family::TargetVelocity, grid);
+    let mut headings = WorstCase::of(Family::TargetHeading, grid);
     let plan = timeline.plan;
     let windows: Vec<Window> = timeline.samples().collect();
     let start = windows[0].here.sample;
@@ -69,25 +69,25 @@ fn targets(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
             let subject = format!("{name} {direction} at {:.3} s", target.at_s);
             if let Some(wanted) = target.position_m[c] {
                 let off = (place[c] - wanted).abs();
-                places.see(off, w, Some(&subject));
+                places.record(off, w, Some(&subject));
             }
             if let Some(wanted) = target.velocity_m_s[c] {
                 let off = (velocity[c] - wanted).abs();
-                velocities.see(off, w, Some(&subject));
+                velocities.record(off, w, Some(&subject));
             }
         }
         if let Some(wanted) = target.heading_rad {
             let yaws = around.map(|s| s.sample.base_yaw_pitch_roll_rad[0] - start_yaw);
             let off = (parabola(yaws, u).0 - wanted).abs();
-            headings.see(off, w, Some(&format!("{name} at {:.3} s", target.at_s)));
+            headings.record(off, w, Some(&format!("{name} at {:.3} s", target.at_s)));
         }
     }
     vec![places, velocities, headings]
 }
 
 /// Violation of height limits within their time spans, m. On the samples of a plan, the two samples around a span count too.
-fn heights(timeline: &Timeline, grid: Grid) -> Worst {
-    let mut worst = Worst::of(Family::HeightLimit, grid);
+fn heights(timeline: &Timeline, grid: Grid) -> WorstCase {
+    let mut worst = WorstCase::of(Family::HeightLimit, grid);
     let plan = timeline.plan;
     for limit in &plan.motion.heights {
         for w in timeline.samples() {
@@ -100,7 +100,7 @@ fn heights(timeline: &Timeline, grid: Grid) -> Worst {
                 let over = limit.below_m.map_or(0.0, |below_m| z - below_m);
                 let under = limit.above_m.map_or(0.0, |above_m| above_m - z);
                 let beyond = over.max(under).max(0.0);
-                worst.see(beyond, &w, Some(limit.of.name(&plan.robot)));
+                worst.record(beyond, &w, Some(limit.of.name(&plan.robot)));
             }
         }
     }

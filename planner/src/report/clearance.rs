@@ -1,26 +1,26 @@
 //! Clearance of links from each other and from the ground. The shapes are those of the robot in the plan.
 
 use super::grid::{State, Timeline};
-use super::residual::{Grid, Worst};
+use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use rollwalk_multibody::clearance::{GroundPoint, Pair};
 use rollwalk_robot::ClearancePair;
 
 /// Clearance deficits, worst over all samples or frames.
-pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut links = Worst::of(Family::LinkClearance, grid);
-    let mut ground = Worst::of(Family::GroundClearance, grid);
+pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
+    let mut links = WorstCase::of(Family::LinkClearance, grid);
+    let mut ground = WorstCase::of(Family::GroundClearance, grid);
     let (robot, clearance) = (&timeline.plan.robot, timeline.model.clearance());
     for w in timeline.samples() {
         for pair in clearance.pairs() {
             let missing = pair.least_m - distance(w.here, pair);
             // Names are made for the few that are too near.
             let names = (missing > 0.0).then(|| robot.pair_name(pair.links));
-            links.see(missing.max(0.0), &w, names.as_deref());
+            links.record(missing.max(0.0), &w, names.as_deref());
         }
         for point in clearance.points() {
             let missing = (point.least_m - ground_distance_m(w.here, point)).max(0.0);
-            ground.see(missing, &w, Some(&robot.links[point.link].name));
+            ground.record(missing, &w, Some(&robot.links[point.link].name));
         }
     }
     vec![links, ground]

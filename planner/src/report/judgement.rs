@@ -1,6 +1,6 @@
 //! Judgement of a plan: one verdict shared by planner, report and libraries.
 
-use super::net::TakenBack;
+use super::net::UndoneGoal;
 use super::residual::Row;
 use crate::plan::{Plan, Status};
 use serde::Serialize;
@@ -34,7 +34,7 @@ impl Judgement {
             }
             Status::Converged | Status::FailsAsPlayed if fails(false) => Self::BeyondTolerance,
             Status::Converged | Status::FailsAsPlayed if !fails(true) => {
-                match TakenBack::of(plan).is_some_and(|of| of.is_too_much()) {
+                match UndoneGoal::of(plan).is_some_and(|of| of.is_too_much()) {
                     true => Self::TakenBack,
                     false => Self::Consistent,
                 }

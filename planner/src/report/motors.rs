@@ -4,7 +4,7 @@
 //! ground forces, weight and inertia of all mass points per unit of joint rate, plus the torque that accelerates its rotor.
 
 use super::grid::{State, Timeline, Window, feet};
-use super::residual::{Grid, Worst};
+use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use crate::motion::Ends;
 use nalgebra::Vector3;
@@ -12,10 +12,10 @@ use rollwalk_multibody::euler::JOINTS;
 use rollwalk_robot::{Actuator, GRAVITY_M_S2};
 
 /// Residuals of joint and wheel torques at the samples, and of torque-speed lines on the intervals.
-pub fn torques(timeline: &Timeline) -> Vec<Worst> {
-    let mut joint = Worst::of(Family::JointTorque, Grid::Samples);
-    let mut wheel = Worst::of(Family::WheelTorque, Grid::Samples);
-    let mut line = Worst::of(Family::TorqueSpeedLine, Grid::Samples);
+pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
+    let mut joint = WorstCase::of(Family::JointTorque, Grid::Samples);
+    let mut wheel = WorstCase::of(Family::WheelTorque, Grid::Samples);
+    let mut line = WorstCase::of(Family::TorqueSpeedLine, Grid::Samples);
     let robot = &timeline.plan.robot;
     let periodic = timeline.plan.motion.ends == Ends::Periodic;
     let driven =
@@ -28,18 +28,18 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
         for ((j, of), torque_nm) in robot.joints.iter().enumerate().zip(torques) {
             let limit = of.actuator.torque_max_nm;
             let beyond = (torque_nm.abs() - limit).max(0.0);
-            joint.see_beyond(beyond, limit, &w, Some(&of.name));
+            joint.record_excess(beyond, limit, &w, Some(&of.name));
             let [before, after] = [w.before, w.after].map(|state| state.sample.joint_rad[j]);
             let speed_rad_s = (after - before) / (2.0 * h);
             let beyond = beyond_line(&of.actuator, torque_nm, speed_rad_s);
             if let Some(beyond) = beyond.filter(|_| begins) {
-                line.see(beyond, &w, Some(&of.name));
+                line.record(beyond, &w, Some(&of.name));
             }
         }
         for (j, foot, motor) in driven() {
             let limit = motor.torque_max_nm;
             let beyond = (wheel_torque_nm(timeline, w.here, j).abs() - limit).max(0.0);
-            wheel.see_beyond(beyond, limit, &w, Some(&foot.name));
+            wheel.record_excess(beyond, limit, &w, Some(&foot.name));
         }
     }
     for w in timeline.intervals() {
@@ -49,7 +49,7 @@ pub fn torques(timeline: &Timeline) -> Vec<Worst> {
             let torque_nm = mean(&|state| wheel_torque_nm(timeline, state, j));
             let speed_rad_s = w.here.sample.end_effectors[j].motor_speed_rad_s;
             if let Some(beyond) = beyond_line(motor, torque_nm, speed_rad_s) {
-                line.see(beyond, &w, Some(&foot.name));
+                line.record(beyond, &w, Some(&foot.name));
             }
         }
     }

@@ -16,7 +16,7 @@ const WHOLE: f64 = 0.1;
 
 /// Goal component that the net displacement of a motion at rest misses most.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct TakenBack {
+pub struct UndoneGoal {
     /// Field of the goal in the motion file.
     pub field: &'static str,
     /// Requested value, m or rad.
@@ -25,7 +25,7 @@ pub struct TakenBack {
     pub left: f64,
 }
 
-impl TakenBack {
+impl UndoneGoal {
     /// Returns the goal component that the net displacement of a motion at rest misses most. `None` for other motions and
     /// without goals.
     pub(crate) fn of(plan: &Plan) -> Option<Self> {
@@ -35,7 +35,7 @@ impl TakenBack {
         if plan.motion.ends != Ends::AtRest {
             return None;
         }
-        let left = way_of_contacts(plan);
+        let left = contact_displacement(plan);
         let found = goals.into_iter().zip(left).filter_map(|((field, goal), left)| {
             let goal = goal.filter(|goal| *goal != 0.0)?;
             Some(Self { field, goal, left })
@@ -64,7 +64,7 @@ impl TakenBack {
     }
 }
 
-impl fmt::Display for TakenBack {
+impl fmt::Display for UndoneGoal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { field, goal, left } = self;
         write!(
@@ -78,7 +78,7 @@ impl fmt::Display for TakenBack {
 
 /// Displacement of the centre of mass if it moved rigidly with the contact points: forward and left, m, and turn, rad. The
 /// rigid motion is the best fit of the initial contact points to the final ones.
-fn way_of_contacts(plan: &Plan) -> [f64; 3] {
+fn contact_displacement(plan: &Plan) -> [f64; 3] {
     let [first, last] = plan.ends();
     let count = first.end_effectors.len() as f64;
     let middle = |sample: &Sample| {
@@ -115,7 +115,7 @@ mod tests {
     fn what_contacts_do_not_make_is_taken_back() {
         let mut plan = test_plans::start_stop();
         plan.motion.goal.forward_m = Some(plan.reached()[0]);
-        let rolled = TakenBack::of(&plan).expect("a goal at rest");
+        let rolled = UndoneGoal::of(&plan).expect("a goal at rest");
         assert!(
             !rolled.is_said() && Report::new(&plan).judgement == Judgement::Consistent,
             "{rolled}"
@@ -124,12 +124,12 @@ mod tests {
         let last = plan.samples.len() - 1;
         plan.samples[last].base_yaw_pitch_roll_rad[0] += TAU;
         plan.motion.goal.turn_rad = Some(TAU);
-        assert!(TakenBack::of(&plan).is_some_and(|of| !of.is_said()));
+        assert!(UndoneGoal::of(&plan).is_some_and(|of| !of.is_said()));
 
         // The body leans to the side over wheels that go straight ahead.
         let mut plan = test_plans::start_stop();
         plan.motion.goal.left_m = Some(0.08);
-        let leant = TakenBack::of(&plan).expect("a goal at rest");
+        let leant = UndoneGoal::of(&plan).expect("a goal at rest");
         assert!(
             leant.field == "left_m" && leant.is_too_much() && leant.left.abs() < 1e-9,
             "{leant}"
@@ -148,7 +148,7 @@ mod tests {
         }
         let com = plan.samples[0].com_m;
         let yaw_rad = plan.samples[0].base_yaw_pitch_roll_rad[0];
-        let found = way_of_contacts(&plan);
+        let found = contact_displacement(&plan);
         let moved = [c * com[0] - s * com[1] - com[0], s * com[0] + c * com[1] - com[1]];
         let (s, c) = yaw_rad.sin_cos();
         let expected = [c * moved[0] + s * moved[1], c * moved[1] - s * moved[0], 0.3];

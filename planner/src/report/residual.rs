@@ -1,7 +1,7 @@
 //! Residuals over a whole motion, and the search for the worst case of each.
 
 use super::grid::{Timeline, Window};
-use crate::families::{AsPlayed, Family};
+use crate::families::{Family, PlayedTolerance};
 use serde::Serialize;
 
 /// Residual over the whole motion.
@@ -22,7 +22,7 @@ pub struct Row {
     /// one.
     pub level: Option<f64>,
     /// Sample and subject of the worst residual; `None` if the residual is 0 everywhere.
-    pub place: Option<Place>,
+    pub place: Option<ResidualLocation>,
 }
 
 /// Times at which a residual is evaluated.
@@ -41,7 +41,7 @@ pub enum Grid {
 
 /// Sample and subject of a worst residual.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Place {
+pub struct ResidualLocation {
     /// Index of the sample or of the resampled frame, from 0. For residuals of intervals, the index of the interval's start.
     pub sample: usize,
     /// Time of the sample or frame, s.
@@ -75,23 +75,23 @@ impl Row {
 }
 
 /// Search for the worst case of one family.
-pub(super) struct Worst {
+pub(super) struct WorstCase {
     row: Row,
     part: f64,
 }
 
-impl Worst {
+impl WorstCase {
     pub(super) fn of(family: Family, grid: Grid) -> Self {
         Self { row: Row::new(family, grid), part: 0.0 }
     }
 
     /// Records a residual, in the family's SI unit.
-    pub(super) fn see(&mut self, residual: f64, at: &Window, subject: Option<&str>) {
-        self.see_beyond(residual, 1.0, at, subject);
+    pub(super) fn record(&mut self, residual: f64, at: &Window, subject: Option<&str>) {
+        self.record_excess(residual, 1.0, at, subject);
     }
 
     /// Records an excess over a limit, in the family's SI unit.
-    pub(super) fn see_beyond(
+    pub(super) fn record_excess(
         &mut self,
         residual: f64,
         limit: f64,
@@ -106,7 +106,7 @@ impl Worst {
             self.part = part;
             self.row.worst = residual;
             self.row.level = Some(level);
-            self.row.place = Some(Place {
+            self.row.place = Some(ResidualLocation {
                 sample: at.index,
                 time_s: at.here.sample.time_s,
                 subject: subject.map(str::to_owned),
@@ -115,7 +115,7 @@ impl Worst {
     }
 
     /// Records a residual of the whole motion, in the family's SI unit.
-    pub(super) fn see_everywhere(&mut self, residual: f64) {
+    pub(super) fn record_whole(&mut self, residual: f64) {
         let (_, factor) = self.row.family.unit().shown();
         self.row.worst = residual * factor;
         self.row.level = Some(self.row.family.level().at(1.0) * factor);
@@ -131,7 +131,7 @@ impl Worst {
         let mut row = self.row()?;
         let (_, factor) = row.family.unit().shown();
         row.level = match row.family.as_played() {
-            AsPlayed::TimesLevel(times) => row.level.map(|level| times * level),
+            PlayedTolerance::TimesLevel(times) => row.level.map(|level| times * level),
             of_robot => of_robot.at(&timeline.scales()).map(|level| level * factor),
         };
         Some(row)

@@ -1,7 +1,7 @@
 //! Residuals, each as an equation over neighbouring states.
 
 use super::grid::{State, Timeline, Window, feet};
-use super::residual::{Grid, Place, Row, Worst};
+use super::residual::{Grid, ResidualLocation, Row, WorstCase};
 use super::slipping::{slip_m_s, slipping};
 use super::{choreography, clearance, motors};
 use crate::families::{CLEARANCE_M, Family, ROLLING_SIGN_WIDTH_M_S};
@@ -26,7 +26,7 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
     found.extend(clearance::residuals(timeline, Grid::Samples));
     found.extend(motors::torques(timeline));
     found.extend(choreography::residuals(timeline, Grid::Samples));
-    let mut rows: Vec<Row> = found.into_iter().filter_map(Worst::row).collect();
+    let mut rows: Vec<Row> = found.into_iter().filter_map(WorstCase::row).collect();
     rows.extend(goals(timeline));
     rows
 }
@@ -52,9 +52,9 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
 }
 
 /// Residuals of the Newton–Euler equations in the centroidal frame.
-fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut linear = Worst::of(Family::LinearDynamics, grid);
-    let mut angular = Worst::of(Family::AngularDynamics, grid);
+fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
+    let mut linear = WorstCase::of(Family::LinearDynamics, grid);
+    let mut angular = WorstCase::of(Family::AngularDynamics, grid);
     let mass = timeline.model.total_mass_kg();
     for w in timeline.samples() {
         // Means around the sample, with the weight 1 − |t|/h. Forces and moments are linear between samples: their
@@ -73,13 +73,13 @@ fn dynamics(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         let per_h2 = timeline.mean_of_second_derivative(&w);
         let acceleration = (w.before.com() - w.here.com() * 2.0 + w.after.com()) * per_h2;
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
-        linear.see((force + (gravity - acceleration) * mass).norm(), &w, None);
+        linear.record((force + (gravity - acceleration) * mass).norm(), &w, None);
 
         // Mean angular momentum of all links on the intervals before and after, times their length.
         let change =
             swept_moment(timeline, w.here, w.after) - swept_moment(timeline, w.before, w.here);
         let momentum_rate = change * per_h2;
-        angular.see((moment - momentum_rate).norm(), &w, None);
+        angular.record((moment - momentum_rate).norm(), &w, None);
     }
     vec![linear, angular]
 }
@@ -101,8 +101,8 @@ fn swept_moment(timeline: &Timeline, from: &State, to: &State) -> Vector3<f64> {
     moment
 }
 
-fn friction(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::Friction, Grid::Samples);
+fn friction(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::Friction, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let (f, normal) = (w.here.force(j), w.here.frames[j].normal);
@@ -110,15 +110,15 @@ fn friction(timeline: &Timeline) -> Worst {
             let side = f - normal * load;
             let beyond =
                 side.x.hypot(side.y).hypot(side.z) - foot.friction_coefficient * load.max(0.0);
-            worst.see(beyond.max(-load).max(0.0), &w, Some(&foot.name));
+            worst.record(beyond.max(-load).max(0.0), &w, Some(&foot.name));
         }
     }
     worst
 }
 
 /// Residual of the force of free wheels along their rolling direction, against their rolling resistance.
-fn rolling_force(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::FreeWheelTraction, Grid::Samples);
+fn rolling_force(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::FreeWheelTraction, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let Some(drag) = foot.contact.drag() else { continue };
@@ -129,28 +129,28 @@ fn rolling_force(timeline: &Timeline) -> Worst {
                 + drag.rolling_drag_s_m * rolling_m_s;
             let frame = &w.here.frames[j];
             let residual = f.dot(&frame.rolling) + resistance * f.dot(&frame.normal);
-            worst.see(residual.abs(), &w, Some(&foot.name));
+            worst.record(residual.abs(), &w, Some(&foot.name));
         }
     }
     worst
 }
 
-fn swing_force(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::SwingForce, Grid::Samples);
+fn swing_force(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::SwingForce, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| !w.here.stands(*j)) {
-            worst.see(w.here.force(j).norm(), &w, Some(&foot.name));
+            worst.record(w.here.force(j).norm(), &w, Some(&foot.name));
         }
     }
     worst
 }
 
 /// Residuals of slip on the ground and of height above it.
-fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut slip = Worst::of(Family::Slip, grid);
-    let mut landing = Worst::of(Family::LandingSlip, grid);
-    let mut height = Worst::of(Family::ContactHeight, grid);
-    let mut dip = Worst::of(Family::SwingDepth, grid);
+fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
+    let mut slip = WorstCase::of(Family::Slip, grid);
+    let mut landing = WorstCase::of(Family::LandingSlip, grid);
+    let mut height = WorstCase::of(Family::ContactHeight, grid);
+    let mut dip = WorstCase::of(Family::SwingDepth, grid);
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
             let row = match (w.here.stands(j), w.after.stands(j), foot.contact.drag()) {
@@ -159,7 +159,7 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 (true, false, Some(_)) | (false, true, Some(_)) => &mut landing,
                 _ => continue,
             };
-            row.see(slip_m_s(timeline, &w, j, foot).norm(), &w, Some(&foot.name));
+            row.record(slip_m_s(timeline, &w, j, foot).norm(), &w, Some(&foot.name));
         }
     }
     for w in timeline.samples() {
@@ -169,68 +169,68 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
                 true => (&mut height, above_m.abs()),
                 false => (&mut dip, (-above_m).max(0.0)),
             };
-            row.see(off, &w, Some(&foot.name));
+            row.record(off, &w, Some(&foot.name));
         }
     }
     vec![slip, landing, height, dip]
 }
 
-fn end_effector_clearance(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::EndEffectorClearance, Grid::Samples);
+fn end_effector_clearance(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::EndEffectorClearance, Grid::Samples);
     for w in timeline.samples() {
         for (j, a) in feet(timeline) {
             for (k, b) in feet(timeline).skip(j + 1).filter(|(_, b)| a.link != b.link) {
                 let apart = (w.here.contact(j) - w.here.contact(k)).norm();
                 let least = a.clearance_radius_m() + b.clearance_radius_m() + CLEARANCE_M;
                 let missing = (least - apart).max(0.0);
-                worst.see(missing, &w, Some(&a.name));
+                worst.record(missing, &w, Some(&a.name));
             }
         }
     }
     worst
 }
 
-fn com(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::CentreOfMass, Grid::Samples);
+fn com(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::CentreOfMass, Grid::Samples);
     for w in timeline.samples() {
-        worst.see((w.here.pose.com - w.here.com()).norm(), &w, None);
+        worst.record((w.here.pose.com - w.here.com()).norm(), &w, None);
     }
     worst
 }
 
-fn contact_point(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::ContactPoint, Grid::Samples);
+fn contact_point(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::ContactPoint, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline) {
             let reached = w.here.pose.end_effectors[j].center + w.here.frames[j].to_contact;
             let off = (reached - w.here.contact(j)).norm();
-            worst.see(off, &w, Some(&foot.name));
+            worst.record(off, &w, Some(&foot.name));
         }
     }
     worst
 }
 
 /// Distance of a skate's contact point beyond the end of its blade, along the rolling direction, m.
-fn blade_contact(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::BladeContact, Grid::Samples);
+fn blade_contact(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::BladeContact, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
             let Some(blade) = foot.blade() else { continue };
             let middle = w.here.pose.end_effectors[j].world_from_link * blade.middle_in_link;
             let along = (middle * foot.radius_m).dot(&w.here.frames[j].rolling).abs();
             let beyond = (along - blade.reach_m).max(0.0);
-            worst.see(beyond, &w, Some(&foot.name));
+            worst.record(beyond, &w, Some(&foot.name));
         }
     }
     worst
 }
 
-fn wheel_axis(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::WheelAxis, Grid::Samples);
+fn wheel_axis(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::WheelAxis, Grid::Samples);
     for w in timeline.samples() {
         for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.rolls()) {
             let off = (w.here.pose.end_effectors[j].axis - w.here.frames[j].axis).norm();
-            worst.see(off, &w, Some(&foot.name));
+            worst.record(off, &w, Some(&foot.name));
         }
     }
     worst
@@ -238,29 +238,29 @@ fn wheel_axis(timeline: &Timeline) -> Worst {
 
 /// Difference of the commanded motor speed from the one that the slip equation requires, ω + α̇_yaw (v·a) − Ω·a. The residual
 /// is a rim speed.
-fn motor_speed(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::MotorAgainstWheel, Grid::Samples);
+fn motor_speed(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::MotorAgainstWheel, Grid::Samples);
     let h = timeline.spacing_s();
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline).filter(|(_, e)| e.contact.actuator().is_some()) {
             let off =
                 w.here.sample.end_effectors[j].motor_speed_rad_s - needed_motor_speed(&w, j, h);
-            worst.see(off.abs() * foot.radius_m, &w, Some(&foot.name));
+            worst.record(off.abs() * foot.radius_m, &w, Some(&foot.name));
         }
     }
     worst
 }
 
 /// Speed relative to the link of a wheel that is welded or held still. The residual is a rim speed.
-fn held_wheel(timeline: &Timeline) -> Worst {
-    let mut worst = Worst::of(Family::HeldWheel, Grid::Samples);
+fn held_wheel(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::HeldWheel, Grid::Samples);
     let h = timeline.spacing_s();
     let still = timeline.plan.motion.still_wheels(&timeline.plan.robot);
     for w in timeline.intervals() {
         for (j, foot) in feet(timeline) {
             if still[j] {
                 let off = needed_motor_speed(&w, j, h).abs() * foot.radius_m;
-                worst.see(off, &w, Some(&foot.name));
+                worst.record(off, &w, Some(&foot.name));
             }
         }
     }
@@ -277,15 +277,15 @@ fn needed_motor_speed(w: &Window, j: usize, h: f64) -> f64 {
 }
 
 /// Excess of joint angles, joint speeds and wheel speeds over their limits.
-fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
-    let mut angle = Worst::of(Family::JointLimit, grid);
-    let mut speed = Worst::of(Family::JointSpeed, grid);
-    let mut wheel = Worst::of(Family::WheelMotorSpeed, grid);
+fn limits(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
+    let mut angle = WorstCase::of(Family::JointLimit, grid);
+    let mut speed = WorstCase::of(Family::JointSpeed, grid);
+    let mut wheel = WorstCase::of(Family::WheelMotorSpeed, grid);
     let h = timeline.spacing_s();
     for w in timeline.samples() {
         for (joint, &q) in timeline.plan.robot.joints.iter().zip(&w.here.sample.joint_rad) {
             let beyond = (q - joint.position_max_rad).max(joint.position_min_rad - q).max(0.0);
-            angle.see(beyond, &w, Some(&joint.name));
+            angle.record(beyond, &w, Some(&joint.name));
         }
     }
     for w in timeline.intervals() {
@@ -293,13 +293,13 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<Worst> {
         for (joint, (q, next)) in timeline.plan.robot.joints.iter().zip(angles) {
             let limit = joint.actuator.speed_max_rad_s;
             let beyond = (((next - q) / h).abs() - limit).max(0.0);
-            speed.see_beyond(beyond, limit, &w, Some(&joint.name));
+            speed.record_excess(beyond, limit, &w, Some(&joint.name));
         }
         for (j, foot) in feet(timeline) {
             let Some(motor) = foot.contact.actuator() else { continue };
             let limit = motor.speed_max_rad_s;
             let beyond = (w.here.sample.end_effectors[j].motor_speed_rad_s.abs() - limit).max(0.0);
-            wheel.see_beyond(beyond, limit, &w, Some(&foot.name));
+            wheel.record_excess(beyond, limit, &w, Some(&foot.name));
         }
     }
     vec![angle, speed, wheel]
@@ -321,7 +321,7 @@ fn goals(timeline: &Timeline) -> Vec<Row> {
         .into_iter()
         .filter_map(|(family, worst)| {
             let (subject, worst): (Option<&str>, f64) = worst?;
-            let place = Place {
+            let place = ResidualLocation {
                 sample: timeline.plan.samples.len(),
                 time_s: last.time_s,
                 subject: subject.map(str::to_owned),

@@ -5,7 +5,7 @@
 //! slow it is: steered wheels cut corners. Slip to and fro counts twice, because friction does not restore it.
 
 use super::grid::{Timeline, Window, feet};
-use super::residual::{Grid, Worst};
+use super::residual::{Grid, WorstCase};
 use crate::families::Family;
 use crate::problem::state::ContactFrame;
 use nalgebra::Vector3;
@@ -37,9 +37,9 @@ pub(super) fn slip_m_s(
 }
 
 /// Mean slip of all stance feet, and the largest slip distance of a foot within one stance.
-pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
-    let mut mean = Worst::of(Family::MeanSlip, grid);
-    let mut creep = Worst::of(Family::Creep, grid);
+pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [WorstCase; 2] {
+    let mut mean = WorstCase::of(Family::MeanSlip, grid);
+    let mut creep = WorstCase::of(Family::Creep, grid);
     let h = timeline.spacing_s();
     let (mut way_m, mut stood_s) = (0.0, 0.0);
     for (j, foot) in feet(timeline) {
@@ -47,7 +47,7 @@ pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
         let mut stance: Option<(f64, Window)> = None;
         let mut end = |stance: Option<(f64, Window)>| {
             if let Some((slipped_m, last)) = stance {
-                creep.see(slipped_m, &last, Some(&foot.name));
+                creep.record(slipped_m, &last, Some(&foot.name));
             }
         };
         for w in timeline.intervals() {
@@ -64,7 +64,7 @@ pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [Worst; 2] {
         end(stance);
     }
     if stood_s > 0.0 {
-        mean.see_everywhere(way_m / stood_s);
+        mean.record_whole(way_m / stood_s);
     }
     [mean, creep]
 }

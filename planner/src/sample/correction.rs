@@ -42,7 +42,7 @@ fn cubic(exit: &[f64; 2], entry: &[f64; 2], duration_s: f64, at: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::motion::Ends;
-    use crate::test_plans::{self, Drive};
+    use crate::test_plans::{self, BoxMotion};
 
     /// Checks set-points and their speeds at the exit from and the entry to a retargeted walk.
     #[test]
@@ -53,7 +53,7 @@ mod tests {
             let bump = (k as f64 / (count - 1) as f64).powi(2);
             sample.joint_correction_rad = (0..4).map(|joint| bump * 0.01 * joint as f64).collect();
         }
-        let drive = Drive {
+        let drive = BoxMotion {
             ends: Ends::Prescribed,
             duration_s: 0.5,
             samples: 11,

@@ -39,14 +39,14 @@ pub enum Objective {
 }
 
 /// Value of an objective at the rows of a plan, with derivatives.
-pub(super) struct Evaluated {
+pub(super) struct ObjectiveValue {
     /// Value of the objective.
     pub value: f64,
     /// Derivatives with respect to the values of rows, each with the row's index.
     slopes: Vec<(usize, f64)>,
 }
 
-impl Evaluated {
+impl ObjectiveValue {
     /// Gradient with respect to the scaled unknowns.
     pub fn gradient(&self, rows: &Rows, columns: usize) -> Vec<f64> {
         let mut gradient = vec![0.0; columns];
@@ -78,7 +78,7 @@ impl Objective {
 
     /// Returns true if the objective is defined for a motion. A motion without displacement has no cost of transport.
     pub fn is_defined(self, motion: &Motion) -> bool {
-        self != Self::CostOfTransport || way_m(motion) > WAY_MIN_M
+        self != Self::CostOfTransport || goal_distance_m(motion) > WAY_MIN_M
     }
 
     /// Returns the value at a plan. NaN for transitions, and for motions on which the objective is not defined.
@@ -95,7 +95,7 @@ impl Objective {
     }
 
     /// Value and derivatives of the objective at the rows of a problem.
-    pub(super) fn at(self, problem: &Problem, motion: &Motion, rows: &Rows) -> Evaluated {
+    pub(super) fn at(self, problem: &Problem, motion: &Motion, rows: &Rows) -> ObjectiveValue {
         match self {
             Self::PlanCost => plan_cost(rows),
             Self::PeakJointSpeed => norm(rows, Family::JointSpeed, PEAK),
@@ -104,19 +104,19 @@ impl Objective {
             Self::Power => power(rows),
             Self::CostOfTransport => {
                 let weight_n = problem.model.total_mass_kg() * GRAVITY_M_S2;
-                power(rows).times(motion.duration_s / (weight_n * way_m(motion)))
+                power(rows).times(motion.duration_s / (weight_n * goal_distance_m(motion)))
             }
         }
     }
 }
 
 /// Distance between start and end of a motion according to its goal, m.
-fn way_m(motion: &Motion) -> f64 {
+fn goal_distance_m(motion: &Motion) -> f64 {
     let part = |goal: Option<f64>| goal.unwrap_or(0.0);
     part(motion.goal.forward_m).hypot(part(motion.goal.left_m))
 }
 
-fn plan_cost(rows: &Rows) -> Evaluated {
+fn plan_cost(rows: &Rows) -> ObjectiveValue {
     let terms = rows.rows.iter().enumerate().filter_map(|(index, row)| match row.role {
         Role::Cost { weight } => {
             Some((weight * row.value.powi(2), (index, 2.0 * weight * row.value)))
@@ -124,29 +124,29 @@ fn plan_cost(rows: &Rows) -> Evaluated {
         _ => None,
     });
     let (values, slopes): (Vec<f64>, _) = terms.unzip();
-    Evaluated { value: values.iter().sum(), slopes }
+    ObjectiveValue { value: values.iter().sum(), slopes }
 }
 
 /// Power mean `(Σ xⁿ / N)^(1/n)` over the N rows of a family, where x is the quantity that the row compares with its limit. A
 /// speed has two rows with opposite signs, which give the same even power.
-fn norm(rows: &Rows, family: Family, n: i32) -> Evaluated {
+fn norm(rows: &Rows, family: Family, n: i32) -> ObjectiveValue {
     let of_family = || rows.rows.iter().enumerate().filter(|(_, row)| row.family == family);
     let count = of_family().count() as f64;
     let sum: f64 = of_family().map(|(_, row)| compared(row).powi(n)).sum();
     if sum <= 0.0 {
-        return Evaluated { value: 0.0, slopes: Vec::new() };
+        return ObjectiveValue { value: 0.0, slopes: Vec::new() };
     }
     let value = (sum / count).powf(1.0 / f64::from(n));
     let slope =
         |(index, row): (usize, &Row)| (index, compared(row).powi(n - 1) * row.scale * value / sum);
-    Evaluated { value, slopes: of_family().map(slope).collect() }
+    ObjectiveValue { value, slopes: of_family().map(slope).collect() }
 }
 
 /// Mean over all samples of |torque × speed|, summed over joints and driven wheels.
-fn power(rows: &Rows) -> Evaluated {
+fn power(rows: &Rows) -> ObjectiveValue {
     const MOTORS: [[Family; 2]; 2] =
         [[Family::JointTorque, Family::JointSpeed], [Family::WheelTorque, Family::WheelMotorSpeed]];
-    let mut evaluated = Evaluated { value: 0.0, slopes: Vec::new() };
+    let mut evaluated = ObjectiveValue { value: 0.0, slopes: Vec::new() };
     let mut samples = 0.0_f64;
     for [torque, speed] in MOTORS {
         let key = |row: &Row| (row.at, subject(row.subject));

@@ -10,7 +10,9 @@
 //!
 //! Here s₀ is 0, or the multipliers of a design that is nearly feasible.
 
-use super::{Around, Design, NotOptimal, Parameter, failed, neighbour, same_pattern, time_shift};
+use super::{
+    Design, NotOptimal, Parameter, SystemAtPoint, failed, neighbour, same_pattern, time_shift,
+};
 use crate::diagnose::diagnose;
 use crate::families::Family;
 use crate::formulation::System;
@@ -38,7 +40,7 @@ pub struct Shortfall {
     problem: Problem,
     motion: Motion,
     unknowns: Unknowns,
-    held: Held,
+    held: FixedQuantities,
     rows: Rows,
     energy: f64,
     /// Multipliers equivalent to the violations, added to the fixed ones.
@@ -48,15 +50,15 @@ pub struct Shortfall {
 
 /// Quantities that stay fixed during the minimisation and from one design to the next, so that energies are comparable.
 #[derive(Clone, Debug)]
-struct Held {
+struct FixedQuantities {
     /// Multipliers, as shifts of the rows.
     shifts: Vec<f64>,
     /// Direction along which the point is fixed, because the energy does not determine it.
     pin: Option<Vec<f64>>,
 }
 
-impl Held {
-    fn minimum<'a>(&self, around: &'a Around<'a>) -> Result<Minimum<'a>, NoOptimum> {
+impl FixedQuantities {
+    fn minimum<'a>(&self, around: &'a SystemAtPoint<'a>) -> Result<Minimum<'a>, NoOptimum> {
         Minimum::near(around, self.shifts.clone(), self.pin.clone())
     }
 }
@@ -98,7 +100,8 @@ impl Shortfall {
             let rows = system.values(&unknowns, Rows::default()).rows.len();
             (vec![0.0; rows], time_shift::free(&problem, &unknowns, system.columns()))
         };
-        let found = Self::near(problem, motion, unknowns, Held { shifts, pin }, progress)?;
+        let found =
+            Self::near(problem, motion, unknowns, FixedQuantities { shifts, pin }, progress)?;
         if found.held.pin.is_none() {
             return Ok(found);
         }
@@ -113,7 +116,7 @@ impl Shortfall {
         problem: Problem,
         motion: &Motion,
         mut unknowns: Unknowns,
-        held: Held,
+        held: FixedQuantities,
         progress: &mut Watch<'_>,
     ) -> Result<Self, NotOptimal> {
         let failed = |reason| failed(motion, reason);
@@ -122,7 +125,7 @@ impl Shortfall {
         if held.shifts.len() != rows.rows.len() {
             return Err(NotOptimal::OtherRows { motion: motion.name.clone() });
         }
-        let around = Around { system: &system, unknowns: &unknowns };
+        let around = SystemAtPoint { system: &system, unknowns: &unknowns };
         let mut minimum = held.minimum(&around).map_err(failed)?;
         let mut steps = 0;
         while !minimum.step().map_err(failed)? {
@@ -206,7 +209,7 @@ impl Shortfall {
     pub fn slopes(&self, parameters: &[Parameter<'_>]) -> Result<Slopes, NotOptimal> {
         let failed = |reason| failed(&self.motion, reason);
         let system = System::selected(&self.problem, Default::default());
-        let around = Around { system: &system, unknowns: &self.unknowns };
+        let around = SystemAtPoint { system: &system, unknowns: &self.unknowns };
         let minimum = self.held.minimum(&around).map_err(failed)?;
         let curvatures = self.rows.rows.iter().zip(&self.held.shifts).map(|(row, &shift)| {
             if row.counts(shift) { row_energy(row, shift, system.penalty())[2] } else { 0.0 }
@@ -276,7 +279,7 @@ impl Shortfall {
     /// Returns an error if no minimum is found, or if `progress` stopped the search.
     pub fn pressed(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
         let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
-        let held = Held { shifts: self.multipliers.clone(), ..self.held.clone() };
+        let held = FixedQuantities { shifts: self.multipliers.clone(), ..self.held.clone() };
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 
@@ -286,7 +289,8 @@ impl Shortfall {
     /// Returns an error if no minimum is found, or if `progress` stopped the search.
     pub fn released(&self, progress: &mut Watch<'_>) -> Result<Self, NotOptimal> {
         let (problem, unknowns) = (self.problem.clone(), self.unknowns.clone());
-        let held = Held { shifts: vec![0.0; self.held.shifts.len()], ..self.held.clone() };
+        let held =
+            FixedQuantities { shifts: vec![0.0; self.held.shifts.len()], ..self.held.clone() };
         Self::near(problem, &self.motion, unknowns, held, progress)
     }
 

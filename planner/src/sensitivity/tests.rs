@@ -72,7 +72,7 @@ impl Optimal {
         let guess: Vec<f64> = change.unknowns.iter().map(|x| by * x).collect();
         let shifts = combined(1.0, &self.shifts, by, &change.shifts);
         let unknowns = system.moved(&self.unknowns, &guess);
-        let around = Around { system: &system, unknowns: &unknowns };
+        let around = SystemAtPoint { system: &system, unknowns: &unknowns };
         let mut optimum = Optimum::near(&around, shifts, self.pin.clone()).unwrap();
         optimum.polish(POLISH_STEPS, POLISHED).unwrap();
         let step = combined(1.0, &guess, 1.0, optimum.position());

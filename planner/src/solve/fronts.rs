@@ -12,10 +12,10 @@
 
 mod front;
 mod order;
-mod places;
+mod scatter;
 
 pub(super) use order::Locals;
-pub(super) use places::Places;
+pub(super) use scatter::ScatterMap;
 
 use crate::formulation::rows::{Columns, Rows};
 use faer::linalg::matmul::matmul;
@@ -91,20 +91,20 @@ impl Fronts {
 
     /// Returns the destinations of the products of a row with these columns. `None` if the row couples columns that no front
     /// contains together.
-    pub fn places(&self, columns: &[usize]) -> Option<Places> {
-        Places::of(columns, &self.position, &self.front_of, &self.fronts)
+    pub fn scatter_map(&self, columns: &[usize]) -> Option<ScatterMap> {
+        ScatterMap::of(columns, &self.position, &self.front_of, &self.fronts)
     }
 
     /// Adds `factor` times the products of a row's derivatives to a matrix, given in panels. `sorted` is scratch memory.
     pub fn add(
         &self,
-        places: &Places,
+        places: &ScatterMap,
         derivatives: &[f64],
         factor: f64,
         panels: &mut [f64],
         sorted: &mut Vec<f64>,
     ) {
-        self.simd.dispatch(places::Products { places, derivatives, factor, panels, sorted });
+        self.simd.dispatch(scatter::Products { places, derivatives, factor, panels, sorted });
     }
 
     /// Factorises a matrix, given in panels, plus `damping` on its diagonal. Returns `None` if the sum is not positive

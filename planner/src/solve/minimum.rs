@@ -54,7 +54,7 @@ struct Step {
 }
 
 /// Trial point.
-struct There {
+struct TrialPoint {
     position: Vec<f64>,
     rows: Rows,
     energy: f64,
@@ -119,11 +119,11 @@ impl<'a> Minimum<'a> {
         }
     }
 
-    fn at(&self, step: &[f64]) -> There {
+    fn at(&self, step: &[f64]) -> TrialPoint {
         let position = along(&self.position, 1.0, step);
         let rows = self.residuals.rows(&position, &self.shifts, Rows::default());
         let energy = NormalEquations::energy(&rows, &self.shifts, self.residuals.penalty());
-        There { position, rows, energy }
+        TrialPoint { position, rows, energy }
     }
 
     /// Returns the energy at the point.

@@ -1,6 +1,6 @@
 //! Energy, gradient and Gauss-Newton matrix of a set of rows.
 
-use super::fronts::{Fronts, Locals, Places};
+use super::fronts::{Fronts, Locals, ScatterMap};
 use super::one_sided::one_sided_square;
 use crate::formulation::rows::{Columns, Role, Row, Rows};
 
@@ -14,7 +14,7 @@ pub struct NormalEquations {
     /// Flags of the rows that have contributed so far.
     counts: Vec<bool>,
     /// Destinations of these rows in the panels.
-    places: Vec<Option<Places>>,
+    places: Vec<Option<ScatterMap>>,
     locals: Locals,
     fronts: Fronts,
     matrix: Vec<f64>,
@@ -102,7 +102,7 @@ impl NormalEquations {
             self.counts[index] = true;
             let places = &mut self.places[index];
             if places.is_none() && fits {
-                *places = self.fronts.places(columns);
+                *places = self.fronts.scatter_map(columns);
             }
             match places {
                 Some(places) => {

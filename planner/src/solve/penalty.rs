@@ -8,7 +8,7 @@
 
 use super::curvature::Curvature;
 use super::normal::NormalEquations;
-use super::{ACCEPTED_LEVEL, Method, Multipliers, Outcome, Progress, Settings};
+use super::{ACCEPTED_LEVEL, Method, Multipliers, Progress, Settings, SolveOutcome};
 use crate::families::{Family, FamilySet};
 use crate::formulation::System;
 use crate::formulation::rows::{Role, Row, Rows};
@@ -161,7 +161,7 @@ pub fn solve(
     unknowns: Unknowns,
     settings: &Settings,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Outcome {
+) -> SolveOutcome {
     let mut here = Descent::new(system, unknowns);
     let curvature = Curvature::new(system, &here.rows);
     let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
@@ -212,7 +212,7 @@ pub fn solve(
     }
     let Descent { unknowns, rows, none, energy, .. } = here;
     let (row, level) = worst(&rows);
-    Outcome {
+    SolveOutcome {
         status,
         iterations: iteration,
         energy,

@@ -44,7 +44,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     };
     let slots: Vec<DVector<f64>> = samples.iter().enumerate().map(slot).collect();
     let placement = if problem.placement_free {
-        seen_from(&origin, &previous.end_placement)
+        relative_to(&origin, &previous.end_placement)
     } else {
         guess::goal_placement(problem)
     };
@@ -52,7 +52,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
 }
 
 /// Converts `placement` to the frame `origin`.
-fn seen_from(origin: &Placement, placement: &Placement) -> Placement {
+fn relative_to(origin: &Placement, placement: &Placement) -> Placement {
     let [x, y] = origin.offset_m;
     let [x, y, _] = origin.inverse().point(placement.point([x, y, 0.0]));
     Placement { offset_m: [x, y], yaw_rad: placement.yaw_rad }

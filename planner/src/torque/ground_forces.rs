@@ -45,7 +45,7 @@ pub struct Support {
 }
 
 /// Wrench that the motion requires from the ground.
-pub struct Wanted {
+pub struct RequiredWrench {
     /// Force, N, and moment about the centre of mass, N·m.
     pub wrench: Vector6<f64>,
     /// Weight of the robot, N: the unit of forces.
@@ -105,7 +105,7 @@ impl Support {
 }
 
 /// Returns the nearest forces, N, one for each support.
-pub fn nearest(supports: &[&Support], wanted: &Wanted) -> Vec<Vector3<f64>> {
+pub fn nearest(supports: &[&Support], wanted: &RequiredWrench) -> Vec<Vector3<f64>> {
     let count: usize = supports.iter().map(|support| support.directions.ncols()).sum();
     if count == 0 {
         return Vec::new();
@@ -241,7 +241,7 @@ mod tests {
                 arm: Vector3::new(0.1, number, -0.3),
             };
             let wrench = Vector6::new(0.0, 0.0, number, 0.0, 1.0, 0.0);
-            let wanted = Wanted { wrench, weight_n: 60.0, height_m: 0.3 };
+            let wanted = RequiredWrench { wrench, weight_n: 60.0, height_m: 0.3 };
             assert_eq!(nearest(&[&support, &support], &wanted).len(), 2);
         }
     }
@@ -300,7 +300,7 @@ mod tests {
                 .collect();
             let (force, moment) = (vector(30.0) + Vector3::z() * 50.0, vector(10.0));
             let wrench = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
-            let wanted = Wanted { wrench, weight_n: 60.0, height_m: 0.3 };
+            let wanted = RequiredWrench { wrench, weight_n: 60.0, height_m: 0.3 };
             let forces = nearest(&supports.iter().collect::<Vec<_>>(), &wanted);
             let given: Vector6<f64> = supports.iter().zip(&forces).map(|(s, f)| s.wrench(f)).sum();
             let missing = wrench - given;

@@ -37,7 +37,7 @@ fn swizzle() -> Plan {
 #[test]
 fn at_rest_motors_hold_the_weight_that_their_feet_carry() {
     let leg_rad = 0.3_f64;
-    let plan = test_plans::Drive {
+    let plan = test_plans::BoxMotion {
         ends: Ends::AtRest,
         duration_s: 0.5,
         samples: 6,
@@ -63,7 +63,7 @@ fn at_rest_motors_hold_the_weight_that_their_feet_carry() {
 #[test]
 fn a_leg_that_swings_is_a_pendulum() {
     let leg = |t: f64| 0.4 + 0.2 * (TAU * t / 1.2 + 0.7).sin();
-    let mut plan = test_plans::Drive {
+    let mut plan = test_plans::BoxMotion {
         ends: Ends::Periodic,
         duration_s: 1.2,
         samples: 240,

@@ -2,7 +2,7 @@
 
 use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
-use rollwalk_planner::plan::{Diagnosis, Ending, Plan, Status, Verdict};
+use rollwalk_planner::plan::{Diagnosis, Plan, StartOutcome, Status, Verdict};
 use rollwalk_planner::{Options, candidates, optimise};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -23,7 +23,12 @@ fn impossible(impossible: &Plan, feasible: &Plan) -> Diagnosis {
     assert_eq!(feasible.solve.status, Status::Converged);
     assert_eq!(feasible.solve.diagnosis, None);
     assert_eq!(impossible.solve.status, Status::Infeasible);
-    assert_eq!(impossible.solve.ending(), Ending::Hopeless, "{:?}", impossible.solve.diagnosis);
+    assert_eq!(
+        impossible.solve.ending(),
+        StartOutcome::Hopeless,
+        "{:?}",
+        impossible.solve.diagnosis
+    );
     let diagnosis = impossible.solve.diagnosis.clone().unwrap();
     for culprit in &diagnosis.culprits {
         let Some(works) = culprit.would_do else { continue };

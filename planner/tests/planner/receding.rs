@@ -6,7 +6,7 @@ use rollwalk_multibody::euler::JOINTS;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::receding::{
-    Gait, GaitError, Horizon, HorizonError, HorizonOptions, HorizonPlan, Measured, Steering,
+    Gait, GaitError, Horizon, HorizonError, HorizonOptions, HorizonPlan, MeasuredState, Steering,
 };
 use rollwalk_planner::whole_body::WholeBody;
 use rollwalk_planner::{Options, Progress, optimise};
@@ -64,7 +64,7 @@ impl Walker {
     fn plan_pushed(&mut self, steering: Steering, push: Vector3<f64>) -> HorizonPlan {
         let mut state = self.state.clone();
         (0..3).for_each(|k| state.velocity[k] += push[k]);
-        let measured = Measured { state: &state, touches: &self.touches };
+        let measured = MeasuredState { state: &state, touches: &self.touches };
         self.horizon.plan(measured, self.at, steering, &mut go).unwrap()
     }
 
@@ -143,7 +143,7 @@ fn a_plan_begins_where_the_robot_is_and_as_it_moves() {
 fn a_plan_that_is_stopped_is_the_best_so_far() {
     let robot = robot("agilebot");
     let mut walker = Walker::new(&robot, Gait::of(&planned(&robot, "walk")).unwrap(), 1.6);
-    let measured = Measured { state: &walker.state, touches: &walker.touches };
+    let measured = MeasuredState { state: &walker.state, touches: &walker.touches };
     let mut levels = Vec::new();
     let stop = &mut |progress: &Progress| {
         levels.push(progress.worst_level);
@@ -204,10 +204,10 @@ fn what_cannot_be_planned_is_refused_with_its_value() {
         "gait `stand`: sample spacing in s is 0.05; expected 0.1, as in the horizon"
     );
     let touches = [true; 3];
-    let measured = Measured { state: &walker.state, touches: &touches };
+    let measured = MeasuredState { state: &walker.state, touches: &touches };
     let error = walker.horizon.plan(measured, 0, forward(0.0), &mut go).unwrap_err();
     assert_eq!(error.to_string(), "measured touches has 3 entries; expected 4");
-    let measured = Measured { state: &walker.state, touches: &walker.touches };
+    let measured = MeasuredState { state: &walker.state, touches: &walker.touches };
     let error = walker.horizon.plan(measured, 0, forward(f64::NAN), &mut go).unwrap_err();
     assert_eq!(error, HorizonError::NotFinite { what: "steering.forward_m_s" });
 }

@@ -1,6 +1,6 @@
 //! Transitions without footfalls in the library file: feet that cannot roll step.
 
-use rollwalk_planner::building::{Contents, Misfit, Shelf};
+use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::{Options, optimise, optimise_transition};
@@ -20,7 +20,7 @@ const LIBRARY: &str = "name = \"legs\"\nrobot = \"../robots/legbot.toml\"\nsafe 
 /// Files of LegBot: a stand, its walk and a trot.
 struct Files;
 
-impl Shelf for Files {
+impl LibraryFiles for Files {
     type Error = DocumentError;
 
     fn robot(&mut self, named: &str) -> Result<(Robot, String), DocumentError> {
@@ -46,7 +46,7 @@ impl Shelf for Files {
         error
     }
 
-    fn misfit(&mut self, error: Misfit) -> DocumentError {
+    fn misfit(&mut self, error: LibraryMismatch) -> DocumentError {
         panic!("{error}")
     }
 }

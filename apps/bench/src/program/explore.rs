@@ -3,9 +3,9 @@
 use crate::shards::{self, Done, Work};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_design::goal::Quantity;
-use rollwalk_design::plans::Failed;
+use rollwalk_design::plans::PlansError;
 use rollwalk_design::sweep::picture::Picture;
-use rollwalk_design::sweep::{Ready, Row, figure, table};
+use rollwalk_design::sweep::{LoadedSweep, Row, figure, table};
 use rollwalk_planner::Progress;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::{Exit, files, interrupt, output};
@@ -62,7 +62,7 @@ fn quantity(text: &str) -> Result<Quantity, String> {
 /// Chains of a sweep.
 struct Chains<'a> {
     args: &'a Args,
-    ready: Ready,
+    ready: LoadedSweep,
     texts: Vec<String>,
 }
 
@@ -112,7 +112,7 @@ impl Work for Chains<'_> {
         };
         match self.ready.chain(index, go_on) {
             Ok(rows) => Ok(Some(rows)),
-            Err(Failed::Interrupted) => Ok(None),
+            Err(PlansError::Interrupted) => Ok(None),
             Err(error) => Err(miette!("chain {index}: {error}")),
         }
     }
@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 /// Writes the table and the figure.
-fn finish(args: &Args, ready: &Ready, rows: &[&Row]) -> miette::Result<Exit> {
+fn finish(args: &Args, ready: &LoadedSweep, rows: &[&Row]) -> miette::Result<Exit> {
     let folder = &args.output;
     let axes: Vec<String> = ready.sweep.axes.iter().map(|axis| axis.name().to_owned()).collect();
     let csv = table::csv(&axes, rows).into_diagnostic()?;

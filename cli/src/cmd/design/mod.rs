@@ -12,7 +12,7 @@ mod outcome;
 use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
-use rollwalk_design::plans::{Failed, Plans, Watch as Seen};
+use rollwalk_design::plans::{Plans, PlansError, Watch as Seen};
 use rollwalk_planner::Progress;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::progress::Watch;
@@ -58,20 +58,20 @@ struct Stopped;
 impl miette::Diagnostic for Stopped {}
 
 /// Converts a failure into a report for the terminal.
-fn report(failed: Failed) -> Report {
+fn report(failed: PlansError) -> Report {
     match failed {
-        Failed::Interrupted => Stopped.into(),
-        Failed::Robot(error) => Report::new(error)
+        PlansError::Interrupted => Stopped.into(),
+        PlansError::Robot(error) => Report::new(error)
             .wrap_err("with these parameters, the robot file or a motion breaks a rule"),
-        Failed::CannotDo { .. } => miette!(
+        PlansError::CannotDo { .. } => miette!(
             help = "find the smallest changes that make the motion possible with `rollwalk design \
                 optimise`",
             "{failed}"
         ),
-        Failed::Undefined { .. } => {
+        PlansError::Undefined { .. } => {
             miette!(help = "give `power` instead, or leave out the motion", "{failed}")
         }
-        Failed::NotOptimal(_) => miette!(
+        PlansError::NotOptimal(_) => miette!(
             help = "use `rollwalk design edit`, which requires no derivatives; or leave out this \
                 motion, or add footfalls or targets to it",
             "{failed}"

@@ -4,7 +4,7 @@ use super::outcome::{Folder, Outcome};
 use super::{Shown, plan_original, read, report};
 use miette::miette;
 use rollwalk_design::optimise;
-use rollwalk_design::plans::Repaired;
+use rollwalk_design::plans::RepairOutcome;
 use rollwalk_terminal::{Exit, output};
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -48,8 +48,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             output::say(&why);
             shown.borrow_mut().now("repairing");
             match designed.repair(&before, watch).map_err(report)? {
-                Repaired::Feasible { plans, steps } => (*plans, steps),
-                Repaired::Nearest(nearest) => {
+                RepairOutcome::Feasible { plans, steps } => (*plans, steps),
+                RepairOutcome::Nearest(nearest) => {
                     drop(shown);
                     output::say(&nearest);
                     return Ok(Exit::DoesNotHold);
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // Of a repaired design the nearest comes first.
         found.as_ref().map_or(0.0, |found| found.predicted(&designed, values))
     };
-    let mut after = designed.made(last, &predicted, watch).map_err(report)?;
+    let mut after = designed.round_to_steps(last, &predicted, watch).map_err(report)?;
     if !after.all_hold() && last.all_hold() {
         output::say(
             "after rounding to the steps of the parameters, no robot near the optimum can do the \
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         // As the plans are that are written: a robot that was repaired is compared with its repair.
         let baseline = match repairs.is_empty() {
             true => before.clone().polished(watch),
-            false => designed.made(&start, &|_| 0.0, watch),
+            false => designed.round_to_steps(&start, &|_| 0.0, watch),
         };
         let baseline = baseline.map_err(report)?;
         let better = optimise::is_better(&designed, goal, &after, &baseline);

@@ -2,10 +2,10 @@
 
 use rollwalk_design::designed::Designed;
 use rollwalk_design::goal::Quantity;
-use rollwalk_design::made::Kept;
 use rollwalk_design::optimise::Step;
 use rollwalk_design::plans::Plans;
 use rollwalk_design::repair;
+use rollwalk_design::rounding::BoundedQuantity;
 use rollwalk_planner::Weights;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::plot::{self, JointPanels};
@@ -127,7 +127,7 @@ impl Place<'_> {
             ))?;
         }
         let holds = outcome.motions.iter().all(Compared::holds);
-        let is_kept = outcome.kept.iter().all(Kept::is_within);
+        let is_kept = outcome.kept.iter().all(BoundedQuantity::is_within);
         Ok(match interrupt::requested() {
             true => Exit::Interrupted,
             false if holds && is_kept => Exit::Ok,
@@ -171,7 +171,7 @@ pub struct Outcome {
     pub drifts: Vec<(&'static str, Drift)>,
     /// Bounds in the goal of `optimise`.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "bounds")]
-    pub kept: Vec<Kept>,
+    pub kept: Vec<BoundedQuantity>,
     /// Accepted designs of `optimise`, one for each step.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "steps")]
     pub steps: Vec<Step>,
@@ -206,7 +206,10 @@ struct Bounded<'a> {
     is_within: bool,
 }
 
-fn bounds<S: serde::Serializer>(kept: &[Kept], serializer: S) -> Result<S::Ok, S::Error> {
+fn bounds<S: serde::Serializer>(
+    kept: &[BoundedQuantity],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(kept.iter().map(|of| Bounded {
         motion: &of.motion,
         quantity: of.quantity.name,

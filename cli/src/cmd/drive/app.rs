@@ -111,7 +111,7 @@ impl<'a> App<'a> {
             if sticks != [0.0; 3] {
                 self.steered.pilot.rise();
             }
-            self.steered.pilot.steer(self.controls.wanted(sticks));
+            self.steered.pilot.steer(self.controls.request(sticks));
             self.turn(now_us);
             if self.operated.operator.leaving() == ExitStage::Now {
                 return Ok(self.ending(true));

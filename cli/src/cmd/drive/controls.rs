@@ -49,7 +49,7 @@ impl Controls {
     }
 
     /// Steering from keys and sticks. The deflections of the sticks, −1 to 1, are added to the keys.
-    pub fn wanted(&self, sticks: [f64; 3]) -> SteeringRequest {
+    pub fn request(&self, sticks: [f64; 3]) -> SteeringRequest {
         let part = |c: usize| (self.steps[c] / STEPS + sticks[c]).clamp(-1.0, 1.0);
         let Fastest { speed_m_s, turn_rad_s } = self.fastest;
         let steering = Steering {
@@ -146,13 +146,13 @@ mod tests {
         let mut controls = Controls::new(FASTEST, true);
         (0..8).for_each(|_| assert!(press(&mut controls, KeyCode::Up).is_some()));
         press(&mut controls, KeyCode::Right);
-        let SteeringRequest { steering, walks } = controls.wanted([0.0; 3]);
+        let SteeringRequest { steering, walks } = controls.request([0.0; 3]);
         assert_eq!((steering.forward_m_s, steering.turn_rad_s), (0.2, -0.1));
         assert!(walks);
         press(&mut controls, KeyCode::Char('g'));
-        assert!(!controls.wanted([0.0; 3]).walks);
+        assert!(!controls.request([0.0; 3]).walks);
         press(&mut controls, KeyCode::Char('x'));
-        assert_eq!(controls.wanted([0.0; 3]), SteeringRequest::default());
+        assert_eq!(controls.request([0.0; 3]), SteeringRequest::default());
         assert_eq!(
             press(&mut controls, KeyCode::Char('q')),
             Some(Meaning::Stop(ActionAfterStop::Leave))
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!((forward, left, turn), (1.0, 0.0, 0.0));
         assert_eq!(sticks(at(0, 1.0)), [0.0, -1.0, 0.0]);
         assert_eq!(sticks(at(3, 0.09)), [0.0; 3]);
-        let wanted = Controls::new(FASTEST, false).wanted([1.0, 0.0, -0.5]);
+        let wanted = Controls::new(FASTEST, false).request([1.0, 0.0, -0.5]);
         assert_eq!(wanted.steering.turn_rad_s, -0.25);
         assert!(!wanted.walks);
     }

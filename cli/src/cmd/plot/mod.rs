@@ -4,7 +4,7 @@ mod world;
 
 use crate::picture;
 use rollwalk_planner::plan::Plan;
-use rollwalk_planner::plot::{self, Extras, JointPanels};
+use rollwalk_planner::plot::{self, AnimationParts, JointPanels};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::{Exit, inputs};
 use std::path::{Path, PathBuf};
@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let svg = match &plans[..] {
         plans if args.strip => plot::strip(&plans.iter().collect::<Vec<_>>(), STRIP_MOMENTS),
         [plan] if args.animate => {
-            let extras = Extras { forces: args.forces, footfalls: args.footfalls };
+            let extras = AnimationParts { forces: args.forces, footfalls: args.footfalls };
             if let Some(film) = ending.filter(|ending| *ending != "svg") {
                 let place = Output::at(&args.output)?;
                 let (frame_s, pictures) = plot::frames(plan, extras);

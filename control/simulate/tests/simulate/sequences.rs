@@ -7,7 +7,7 @@ use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::World;
 use rollwalk_physics::motor::Law;
 use rollwalk_physics::world::{FallWatch, Parameters, heading_rad};
-use rollwalk_planner::building::{Contents, Misfit, Shelf};
+use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch};
 use rollwalk_planner::motion::{Ends, Motion};
 use rollwalk_planner::plan::{Plan, Sample, Status};
 use rollwalk_planner::{Options, optimise, optimise_transition};
@@ -23,7 +23,7 @@ use std::sync::{Arc, LazyLock};
 
 struct Files;
 
-impl Shelf for Files {
+impl LibraryFiles for Files {
     type Error = DocumentError;
 
     fn robot(&mut self, named: &str) -> Result<(Robot, String), DocumentError> {
@@ -47,7 +47,7 @@ impl Shelf for Files {
         error
     }
 
-    fn misfit(&mut self, error: Misfit) -> DocumentError {
+    fn misfit(&mut self, error: LibraryMismatch) -> DocumentError {
         panic!("{error}")
     }
 }

@@ -31,9 +31,9 @@ fn free(name: &str, original: f64, bounds: [f64; 2]) -> Free {
 }
 
 /// Repairs a design from plans that stopped after 40 iterations.
-fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> Made, watch: &mut Watch<'_>) -> Repair {
+fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> BuiltDesign, watch: &mut Watch<'_>) -> Repair {
     let original: Vec<f64> = free.iter().map(|free| free.original).collect();
-    let Made { robot, motions } = made(&original);
+    let BuiltDesign { robot, motions } = made(&original);
     let mut few = Options { start: Start::Standing, refine: false, ..Options::default() };
     few.settings.iterations = 40;
     let plan = |motion| optimise(&robot, motion, &few, &mut |_| ControlFlow::Continue(()));
@@ -42,12 +42,12 @@ fn repaired(free: &[Free], made: &dyn Fn(&[f64]) -> Made, watch: &mut Watch<'_>)
     repair(free, &plans, PULL, &make, &Options::default(), watch).unwrap()
 }
 
-fn on(_: Shown<'_>) -> ControlFlow<()> {
+fn on(_: RepairProgress<'_>) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 /// Tilted car with mirrored wheels. `places_m` has x, y and z of the front wheels, then of the rear wheels.
-fn car(places_m: &[f64]) -> Made {
+fn car(places_m: &[f64]) -> BuiltDesign {
     let mut robot = robot("car_tilted");
     for (j, wheel) in robot.end_effectors.iter_mut().enumerate() {
         let side = wheel.center_in_link_m.y.signum();
@@ -55,12 +55,12 @@ fn car(places_m: &[f64]) -> Made {
         wheel.center_in_link_m = [x, side * y, z].into();
     }
     let motions = vec![motion("car_drive", &robot)];
-    Made { robot, motions }
+    BuiltDesign { robot, motions }
 }
 
 const CAR: [f64; 6] = [0.12, 0.09, -0.03, -0.12, 0.09, -0.03];
 
-fn car_with_front(height_m: f64) -> Made {
+fn car_with_front(height_m: f64) -> BuiltDesign {
     let mut places = CAR;
     places[2] = height_m;
     car(&places)
@@ -68,7 +68,7 @@ fn car_with_front(height_m: f64) -> Made {
 
 /// Plan of a repaired car. Asserts that the car drives 0.5 m.
 fn driven(repair: &Repair) -> &Plan {
-    let Outcome::Feasible(solutions) = &repair.outcome else { panic!("{:?}", repair.outcome) };
+    let Feasibility::Feasible(solutions) = &repair.outcome else { panic!("{:?}", repair.outcome) };
     let plan = &solutions[0].plan;
     let [start, end] = [plan.samples.first(), plan.samples.last()].map(|s| s.unwrap().com_m[0]);
     assert!((end - start - 0.5).abs() < 5e-4, "{start} {end}");
@@ -87,8 +87,8 @@ fn is_level(plan: &Plan) {
 fn the_car_is_repaired_by_lowering_its_front_wheels() {
     let front = free("front height", -0.03, [-0.07, 0.01]);
     let mut seen = Vec::new();
-    let watch = &mut |shown: Shown<'_>| {
-        if let Shown::Step(step, short) = shown {
+    let watch = &mut |shown: RepairProgress<'_>| {
+        if let RepairProgress::Step(step, short) = shown {
             assert_eq!(short[0].energy(), step.energy);
             seen.push(step.clone());
         }
@@ -140,7 +140,7 @@ fn the_car_is_repaired_by_untilting_its_front_wheels() {
             *axis_in_link = [0.0, cosine, side * sine].into();
         }
         let motions = vec![motion("car_drive", &robot)];
-        Made { robot, motions }
+        BuiltDesign { robot, motions }
     };
     let found = repaired(&[tilt], &made, &mut on);
     assert_eq!(driven(&found).solve.status, Status::Converged);
@@ -148,7 +148,7 @@ fn the_car_is_repaired_by_untilting_its_front_wheels() {
     let hang_m = 0.05 * (1.0 - found.values[0].cos());
     assert!(found.values[0] > 0.0 && hang_m < 1e-3, "{:?}", found.values);
 
-    let Made { robot, motions } = made(&[0.0]);
+    let BuiltDesign { robot, motions } = made(&[0.0]);
     let upright =
         optimise(&robot, &motions[0], &Options::default(), &mut |_| ControlFlow::Continue(()));
     is_level(&upright);
@@ -159,7 +159,7 @@ fn bounds_that_allow_no_repair_are_named_with_what_the_nearest_design_misses() {
     let front = free("front height", -0.03, [-0.035, 0.01]);
     let found = repaired(&[front], &|values| car_with_front(values[0]), &mut on);
     assert_eq!(found.values, [-0.035]);
-    let Outcome::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let Feasibility::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
     let text = nearest.to_string();
     for part in ["no design", "`car_drive`: displacement goal", "front height -0.0350 m"] {
         assert!(text.contains(part), "{text}");
@@ -170,13 +170,15 @@ fn bounds_that_allow_no_repair_are_named_with_what_the_nearest_design_misses() {
 fn a_repair_can_be_stopped_at_any_step_and_iteration() {
     for at_step in [true, false] {
         let front = free("front height", -0.03, [-0.07, 0.01]);
-        let watch = &mut |shown: Shown<'_>| match shown {
-            Shown::Step(..) if at_step => ControlFlow::Break(()),
-            Shown::Iteration(state) if !at_step && state.iteration == 3 => ControlFlow::Break(()),
+        let watch = &mut |shown: RepairProgress<'_>| match shown {
+            RepairProgress::Step(..) if at_step => ControlFlow::Break(()),
+            RepairProgress::Iteration(state) if !at_step && state.iteration == 3 => {
+                ControlFlow::Break(())
+            }
             _ => ControlFlow::Continue(()),
         };
         let found = repaired(&[front], &|values| car_with_front(values[0]), watch);
-        assert!(matches!(found.outcome, Outcome::Interrupted));
+        assert!(matches!(found.outcome, Feasibility::Interrupted));
         assert_eq!((found.values, found.steps.len()), (vec![-0.03], usize::from(at_step)));
     }
 }
@@ -190,11 +192,11 @@ fn wheels_grow_until_their_motors_are_fast_enough() {
         let mut drive = motion("car_drive", &robot);
         drive.goal.forward_m = Some(0.8);
         let stand = motion("pup_stand", &robot);
-        Made { robot, motions: vec![drive, stand] }
+        BuiltDesign { robot, motions: vec![drive, stand] }
     };
     let radius = free("radius", 0.05, [0.03, 0.09]);
     let found = repaired(&[radius], &made, &mut on);
-    let Outcome::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let Feasibility::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
     assert!(solutions.iter().all(is_solved) && solutions.len() == 2);
     let speeds = solutions[0].plan.samples.iter().map(|s| s.end_effectors[0].motor_speed_rad_s);
     let fastest = speeds.fold(0.0, f64::max);
@@ -202,14 +204,14 @@ fn wheels_grow_until_their_motors_are_fast_enough() {
     // What one motion lacks the other is not blamed for.
     let radius = free("radius", 0.05, [0.03, 0.055]);
     let found = repaired(&[radius], &made, &mut on);
-    let Outcome::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let Feasibility::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
     let names: Vec<&str> = nearest.misses.iter().map(|(motion, _)| motion.as_str()).collect();
     assert_eq!((names, nearest.at_bounds.len()), (vec!["car_drive"], 1), "{nearest}");
 }
 
 /// Pup with given leg lengths and a target for its body. `lengths_m` has thigh and shank of the front legs, then of the rear
 /// legs.
-fn walker(lengths_m: &[f64], up_m: f64) -> Made {
+fn walker(lengths_m: &[f64], up_m: f64) -> BuiltDesign {
     let mut robot = robot("pup");
     for knee in robot.joints.iter_mut().filter(|joint| joint.name.ends_with("_knee")) {
         let thigh = if knee.name.starts_with("front") { 0 } else { 2 };
@@ -227,7 +229,7 @@ fn walker(lengths_m: &[f64], up_m: f64) -> Made {
         velocity_m_s: [None; 3],
         heading_rad: None,
     });
-    Made { robot, motions: vec![walk] }
+    BuiltDesign { robot, motions: vec![walk] }
 }
 
 #[test]
@@ -237,7 +239,7 @@ fn legs_grow_until_the_body_reaches_its_target() {
     let names = ["front thigh", "front shank", "rear thigh", "rear shank"];
     let four: Vec<Free> = names.iter().map(|name| free(name, 0.1, [0.05, 0.18])).collect();
     let found = repaired(&four, &|lengths| walker(lengths, 0.26), &mut on);
-    let Outcome::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
+    let Feasibility::Feasible(solutions) = &found.outcome else { panic!("{:?}", found.outcome) };
     assert!(matches!(solutions[0].plan.solve.status, Status::Converged));
     let heights = solutions[0].plan.samples.iter().map(|sample| sample.base_position_m[2]);
     assert!((heights.fold(0.0, f64::max) - 0.26).abs() < 2e-3);

@@ -25,7 +25,7 @@
 
 use crate::catalog::Catalog;
 use crate::designed::{Designed, NamedText};
-use crate::parameter::{Kind, Place};
+use crate::parameter::{Kind, Location};
 use rollwalk_robot::document::{Document, DocumentError, Table};
 
 /// Maximum number of axes.
@@ -251,8 +251,8 @@ impl Sweep {
 }
 
 /// Parameter for the speed limit of an actuator.
-pub fn speed_of(actuator: &str) -> Place {
-    Place {
+pub fn speed_of(actuator: &str) -> Location {
+    Location {
         kind: Kind::Speed,
         template: None,
         name: actuator.to_owned(),

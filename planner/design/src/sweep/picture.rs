@@ -4,7 +4,7 @@
 //! is a line for each combination of choices and motions. With two or more, there is a map of the last two for each
 //! combination. A field of a map shows the best point along the other parameters.
 
-use super::{Axis, Ready, Row};
+use super::{Axis, LoadedSweep, Row};
 use crate::goal::Quantity;
 use rollwalk_planner::sensitivity::Objective;
 use std::path::Path;
@@ -75,7 +75,7 @@ pub enum Kind {
 
 impl Picture {
     /// Builds the figure of the rows of a sweep. The default quantity is the first one that the design's goal minimises.
-    pub fn of(ready: &Ready, rows: &[&Row], quantity: Option<Quantity>) -> Self {
+    pub fn of(ready: &LoadedSweep, rows: &[&Row], quantity: Option<Quantity>) -> Self {
         let of = quantity.unwrap_or_else(|| preferred(ready, rows));
         let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
         let axes = &ready.sweep.axes;
@@ -150,7 +150,7 @@ impl Picture {
 }
 
 /// Default quantity: the first one that the goal minimises, else the cost of transport if a row has one, else the plan cost.
-fn preferred(ready: &Ready, rows: &[&Row]) -> Quantity {
+fn preferred(ready: &LoadedSweep, rows: &[&Row]) -> Quantity {
     if let Some((objective, _)) = ready.goal().and_then(|goal| goal.minimise.first()) {
         return Quantity::of(*objective);
     }

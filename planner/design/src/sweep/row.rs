@@ -1,9 +1,9 @@
 //! Rows of a sweep: one motion at one point.
 
-use super::{Axis, Ready};
+use super::{Axis, LoadedSweep};
 use crate::designed::Designed;
 use crate::goal::Quantity;
-use crate::plans::{Failed, Plans, Watch};
+use crate::plans::{Plans, PlansError, Watch};
 use rollwalk_planner::Weights;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::report::Report;
@@ -33,7 +33,11 @@ pub struct Row {
 }
 
 /// Computes the rows of a chain.
-pub fn chain(ready: &Ready, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<Row>, Failed> {
+pub fn chain(
+    ready: &LoadedSweep,
+    chain: usize,
+    watch: &mut Watch<'_>,
+) -> Result<Vec<Row>, PlansError> {
     let sweep = &ready.sweep;
     let start = sweep.start(chain);
     let designed = ready.designed(&start);
@@ -49,14 +53,14 @@ pub fn chain(ready: &Ready, chain: usize, watch: &mut Watch<'_>) -> Result<Vec<R
             sweep.axes.iter().zip(&at).map(|(axis, &at)| axis.label(at)).collect();
         let planned = match &designed {
             Ok(designed) => planned(designed, &sweep.axes, &at, before.as_ref(), watch),
-            Err(error) => Err(Failed::Robot(error.clone())),
+            Err(error) => Err(PlansError::Robot(error.clone())),
         };
         match planned {
             Ok(plans) => {
                 rows.extend(plans.plans().map(|plan| row(point, labels.clone(), plan)));
                 before = plans.all_solved().is_ok().then_some(plans);
             }
-            Err(Failed::Interrupted) => return Err(Failed::Interrupted),
+            Err(PlansError::Interrupted) => return Err(PlansError::Interrupted),
             Err(reason) => {
                 rows.push(without_plan(point, labels, &reason));
                 before = None;
@@ -73,7 +77,7 @@ fn planned(
     at: &[usize],
     before: Option<&Plans>,
     watch: &mut Watch<'_>,
-) -> Result<Plans, Failed> {
+) -> Result<Plans, PlansError> {
     let mut values = designed.original().to_vec();
     for (axis, &at) in axes.iter().zip(at) {
         if let Axis::Parameter { name, values: along } = axis
@@ -108,9 +112,9 @@ fn row(point: u64, labels: Vec<String>, plan: &Plan) -> Row {
     }
 }
 
-fn without_plan(point: u64, labels: Vec<String>, reason: &Failed) -> Row {
+fn without_plan(point: u64, labels: Vec<String>, reason: &PlansError) -> Row {
     let text = match reason {
-        Failed::Robot(error) => faults(error),
+        PlansError::Robot(error) => faults(error),
         other => other.to_string(),
     };
     Row {

@@ -29,7 +29,7 @@ name = "gait"
 motions = ["car_drive.toml"]
 "#;
 
-fn ready(text: &str) -> Result<Ready, DocumentError> {
+fn ready(text: &str) -> Result<LoadedSweep, DocumentError> {
     let motion = read("motions/car_drive.toml");
     let design = Designed::new(
         &read("designs/car_tilted.toml"),
@@ -38,7 +38,7 @@ fn ready(text: &str) -> Result<Ready, DocumentError> {
     )?;
     let file = NamedText { name: "sweep.toml".to_owned(), text: text.to_owned() };
     let files = Files::from([("car_drive.toml".to_owned(), motion)]);
-    Ready::new(&file, Some(design), files, Catalog::shipped())
+    LoadedSweep::new(&file, Some(design), files, Catalog::shipped())
 }
 
 fn on(_: &str, _: &Progress) -> ControlFlow<()> {
@@ -122,7 +122,7 @@ fn chains_go_on_behind_points_that_cannot_be_planned_into_tables_and_figures() {
 }
 
 /// Rows of a sweep with the index of the point as the cost. Points in `lost` fail the checks.
-fn rows(ready: &Ready, motions: &[&str], lost: &[u64]) -> Vec<Row> {
+fn rows(ready: &LoadedSweep, motions: &[&str], lost: &[u64]) -> Vec<Row> {
     let sweep = &ready.sweep;
     let mut rows = Vec::new();
     for point in 0..(sweep.chains() * sweep.chain_len()) as u64 {

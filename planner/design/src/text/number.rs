@@ -1,13 +1,13 @@
 //! Values of motion files that parameters change: `walk/duration_s`, `reach/target.1.up_m`.
 
-use super::{Nothing, number_of, replace};
+use super::{NoEffect, number_of, replace};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 /// Value at a path, which consists of keys and, for arrays, indices from 1.
 ///
 /// # Errors
 /// If there is no number at this path.
-pub fn value(document: &DocumentMut, path: &str) -> Result<f64, Nothing> {
+pub fn value(document: &DocumentMut, path: &str) -> Result<f64, NoEffect> {
     let mut here: &dyn TableLike = document.as_table();
     let mut parts = path.split('.').peekable();
     while let Some(part) = parts.next() {
@@ -53,16 +53,16 @@ fn index(part: &str) -> Option<usize> {
     part.parse::<usize>().ok()?.checked_sub(1)
 }
 
-fn missing(path: &str, part: &str, table: &dyn TableLike) -> Nothing {
+fn missing(path: &str, part: &str, table: &dyn TableLike) -> NoEffect {
     let known: Vec<&str> = table.iter().map(|(key, _)| key).collect();
-    Nothing {
+    NoEffect {
         problem: format!("the motion file has no `{part}` for `{path}`"),
         help: format!("give one of {}", known.join(", ")),
     }
 }
 
-fn no_number(path: &str) -> Nothing {
-    Nothing {
+fn no_number(path: &str) -> NoEffect {
+    NoEffect {
         problem: format!("`{path}` is not a number in the motion file"),
         help: "name a number, such as duration_s, goal.forward_m, or target.1.up_m of the first [[target]]".into(),
     }

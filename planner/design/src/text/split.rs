@@ -1,7 +1,7 @@
 //! Copies of templates, so that a parameter can change some limbs alone.
 
-use super::{Nothing, inner, text_of};
-use crate::parameter::Place;
+use super::{NoEffect, inner, text_of};
+use crate::parameter::Location;
 use toml_edit::visit_mut::{VisitMut, visit_table_mut};
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
@@ -12,13 +12,13 @@ const ROOM: isize = 1 << 20;
 ///
 /// # Errors
 /// If the robot lacks one of the limbs.
-pub fn templates(document: &mut DocumentMut, place: &Place) -> Result<Vec<String>, Nothing> {
+pub fn templates(document: &mut DocumentMut, place: &Location) -> Result<Vec<String>, NoEffect> {
     let limbs = limbs(document);
     let mut templates: Vec<String> = Vec::new();
     for wanted in &place.limbs {
         let Some((_, template)) = limbs.iter().find(|(name, _)| name == wanted) else {
             let known: Vec<&str> = limbs.iter().map(|(name, _)| name.as_str()).collect();
-            return Err(Nothing {
+            return Err(NoEffect {
                 problem: format!("the robot has no limb `{wanted}`"),
                 help: format!("give one of {}", known.join(", ")),
             });
@@ -34,7 +34,7 @@ pub fn templates(document: &mut DocumentMut, place: &Place) -> Result<Vec<String
 ///
 /// # Errors
 /// If the robot lacks one of the limbs.
-pub fn apart(document: &mut DocumentMut, place: &Place) -> Result<Vec<String>, Nothing> {
+pub fn apart(document: &mut DocumentMut, place: &Location) -> Result<Vec<String>, NoEffect> {
     let all = limbs(document);
     let split = |template: String, document: &mut DocumentMut| {
         let (own, others): (Vec<_>, Vec<_>) = all
@@ -68,16 +68,16 @@ fn copied(document: &mut DocumentMut, template: &str, limbs: &[String]) -> Strin
     }
     let Some(original) = all.get(template).cloned() else { return template.to_owned() };
     document.as_table_mut().set_position(None);
-    Places(|at| at * ROOM).visit_document_mut(document);
+    PositionVisitor(|at| at * ROOM).visit_document_mut(document);
     let mut copy = original;
     let mut last = 0;
-    Places(|at| {
+    PositionVisitor(|at| {
         last = last.max(at);
         at
     })
     .visit_item_mut(&mut copy);
     // The tables of the template lie together, so that those of the copy fit in behind the last.
-    Places(|at| last * ROOM + 1 + at).visit_item_mut(&mut copy);
+    PositionVisitor(|at| last * ROOM + 1 + at).visit_item_mut(&mut copy);
     if let Some(all) = document.get_mut("template").and_then(Item::as_table_like_mut) {
         all.insert(&name, copy);
     }
@@ -104,9 +104,9 @@ fn in_common(limbs: &[String]) -> String {
 }
 
 /// Visitor that changes the positions of tables in the file.
-struct Places<F>(F);
+struct PositionVisitor<F>(F);
 
-impl<F: FnMut(isize) -> isize> VisitMut for Places<F> {
+impl<F: FnMut(isize) -> isize> VisitMut for PositionVisitor<F> {
     fn visit_table_mut(&mut self, table: &mut Table) {
         if let Some(at) = table.position() {
             table.set_position(Some((self.0)(at)));

@@ -11,9 +11,9 @@ fn agilebot() -> RobotText {
     RobotText::new(AGILEBOT).unwrap()
 }
 
-fn place(kind: Kind, template: Option<&str>, name: &str, axis: Option<Axis>) -> Place {
+fn location(kind: Kind, template: Option<&str>, name: &str, axis: Option<Axis>) -> Location {
     let template = template.map(str::to_owned);
-    Place { kind, template, name: name.to_owned(), axis, limbs: Vec::new() }
+    Location { kind, template, name: name.to_owned(), axis, limbs: Vec::new() }
 }
 
 fn read(text: &RobotText) -> Robot {
@@ -24,7 +24,7 @@ fn read(text: &RobotText) -> Robot {
 fn a_longer_link_carries_what_is_along_it() {
     let mut text = RobotText::new(&AGILEBOT.replace(", stretches = true", "")).unwrap();
     let before = read(&text);
-    let thigh = place(Kind::Length, Some("leg"), "*_thigh", None);
+    let thigh = location(Kind::Length, Some("leg"), "*_thigh", None);
     assert_eq!(text.value(&thigh), Ok(0.12));
     text.set(&thigh, 0.15).unwrap();
     assert!((text.value(&thigh).unwrap() - 0.15).abs() < 1e-12);
@@ -50,7 +50,7 @@ fn a_longer_link_carries_what_is_along_it() {
 #[test]
 fn a_part_that_stretches_grows_in_mass_and_size() {
     let mut text = agilebot();
-    text.set(&place(Kind::Length, Some("leg"), "*_thigh", None), 0.18).unwrap();
+    text.set(&location(Kind::Length, Some("leg"), "*_thigh", None), 0.18).unwrap();
     let text = text.to_string();
     assert!(text.contains("mass_kg = 0.09"), "{text}");
     assert!(text.contains("box_m = [0.03, 0.04, 0.15]"), "{text}");
@@ -59,7 +59,7 @@ fn a_part_that_stretches_grows_in_mass_and_size() {
 #[test]
 fn mounts_move_apart_on_all_sides() {
     let mut text = agilebot();
-    let track = place(Kind::Mount, None, "leg", Some(Axis::Y));
+    let track = location(Kind::Mount, None, "leg", Some(Axis::Y));
     assert_eq!(text.value(&track), Ok(0.08));
     text.set(&track, 0.1).unwrap();
     for joint in read(&text).joints.iter().filter(|joint| joint.parent == 0) {
@@ -71,15 +71,15 @@ fn mounts_move_apart_on_all_sides() {
 #[test]
 fn every_kind_sets_what_it_reads_and_leaves_the_rest_of_the_file() {
     let places = [
-        place(Kind::Length, Some("leg"), "*_shank", None),
-        place(Kind::Joint, Some("leg"), "*_hip_pitch", Some(Axis::Y)),
-        place(Kind::Mount, None, "leg", Some(Axis::X)),
-        place(Kind::Center, Some("leg"), "*", Some(Axis::X)),
-        place(Kind::Radius, Some("leg"), "*", None),
-        place(Kind::Tilt, Some("leg"), "*", None),
-        place(Kind::Speed, None, "xm540", None),
-        place(Kind::Torque, None, "xm540", None),
-        place(Kind::Mass, None, "body", None),
+        location(Kind::Length, Some("leg"), "*_shank", None),
+        location(Kind::Joint, Some("leg"), "*_hip_pitch", Some(Axis::Y)),
+        location(Kind::Mount, None, "leg", Some(Axis::X)),
+        location(Kind::Center, Some("leg"), "*", Some(Axis::X)),
+        location(Kind::Radius, Some("leg"), "*", None),
+        location(Kind::Tilt, Some("leg"), "*", None),
+        location(Kind::Speed, None, "xm540", None),
+        location(Kind::Torque, None, "xm540", None),
+        location(Kind::Mass, None, "body", None),
     ];
     let original = agilebot().to_string();
     for place in places {
@@ -100,10 +100,10 @@ fn every_kind_sets_what_it_reads_and_leaves_the_rest_of_the_file() {
 
 #[test]
 fn what_is_not_there_is_named_with_what_is() {
-    let found = agilebot().value(&place(Kind::Radius, Some("leg"), "wheel", None)).unwrap_err();
+    let found = agilebot().value(&location(Kind::Radius, Some("leg"), "wheel", None)).unwrap_err();
     assert_eq!(found.problem, "the robot has no `leg/wheel` to change");
     assert_eq!(found.help, "give one of *");
-    let found = agilebot().value(&place(Kind::Speed, None, "xl430", None)).unwrap_err();
+    let found = agilebot().value(&location(Kind::Speed, None, "xl430", None)).unwrap_err();
     assert_eq!(found.help, "give one of xm430, xm430_drive, xm540");
 }
 
@@ -112,12 +112,14 @@ fn some_limbs_change_alone_and_share_what_is_theirs() {
     let mut text = agilebot();
     let before = read(&text);
     let front = ["front_left", "front_right"].map(str::to_owned).to_vec();
-    let of_front =
-        |name: &str| Place { limbs: front.clone(), ..place(Kind::Length, Some("leg"), name, None) };
+    let of_front = |name: &str| Location {
+        limbs: front.clone(),
+        ..location(Kind::Length, Some("leg"), name, None)
+    };
     text.set(&of_front("*_thigh"), 0.14).unwrap();
     text.set(&of_front("*_shank"), 0.13).unwrap();
     assert_eq!(text.value(&of_front("*_thigh")), Ok(0.14));
-    let rear = place(Kind::Length, Some("leg"), "*_thigh", None);
+    let rear = location(Kind::Length, Some("leg"), "*_thigh", None);
     assert_eq!(text.value(&rear), Ok(0.12));
     let after = read(&text);
     let length = |robot: &Robot, joint: &str| {
@@ -144,7 +146,7 @@ fn some_limbs_change_alone_and_share_what_is_theirs() {
     assert!(at("[[template.leg.end_effector]]") < at("[[template.leg_front.link]]"));
     assert!(at("[[template.leg_front.end_effector]]") < at("[[limb]]"));
     assert!(text.contains("# computed: around the parts"), "comments stay");
-    let missing = Place { limbs: vec!["middle".into()], ..rear };
+    let missing = Location { limbs: vec!["middle".into()], ..rear };
     let nothing = RobotText::new(AGILEBOT).unwrap().set(&missing, 0.1).unwrap_err();
     assert_eq!(nothing.problem, "the robot has no limb `middle`");
     assert_eq!(nothing.help, "give one of front_left, front_right, rear_left, rear_right");
@@ -155,9 +157,9 @@ fn a_star_stands_for_all_parts_of_the_robot_that_fit_mirrored_ones_with_the_othe
     let mut text =
         RobotText::new(include_str!("../../../../shipped/robots/car_tilted.toml")).unwrap();
     let before = read(&text);
-    let height = place(Kind::Center, None, "front_*", Some(Axis::Z));
-    let track = place(Kind::Center, None, "*", Some(Axis::Y));
-    let tilt = place(Kind::Tilt, None, "front_*", None);
+    let height = location(Kind::Center, None, "front_*", Some(Axis::Z));
+    let track = location(Kind::Center, None, "*", Some(Axis::Y));
+    let tilt = location(Kind::Tilt, None, "front_*", None);
     assert_eq!(text.value(&height), Ok(-0.03));
     text.set(&height, -0.04).unwrap();
     text.set(&track, 0.1).unwrap();
@@ -173,7 +175,7 @@ fn a_star_stands_for_all_parts_of_the_robot_that_fit_mirrored_ones_with_the_othe
         let tilt = if front { 0.1 * side } else { 0.0 };
         assert!((axis.z.atan2(axis.y) - tilt).abs() < 1e-6, "{}", after.name);
     }
-    let nothing = text.value(&place(Kind::Radius, None, "middle_*", None)).unwrap_err();
+    let nothing = text.value(&location(Kind::Radius, None, "middle_*", None)).unwrap_err();
     assert!(nothing.help.contains("front_left"), "{}", nothing.help);
 }
 

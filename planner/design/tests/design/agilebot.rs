@@ -6,7 +6,7 @@ use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::goal::Goal;
 use rollwalk_design::keep::keep;
 use rollwalk_design::optimise::{is_better, merit_of, optimise};
-use rollwalk_design::plans::{Failed, Plans, optimal};
+use rollwalk_design::plans::{Plans, PlansError, optimal};
 use rollwalk_planner::Progress;
 use rollwalk_planner::families::Family;
 use rollwalk_planner::plan::Status;
@@ -107,10 +107,10 @@ fn the_caller_ends_it() {
     let designed = legs(&["motions/trot.toml"]);
     let stop = &mut |_: &str, _: &Progress| ControlFlow::Break(());
     let stopped = designed.plan(designed.original(), stop);
-    assert!(matches!(stopped, Err(Failed::Interrupted)));
+    assert!(matches!(stopped, Err(PlansError::Interrupted)));
     let before = planned(&designed);
     let stopped = keep(&designed, &before, &[(0, 0.13)], Feature::Pitch, stop);
-    assert!(matches!(stopped, Err(Failed::Interrupted)), "{stopped:?}");
+    assert!(matches!(stopped, Err(PlansError::Interrupted)), "{stopped:?}");
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn designs_that_can_be_made_are_within_their_bounds_or_say_by_how_much_they_are_
     let beyond = |bound: f64| {
         let goal = designed.file.goal.as_mut().unwrap();
         goal.keep = vec![(Objective::PeakJointTorque, bound)];
-        let made = designed.made(&found, &up, &mut on).unwrap();
+        let made = designed.round_to_steps(&found, &up, &mut on).unwrap();
         let kept = designed.kept(&made);
         assert!(made.all_hold() && kept.len() == 1);
         (made.variant.values[1], kept[0].clone())
@@ -192,7 +192,7 @@ fn a_walk_whose_optimum_is_out_of_reach_is_optimised_with_estimates() {
     let found = optimise(&designed, &before, &goal, &mut on, &mut |_| ()).unwrap();
     assert_eq!(found.estimated, ["walk"]);
     assert!(found.gain_of_predicted() > Some(0.5), "{:?}", found.steps);
-    let after = designed.made(&found.plans, &|_| 0.0, &mut on).unwrap();
+    let after = designed.round_to_steps(&found.plans, &|_| 0.0, &mut on).unwrap();
     let gain = 1.0 - merit_of(&designed, &goal, &after, &before);
     assert!(gain > 0.03 && after.all_hold(), "{gain}");
     let better = |one, other| is_better(&designed, &goal, one, other);

@@ -5,7 +5,9 @@ use super::messages::{
     JointState, JointStates, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Time,
     Vector3 as Size,
 };
-use crate::bodies::{Blades, Body, Geometry, Of, Placed, Role, WORLD, bodies, joint_names};
+use crate::bodies::{
+    Blades, Body, Geometry, HingeOrigin, PlacedSolid, Role, WORLD, bodies, joint_names,
+};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rollwalk_planner::sample::driven_wheels;
 use rollwalk_robot::{Robot, Solid};
@@ -52,8 +54,8 @@ impl<'r> Figure<'r> {
                 None => (WORLD.to_owned(), posture.world_from_body),
                 Some(hinge) => {
                     let angle_rad = match hinge.of {
-                        Of::Joint { number, .. } => posture.joint_rad[number],
-                        Of::Wheel { number, .. } => posture.wheel_rad[number],
+                        HingeOrigin::Joint { number, .. } => posture.joint_rad[number],
+                        HingeOrigin::Wheel { number, .. } => posture.wheel_rad[number],
                     };
                     let axis = Unit::new_unchecked(hinge.axis);
                     let turn = UnitQuaternion::from_axis_angle(&axis, angle_rad);
@@ -148,7 +150,7 @@ impl<'r> Figure<'r> {
     }
 }
 
-fn add(entity: &mut SceneEntity, solid: &Placed<'_>, rgba: [f64; 4]) {
+fn add(entity: &mut SceneEntity, solid: &PlacedSolid<'_>, rgba: [f64; 4]) {
     let (at, paint) = (&solid.body_from_solid, || color(rgba));
     let size = |x, y, z| Size { x, y, z };
     let cylinder = |radius_m: f64, length_m: f64| CylinderPrimitive {

@@ -5,7 +5,7 @@
 
 use super::figure::nanoseconds;
 use super::messages::{FrameTransforms, JointStates, SceneUpdate, Schema};
-use super::session::{Message, Offer, Session, greeting, subprotocol};
+use super::session::{Message, Offer, Session, first_messages, subprotocol};
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::marker::PhantomData;
@@ -44,7 +44,7 @@ pub struct LiveError {
 }
 
 /// Server with the topics of a robot.
-pub struct Live {
+pub struct LiveServer {
     address: SocketAddr,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -99,7 +99,7 @@ impl<M: Schema> Channel<M> {
     }
 }
 
-impl Live {
+impl LiveServer {
     /// Starts the server of a robot on a port of loopback; port 0 takes any free one.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ impl Live {
         let forces = Channel::offer("/forces", &shared, &mut offers);
         // Clients distinguish a restarted server by it.
         let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let greeting = greeting(robot, &started.as_millis().to_string(), &offers);
+        let greeting = first_messages(robot, &started.as_millis().to_string(), &offers);
         let server = Server {
             listener,
             shared: Arc::clone(&shared),
@@ -143,7 +143,7 @@ impl Live {
     }
 }
 
-impl Drop for Live {
+impl Drop for LiveServer {
     fn drop(&mut self) {
         self.shared.ends.store(true, Ordering::Relaxed);
         // A panic of the thread has been printed.
@@ -260,7 +260,7 @@ fn exchange(
         }
     };
     for _ in 0..ROUND_MAX {
-        match unless_it_blocks(socket.read())? {
+        match would_block(socket.read())? {
             Some(tungstenite::Message::Text(text)) => session(&mut |of| of.on_text(&text)),
             Some(_) => {}
             None => break,
@@ -268,7 +268,7 @@ fn exchange(
     }
     for _ in 0..ROUND_MAX {
         // A message is taken only when the one before has left, so that none piles up in the socket.
-        if unless_it_blocks(socket.flush())?.is_none() {
+        if would_block(socket.flush())?.is_none() {
             break;
         }
         let mut next = None;
@@ -278,13 +278,13 @@ fn exchange(
             Some(Message::Binary(data)) => tungstenite::Message::binary(data),
             None => break,
         };
-        unless_it_blocks(socket.write(message))?;
+        would_block(socket.write(message))?;
     }
     Ok(())
 }
 
 /// Outcome of a call; `None` where it would have to wait.
-fn unless_it_blocks<T>(outcome: Result<T, SocketError>) -> Result<Option<T>, SocketError> {
+fn would_block<T>(outcome: Result<T, SocketError>) -> Result<Option<T>, SocketError> {
     match outcome {
         Ok(done) => Ok(Some(done)),
         Err(SocketError::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(None),

@@ -33,7 +33,7 @@ pub fn subprotocol<'a>(offered: impl IntoIterator<Item = &'a str>) -> Option<&'s
 }
 
 /// Texts that every client gets first: the server's name and its channels, whose identifiers count from 1.
-pub fn greeting(name: &str, session: &str, offers: &[Offer]) -> [String; 2] {
+pub fn first_messages(name: &str, session: &str, offers: &[Offer]) -> [String; 2] {
     let channel = |(id, offer): (usize, &Offer)| {
         json!({
             "id": id,
@@ -163,7 +163,7 @@ mod tests {
 
     fn session() -> Session {
         let offer = |topic| Offer { topic, schema_name: "foxglove.Any", schema: json!({ "a": 1 }) };
-        let greeting = greeting("dog", "17", &[offer("/tf"), offer("/robot")]);
+        let greeting = first_messages("dog", "17", &[offer("/tf"), offer("/robot")]);
         Session::new(2, greeting)
     }
 

@@ -1,6 +1,6 @@
 //! Keyframes: the whole state of a robot with the controls that its servos take there.
 
-use crate::bodies::{Blades, Of, bodies, depth_first};
+use crate::bodies::{Blades, HingeOrigin, bodies, depth_first};
 use crate::xml::numbers;
 use nalgebra::{Isometry3, Vector3};
 use rollwalk_multibody::{ANGULAR, JOINTS, LINEAR, Standing, State, Tree};
@@ -126,8 +126,8 @@ impl Order {
     fn new(robot: &Robot) -> Self {
         let bodies = bodies(robot, &[], Blades::Roll);
         let of = |body: usize| match bodies[body].hinge.as_ref()?.of {
-            Of::Joint { number, .. } => Some(Coordinate::Joint(number)),
-            Of::Wheel { number, .. } => Some(Coordinate::Wheel(number)),
+            HingeOrigin::Joint { number, .. } => Some(Coordinate::Joint(number)),
+            HingeOrigin::Wheel { number, .. } => Some(Coordinate::Wheel(number)),
         };
         Self(depth_first(&bodies).into_iter().filter_map(of).collect())
     }

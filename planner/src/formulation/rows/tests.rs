@@ -22,7 +22,8 @@ fn row(
     let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 1);
     let states = problem.states(&unknowns);
     let reuse = Rows::default();
-    let mut out = RowWriter::new(problem, &columns, &unknowns, &states, None, Wanted::All, reuse);
+    let mut out =
+        RowWriter::new(problem, &columns, &unknowns, &states, None, Evaluation::All, reuse);
     out.enter(Family::Slip, at);
     out.set(2.0, Role::Equality);
     write(&mut out);

@@ -4,13 +4,13 @@
 //! rows is constant and terms write their derivatives in the same order at every point. Only rows of placed samples, whose
 //! derivatives are mixed by the placement, are converted every time.
 //!
-//! Trial steps need values alone. At an accepted point, only rows that contribute to the energy need derivatives. [`Wanted`]
-//! selects the output. Rows of an edited robot mostly have the pattern of those before the edit: [`Wanted::Again`] compares
+//! Trial steps need values alone. At an accepted point, only rows that contribute to the energy need derivatives. [`Evaluation`]
+//! selects the output. Rows of an edited robot mostly have the pattern of those before the edit: [`Evaluation::Again`] compares
 //! every row and every derivative with it.
 
 mod ground;
 
-use super::{Columns, Differentiated, Given, Role, Row, Rows, Subject};
+use super::{Columns, ComparedField, DifferentiatedRows, Role, Row, Rows, Subject};
 use crate::families::Family;
 use crate::plan::Placement;
 use crate::problem::state::State;
@@ -45,7 +45,7 @@ const NOWHERE: u32 = u32::MAX;
 
 /// Output of an evaluation. The first evaluation finds the pattern and writes everything.
 #[derive(Clone, Copy, Debug)]
-pub enum Wanted<'a> {
+pub enum Evaluation<'a> {
     /// Values and all derivatives.
     All,
     /// Values alone.
@@ -64,7 +64,7 @@ pub struct RowWriter<'a> {
     states: &'a [State],
     rows: Vec<Row>,
     derivatives: Vec<f64>,
-    wanted: Wanted<'a>,
+    wanted: Evaluation<'a>,
     /// Known pattern. If `None`, `found` contains the pattern of the rows so far.
     known: Option<&'a Pattern>,
     found: Pattern,
@@ -89,7 +89,7 @@ pub struct RowWriter<'a> {
     scale: f64,
     level: f64,
     role: Role,
-    given: Option<Given>,
+    given: Option<ComparedField>,
     /// Derivatives of the row under construction: a dense gradient for each sample of the window.
     gradients: [Vec<f64>; 3],
     /// Indices of the entries of `gradients` that were written.
@@ -109,14 +109,14 @@ impl<'a> RowWriter<'a> {
     /// Creates a writer for one evaluation.
     ///
     /// `known` is the pattern from an earlier evaluation. The memory of `reuse`, an earlier result, is reused. With
-    /// [`Wanted::Derivatives`], `reuse` contains the values.
+    /// [`Evaluation::Derivatives`], `reuse` contains the values.
     pub fn new(
         problem: &'a Problem,
         columns: &'a Columns,
         unknowns: &Unknowns,
         states: &'a [State],
         known: Option<&'a Pattern>,
-        wanted: Wanted<'a>,
+        wanted: Evaluation<'a>,
         reuse: Rows,
     ) -> Self {
         let Rows { mut rows, columns: of_reuse, mut derivatives, .. } = reuse;
@@ -170,9 +170,9 @@ impl<'a> RowWriter<'a> {
     pub fn finish(self) -> (Rows, Option<Pattern>) {
         let Self { rows, derivatives, known, found, columns_found, wanted, .. } = self;
         let differentiated = match wanted {
-            Wanted::All => Differentiated::All,
-            Wanted::Values | Wanted::Again => Differentiated::None,
-            Wanted::Derivatives(_) => Differentiated::Counting,
+            Evaluation::All => DifferentiatedRows::All,
+            Evaluation::Values | Evaluation::Again => DifferentiatedRows::None,
+            Evaluation::Derivatives(_) => DifferentiatedRows::Counting,
         };
         if let Some(known) = known {
             let columns = Arc::clone(&known.columns);
@@ -204,7 +204,7 @@ impl<'a> RowWriter<'a> {
 
     /// Skips the next row if neither its value nor its derivatives are requested. Returns true if the row was skipped.
     pub fn skips_row(&mut self) -> bool {
-        let skips = matches!(self.wanted, Wanted::Derivatives(_)) && !self.differentiates;
+        let skips = matches!(self.wanted, Evaluation::Derivatives(_)) && !self.differentiates;
         if skips {
             self.begin_next_row(self.end());
         }
@@ -251,7 +251,7 @@ impl<'a> RowWriter<'a> {
 
     /// Sets the field that the next row compares with.
     pub fn given(&mut self, field: &'static str, value: f64, slope: f64) {
-        self.given = Some(Given { field, value, slope });
+        self.given = Some(ComparedField { field, value, slope });
     }
 
     /// Ends a row for the whole robot, with its residual in the family's unit.
@@ -279,7 +279,7 @@ impl<'a> RowWriter<'a> {
             (true, false) => self.collect(),
         };
         let (value, given) = (residual / self.scale, self.given.take());
-        let is_again = matches!(self.wanted, Wanted::Again);
+        let is_again = matches!(self.wanted, Evaluation::Again);
         let new = || Row {
             family: self.family,
             at: self.at[1],
@@ -316,9 +316,9 @@ impl<'a> RowWriter<'a> {
 
     fn begin_row(&mut self) {
         self.differentiates = match self.wanted {
-            Wanted::All => true,
-            Wanted::Values | Wanted::Again => false,
-            Wanted::Derivatives(shifts) => {
+            Evaluation::All => true,
+            Evaluation::Values | Evaluation::Again => false,
+            Evaluation::Derivatives(shifts) => {
                 let row = self.rows.get(self.row).zip(shifts.get(self.row));
                 row.is_some_and(|(row, &shift)| row.counts(shift))
             }

@@ -1,13 +1,13 @@
-//! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`Means`]), in the world frame: m − (A⁺ − A⁻)/h² = 0.
-//! m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments in them are variables, which three
-//! more rows define.
+//! Angular centroidal dynamics (Eq. 2.4) in the mean around every sample ([`MeanWeights`]), in the world frame: m − (A⁺ − A⁻)/h²
+//! = 0. m is the mean (m₋ + 4m + m₊)/6 of Σ (e − x) × f. Three rows per sample, N·m. The moments in them are variables, which
+//! three more rows define.
 //!
 //! A⁻ and A⁺ are the moments that the robot sweeps in the intervals before and after the sample ([`SweptMoment`]): A/h is the
 //! mean angular momentum of the interval. The thesis uses one body with the inertia of the nominal pose instead, which omits
 //! the momentum of the limbs. Swings then missed moments of 5 mm times the weight in a walk and of 41 mm times the weight in a
 //! flying trot.
 //!
-//! [`Means`]: crate::problem::Means
+//! [`MeanWeights`]: crate::problem::MeanWeights
 //! [`SweptMoment`]: rollwalk_multibody::euler::SweptMoment
 
 use crate::families::Family;
@@ -30,7 +30,7 @@ impl Term for DynamicsAngular {
         let (Some(swept_in), Some(swept_out)) = (&before.swept_to_next, &here.swept_to_next) else {
             unreachable!("a sample in the middle of a window has a next one")
         };
-        let means = problem.means(window.at[1]);
+        let means = problem.mean_weights(window.at[1]);
         let per_h2 = means.second_difference / problem.interval_s.powi(2);
         let layout = &problem.layout;
         let mut residual = (swept_in.value - swept_out.value) * per_h2;

@@ -1,8 +1,8 @@
-//! Linear centroidal dynamics (Eq. 2.3) in the mean around every sample ([`Means`]): Σ f + M g − M ẍ = 0. Here f is the mean
-//! (f₋ + 4f + f₊)/6, and ẍ the second difference of the centre of mass. Three rows per sample, N, in the world frame. The sums
-//! of forces in them are variables, which three more rows define.
+//! Linear centroidal dynamics (Eq. 2.3) in the mean around every sample ([`MeanWeights`]): Σ f + M g − M ẍ = 0. Here f is the
+//! mean (f₋ + 4f + f₊)/6, and ẍ the second difference of the centre of mass. Three rows per sample, N, in the world frame. The
+//! sums of forces in them are variables, which three more rows define.
 //!
-//! [`Means`]: crate::problem::Means
+//! [`MeanWeights`]: crate::problem::MeanWeights
 
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
@@ -21,7 +21,7 @@ impl Term for DynamicsLinear {
     fn write(&self, window: &Window, out: &mut RowWriter) {
         let problem = window.problem;
         let mass = problem.model.total_mass_kg();
-        let means = problem.means(window.at[1]);
+        let means = problem.mean_weights(window.at[1]);
         let m_h2 = mass * means.second_difference / problem.interval_s.powi(2);
         let [before, here, after] = window.states;
         let layout = &problem.layout;

@@ -10,7 +10,7 @@
 //!
 //! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, and I_a the
 //! inertia of rotor and gearbox. Accelerations are second differences in the mean around the sample
-//! ([`crate::problem::Means`]); p × p̈ follows from the moments that the limb sweeps
+//! ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
 //! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
 //! both signs.
 
@@ -59,7 +59,7 @@ impl<'w> Torque<'w> {
         let [before, here, after] = window.states;
         let (axis, origin) =
             (here.pose.frames.joint_axes[joint], here.pose.frames.link_origins[child]);
-        let second_difference = problem.means(window.at[1]).second_difference;
+        let second_difference = problem.mean_weights(window.at[1]).second_difference;
         let per_h2 = second_difference / problem.interval_s.powi(2);
 
         let pairs = [(before, here), (here, after)].map(|(from, to)| {

@@ -27,17 +27,17 @@ pub struct NoSlip;
 pub struct LiftOffSlip;
 
 /// Stance at the ends of an interval.
-enum Ends {
+enum StanceEnds {
     Both,
     One,
     None,
 }
 
-fn ends(window: &Window, j: usize) -> Ends {
+fn ends(window: &Window, j: usize) -> StanceEnds {
     match (window.stance(1, j), window.stance(2, j)) {
-        (true, true) => Ends::Both,
-        (false, false) => Ends::None,
-        _ => Ends::One,
+        (true, true) => StanceEnds::Both,
+        (false, false) => StanceEnds::None,
+        _ => StanceEnds::One,
     }
 }
 
@@ -106,8 +106,8 @@ impl Term for NoSlip {
         out.set(1.0, Role::Equality);
         for j in 0..window.problem.layout.end_effectors.len() {
             match ends(window, j) {
-                Ends::Both => slip(window, j, out),
-                Ends::One if glides(window, j) => slip(window, j, out),
+                StanceEnds::Both => slip(window, j, out),
+                StanceEnds::One if glides(window, j) => slip(window, j, out),
                 _ => {}
             }
         }
@@ -123,7 +123,7 @@ impl Term for LiftOffSlip {
         // One interval for each lift-off: the weight is not for a time.
         out.set(1.0, Role::Cost { weight: window.problem.weights.lift_off_slip });
         for j in 0..window.problem.layout.end_effectors.len() {
-            if matches!(ends(window, j), Ends::One) && !glides(window, j) {
+            if matches!(ends(window, j), StanceEnds::One) && !glides(window, j) {
                 slip(window, j, out);
             }
         }

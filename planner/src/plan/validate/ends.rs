@@ -16,8 +16,8 @@ impl Plan {
         let (Some(first), Some(last)) = (self.samples.first(), self.samples.last()) else {
             return Ok(());
         };
-        let before = End { plan: self, state: &self.before, at: at.of("before") };
-        let after = End { plan: self, state: &self.after, at: at.of("after") };
+        let before = EndState { plan: self, state: &self.before, at: at.of("before") };
+        let after = EndState { plan: self, state: &self.after, at: at.of("after") };
         let before_s = -self.sample_interval_s;
         let after_s = self.samples.len() as f64 * self.sample_interval_s;
         before.at.of("time_s").near(self.before.time_s, before_s, "one interval earlier")?;
@@ -67,13 +67,13 @@ impl Plan {
 }
 
 /// State outside the motion.
-struct End<'a> {
+struct EndState<'a> {
     plan: &'a Plan,
     state: &'a Sample,
     at: Field<'a>,
 }
 
-impl End<'_> {
+impl EndState<'_> {
     /// Iterates over end effectors: path, state here, and state in a sample.
     fn feet<'b>(
         &'b self,

@@ -9,7 +9,7 @@ use rollwalk_multibody::euler::Model;
 use std::ops::ControlFlow;
 
 /// Solves 0.1 m of rolling of AgileBot, from rest to rest. The penalty alone is far too low to meet the constraints.
-fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
+fn solved(settings: &Settings) -> (SolveOutcome, Vec<f64>) {
     let robot = &test_robots::all()[0];
     let motion = Motion {
         duration_s: 1.0,
@@ -25,7 +25,7 @@ fn solved(settings: &Settings) -> (Outcome, Vec<f64>) {
         energies.push(progress.energy);
         ControlFlow::Continue(())
     };
-    let solved = solve(&problem, unknowns, Begin::Cold, settings, &mut Effort::new(progress));
+    let solved = solve(&problem, unknowns, SolveMode::Cold, settings, &mut Effort::new(progress));
     (solved.outcome, energies)
 }
 
@@ -73,7 +73,7 @@ fn methods_agree_on_the_optimum() {
         let settings = Settings { method, iterations: 60, ..Settings::default() };
         let go_on = &mut |_: &_| ControlFlow::Continue(());
         let go_on = &mut Effort::new(go_on);
-        let outcome = solve(&problem, unknowns, Begin::Cold, &settings, go_on).outcome;
+        let outcome = solve(&problem, unknowns, SolveMode::Cold, &settings, go_on).outcome;
         (outcome.energy, outcome.unknowns)
     };
     let (filtered, at_filtered) = solved(Method::NewtonFiltered);

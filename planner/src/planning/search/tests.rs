@@ -27,7 +27,7 @@ fn first_that_decides<T: Send>(
     count: usize,
     workers: usize,
     progress: &(dyn Fn(&Progress) -> ControlFlow<()> + Sync),
-    solve: &(dyn Fn(usize, &mut Watched<'_>) -> (Ending, T) + Sync),
+    solve: &(dyn Fn(usize, &mut ProgressCallback<'_>) -> (StartOutcome, T) + Sync),
 ) -> T {
     let race = Race::new(count);
     let work = || race.work(&mut |state| progress(state), solve);
@@ -41,16 +41,16 @@ fn first_that_decides<T: Send>(
 }
 
 /// Iterates until the callback stops it.
-fn until_stopped(watched: &mut Watched<'_>) -> Ending {
+fn until_stopped(watched: &mut ProgressCallback<'_>) -> StartOutcome {
     while watched(&STATE).is_continue() {
         thread::yield_now();
     }
-    Ending::Decided
+    StartOutcome::Decided
 }
 
 #[test]
 fn the_first_in_order_wins_with_any_number_of_threads() {
-    use Ending::{Decided, Failed, Hopeless};
+    use StartOutcome::{Decided, Failed, Hopeless};
     for (endings, winner) in [
         (&[Decided, Decided, Decided][..], 0),
         (&[Failed, Decided, Decided], 1),
@@ -64,7 +64,7 @@ fn the_first_in_order_wins_with_any_number_of_threads() {
         (&[Hopeless], 0),
     ] {
         for workers in 1..6 {
-            let solve = |index: usize, _: &mut Watched<'_>| (endings[index], index);
+            let solve = |index: usize, _: &mut ProgressCallback<'_>| (endings[index], index);
             let won = first_that_decides(endings.len(), workers, &go_on, &solve);
             assert_eq!(won, winner, "{endings:?} on {workers} threads");
         }
@@ -81,7 +81,7 @@ fn one_that_converges_late_still_wins_over_the_next() {
         } else {
             second_is_done.send(()).unwrap();
         }
-        (Ending::Decided, index)
+        (StartOutcome::Decided, index)
     });
     assert_eq!(won, 0);
 }
@@ -93,7 +93,7 @@ fn those_behind_the_winner_are_stopped() {
     let won = first_that_decides(2, 2, &go_on, &|index, watched| {
         if index == 0 {
             wait.lock().unwrap().recv().unwrap();
-            return (Ending::Decided, index);
+            return (StartOutcome::Decided, index);
         }
         second_has_begun.send(()).unwrap();
         (until_stopped(watched), index)
@@ -106,7 +106,7 @@ fn on_one_thread_none_is_begun_after_the_winner() {
     let begun = AtomicUsize::new(0);
     first_that_decides(3, 1, &go_on, &|index, _| {
         begun.fetch_add(1, Ordering::SeqCst);
-        (if index == 1 { Ending::Decided } else { Ending::Failed }, ())
+        (if index == 1 { StartOutcome::Decided } else { StartOutcome::Failed }, ())
     });
     assert_eq!(begun.into_inner(), 2);
 }
@@ -125,7 +125,7 @@ fn an_interrupt_ends_the_race_even_when_those_behind_have_failed() {
                 return (until_stopped(watched), index);
             }
             later_have_failed.fetch_add(1, Ordering::SeqCst);
-            (Ending::Failed, index)
+            (StartOutcome::Failed, index)
         });
         assert_eq!(first, 0, "on {workers} threads");
     }

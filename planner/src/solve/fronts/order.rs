@@ -9,7 +9,7 @@ fn counting<'a>(rows: &'a Rows, counts: &'a [bool]) -> impl Iterator<Item = &'a 
 }
 
 /// Slot and variable of every column; `None` for columns of the placement.
-fn places(columns: &Columns) -> Vec<Option<(usize, usize)>> {
+fn column_variables(columns: &Columns) -> Vec<Option<(usize, usize)>> {
     let mut place = vec![None; columns.count];
     for (slot, of_slot) in columns.of_slot.iter().enumerate() {
         for (variable, column) in of_slot.iter().enumerate() {
@@ -25,7 +25,7 @@ pub(in super::super) struct Locals(Vec<bool>);
 impl Locals {
     /// Determines the local variables. The result does not depend on the pattern of the inequalities.
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
-        let place = places(columns);
+        let place = column_variables(columns);
         let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
         // Whether variables of one slot and of another are in one row.
         let mut across = vec![vec![false; variables]; variables];
@@ -60,7 +60,7 @@ pub(super) fn groups(
     locals: &Locals,
 ) -> Vec<Vec<usize>> {
     let slots = columns.of_slot.len();
-    let place = places(columns);
+    let place = column_variables(columns);
     let entries = |row: &Row| {
         rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c].map(|(s, v)| (c, s, v)))
     };
@@ -149,12 +149,12 @@ pub(super) fn fronts(
         (first, panel) = (end, front.panel().end);
         fronts.push(front);
     }
-    adopt(&mut fronts);
+    assign_parents(&mut fronts);
     fronts
 }
 
 /// Assigns every front to its parent, the front whose pivots contain the start of its border.
-fn adopt(fronts: &mut [Front]) {
+fn assign_parents(fronts: &mut [Front]) {
     for child in 0..fronts.len() {
         let Some(&next) = fronts[child].border.first() else { continue };
         let parent = fronts.partition_point(|front| front.first + front.pivots <= next);

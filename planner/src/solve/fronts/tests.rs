@@ -113,7 +113,7 @@ proptest! {
         for row in &rows.rows {
             let derivatives = &rows.derivatives[row.entries.clone()];
             let of_row = &rows.columns[row.entries.clone()];
-            let places = fronts.places(of_row).expect("fronts have room for their rows");
+            let places = fronts.scatter_map(of_row).expect("fronts have room for their rows");
             fronts.add(&places, derivatives, 2.0, &mut panels, &mut Vec::new());
             for (one, d) in of_row.iter().zip(derivatives) {
                 for (other, e) in of_row.iter().zip(derivatives) {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::families::Family;
-use crate::formulation::rows::{Differentiated, Subject};
+use crate::formulation::rows::{DifferentiatedRows, Subject};
 
 /// Function that returns values and derivatives of rows at a point.
 pub type ValuesAt<'a> = &'a dyn Fn(&[f64]) -> Vec<(f64, Vec<f64>)>;
@@ -37,7 +37,7 @@ impl Residuals for Toy<'_> {
 
     fn rows(&self, step: &[f64], _: &[f64], _: Rows) -> Rows {
         let mut rows = Rows::default();
-        rows.differentiated = Differentiated::All;
+        rows.differentiated = DifferentiatedRows::All;
         let mut columns = Vec::new();
         for (&role, (value, derivatives)) in
             self.roles.iter().zip((self.rows)(&along(&self.base, 1.0, step)))

@@ -9,7 +9,7 @@ use std::fmt;
 
 /// Smallest distance, with its subject and time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Least {
+pub struct SmallestDistance {
     /// Distance, m. For overlapping shapes, minus the depth of the overlap.
     pub distance_m: f64,
     /// Name of the end effector, link or links.
@@ -20,23 +20,23 @@ pub struct Least {
 
 /// Smallest distances of a motion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Room {
+pub struct SmallestDistances {
     /// Lowest swing: height of the contact point at the top of the swing. `None` if nothing swings.
-    pub swing: Option<Least>,
+    pub swing: Option<SmallestDistance>,
     /// Distance between two links; `None` for robots without shapes that could meet.
-    pub links: Option<Least>,
+    pub links: Option<SmallestDistance>,
     /// Height of a link above the ground.
-    pub ground: Option<Least>,
+    pub ground: Option<SmallestDistance>,
 }
 
-impl Room {
+impl SmallestDistances {
     /// Computes the smallest distances at the times of a timeline.
     pub(super) fn of(timeline: &Timeline) -> Self {
         let swings = feet(timeline).flat_map(|(j, foot)| {
             let highest = highest_of_swings(timeline, j);
             highest.into_iter().map(|(distance_m, time_s)| (distance_m, time_s, &foot.name))
         });
-        let swing = least(swings).map(|(distance_m, time_s, name)| Least {
+        let swing = least(swings).map(|(distance_m, time_s, name)| SmallestDistance {
             distance_m,
             subject: name.clone(),
             time_s,
@@ -46,7 +46,7 @@ impl Room {
             let time_s = w.here.sample.time_s;
             clearance.pairs().iter().map(move |pair| (distance(w.here, pair), time_s, pair))
         });
-        let links = least(pairs).map(|(distance_m, time_s, pair)| Least {
+        let links = least(pairs).map(|(distance_m, time_s, pair)| SmallestDistance {
             distance_m,
             subject: robot.pair_name(pair.links),
             time_s,
@@ -56,7 +56,7 @@ impl Room {
             let points = clearance.points().iter();
             points.map(move |point| (ground_distance_m(w.here, point), time_s, point.link))
         });
-        let ground = least(points).map(|(distance_m, time_s, link)| Least {
+        let ground = least(points).map(|(distance_m, time_s, link)| SmallestDistance {
             distance_m,
             subject: robot.links[link].name.clone(),
             time_s,
@@ -88,7 +88,7 @@ fn highest_of_swings(timeline: &Timeline, j: usize) -> Vec<(f64, f64)> {
     swings.filter_map(highest).collect()
 }
 
-impl fmt::Display for Room {
+impl fmt::Display for SmallestDistances {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lines = [
             ("lowest swing", &self.swing),
@@ -97,7 +97,7 @@ impl fmt::Display for Room {
         ];
         writeln!(f, "smallest distances as played, 60 Hz")?;
         for (what, least) in lines {
-            let Some(Least { distance_m, subject, time_s }) = least else { continue };
+            let Some(SmallestDistance { distance_m, subject, time_s }) = least else { continue };
             writeln!(f, "  {what}: {:.1} mm at {time_s:.3} s, {subject}", 1e3 * distance_m)?;
         }
         Ok(())
@@ -112,14 +112,14 @@ mod tests {
     #[test]
     fn the_lowest_of_the_swings_counts_by_its_highest_point() {
         let mut plan = test_plans::cruise();
-        assert_eq!(Room::of(&Timeline::new(&plan)).swing, None, "nothing swings");
+        assert_eq!(SmallestDistances::of(&Timeline::new(&plan)).swing, None, "nothing swings");
         let last = plan.samples.len() - 1;
         // One of 30 mm, and one of 20 mm that goes on in the next period.
         for (sample, height_m) in [(4, 0.01), (5, 0.03), (6, 0.02), (last, 0.02), (0, 0.005)] {
             let foot = &mut plan.samples[sample].end_effectors[1];
             (foot.contact, foot.position_m[2]) = (false, height_m);
         }
-        let room = Room::of(&Timeline::new(&plan));
+        let room = SmallestDistances::of(&Timeline::new(&plan));
         let swing = room.swing.clone().expect("two swings");
         assert_eq!(swing.distance_m, 0.02);
         assert_eq!(swing.time_s, plan.samples[last].time_s);

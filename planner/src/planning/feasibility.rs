@@ -9,12 +9,12 @@
 use super::effort::Effort;
 use super::request::Request;
 use super::solution::Solution;
-use super::trials::{Stopped, Trials, Ways};
+use super::trials::{Interrupted, SolveMethods, Trials};
 use crate::diagnose::Mobility;
 use crate::families::{Family, Kind};
 use crate::motion::{Goal, Motion};
-use crate::plan::{Culprit, DURATION, Diagnosis, Ending, Status, Verdict};
-use crate::report::{Report, TakenBack};
+use crate::plan::{Culprit, DURATION, Diagnosis, StartOutcome, Status, Verdict};
+use crate::report::{Report, UndoneGoal};
 use rollwalk_robot::Robot;
 
 /// Relative change of a value up to which a request counts as a near miss.
@@ -57,31 +57,32 @@ const LEAST_SAID: f64 = 0.05;
 
 /// Takes a second look at the solution of a request. Returns the solution and its consequence for other starts. A solution
 /// without a diagnosis is returned unchanged.
-pub(super) fn second_look(
+pub(super) fn search_feasible_values(
     request: Request<'_>,
-    ways: &dyn Ways,
+    ways: &dyn SolveMethods,
     mut solution: Solution,
     effort: &mut Effort<'_>,
-) -> (Ending, Solution) {
+) -> (StartOutcome, Solution) {
     let ending = solution.plan.solve.ending();
     let Some(mut diagnosis) = solution.plan.solve.diagnosis.take() else {
         return (ending, solution);
     };
     let most = effort.spent + MOST * request.options.settings.iterations;
     let trials = Trials { request, ways, effort, most };
-    let mut look = Look { trials, nearest: &solution, left: OF_ALL, taken_back: false };
+    let mut look =
+        FeasibilitySearch { trials, nearest: &solution, left: OF_ALL, taken_back: false };
     let looked = look.at(&mut diagnosis);
     let spent = look.trials.effort.spent;
     let ending = match looked {
-        Ok(Looked::Found(found)) => {
+        Ok(SearchOutcome::Feasible(found)) => {
             solution = *found;
-            Ending::Decided
+            StartOutcome::Decided
         }
-        Ok(Looked::FromBothSides | Looked::Never) => Ending::Decided,
-        Ok(Looked::Open) => ending,
-        Err(Stopped) => {
+        Ok(SearchOutcome::FromBothSides | SearchOutcome::Never) => StartOutcome::Decided,
+        Ok(SearchOutcome::Open) => ending,
+        Err(Interrupted) => {
             solution.plan.solve.status = Status::Interrupted;
-            Ending::Decided
+            StartOutcome::Decided
         }
     };
     let solve = &mut solution.plan.solve;
@@ -91,9 +92,9 @@ pub(super) fn second_look(
 }
 
 /// Result of a second look.
-enum Looked {
+enum SearchOutcome {
     /// The request is feasible.
-    Found(Box<Solution>),
+    Feasible(Box<Solution>),
     /// A value near the requested one is feasible, but the continuation from there does not reach the request.
     FromBothSides,
     /// Posture alone meets the goal, whatever its value.
@@ -103,7 +104,7 @@ enum Looked {
 }
 
 /// Feasible value and its plan.
-struct Works {
+struct FeasibleValue {
     number: f64,
     solution: Solution,
     /// True if the plan came from a cold start, as for a user who enters the value.
@@ -111,7 +112,7 @@ struct Works {
 }
 
 /// Second look in progress.
-struct Look<'a, 'p> {
+struct FeasibilitySearch<'a, 'p> {
     trials: Trials<'a, 'p>,
     /// Solution at the point with the least violation.
     nearest: &'a Solution,
@@ -121,9 +122,9 @@ struct Look<'a, 'p> {
     taken_back: bool,
 }
 
-impl Look<'_, '_> {
+impl FeasibilitySearch<'_, '_> {
     /// Replaces the estimates of a diagnosis by feasible values.
-    fn at(&mut self, diagnosis: &mut Diagnosis) -> Result<Looked, Stopped> {
+    fn at(&mut self, diagnosis: &mut Diagnosis) -> Result<SearchOutcome, Interrupted> {
         let Diagnosis { verdict, culprits } = diagnosis;
         let mut trials = TRIALS.into_iter();
         let mut looked = None;
@@ -135,22 +136,22 @@ impl Look<'_, '_> {
                 continue;
             };
             // The time of one that misses by little goes into the number that is the easiest to change.
-            if matches!(looked, Some(Looked::FromBothSides)) {
+            if matches!(looked, Some(SearchOutcome::FromBothSides)) {
                 continue;
             }
             let most = trials.next().unwrap_or_default();
             let Some(works) = self.seek(culprit, estimate, most)? else {
                 if self.taken_back && looked.is_none() {
-                    return Ok(Looked::Never);
+                    return Ok(SearchOutcome::Never);
                 }
                 continue;
             };
             if looked.is_some() {
-                tell(culprit, works.number);
+                suggest(culprit, works.number);
                 continue;
             }
             let followed = self.follow(culprit, works, *verdict)?;
-            if matches!(followed, Looked::Found(_)) {
+            if matches!(followed, SearchOutcome::Feasible(_)) {
                 return Ok(followed);
             }
             looked = Some(followed);
@@ -166,7 +167,7 @@ impl Look<'_, '_> {
         &mut self,
         verdict: Verdict,
         culprits: &mut Vec<Culprit>,
-    ) -> Result<Looked, Stopped> {
+    ) -> Result<SearchOutcome, Interrupted> {
         let motion = self.trials.request.motion;
         let nearer = goal(self.trials.request.robot, motion).filter(|goal| {
             culprits
@@ -189,12 +190,12 @@ impl Look<'_, '_> {
                 if told {
                     culprits.insert(0, culprit);
                 }
-                if told || matches!(looked, Looked::Found(_)) {
+                if told || matches!(looked, SearchOutcome::Feasible(_)) {
                     return Ok(looked);
                 }
             }
         }
-        Ok(Looked::Open)
+        Ok(SearchOutcome::Open)
     }
 
     /// Seeks a feasible value for the field of a culprit.
@@ -203,9 +204,9 @@ impl Look<'_, '_> {
         culprit: &Culprit,
         estimate: f64,
         most: usize,
-    ) -> Result<Option<Works>, Stopped> {
+    ) -> Result<Option<FeasibleValue>, Interrupted> {
         let Request { robot, motion, .. } = self.trials.request;
-        let asked = Asked::by(culprit);
+        let asked = RequestedValue::by(culprit);
         let near = asked.is_near(estimate);
         let mut number = asked.beyond(estimate, if near { FIRST_NEAR } else { FIRST });
         for trial in 0..most {
@@ -217,10 +218,10 @@ impl Look<'_, '_> {
             self.left = self.left.saturating_sub(self.trials.effort.spent - before);
             let Some(solution) = solution else { break };
             if is_consistent(&solution) {
-                return Ok(Some(Works { number, solution, cold: from.is_none() }));
+                return Ok(Some(FeasibleValue { number, solution, cold: from.is_none() }));
             }
             if solution.plan.solve.status == Status::Converged
-                && TakenBack::of(&solution.plan).is_some_and(|of| of.is_whole())
+                && UndoneGoal::of(&solution.plan).is_some_and(|of| of.is_whole())
             {
                 self.taken_back = true;
                 break;
@@ -232,7 +233,7 @@ impl Look<'_, '_> {
             let other = why.and_then(|why| why.culprits.into_iter().find(same)?.would_do);
             let twice = asked.beyond(number, 2.0);
             // From the number that has just failed.
-            let failed = Asked { number, ..asked };
+            let failed = RequestedValue { number, ..asked };
             let estimate = other.map_or(twice, |other| failed.beyond(other, FIRST));
             let further = (estimate - asked.number).abs() > (twice - asked.number).abs();
             number = if further { estimate } else { twice };
@@ -245,11 +246,11 @@ impl Look<'_, '_> {
     fn follow(
         &mut self,
         culprit: &mut Culprit,
-        mut works: Works,
+        mut works: FeasibleValue,
         verdict: Verdict,
-    ) -> Result<Looked, Stopped> {
+    ) -> Result<SearchOutcome, Interrupted> {
         let Request { robot, motion, .. } = self.trials.request;
-        let asked = Asked::by(culprit);
+        let asked = RequestedValue::by(culprit);
         let given = asked.number;
         let (mut worked, found_cold) = (vec![works.number], works.cold);
         let mut left = OF_STEPS;
@@ -273,14 +274,14 @@ impl Look<'_, '_> {
                     break;
                 }
             } else if whole {
-                return Ok(Looked::Found(Box::new(solution)));
+                return Ok(SearchOutcome::Feasible(Box::new(solution)));
             } else {
                 worked.push(number);
-                works = Works { number, solution, cold: false };
+                works = FeasibleValue { number, solution, cold: false };
                 near = asked.is_near(number);
             }
         }
-        let looked = if near { Looked::FromBothSides } else { Looked::Open };
+        let looked = if near { SearchOutcome::FromBothSides } else { SearchOutcome::Open };
         let mut last = worked.len() - 1;
         while let Some((robot, other)) = culprit.with_number(robot, motion, worked[last]) {
             let samples = other.stance.len();
@@ -298,7 +299,7 @@ impl Look<'_, '_> {
             }
             last /= 2;
         }
-        tell(culprit, worked[last]);
+        suggest(culprit, worked[last]);
         Ok(looked)
     }
 }
@@ -337,7 +338,7 @@ fn goal(robot: &Robot, motion: &Motion) -> Option<Culprit> {
 }
 
 /// Stores a feasible value in a culprit, unless it is at most [`LEAST_SAID`] of the requested one.
-fn tell(culprit: &mut Culprit, number: f64) {
+fn suggest(culprit: &mut Culprit, number: f64) {
     let said = number.abs() > LEAST_SAID * culprit.given.unwrap_or_default().abs();
     culprit.would_do = said.then_some(number);
 }
@@ -355,12 +356,12 @@ fn guess(culprit: &Culprit) -> Option<f64> {
 
 /// Requested value.
 #[derive(Clone, Copy)]
-struct Asked {
+struct RequestedValue {
     number: f64,
     is_duration: bool,
 }
 
-impl Asked {
+impl RequestedValue {
     fn by(culprit: &Culprit) -> Self {
         let is_duration = culprit.field.as_deref() == Some(DURATION);
         Self { number: culprit.given.unwrap_or_default(), is_duration }
@@ -413,7 +414,7 @@ mod tests {
             // Nearer to 0, but not beyond it.
             (1.0, 0.1, 2.0, 0.05),
         ] {
-            let asked = Asked { number: given, is_duration: false };
+            let asked = RequestedValue { number: given, is_duration: false };
             assert_eq!(asked.beyond(estimate, times), expected, "{given} {estimate} {times}");
         }
     }

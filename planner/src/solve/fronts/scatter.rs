@@ -5,7 +5,7 @@ use pulp::NullaryFnOnce;
 
 /// Destinations of the products of the derivatives of one row.
 #[derive(Clone, Debug, Default)]
-pub(in super::super) struct Places {
+pub(in super::super) struct ScatterMap {
     /// Entries of the row in the order of elimination.
     entries: Vec<u32>,
     pieces: Vec<Piece>,
@@ -36,7 +36,7 @@ struct Run {
     line: u32,
 }
 
-impl Places {
+impl ScatterMap {
     /// Returns the destinations of the products of a row with these columns. `None` if the row couples columns that no front
     /// contains together.
     ///
@@ -75,7 +75,7 @@ impl Places {
 
 /// Operation that adds `factor` times the products of a row's derivatives to the panels. `sorted` is scratch memory.
 pub(super) struct Products<'a> {
-    pub places: &'a Places,
+    pub places: &'a ScatterMap,
     pub derivatives: &'a [f64],
     pub factor: f64,
     pub panels: &'a mut [f64],

@@ -3,7 +3,7 @@
 use crate::designed::Designed;
 use crate::file::Parameter;
 use crate::goal::Quantity;
-use crate::plans::{Failed, Plans, Watch};
+use crate::plans::{Plans, PlansError, Watch};
 use rollwalk_planner::Weights;
 use rollwalk_planner::plan::Plan;
 use rollwalk_planner::sensitivity::Objective;
@@ -52,12 +52,12 @@ impl Designed {
     ///
     /// # Errors
     /// If the robot is invalid at these values, or the caller stops the work.
-    pub fn made(
+    pub fn round_to_steps(
         &self,
         found: &Plans,
         predicted: &dyn Fn(&[f64]) -> f64,
         watch: &mut Watch<'_>,
-    ) -> Result<Plans, Failed> {
+    ) -> Result<Plans, PlansError> {
         let roundings = self.roundings(&found.variant.values).into_iter();
         let mut roundings: Vec<_> = roundings.map(|values| (predicted(&values), values)).collect();
         roundings.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -68,14 +68,14 @@ impl Designed {
             if holds {
                 let polished = plans.clone().polished(watch)?;
                 // The optimum is that of the costs, not of what is kept.
-                let within = |of: &Plans| self.kept(of).iter().all(Kept::is_within);
+                let within = |of: &Plans| self.kept(of).iter().all(BoundedQuantity::is_within);
                 plans = if within(&plans) && !within(&polished) { plans } else { polished };
             }
             let kept = self.kept(&plans);
-            if holds && kept.iter().all(Kept::is_within) {
+            if holds && kept.iter().all(BoundedQuantity::is_within) {
                 return Ok(plans);
             }
-            let excess = kept.iter().map(Kept::excess).fold(0.0, f64::max);
+            let excess = kept.iter().map(BoundedQuantity::excess).fold(0.0, f64::max);
             let is_better = best.as_ref().is_none_or(|(other, least, _)| {
                 (holds && !other) || (holds == *other && excess < *least)
             });
@@ -88,12 +88,12 @@ impl Designed {
     }
 
     /// Returns the bounded quantities of the goal for each motion that defines them.
-    pub fn kept(&self, plans: &Plans) -> Vec<Kept> {
+    pub fn kept(&self, plans: &Plans) -> Vec<BoundedQuantity> {
         let Some(goal) = &self.file.goal else { return Vec::new() };
         let of_plan = |plan: &Plan| {
             let (motion, weights) = (plan.motion.clone(), Weights::default());
             let has = goal.keep.iter().filter(|(objective, _)| objective.is_defined(&motion));
-            let of = |&(objective, bound): &(Objective, f64)| Kept {
+            let of = |&(objective, bound): &(Objective, f64)| BoundedQuantity {
                 motion: motion.name.clone(),
                 quantity: Quantity::of(objective),
                 value: match plan.solve.status.is_solved() {
@@ -110,7 +110,7 @@ impl Designed {
 
 /// Quantity of a motion with an upper bound.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kept {
+pub struct BoundedQuantity {
     /// Name of the motion.
     pub motion: String,
     /// Bounded quantity.
@@ -121,7 +121,7 @@ pub struct Kept {
     pub bound: f64,
 }
 
-impl Kept {
+impl BoundedQuantity {
     /// Relative excess over the bound; negative within the bound.
     pub fn excess(&self) -> f64 {
         self.value / self.bound - 1.0

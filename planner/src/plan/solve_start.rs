@@ -24,7 +24,7 @@ pub enum StartKind {
 /// Start of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Started {
+pub struct SolveStart {
     /// Kind of the start.
     pub kind: StartKind,
     /// Seed of the random part of the start; 0 for a start without one.

@@ -1,12 +1,12 @@
 //! Marks of targets and height limits in the panels: a cross at a time, or a bar over a time span.
 
 use super::axes::{Mark, Series};
-use super::panels::{Content, Panel, Played};
+use super::panels::{Content, EvaluatedPlan, Panel};
 use crate::motion::Subject;
 
-impl Played<'_> {
+impl EvaluatedPlan<'_> {
     /// Returns marks of a subject's target positions and height limits along one axis.
-    pub(super) fn places(&self, of: Subject, axis: usize, color: usize) -> Vec<Mark> {
+    pub(super) fn target_marks(&self, of: Subject, axis: usize, color: usize) -> Vec<Mark> {
         let asked = self.plan.motion.targets.iter().filter(|target| target.of == of);
         let mut marks: Vec<Mark> = asked
             .filter_map(|target| {
@@ -35,7 +35,7 @@ impl Played<'_> {
     }
 
     /// Creates panels with the paths of the subjects that have target positions, except the centre of mass.
-    pub(super) fn ways(&self) -> Vec<Panel> {
+    pub(super) fn path_panels(&self) -> Vec<Panel> {
         let feet = self.plan.robot.end_effectors.iter().enumerate();
         let feet = feet.map(|(j, foot)| (Subject::EndEffector(j), foot.name.as_str()));
         std::iter::once((Subject::Body, "base"))
@@ -44,7 +44,7 @@ impl Played<'_> {
                 // The height of the base has a panel already.
                 let axes = if of == Subject::Body { 0..2 } else { 0..3 };
                 let marks: Vec<Vec<Mark>> =
-                    axes.clone().map(|axis| self.places(of, axis, axis)).collect();
+                    axes.clone().map(|axis| self.target_marks(of, axis, axis)).collect();
                 let asked = |axis: &usize| !marks[*axis].is_empty();
                 let series: Vec<Series> = axes
                     .filter(asked)
