@@ -21,7 +21,7 @@ pub const BENCH: App = App { name: "rollwalk-bench", folder: "apps/bench" };
 
 /// Arguments behind a subcommand, parsed by the separate program.
 #[derive(clap::Args)]
-pub struct Words {
+pub struct ProgramArgs {
     /// Arguments of the program; `--help` prints its help.
     #[arg(
         value_name = "ARGUMENTS",

@@ -8,7 +8,7 @@ use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_robot::{InvalidRobot, Robot};
 use rollwalk_terminal::output::Table;
-use rollwalk_terminal::packed::channel_names;
+use rollwalk_terminal::validated_library::channel_names;
 use std::fmt::Write;
 use std::path::Path;
 

@@ -52,7 +52,10 @@ impl LiveArgs {
                 "{error}"
             )
         })?;
-        output::say(format_args!("Foxglove and Lichtblick show the robot at {}", live.address()));
+        output::print_line(format_args!(
+            "Foxglove and Lichtblick show the robot at {}",
+            live.address()
+        ));
         Ok(Some(View::new(live, robot, parts)))
     }
 }

@@ -88,7 +88,7 @@ pub fn png(svg: &str) -> miette::Result<Vec<u8>> {
 /// Returns an error if a program is not installed or fails, or on Ctrl-C.
 pub fn film(frame_s: f64, pictures: &[String], ending: &str) -> miette::Result<Vec<u8>> {
     let folder = tempfile::tempdir().into_diagnostic()?;
-    interrupt::listen();
+    interrupt::install_handler();
     let bar = indicatif::ProgressBar::new(pictures.len() as u64);
     for (number, svg) in pictures.iter().enumerate() {
         if interrupt::requested() {

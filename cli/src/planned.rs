@@ -6,7 +6,7 @@
 mod net;
 mod simulated;
 
-pub use net::taken_back;
+pub use net::undone_goals;
 pub use simulated::{Simulation, simulate};
 
 use rollwalk_physics::world::NetDisplacement;
@@ -23,7 +23,7 @@ const ENDING: &str = "ways.json";
 
 /// Summary of the plan of a motion or transition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Planned {
+pub struct PlanSummary {
     /// Displacement forward and left, m, and turn, rad; for one period if the motion is periodic.
     way: [f64; 3],
     /// Flags of the displacement components that are goals.
@@ -40,7 +40,7 @@ pub struct Planned {
 
 /// Clip of a library, compared with its plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Judged {
+pub struct ClipResult {
     /// Planned displacement; for one period if the motion is periodic.
     planned: NetDisplacement,
     /// Achieved displacement; the mean of a period if the motion is periodic.
@@ -53,7 +53,7 @@ pub struct Judged {
     pub needs_feedback: bool,
 }
 
-impl Planned {
+impl PlanSummary {
     fn of(plan: &Plan) -> Self {
         let PlannedDisplacement { way, goals } = PlannedDisplacement::new(plan);
         let motion = &plan.motion;
@@ -68,7 +68,7 @@ impl Planned {
     }
 
     /// Compares a run with the plan.
-    pub fn judge(&self, travel: &Travel) -> Judged {
+    pub fn compare(&self, travel: &Travel) -> ClipResult {
         let periods = match self.repeats {
             true => (travel.duration_s() / self.duration_s).round().max(1.0),
             false => 1.0,
@@ -77,7 +77,7 @@ impl Planned {
         let planned = PlannedDisplacement { way: self.way.into(), goals: self.goals };
         let astray = planned.worst_deviation(&achieved).filter(|_| !self.joins);
         let ratios = (0..3).filter_map(|of| planned.ratio(&achieved, of)).filter(|_| !self.joins);
-        Judged {
+        ClipResult {
             planned: planned.way,
             achieved,
             of_plan: ratios.max_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs())),
@@ -105,18 +105,18 @@ fn of_a_period(way: NetDisplacement, periods: f64) -> NetDisplacement {
 }
 
 /// Summaries of the plans of a library, in the order of its clips.
-pub fn of(plans: &Plans) -> Vec<Planned> {
-    plans.all().map(|planned| Planned::of(&planned.plan)).collect()
+pub fn of(plans: &Plans) -> Vec<PlanSummary> {
+    plans.all().map(|planned| PlanSummary::of(&planned.plan)).collect()
 }
 
 /// Writes the summaries of a library's plans to the cache.
-pub fn keep(library: u32, planned: &[Planned]) {
-    names::keep_of(library, ENDING, &planned);
+pub fn cache(library: u32, planned: &[PlanSummary]) {
+    names::cache_data(library, ENDING, &planned);
 }
 
 /// Cached summaries of the plans of the library with this identity.
-pub fn kept(library: u32) -> Option<Vec<Planned>> {
-    names::kept_of(library, ENDING)
+pub fn cached(library: u32) -> Option<Vec<PlanSummary>> {
+    names::cached_data(library, ENDING)
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ use rollwalk_sim_host::store::VerifyingKey;
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::cannot_open;
-use rollwalk_terminal::packed::actuators;
+use rollwalk_terminal::validated_library::actuators;
 use rollwalk_terminal::{Exit, end, interrupt, keys, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -153,7 +153,7 @@ impl Keys {
                 ));
             }
             None => {
-                output::say(
+                output::print_line(
                     "warning: there is no folder for the boot count, so the simulated robot \
                      accepts a recorded session after a restart",
                 );
@@ -190,7 +190,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     loads.check(&cli.robot)?;
     // Drives on buses of this computer may be real ones.
     if !cli.actuators.is_empty() && cli.only != Some(Part::Motors) {
-        output::say_warnings(&loads.warnings());
+        output::print_warnings(&loads.warnings());
     }
     let buses = Body::new(&robot).addresses().iter().map(|&(bus, _)| usize::from(bus) + 1).max();
     let buses = buses.unwrap_or(0);
@@ -252,7 +252,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let open = |path| Memory::open(path, &cli.robot, keys.library.as_ref());
     let memory = cli.library.as_deref().map(open).transpose()?;
     let memory = memory.map(|memory| Arc::new(Mutex::new(memory)));
-    interrupt::listen();
+    interrupt::install_handler();
     match (cli.only, &cli.bus) {
         (Some(Part::Motors), _) if memory.is_some() => {
             return Err(miette!(
@@ -288,7 +288,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             let mut body = motors_of(&robot, cli, ground.as_ref());
             let world_log = cli.world_log.begin(&robot, cli.rotation.rotate)?;
             let motors = std::thread::spawn(move || {
-                let mut lost = Lost { link: None, actuators: &names, says: false };
+                let mut lost = LostBuses { link: None, actuators: &names, says: false };
                 let ended = simulate_motors(&mut body, ports, &mut lost, world_log);
                 // A controller without motors has nothing to do.
                 interrupt::request();
@@ -361,7 +361,7 @@ fn run_whole(
     let outcome = whole::run(
         &mut rig,
         port,
-        &mut Lost { link: Some(bus), actuators: &[], says: true },
+        &mut LostBuses { link: Some(bus), actuators: &[], says: true },
         |rig, entries| {
             // Not from the frames on the link: anyone may send a status there.
             let controller = rig.core().controller();
@@ -370,8 +370,8 @@ fn run_whole(
             if let (Some(view), Some(ground)) = (&mut view, rig.body().ground()) {
                 view.show_world(ground.world());
             }
-            if let Some(share) = lag.look(Instant::now(), rig.now().as_s()) {
-                output::say(format_args!(
+            if let Some(share) = lag.measure(Instant::now(), rig.now().as_s()) {
+                output::print_line(format_args!(
                     "this computer is too slow for the simulated robot: simulated time runs at \
                      {:.0} % of real time",
                     100.0 * share
@@ -412,12 +412,12 @@ fn run_controller(
     let mut core = core(robot, keys, memory.as_ref())?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
-    output::say(format_args!(
+    output::print_line(format_args!(
         "{} is on {bus}; Ctrl-C switches torque off and ends the program",
         robot.name
     ));
     let (mut printer, start) = (StatusPrinter::new(robot), Instant::now());
-    let mut lost = Lost { link: Some(bus), actuators, says: true };
+    let mut lost = LostBuses { link: Some(bus), actuators, says: true };
     let mut failed = None;
     let outcome = controller::run(&mut core, period, port, &mut lost, ports, |core| {
         let controller = core.controller_mut();
@@ -451,12 +451,12 @@ fn run_motors(
 ) -> miette::Result<()> {
     let ports = ports(actuators)?;
     let names: Vec<_> = actuators.iter().map(ToString::to_string).collect();
-    output::say(format_args!(
+    output::print_line(format_args!(
         "the motors of {} are on {}; Ctrl-C ends the program",
         robot.name,
         names.join(", ")
     ));
-    let mut lost = Lost { link: None, actuators, says: true };
+    let mut lost = LostBuses { link: None, actuators, says: true };
     simulate_motors(&mut body, ports, &mut lost, world_log)
 }
 
@@ -464,7 +464,7 @@ fn run_motors(
 fn simulate_motors(
     body: &mut Body,
     ports: Vec<Port>,
-    lost: &mut Lost<'_>,
+    lost: &mut LostBuses<'_>,
     world_log: Option<WorldLog>,
 ) -> miette::Result<()> {
     let mut printer = ground::Printer::default();
@@ -485,7 +485,7 @@ fn simulate_motors(
 }
 
 fn ready(robot: &Robot, bus: &BusName) {
-    output::say(format_args!("{} is on {bus}; Ctrl-C ends the program", robot.name));
+    output::print_line(format_args!("{} is on {bus}; Ctrl-C ends the program", robot.name));
 }
 
 /// Opens the robot's end of the link.
@@ -501,14 +501,14 @@ fn open_link(bus: &BusName) -> Result<Port, OpenError> {
 }
 
 /// Buses that are reopened when they are lost.
-struct Lost<'a> {
+struct LostBuses<'a> {
     link: Option<&'a BusName>,
     actuators: &'a [BusName],
     /// True if lost buses are reported. If controller and motors share a process, only one of them reports.
     says: bool,
 }
 
-impl Lost<'_> {
+impl LostBuses<'_> {
     fn name(&self, bus: Interface) -> Option<&BusName> {
         match bus {
             Interface::Link => self.link,
@@ -516,16 +516,16 @@ impl Lost<'_> {
         }
     }
 
-    fn say(&self, bus: Interface, what: &str) {
+    fn print_event(&self, bus: Interface, what: &str) {
         if let (true, Some(name)) = (self.says, self.name(bus)) {
-            output::say(format_args!("{name} {what}"));
+            output::print_line(format_args!("{name} {what}"));
         }
     }
 }
 
-impl Reopen for Lost<'_> {
+impl Reopen for LostBuses<'_> {
     fn lost(&mut self, bus: Interface, why: &LinkError) {
-        self.say(bus, &format!("is lost: {why}"));
+        self.print_event(bus, &format!("is lost: {why}"));
     }
 
     fn reopen(&mut self, bus: Interface) -> Option<Port> {
@@ -535,7 +535,7 @@ impl Reopen for Lost<'_> {
             Interface::Actuator(_) => open::actuators(name, ACTUATOR_DEPTH),
         };
         let port = port.ok()?;
-        self.say(bus, "is back");
+        self.print_event(bus, "is back");
         Some(port)
     }
 }
@@ -580,7 +580,7 @@ fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
     let open = |name| {
         let port = open::actuators(name, ACTUATOR_DEPTH).map_err(cannot_open)?;
         if let Some(complaint) = port.outlet.fault_and_remedy() {
-            output::say(format_args!("{name}: {complaint}"));
+            output::print_line(format_args!("{name}: {complaint}"));
         }
         Ok(port)
     };
@@ -607,6 +607,6 @@ impl StatusPrinter {
         let severity = state.severity(faults);
         let status =
             Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
-        output::say(format_args!("{at_s:9.3} s  {}", condition(&status, &self.actuators)));
+        output::print_line(format_args!("{at_s:9.3} s  {}", condition(&status, &self.actuators)));
     }
 }

@@ -11,7 +11,7 @@ use rollwalk_protocol::library::{ClipId, ClipInfo, Library, NodeId, RATE_HZ};
 use rollwalk_protocol::wire::{Parameter, State};
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{interrupt, output};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub struct Options<'a> {
 const REST_US: u64 = 2_000_000;
 
 /// Robot after the tour.
-pub struct Played {
+pub struct TourResult {
     /// Simulated robot, with the log of its buses and the records of its control periods.
     pub rig: Rig,
     /// Displacements on the ground.
@@ -57,7 +57,7 @@ pub struct Played {
 ///
 /// # Errors
 /// Returns an error if the controller refused the library or a setting.
-pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
+pub fn play(packed: &ValidatedLibrary, options: Options<'_>) -> miette::Result<TourResult> {
     let (robot, library) = (&packed.robot, &packed.library());
     let mut rig = Rig::new(robot).into_diagnostic()?;
     if let Some(ground) = options.ground {
@@ -74,19 +74,22 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     session.flash(bytes, |progress| bar.set_position(progress.done as u64)).into_diagnostic()?;
     bar.finish_and_clear();
     let flash_s = session.bus().now().as_s() - before.as_s();
-    output::say(format_args!("✓ flashed {} B over the bus, verified and activated", bytes.len()));
+    output::print_line(format_args!(
+        "✓ flashed {} B over the bus, verified and activated",
+        bytes.len()
+    ));
 
     if let Some(log) = &world_log {
         log.on_time(session.bus())?;
     }
     if !options.feed_forward {
         session.set_parameter(Parameter::FeedForward, 0, 0.0).into_diagnostic()?;
-        output::say("✓ set feed-forward to 0");
+        output::print_line("✓ set feed-forward to 0");
     }
     let mut played = vec![library.safe_node()];
     let stopped = walk(&mut session, library, options.cycles, &mut played).err();
     let names: Vec<String> = played.into_iter().map(|node| name(library, node)).collect();
-    output::say(format_args!("✓ played {}", names.join(" → ")));
+    output::print_line(format_args!("✓ played {}", names.join(" → ")));
     if stopped.is_some() {
         // A robot that falls comes to rest.
         session.run_for(REST_US).into_diagnostic()?;
@@ -95,7 +98,7 @@ pub fn play(packed: &Packed, options: Options<'_>) -> miette::Result<Played> {
     world_log.map_or(Ok(()), |log| log.end())?;
     let session_s = rig.now().as_s();
     let travels = rig.take_travels();
-    Ok(Played { rig, travels, tour: names, stopped, flash_s, session_s })
+    Ok(TourResult { rig, travels, tour: names, stopped, flash_s, session_s })
 }
 
 /// Arms, plays every transition, returns to SAFE and disarms. Appends the motions to `played`.
@@ -106,7 +109,7 @@ fn walk(
     played: &mut Vec<NodeId>,
 ) -> miette::Result<()> {
     session.arm().into_diagnostic()?;
-    output::say("✓ armed");
+    output::print_line("✓ armed");
     let safe = library.safe_node();
     let mut here = safe;
     let bar = ProgressBar::new_spinner();
@@ -121,7 +124,7 @@ fn walk(
         played.push(node);
     }
     if interrupt::requested() {
-        output::say("interrupted: returning to SAFE");
+        output::print_line("interrupted: returning to SAFE");
     }
     session.return_to_safe().into_diagnostic()?;
     bar.finish_and_clear();
@@ -129,7 +132,7 @@ fn walk(
         played.push(safe);
     }
     session.disarm().into_diagnostic()?;
-    output::say("✓ disarmed");
+    output::print_line("✓ disarmed");
     Ok(())
 }
 

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
     use crate::command_line;
 
-    fn said(word: &str) -> String {
+    fn error_text(word: &str) -> String {
         let error = command_line().try_get_matches_from(["rollwalk", word]).unwrap_err();
         explain(error).to_string()
     }
@@ -59,13 +59,13 @@ mod tests {
             for named in tip.split('`').filter_map(|part| part.strip_prefix("rollwalk ")) {
                 assert!(named.split(' ').next().is_some_and(is_command), "{named}");
             }
-            let said = said(word);
+            let said = error_text(word);
             assert!(said.contains(tip) && !said.contains("similar"), "{said}");
         }
     }
 
     #[test]
     fn slips_of_the_fingers_still_have_similar_commands() {
-        assert!(said("plann").contains("'plan'"));
+        assert!(error_text("plann").contains("'plan'"));
     }
 }

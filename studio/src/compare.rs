@@ -6,7 +6,7 @@
 
 use crate::documents::Documents;
 use crate::library::name_of;
-use crate::messages::Compared;
+use crate::messages::ClipComparison;
 use rollwalk_planner::library::frames;
 use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::Plan;
@@ -25,14 +25,14 @@ pub fn compared(
     motion: &str,
     library: &str,
     bytes: &[u8],
-) -> Compared {
+) -> ClipComparison {
     let name = name_of(documents, library, &plan.robot, motion);
     let name = name.unwrap_or_else(|| plan.motion.name.clone());
     let (clip, why) = match verdict(plan, &name, bytes) {
         Ok(clip) => (Some(clip), String::new()),
         Err(why) => (None, why),
     };
-    Compared { name, clip, why }
+    ClipComparison { name, clip, why }
 }
 
 /// Returns the clip that matches the plan.
@@ -55,7 +55,8 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
             "the duration of `{name}` in the library differs from that of the plan"
         ));
     }
-    let [joint_rad, wheel_rad_s] = apart(&library, node, &setpoints).ok_or_else(unreadable)?;
+    let [joint_rad, wheel_rad_s] =
+        largest_difference(&library, node, &setpoints).ok_or_else(unreadable)?;
     if joint_rad > SAME {
         return Err(format!(
             "a joint of `{name}` in the library differs by {joint_rad:.3} rad from the plan"
@@ -70,7 +71,11 @@ fn verdict(plan: &Plan, name: &str, bytes: &[u8]) -> Result<u8, String> {
 }
 
 /// Maximum difference between the frames of the library and of the plan: joints, rad, and driven wheels, rad/s.
-fn apart(library: &Library<'_>, node: NodeId, setpoints: &[Setpoints]) -> Option<[f64; 2]> {
+fn largest_difference(
+    library: &Library<'_>,
+    node: NodeId,
+    setpoints: &[Setpoints],
+) -> Option<[f64; 2]> {
     let mut cursor = ClipCursor::new(library, node.clip(), 0).ok()?;
     let mut worst = [0.0; 2];
     for frame in setpoints {

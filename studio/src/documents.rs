@@ -17,7 +17,7 @@ pub struct Documents<'f> {
 
 /// Text found for a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Found<'f> {
+pub struct DocumentText<'f> {
     pub path: &'f str,
     pub text: &'f str,
 }
@@ -28,8 +28,8 @@ pub struct Project<'f> {
     /// Solids of every link.
     pub parts: Vec<Vec<Solid>>,
     pub motion: Motion,
-    pub motion_file: Found<'f>,
-    pub robot_file: Found<'f>,
+    pub motion_file: DocumentText<'f>,
+    pub robot_file: DocumentText<'f>,
 }
 
 impl<'f> Documents<'f> {
@@ -50,10 +50,10 @@ impl<'f> Documents<'f> {
     pub fn project(&self, motion: &str) -> Result<Project<'f>, Answer> {
         let motion_file = self.find(motion).ok_or_else(|| missing("motion file", motion, ""))?;
         let robot_file = self.robot_of(motion_file)?;
-        let Found { path, text } = robot_file;
+        let DocumentText { path, text } = robot_file;
         let (robot, parts) =
             Robot::with_parts_from_toml(path, text).map_err(|error| faults(text, &error))?;
-        let Found { path, text } = motion_file;
+        let DocumentText { path, text } = motion_file;
         let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
         Ok(Project { robot, parts, motion, motion_file, robot_file })
     }
@@ -62,7 +62,7 @@ impl<'f> Documents<'f> {
     ///
     /// # Errors
     /// Returns the faults of the file.
-    pub fn robot(&self, Found { path, text }: Found<'f>) -> Result<Robot, Answer> {
+    pub fn robot(&self, DocumentText { path, text }: DocumentText<'f>) -> Result<Robot, Answer> {
         Robot::from_toml(path, text).map_err(|error| faults(text, &error))
     }
 
@@ -70,29 +70,32 @@ impl<'f> Documents<'f> {
     ///
     /// # Errors
     /// Returns the errors of [`project`](Self::project).
-    pub fn motion(&self, found: Found<'f>) -> Result<(Robot, Motion), Answer> {
+    pub fn motion(&self, found: DocumentText<'f>) -> Result<(Robot, Motion), Answer> {
         let robot = self.robot(self.robot_of(found)?)?;
-        let Found { path, text } = found;
+        let DocumentText { path, text } = found;
         let motion = Motion::from_toml(path, text, &robot).map_err(|error| faults(text, &error))?;
         Ok((robot, motion))
     }
 
     /// Robot file that a motion file names.
-    fn robot_of(&self, Found { path, text }: Found<'f>) -> Result<Found<'f>, Answer> {
+    fn robot_of(
+        &self,
+        DocumentText { path, text }: DocumentText<'f>,
+    ) -> Result<DocumentText<'f>, Answer> {
         let named = Motion::robot_path_in_toml(path, text).map_err(|error| faults(text, &error))?;
         self.beside(path, &named).ok_or_else(|| missing("robot file", &named, path))
     }
 
     /// Text of the file that the document at `from` names `named`.
-    pub fn beside(&self, from: &str, named: &str) -> Option<Found<'f>> {
+    pub fn beside(&self, from: &str, named: &str) -> Option<DocumentText<'f>> {
         let folder = from.rsplit_once('/').map_or("", |(folder, _)| folder);
         self.find(&joined(folder, named))
     }
 
     /// Text of the file for a path.
-    pub fn find(&self, path: &str) -> Option<Found<'f>> {
+    pub fn find(&self, path: &str) -> Option<DocumentText<'f>> {
         let path = joined("", path);
-        let of = |file: &'f File| Found { path: &file.path, text: &file.text };
+        let of = |file: &'f File| DocumentText { path: &file.path, text: &file.text };
         if let Some(file) = self.files.iter().find(|file| joined("", &file.path) == path) {
             return Some(of(file));
         }
@@ -101,7 +104,8 @@ impl<'f> Documents<'f> {
         if let (Some(file), None) = (same.next(), same.next()) {
             return Some(of(file));
         }
-        let shipped = rollwalk_shipped::FILES.iter().map(|&(path, text)| Found { path, text });
+        let shipped =
+            rollwalk_shipped::FILES.iter().map(|&(path, text)| DocumentText { path, text });
         if let Some(found) = shipped.clone().find(|found| found.path == path) {
             return Some(found);
         }

@@ -22,13 +22,13 @@ unsafe extern "C" {
 
 /// Buffer into which the page writes a request.
 #[derive(Default)]
-struct Room {
+struct RequestBuffer {
     bytes: Vec<u8>,
     json_len: usize,
 }
 
 thread_local! {
-    static ROOM: RefCell<Room> = RefCell::default();
+    static ROOM: RefCell<RequestBuffer> = RefCell::default();
     static SESSION: RefCell<Session> = RefCell::default();
 }
 
@@ -44,7 +44,7 @@ pub extern "C" fn reserve(json_len: usize, binary_len: usize) -> *mut u8 {
         }));
     });
     ROOM.with_borrow_mut(|room| {
-        *room = Room { bytes: vec![0; json_len + binary_len], json_len };
+        *room = RequestBuffer { bytes: vec![0; json_len + binary_len], json_len };
         room.bytes.as_mut_ptr()
     })
 }
@@ -52,7 +52,7 @@ pub extern "C" fn reserve(json_len: usize, binary_len: usize) -> *mut u8 {
 /// Answers the request in the buffer.
 #[unsafe(no_mangle)]
 pub extern "C" fn request() {
-    let Room { bytes, json_len } = ROOM.take();
+    let RequestBuffer { bytes, json_len } = ROOM.take();
     let (json, binary) = bytes.split_at(json_len);
     let json = String::from_utf8_lossy(json);
     SESSION.with_borrow_mut(|session| {

@@ -16,7 +16,7 @@ use rollwalk_robot::Robot;
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
 /// Valid documents before an edit.
-pub struct Known<'k> {
+pub struct ValidDocuments<'k> {
     pub robot: &'k Robot,
     /// Motion that is being edited.
     pub motion: &'k Motion,
@@ -30,7 +30,7 @@ pub struct Known<'k> {
 pub fn edited<'k>(
     text: &str,
     edit: &Edit,
-    known: impl FnOnce() -> Result<Known<'k>, Answer>,
+    known: impl FnOnce() -> Result<ValidDocuments<'k>, Answer>,
     parameters: impl FnOnce() -> Vec<sliders::Slider>,
 ) -> Result<String, Answer> {
     if let Edit::Parameter { name, value } = edit {

@@ -1,28 +1,28 @@
 //! Gallery entries of the shipped files.
 
-use crate::messages::{Listed, Of};
+use crate::messages::{ShippedFile, ShippedKind};
 use toml_edit::Document;
 
 /// Returns all shipped robots, motions, libraries and designs.
-pub fn listed() -> Vec<Listed> {
+pub fn listed() -> Vec<ShippedFile> {
     rollwalk_shipped::FILES.iter().filter_map(|&(path, text)| entry(path, text)).collect()
 }
 
-fn entry(path: &'static str, text: &str) -> Option<Listed> {
+fn entry(path: &'static str, text: &str) -> Option<ShippedFile> {
     let of = match path.split('/').next()? {
-        "robots" => Of::Robot,
-        "motions" if path.ends_with("_library.toml") => Of::Library,
-        "motions" => Of::Motion,
+        "robots" => ShippedKind::Robot,
+        "motions" if path.ends_with("_library.toml") => ShippedKind::Library,
+        "motions" => ShippedKind::Motion,
         // Sweeps are for the command line.
         "designs" if path.ends_with("_sweep.toml") => return None,
-        "designs" => Of::Design,
+        "designs" => ShippedKind::Design,
         _ => return None,
     };
     let document = Document::parse(text).ok()?;
     let string = |key: &str| Some(document.get(key)?.as_str()?.to_owned());
     let stem = path.rsplit('/').next()?.trim_end_matches(".toml");
     let name = string("name").unwrap_or_else(|| stem.to_owned());
-    Some(Listed { path, of, name, title: title(text), robot: string("robot") })
+    Some(ShippedFile { path, of, name, title: title(text), robot: string("robot") })
 }
 
 /// First comment of a file, without its notes on format and sources.
@@ -43,7 +43,12 @@ mod tests {
         let listed = listed();
         for example in &listed {
             assert!(!example.title.is_empty(), "{} has no title", example.path);
-            assert_eq!(example.robot.is_none(), example.of == Of::Robot, "{}", example.path);
+            assert_eq!(
+                example.robot.is_none(),
+                example.of == ShippedKind::Robot,
+                "{}",
+                example.path
+            );
         }
         let walk = listed.iter().find(|example| example.path == "motions/walk.toml").unwrap();
         let title =

@@ -1,7 +1,7 @@
 //! Motion graph in the text of a library file. Motions and transitions are read without validation, and faults are listed
 //! separately, so that a user can edit a graph that is not valid.
 
-use crate::documents::{Documents, Found, missing};
+use crate::documents::{DocumentText, Documents, missing};
 use crate::library;
 use crate::messages::{Answer, Fault, File, Graph, GraphMotion, GraphOther, GraphTransition};
 use rollwalk_planner::library_file::count_of_steps;
@@ -21,7 +21,7 @@ const ENDING: &str = "_library.toml";
 /// # Errors
 /// Returns an error if the file is missing.
 pub fn graph(documents: &Documents<'_>, path: &str) -> Result<Graph, Answer> {
-    let Found { path, text } =
+    let DocumentText { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;
     // What is missing is a fault of the file that names it, at its beginning.
     let faults = match library::faults_of(documents, path) {

@@ -1,7 +1,7 @@
 //! First motions of robots, and robots imported from a URDF as by `rollwalk robot import`, as documents of a project.
 
 use crate::documents::{self, Documents, missing};
-use crate::messages::{Answer, Done, File};
+use crate::messages::{Answer, File, RequestResult};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;
@@ -22,7 +22,7 @@ const TRIED: usize = 100;
 ///
 /// # Errors
 /// Returns the faults of the URDF or of the side file.
-pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
+pub fn import(urdf: &File, side: Option<&File>) -> Result<RequestResult, Answer> {
     let stem = urdf.path.rsplit('/').next().unwrap_or_default();
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
     let mut remarks = Vec::new();
@@ -50,7 +50,11 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
     let motion = motion_file.path.clone();
     let fresh: Vec<_> = warnings.into_iter().filter(|one| !remarks.contains(one)).collect();
     remarks.extend(fresh);
-    Ok(Done::Imported { files: vec![motion_file, robot_file, side], motion, warnings: remarks })
+    Ok(RequestResult::Imported {
+        files: vec![motion_file, robot_file, side],
+        motion,
+        warnings: remarks,
+    })
 }
 
 /// Creates a first motion for a robot file, as a document in its folder. A robot file with faults gets a standing motion;
@@ -58,7 +62,7 @@ pub fn import(urdf: &File, side: Option<&File>) -> Result<Done, Answer> {
 ///
 /// # Errors
 /// Returns an error if the robot file is not open.
-pub fn begun(documents: &Documents<'_>, path: &str) -> Result<Done, Answer> {
+pub fn begun(documents: &Documents<'_>, path: &str) -> Result<RequestResult, Answer> {
     let found = documents.find(path).ok_or_else(|| missing("robot file", path, ""))?;
     let (folder, name) = found.path.rsplit_once('/').unwrap_or(("", found.path));
     let stem = name.trim_end_matches(".toml");
@@ -69,7 +73,7 @@ pub fn begun(documents: &Documents<'_>, path: &str) -> Result<Done, Answer> {
     if !folder.is_empty() {
         file.path = format!("{folder}/{}", file.path);
     }
-    Ok(Done::Begun { file })
+    Ok(RequestResult::Begun { file })
 }
 
 fn text_of(file: &File) -> Text<'_> {

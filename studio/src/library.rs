@@ -1,7 +1,7 @@
 //! Motion libraries: plans the documents of a library one after the other, and packs them to an `.rwl`.
 
-use crate::documents::{Documents, Found, faults, missing};
-use crate::messages::{Answer, Done, Edge, Fault, Node};
+use crate::documents::{DocumentText, Documents, faults, missing};
+use crate::messages::{Answer, Edge, Fault, Node, RequestResult};
 use miette::Diagnostic;
 use rollwalk_planner::building::{
     Contents, LibraryFiles, LibraryMismatch, Missing, Solver, TransitionPlan,
@@ -24,10 +24,10 @@ pub fn build(
     documents: &Documents<'_>,
     path: &str,
     progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-) -> Result<(Done, Vec<u8>), Answer> {
+) -> Result<(RequestResult, Vec<u8>), Answer> {
     let contents = read(documents, path)?;
     let (wanted, Contents { file, motions, .. }) = (contents.request(), &contents);
-    let mut solver = Watched { progress };
+    let mut solver = ProgressSolver { progress };
     let stopped = || error("stopped", "build the library again");
     let nodes = wanted.motions(&mut solver).ok_or_else(stopped)?;
     let joined = wanted.transitions(&nodes, &mut solver);
@@ -61,7 +61,7 @@ pub fn build(
         frames: frames(nodes.len() + index),
         status: of.plan.solve.status,
     };
-    let done = Done::Library {
+    let done = RequestResult::Library {
         nodes: file.motions.iter().enumerate().map(node).collect(),
         edges: joined.iter().enumerate().map(edge).collect(),
         safe: file.safe,
@@ -81,7 +81,7 @@ pub fn name_of(
     robot: &Robot,
     motion: &str,
 ) -> Option<String> {
-    let Found { path, text } = documents.find(library)?;
+    let DocumentText { path, text } = documents.find(library)?;
     let file = LibraryFile::from_toml(path, text, robot).ok()?;
     let meant = documents.find(motion)?.path;
     let is_meant = |source: &MotionSource| {
@@ -102,26 +102,26 @@ pub fn faults_of(documents: &Documents<'_>, path: &str) -> Result<Vec<Fault>, An
 
 /// Reads a library file and the files that it names.
 fn read(documents: &Documents<'_>, path: &str) -> Result<Contents, Answer> {
-    let Found { path, text } =
+    let DocumentText { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;
-    Contents::read(path, text, &mut Beside { documents, path, text })
+    Contents::read(path, text, &mut ProjectFiles { documents, path, text })
 }
 
 /// Reader of the documents that a library file names.
-struct Beside<'d> {
+struct ProjectFiles<'d> {
     documents: &'d Documents<'d>,
     path: &'d str,
     text: &'d str,
 }
 
-impl<'d> Beside<'d> {
-    fn find(&self, kind: &str, named: &str) -> Result<Found<'d>, Answer> {
+impl<'d> ProjectFiles<'d> {
+    fn find(&self, kind: &str, named: &str) -> Result<DocumentText<'d>, Answer> {
         let found = self.documents.beside(self.path, named);
         found.ok_or_else(|| missing(kind, named, self.path))
     }
 }
 
-impl LibraryFiles for Beside<'_> {
+impl LibraryFiles for ProjectFiles<'_> {
     type Error = Answer;
 
     fn robot(&mut self, named: &str) -> Result<(Robot, String), Answer> {
@@ -157,11 +157,11 @@ fn error(message: impl Into<String>, help: &str) -> Answer {
 }
 
 /// Solver on one thread, with progress.
-struct Watched<'p> {
+struct ProgressSolver<'p> {
     progress: &'p mut dyn FnMut(&Answer) -> ControlFlow<()>,
 }
 
-impl Watched<'_> {
+impl ProgressSolver<'_> {
     /// Solves the motion called `what`; returns `None` if the solve was stopped.
     fn watch<T>(
         &mut self,
@@ -178,7 +178,7 @@ impl Watched<'_> {
     }
 }
 
-impl Solver for Watched<'_> {
+impl Solver for ProgressSolver<'_> {
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
         self.watch(&motion.name, |progress| optimise(robot, motion, options, progress))
     }

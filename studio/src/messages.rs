@@ -11,11 +11,11 @@ mod scene;
 mod slopes;
 
 pub use edit::Edit;
-pub use library::{Compared, Edge, Graph, GraphMotion, GraphOther, GraphTransition, Node};
+pub use library::{ClipComparison, Edge, Graph, GraphMotion, GraphOther, GraphTransition, Node};
 pub use motion::{Goal, Height, MotionView, Target};
 pub use plan::{Columns, Culprit, Fix, FramesHeader, Period, Solve};
 pub use scene::{Body, EndEffector, Form, Joint, Parameter, Role, Scene, Shape};
-pub use slopes::{Slope, SlopesOf};
+pub use slopes::{QuantitySlopes, Slope};
 
 use robot::RobotView;
 use rollwalk_planner::Progress;
@@ -27,18 +27,18 @@ pub struct Request {
     /// Number of the request, repeated in its answers.
     pub seq: u64,
     #[serde(flatten)]
-    pub wanted: Wanted,
+    pub wanted: RequestKind,
 }
 
 /// Request of a page.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Wanted {
+pub enum RequestKind {
     /// Requests names and titles of the shipped files.
     Examples,
     /// Requests the text of a shipped file.
     Example {
-        /// Path, as in [`Listed::path`].
+        /// Path, as in [`ShippedFile::path`].
         path: String,
     },
     /// Creates documents from a URDF.
@@ -75,7 +75,7 @@ pub enum Wanted {
         /// Path of the motion file in `files`.
         motion: String,
         /// Starting point of the solve.
-        from: From,
+        from: SolveOrigin,
         /// Maximum number of iterations of a drag step; `None` plans in full.
         iterations: Option<usize>,
         /// Rate of the frames, Hz.
@@ -136,7 +136,7 @@ pub enum Wanted {
         now_us: u64,
         /// Request to the robot.
         #[serde(flatten)]
-        wanted: robot::Wanted,
+        wanted: robot::RobotRequest,
     },
 }
 
@@ -151,7 +151,7 @@ pub enum TableForm {
 /// Starting point of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum From {
+pub enum SolveOrigin {
     /// Starts that the planner creates itself.
     Scratch,
     /// Starts that the planner creates itself; if none leads to a plan, the most recent good plan.
@@ -169,7 +169,7 @@ pub struct File {
 
 /// Answer with the number of its request.
 #[derive(Clone, Debug, Serialize)]
-pub struct Told<'a> {
+pub struct NumberedAnswer<'a> {
     /// Number of the request.
     pub seq: u64,
     pub binary: bool,
@@ -193,7 +193,7 @@ pub enum Answer {
         #[serde(skip_serializing_if = "Option::is_none")]
         refused: Option<Box<Solve>>,
     },
-    Done(Box<Done>),
+    Done(Box<RequestResult>),
     /// Faults of the documents; the request had no other effect.
     Faults {
         /// Faults, in the order of the documents' texts.
@@ -210,9 +210,9 @@ pub enum Answer {
 /// Result of a request.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
-pub enum Done {
+pub enum RequestResult {
     /// Result of `examples`.
-    Examples { examples: Vec<Listed> },
+    Examples { examples: Vec<ShippedFile> },
     /// Result of `example`, `plan_json`, `export` and `animation`.
     Text { text: String },
     /// Result of `import`.
@@ -230,7 +230,7 @@ pub enum Done {
         file: File,
     },
     /// Result of `open`.
-    Opened(Box<Opened>),
+    Opened(Box<OpenedDocuments>),
     /// Result of `amend`.
     Amended {
         /// Text after the edit.
@@ -246,7 +246,7 @@ pub enum Done {
     /// Result of `plan`; the bytes of the answer are the frames.
     Planned {
         #[serde(flatten)]
-        opened: Box<Opened>,
+        opened: Box<OpenedDocuments>,
         /// Outcome of the solve.
         solve: Solve,
         /// Layout of the frames.
@@ -269,7 +269,7 @@ pub enum Done {
     /// Result of `slopes`.
     Slopes {
         /// Quantities of design files that are defined for the motion.
-        quantities: Vec<SlopesOf>,
+        quantities: Vec<QuantitySlopes>,
     },
     /// Result of `graph`.
     Graph(Graph),
@@ -292,7 +292,7 @@ pub enum Done {
         failures: Vec<String>,
     },
     /// Result of `compare`.
-    Compared(Compared),
+    Compared(ClipComparison),
     /// Result of `solution` and `resume`.
     Kept {},
 }
@@ -311,10 +311,10 @@ impl Answer {
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Listed {
+pub struct ShippedFile {
     /// Path of the file in the checkout.
     pub path: &'static str,
-    pub of: Of,
+    pub of: ShippedKind,
     pub name: String,
     /// Title from the first lines of the file.
     pub title: String,
@@ -325,7 +325,7 @@ pub struct Listed {
 /// Kind of a shipped file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Of {
+pub enum ShippedKind {
     Robot,
     Motion,
     Library,
@@ -352,7 +352,7 @@ pub struct Fault {
 
 /// Documents that were read.
 #[derive(Clone, Debug, Serialize)]
-pub struct Opened {
+pub struct OpenedDocuments {
     pub scene: Scene,
     pub motion: MotionView,
     /// Paths of the documents that were read: motion, robot.

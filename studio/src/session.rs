@@ -4,9 +4,12 @@
 //! is not used as a start, with one exception: a drag step starts from the previous step if that meets its constraints.
 //! Otherwise the drag would move too far from the most recent good plan.
 
-use crate::documents::{self, Documents, Found, Project};
-use crate::edit::{self, Known};
-use crate::messages::{Answer, Done, Edit, File, From, Opened, Request, TableForm, Told, Wanted};
+use crate::documents::{self, DocumentText, Documents, Project};
+use crate::edit::{self, ValidDocuments};
+use crate::messages::{
+    Answer, Edit, File, NumberedAnswer, OpenedDocuments, Request, RequestKind, RequestResult,
+    SolveOrigin, TableForm,
+};
 use crate::robot::{self, Connection};
 use crate::{
     compare, examples, frames, graph, import, library, motion_view, outcome, scene, sliders, slopes,
@@ -23,14 +26,14 @@ use std::cell::LazyCell;
 use std::ops::ControlFlow;
 
 /// Receiver of answers: JSON and bytes; most answers have no bytes. Breaking stops the solve.
-pub type Tell<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
+pub type AnswerSink<'t> = dyn FnMut(&str, &[u8]) -> ControlFlow<()> + 't;
 
 /// Observer of iterations. It also receives the plan of the first start, once, if that start fails. Breaking stops the solve.
-type Watch<'w> = dyn FnMut(&Progress, Option<&Plan>) -> ControlFlow<()> + 'w;
+type IterationCallback<'w> = dyn FnMut(&Progress, Option<&Plan>) -> ControlFlow<()> + 'w;
 
 /// Request of which only the number could be read.
 #[derive(Deserialize)]
-struct Numbered {
+struct RequestNumber {
     seq: u64,
 }
 
@@ -62,25 +65,26 @@ impl Session {
     }
 
     /// Answers a request. `binary` contains the bytes of the request.
-    pub fn request(&mut self, json: &str, binary: &[u8], tell: &mut Tell<'_>) {
+    pub fn request(&mut self, json: &str, binary: &[u8], tell: &mut AnswerSink<'_>) {
         let request: Request = match serde_json::from_str(json) {
             Ok(request) => request,
             Err(why) => {
                 // The answer goes to the request's number, if at least that is readable.
-                let seq = serde_json::from_str(json).map_or(0, |Numbered { seq }| seq);
+                let seq = serde_json::from_str(json).map_or(0, |RequestNumber { seq }| seq);
                 let help = "send a request of studio/src/messages.rs";
-                let _ = say(tell, seq, &error(format!("not a request: {why}"), help), &[]);
+                let _ = send_answer(tell, seq, &error(format!("not a request: {why}"), help), &[]);
                 return;
             }
         };
         let seq = request.seq;
-        let answered = self.answer(request, binary, &mut |answer| say(tell, seq, answer, &[]));
+        let answered =
+            self.answer(request, binary, &mut |answer| send_answer(tell, seq, answer, &[]));
         let (answer, bytes) = match answered {
             Ok((done, bytes)) => (Answer::Done(Box::new(done)), bytes),
             Err(answer) => (answer, Vec::new()),
         };
         // Nothing is left to be broken off.
-        let _ = say(tell, seq, &answer, &bytes);
+        let _ = send_answer(tell, seq, &answer, &bytes);
     }
 
     fn answer(
@@ -88,39 +92,39 @@ impl Session {
         request: Request,
         binary: &[u8],
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-    ) -> Result<(Done, Vec<u8>), Answer> {
+    ) -> Result<(RequestResult, Vec<u8>), Answer> {
         let done = match request.wanted {
-            Wanted::Examples => Done::Examples { examples: examples::listed() },
-            Wanted::Example { path } => {
+            RequestKind::Examples => RequestResult::Examples { examples: examples::listed() },
+            RequestKind::Example { path } => {
                 let text = rollwalk_shipped::text(&path).ok_or_else(|| {
                     let message = format!("no file `{path}` ships with rollwalk");
                     error(message, "list the shipped files with `examples`")
                 })?;
-                Done::Text { text: text.to_owned() }
+                RequestResult::Text { text: text.to_owned() }
             }
-            Wanted::Import { urdf, side } => import::import(&urdf, side.as_ref())?,
-            Wanted::Begin { files, robot } => import::begun(&Documents::new(&files), &robot)?,
-            Wanted::Open { files, motion } => {
+            RequestKind::Import { urdf, side } => import::import(&urdf, side.as_ref())?,
+            RequestKind::Begin { files, robot } => import::begun(&Documents::new(&files), &robot)?,
+            RequestKind::Open { files, motion } => {
                 let documents = Documents::new(&files);
-                Done::Opened(opened(&documents, &documents.project(&motion)?))
+                RequestResult::Opened(opened(&documents, &documents.project(&motion)?))
             }
-            Wanted::Amend { files, motion, path, edit } => {
+            RequestKind::Amend { files, motion, path, edit } => {
                 amend(&Documents::new(&files), &motion, &path, &edit)?
             }
-            Wanted::Plan { files, motion, from, iterations, frames_hz } => {
-                if from == From::Plan {
+            RequestKind::Plan { files, motion, from, iterations, frames_hz } => {
+                if from == SolveOrigin::Plan {
                     return self.plan_near(&files, &motion, binary, frames_hz, progress);
                 }
                 return self.plan(&files, &motion, from, iterations, frames_hz, progress);
             }
-            Wanted::Report => {
+            RequestKind::Report => {
                 let plan = self.shown()?;
                 let report = Report::new(plan);
                 let (words, consistent) = (report.words(&plan.solve), report.judgement.is_good());
-                Done::Reported { words, consistent, report }
+                RequestResult::Reported { words, consistent, report }
             }
-            Wanted::PlanJson => Done::Text { text: self.shown()?.to_json() },
-            Wanted::Export { what, rate_hz } => {
+            RequestKind::PlanJson => RequestResult::Text { text: self.shown()?.to_json() },
+            RequestKind::Export { what, rate_hz } => {
                 let rate = Rate::new(rate_hz).map_err(|why| {
                     error(
                         why.to_string(),
@@ -133,13 +137,13 @@ impl Session {
                     TableForm::Csv => table.to_csv(),
                     TableForm::Json => table.to_json(),
                 };
-                Done::Text { text }
+                RequestResult::Text { text }
             }
-            Wanted::Animation => {
+            RequestKind::Animation => {
                 let extras = AnimationParts { forces: true, footfalls: true };
-                Done::Text { text: animation(self.shown()?, extras) }
+                RequestResult::Text { text: animation(self.shown()?, extras) }
             }
-            Wanted::Solution => {
+            RequestKind::Solution => {
                 let good = self.good.as_ref();
                 let good = good.ok_or_else(|| {
                     error(
@@ -148,36 +152,38 @@ impl Session {
                     first",
                     )
                 })?;
-                return Ok((Done::Kept {}, good.to_json().into_bytes()));
+                return Ok((RequestResult::Kept {}, good.to_json().into_bytes()));
             }
-            Wanted::Resume => {
-                (self.good, self.drag) = (Some(kept(binary)?), None);
-                Done::Kept {}
+            RequestKind::Resume => {
+                (self.good, self.drag) = (Some(parse_solution(binary)?), None);
+                RequestResult::Kept {}
             }
-            Wanted::Slopes { files, motion } => {
+            RequestKind::Slopes { files, motion } => {
                 let documents = Documents::new(&files);
                 let project = documents.project(&motion)?;
-                let solution = kept(binary)?;
+                let solution = parse_solution(binary)?;
                 let quantities = slopes::slopes(&documents, &project, &solution, progress)?;
-                Done::Slopes { quantities }
+                RequestResult::Slopes { quantities }
             }
-            Wanted::Graph { files, library } => {
-                Done::Graph(graph::graph(&Documents::new(&files), &library)?)
+            RequestKind::Graph { files, library } => {
+                RequestResult::Graph(graph::graph(&Documents::new(&files), &library)?)
             }
-            Wanted::NewLibrary { files, motion } => {
-                Done::NewLibrary { files: graph::begun(&Documents::new(&files), &motion)? }
+            RequestKind::NewLibrary { files, motion } => {
+                RequestResult::NewLibrary { files: graph::begun(&Documents::new(&files), &motion)? }
             }
-            Wanted::Library { files, library } => {
+            RequestKind::Library { files, library } => {
                 return library::build(&Documents::new(&files), &library, progress);
             }
-            Wanted::Compare { files, motion, library } => {
+            RequestKind::Compare { files, motion, library } => {
                 let (documents, plan) = (Documents::new(&files), self.shown()?);
-                Done::Compared(compare::compared(&documents, plan, &motion, &library, binary))
+                RequestResult::Compared(compare::compared(
+                    &documents, plan, &motion, &library, binary,
+                ))
             }
-            Wanted::Robot { now_us, wanted } => {
+            RequestKind::Robot { now_us, wanted } => {
                 let (view, bytes) =
                     robot::request(&mut self.connection, self.names, now_us, wanted, binary)?;
-                return Ok((Done::Robot { view }, bytes));
+                return Ok((RequestResult::Robot { view }, bytes));
             }
         };
         Ok((done, Vec::new()))
@@ -192,15 +198,15 @@ impl Session {
         &mut self,
         files: &[File],
         motion: &str,
-        from: From,
+        from: SolveOrigin,
         iterations: Option<usize>,
         frames_hz: f64,
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-    ) -> Result<(Done, Vec<u8>), Answer> {
+    ) -> Result<(RequestResult, Vec<u8>), Answer> {
         check_rate(frames_hz)?;
         let documents = Documents::new(files);
         let project = documents.project(motion)?;
-        if from == From::Scratch {
+        if from == SolveOrigin::Scratch {
             (self.good, self.drag) = (None, None);
         }
         let mut watch = |state: &Progress, refused: Option<&Plan>| {
@@ -223,7 +229,7 @@ impl Session {
         plan: &[u8],
         frames_hz: f64,
         progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-    ) -> Result<(Done, Vec<u8>), Answer> {
+    ) -> Result<(RequestResult, Vec<u8>), Answer> {
         check_rate(frames_hz)?;
         let documents = Documents::new(files);
         let project = documents.project(motion)?;
@@ -245,7 +251,7 @@ impl Session {
         solution: Solution,
         in_full: bool,
         frames_hz: f64,
-    ) -> (Done, Vec<u8>) {
+    ) -> (RequestResult, Vec<u8>) {
         let status = solution.plan.solve.status;
         let good = in_full && status.is_solved();
         let plan = solution.plan.clone();
@@ -253,7 +259,7 @@ impl Session {
             (self.good, self.drag) = (Some(solution), None);
         }
         let (frames, bytes) = frames::frames(&plan, frames_hz);
-        let planned = Done::Planned {
+        let planned = RequestResult::Planned {
             opened: opened(documents, project),
             solve: outcome::solve(&plan, project, in_full),
             frames,
@@ -273,7 +279,7 @@ impl Session {
         robot: &Robot,
         motion: &Motion,
         iterations: Option<usize>,
-        watch: &mut Watch<'_>,
+        watch: &mut IterationCallback<'_>,
     ) -> Solution {
         let progress = &mut |state: &Progress| watch(state, None);
         if let Some(iterations) = iterations
@@ -315,12 +321,17 @@ impl Session {
 }
 
 /// Returns the text of a document after an edit. A change of footfalls that causes faults is refused.
-fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Result<Done, Answer> {
+fn amend(
+    documents: &Documents<'_>,
+    motion: &str,
+    path: &str,
+    edit: &Edit,
+) -> Result<RequestResult, Answer> {
     let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
     // Of a drag of a number, which has neither, every step comes through here.
     let before = LazyCell::new(|| documents.project(motion));
     let known = || match &*before {
-        Ok(Project { robot, motion, .. }) => Ok(Known { robot, motion }),
+        Ok(Project { robot, motion, .. }) => Ok(ValidDocuments { robot, motion }),
         Err(answer) => Err(answer.clone()),
     };
     let sliders = || sliders::sliders(documents, found.path, found.text);
@@ -337,11 +348,11 @@ fn amend(documents: &Documents<'_>, motion: &str, path: &str, edit: &Edit) -> Re
     if of_footfalls && !faults.is_empty() && before.is_ok() {
         return Err(Answer::Faults { faults });
     }
-    Ok(Done::Amended { text, faults })
+    Ok(RequestResult::Amended { text, faults })
 }
 
 /// Parses the bytes of `solution`.
-fn kept(binary: &[u8]) -> Result<Solution, Answer> {
+fn parse_solution(binary: &[u8]) -> Result<Solution, Answer> {
     let solution = Solution::from_json("the solution", &String::from_utf8_lossy(binary));
     solution.map_err(|why| error(why.to_string(), "plan the motion from scratch"))
 }
@@ -359,18 +370,23 @@ fn error(message: impl Into<String>, help: impl Into<String>) -> Answer {
     Answer::Error { message: message.into(), help: help.into() }
 }
 
-fn opened(documents: &Documents<'_>, project: &Project<'_>) -> Box<Opened> {
-    let Found { path, text } = project.robot_file;
+fn opened(documents: &Documents<'_>, project: &Project<'_>) -> Box<OpenedDocuments> {
+    let DocumentText { path, text } = project.robot_file;
     let sliders = sliders::sliders(documents, path, text).into_iter().map(|slider| slider.shown);
-    Box::new(Opened {
+    Box::new(OpenedDocuments {
         scene: scene::scene(&project.robot, &project.parts, sliders.collect()),
         motion: motion_view::view(&project.motion, &project.robot),
         read: [project.motion_file, project.robot_file].map(|file| file.path.to_owned()),
     })
 }
 
-fn say(tell: &mut Tell<'_>, seq: u64, answer: &Answer, bytes: &[u8]) -> ControlFlow<()> {
-    let told = Told { seq, binary: !bytes.is_empty(), answer };
+fn send_answer(
+    tell: &mut AnswerSink<'_>,
+    seq: u64,
+    answer: &Answer,
+    bytes: &[u8],
+) -> ControlFlow<()> {
+    let told = NumberedAnswer { seq, binary: !bytes.is_empty(), answer };
     // Only maps with keys that are no strings can fail to become JSON; answers have none.
     tell(&serde_json::to_string(&told).unwrap_or_default(), bytes)
 }

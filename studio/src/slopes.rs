@@ -1,8 +1,8 @@
 //! Effect of each slider on a plan: derivatives of all quantities of design files with respect to all parameters of the robot,
 //! with the motion replanned (thesis 2.5.1).
 
-use crate::documents::{Documents, Found, Project, faults};
-use crate::messages::{Answer, Slope, SlopesOf};
+use crate::documents::{DocumentText, Documents, Project, faults};
+use crate::messages::{Answer, QuantitySlopes, Slope};
 use crate::sliders::{Slider, sliders};
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::Parameter;
@@ -21,9 +21,11 @@ pub fn slopes(
     project: &Project<'_>,
     solution: &Solution,
     progress: &mut dyn FnMut(&Answer) -> ControlFlow<()>,
-) -> Result<Vec<SlopesOf>, Answer> {
-    let named =
-        |Found { path, text }: Found<'_>| NamedText { name: path.into(), text: text.into() };
+) -> Result<Vec<QuantitySlopes>, Answer> {
+    let named = |DocumentText { path, text }: DocumentText<'_>| NamedText {
+        name: path.into(),
+        text: text.into(),
+    };
     let robot = project.robot_file;
     let parameters =
         sliders(documents, robot.path, robot.text).into_iter().map(parameter).collect();
@@ -59,7 +61,7 @@ pub fn slopes(
             Slope { name, step, by_step: slope * step }
         };
         let slopes = known.iter().zip(slopes).map(slope).collect();
-        SlopesOf { name: of.name, unit: of.unit, value, little: of.little, slopes }
+        QuantitySlopes { name: of.name, unit: of.unit, value, little: of.little, slopes }
     };
     let found = found.map_err(|why| answer(&why.into()))?;
     // Sliders show slopes without a word.

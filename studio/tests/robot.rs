@@ -68,7 +68,7 @@ impl Page {
     }
 }
 
-fn says(view: &Value, text: &str) -> bool {
+fn contains_message(view: &Value, text: &str) -> bool {
     let messages = view["messages"].as_array().expect("messages");
     messages.iter().any(|message| message["text"].as_str().is_some_and(|said| said.contains(text)))
 }
@@ -81,7 +81,8 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     let robot = rollwalk_robot::Robot::from_toml(ROBOT, robot).expect("it is valid");
     let library = one_leg::library_for(&robot.controller_config().expect("a configuration"));
     assert_eq!(page.ask(json!({ "robot": "flash" }), &library)["kind"], "done");
-    let view = page.until("the library", |view| says(view, "uses the transferred library"));
+    let view =
+        page.until("the library", |view| contains_message(view, "uses the transferred library"));
     let motions = view["motions"].as_array().expect("motions");
     assert!(motions.len() > 1 && motions.iter().all(|motion| motion["name"].is_string()));
     assert!(!view["torque"].as_bool().expect("a flag"), "nothing was armed");
@@ -93,7 +94,7 @@ fn a_robot_in_the_page_is_flashed_armed_played_and_stopped() {
     assert_eq!(view["poses"][0].as_array().map(Vec::len), Some(7));
     page.request(json!({ "intent": "estop" }));
     let view = page.until("the stop", |view| view["torque"] == false);
-    assert!(says(&view, "EMERGENCY STOP"));
+    assert!(contains_message(&view, "EMERGENCY STOP"));
     assert_eq!(page.ask(json!({ "robot": "leave" }), &[])["view"], Value::Null);
     assert_eq!(page.ask(json!({ "robot": "tick", "attended": true }), &[])["kind"], "error");
 }
@@ -137,7 +138,7 @@ impl Page {
         let robot = rollwalk_robot::Robot::from_toml(ROBOT, robot).expect("it is valid");
         let library = one_leg::library_for(&robot.controller_config().expect("a configuration"));
         page.ask(json!({ "robot": "flash" }), &library);
-        page.until("the library", |view| says(view, "uses the transferred library"));
+        page.until("the library", |view| contains_message(view, "uses the transferred library"));
         page
     }
 }
@@ -149,7 +150,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     let mut page = Page::flashed(true);
     let tick = |gamepad: Value| json!({ "robot": "tick", "attended": true, "gamepad": [gamepad] });
     let view = page.request(json!({ "intent": "arm" }));
-    assert!(says(&view, "hold the deadman"), "the page's own button is barred, too");
+    assert!(contains_message(&view, "hold the deadman"), "the page's own button is barred, too");
     assert!(view["gamepad"].as_str().is_some_and(|words| words.contains("press a button")));
     page.pass(0.1, &tick(pad(&[])));
     page.pass(1.5, &tick(pad(&[START])));
@@ -171,7 +172,7 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     assert_eq!(view["state"], "paused");
     // A tap on the emergency stop within one tick.
     let tap = json!({ "robot": "tick", "attended": true, "gamepad": [pad(&[1]), pad(&[])] });
-    assert!(says(&page.pass(0.02, &tap), "EMERGENCY STOP"));
+    assert!(contains_message(&page.pass(0.02, &tap), "EMERGENCY STOP"));
 }
 
 #[test]
@@ -184,7 +185,10 @@ fn without_anybody_at_the_page_the_robot_returns_to_safe() {
     assert_eq!(view["torque"], true);
     let view = page.pass(4.0, &nobody);
     assert_eq!(view["torque"], false, "{view}");
-    assert!(says(&view, "the controls do not respond") && says(&view, "heartbeat lost"));
+    assert!(
+        contains_message(&view, "the controls do not respond")
+            && contains_message(&view, "heartbeat lost")
+    );
 }
 
 #[test]

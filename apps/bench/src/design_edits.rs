@@ -1,7 +1,7 @@
 //! Benchmark of editing a robot against planning from scratch: edits, exact derivatives, and plans predicted from them.
 
 use crate::measure::{self, median};
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::motion::{Ends, Motion};
@@ -47,7 +47,7 @@ struct Row {
     solved: bool,
 }
 
-pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
+pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
     let files: Vec<String> = crate::motions().collect::<BTreeSet<_>>().into_iter().collect();
     let mut rows: Vec<Row> = Vec::new();
     for file in only.choose(&files, |file| file)? {
@@ -56,7 +56,7 @@ pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
         if motion.ends == Ends::Prescribed || !has_links {
             continue;
         }
-        output::say(&motion.name);
+        output::print_line(&motion.name);
         rows.extend(measured(&robot, &motion));
         if interrupt::requested() {
             return Ok(None);

@@ -1,7 +1,7 @@
 //! `rollwalk bench fault-campaign`: faults on the simulated buses, in thousands of runs checked against safety rules.
 
 use crate::campaign::scenario::Scenario;
-use crate::campaign::{self as campaign, Case, Outcome, Report, Subject, table};
+use crate::campaign::{self as campaign, Case, Reaction, RunReport, Subject, table};
 use crate::inputs::{self, PlannedLibrary};
 use crate::split::{self, Split};
 use crate::{Block, Findings, Verdict};
@@ -29,7 +29,7 @@ const SEEDS_OF_UNIT: u64 = 10;
 
 /// Support of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum On {
+enum Support {
     /// Single leg on a stand: fast, and checks every rule of the buses.
     Stand,
     /// AgileBot on the ground, level or sloping by up to 3 degrees: also reports the motion of the robot.
@@ -46,8 +46,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", value_parser = scenario)]
     scenario: Vec<Scenario>,
     /// Support of the robot.
-    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = On::Stand)]
-    on: On,
+    #[arg(long, value_name = "SUPPORT", value_enum, default_value_t = Support::Stand)]
+    on: Support,
     /// Loss to run, in percent of the link's frames [default: all losses of each scenario]; may be given several times.
     #[arg(long, value_name = "PERCENT", value_parser = loss)]
     loss: Vec<u16>,
@@ -108,7 +108,7 @@ struct WorldRow {
 
 /// Run with violations or errors.
 #[derive(Serialize)]
-struct Broken {
+struct FailedRun {
     scenario: &'static str,
     loss_percent: f64,
     seed: u64,
@@ -121,11 +121,11 @@ struct Results {
     runs: u64,
     virtual_s: f64,
     rows: Vec<Row>,
-    broken: Vec<Broken>,
+    broken: Vec<FailedRun>,
 }
 
 /// Runs a single case.
-pub fn run_single(args: &Args, case: Case) -> crate::Outcome {
+pub fn run_single(args: &Args, case: Case) -> crate::BenchmarkResult {
     let Some(subject) = subject(args.on)? else { return Ok(None) };
     Ok(Some(one(&subject, case, args.log.clone())))
 }
@@ -200,7 +200,7 @@ impl Split for Campaign<'_> {
         let Range { start, end } = seeds(self.args);
         option("seed", start.to_string());
         option("seeds", (end - start).to_string());
-        option("on", (if *on == On::Ground { "ground" } else { "stand" }).to_owned());
+        option("on", (if *on == Support::Ground { "ground" } else { "stand" }).to_owned());
         scenario.iter().for_each(|of| option("scenario", of.name().to_owned()));
         loss.iter().for_each(|of| option("loss", percent(*of).to_string()));
         words
@@ -230,7 +230,7 @@ impl Split for Campaign<'_> {
             let wrong = match panic::catch_unwind(|| campaign::run(&subject, case).0) {
                 Ok(report) => {
                     part.row.add(&report);
-                    wrong(&report)
+                    failures(&report)
                 }
                 Err(_) => {
                     part.row.add_failure();
@@ -238,7 +238,7 @@ impl Split for Campaign<'_> {
                 }
             };
             if !wrong.is_empty() {
-                output::say(format_args!("broken: {}", again(case, self.args.on)));
+                output::print_line(format_args!("broken: {}", again(case, self.args.on)));
                 part.broken.push((seed, wrong));
             }
         }
@@ -263,8 +263,8 @@ impl Split for Campaign<'_> {
 }
 
 /// Creates the robot and its library; `None` after an interrupt.
-fn subject(on: On) -> miette::Result<Option<Subject>> {
-    if on == On::Stand {
+fn subject(on: Support) -> miette::Result<Option<Subject>> {
+    if on == Support::Stand {
         return Ok(Some(Subject::one_leg()));
     }
     let Some(PlannedLibrary { robot, plans, with_torques, .. }) = inputs::library(LIBRARY)? else {
@@ -330,14 +330,14 @@ fn one(subject: &Subject, case: Case, path: Option<PathBuf>) -> Findings {
     row.add(&report);
     let mut table = table::Table::default();
     table.add(case.scenario, case.loss_per_mille, &row);
-    let on = if subject.on_ground { On::Ground } else { On::Stand };
-    let wrong = Some(wrong(&report)).filter(|wrong| !wrong.is_empty());
+    let on = if subject.on_ground { Support::Ground } else { Support::Stand };
+    let wrong = Some(failures(&report)).filter(|wrong| !wrong.is_empty());
     let broken = wrong.map(|wrong| broken_run(case, wrong, on));
     let results = Results::new(&table, broken.into_iter().collect(), on);
     Findings { record: None, log, ..results.findings() }
 }
 
-fn wrong(report: &Report) -> Vec<String> {
+fn failures(report: &RunReport) -> Vec<String> {
     let violations = report.violations.iter().map(|violation| {
         let at_s = violation.at_us as f64 * 1e-6;
         format!("at {at_s:.6} s: {:?}: {}", violation.rule, violation.what)
@@ -345,15 +345,15 @@ fn wrong(report: &Report) -> Vec<String> {
     violations.chain(report.errors.iter().cloned()).collect()
 }
 
-fn broken_run(case: Case, wrong: Vec<String>, on: On) -> Broken {
+fn broken_run(case: Case, wrong: Vec<String>, on: Support) -> FailedRun {
     let Case { scenario, loss_per_mille, seed } = case;
     let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
-    Broken { scenario, loss_percent, seed, wrong, again: again(case, on) }
+    FailedRun { scenario, loss_percent, seed, wrong, again: again(case, on) }
 }
 
 /// Command that repeats a run.
-fn again(case: Case, on: On) -> String {
-    let on = if on == On::Ground { "--on ground " } else { "" };
+fn again(case: Case, on: Support) -> String {
+    let on = if on == Support::Ground { "--on ground " } else { "" };
     let Case { scenario, loss_per_mille, seed } = case;
     let (scenario, loss_percent) = (scenario.name(), percent(loss_per_mille));
     format!(
@@ -362,7 +362,7 @@ fn again(case: Case, on: On) -> String {
 }
 
 impl Results {
-    fn new(table: &table::Table, broken: Vec<Broken>, on: On) -> Self {
+    fn new(table: &table::Table, broken: Vec<FailedRun>, on: Support) -> Self {
         let rows: Vec<Row> =
             table.rows().map(|(scenario, loss, row)| make_row(scenario, loss, row, on)).collect();
         Self {
@@ -374,7 +374,7 @@ impl Results {
     }
 
     fn findings(&self) -> Findings {
-        let failure = |broken: &Broken| {
+        let failure = |broken: &FailedRun| {
             format!(
                 "{}, {} % loss, seed {}: {}\n  again: {}",
                 broken.scenario,
@@ -391,7 +391,7 @@ impl Results {
     }
 
     fn table(&self) -> Block {
-        let [on, home, down, stopped, sent, later] = Outcome::ALL.map(Outcome::name);
+        let [on, home, down, stopped, sent, later] = Reaction::ALL.map(Reaction::name);
         let mut table = crate::table([
             "scenario",
             "loss",
@@ -410,12 +410,12 @@ impl Results {
             table[0].extend(["falls", "tilt", "coasted", "rests after"].map(str::to_owned));
         }
         for row in &self.rows {
-            let count = |outcome: Outcome| {
+            let count = |outcome: Reaction| {
                 row.outcomes.get(outcome.name()).map_or(String::new(), u64::to_string)
             };
             let mut cells =
                 vec![row.scenario.into(), format!("{} %", row.loss_percent), row.runs.to_string()];
-            cells.extend(Outcome::ALL.map(count));
+            cells.extend(Reaction::ALL.map(count));
             cells.push(row.worst_stop_ms.map_or(String::new(), |ms| format!("{ms:.1} ms")));
             cells.push(row.broken.to_string());
             if let Some(world) = &row.world {
@@ -445,7 +445,7 @@ impl Results {
     }
 }
 
-fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: On) -> Row {
+fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: Support) -> Row {
     let outcomes = row.outcomes.iter().map(|(outcome, &count)| (outcome.name(), count));
     Row {
         scenario: scenario.name(),
@@ -458,7 +458,7 @@ fn make_row(scenario: Scenario, loss_per_mille: u16, row: &table::Row, on: On) -
         setpoints: row.setpoints,
         commands: row.commands,
         worst_stop_ms: row.worst_stop_ns.map(|stop_ns| 1e-6 * stop_ns as f64),
-        world: (on == On::Ground).then_some(WorldRow {
+        world: (on == Support::Ground).then_some(WorldRow {
             falls: row.falls,
             tilt_max_rad: row.tilt_max_rad,
             coasted_m: row.coasted_m,

@@ -1,6 +1,6 @@
 //! Figure 2.3 of the thesis: convergence of its Newton methods, of L-BFGS and of our method.
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Measurements of one method on one motion.
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         ]);
         let (mut by_iteration, mut by_time): (Vec<Curve>, Vec<Curve>) = (Vec::new(), Vec::new());
         for (method, name) in METHODS {
-            output::say(format_args!("{} with {name}", motion.name));
+            output::print_line(format_args!("{} with {name}", motion.name));
             let mut options = Options { seed: 1, refine: false, ..Options::default() };
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };

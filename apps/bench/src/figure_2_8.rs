@@ -4,7 +4,7 @@
 //! m, and its body is required to rise higher. The thesis reports the number of steps of its method; its energies are for other
 //! robots and weights.
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use miette::IntoDiagnostic;
@@ -44,7 +44,7 @@ const THESIS_ITERATIONS: usize = 150;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Intermediate design of a repair.
@@ -188,7 +188,7 @@ fn work(
     let BuiltDesign { robot, motions } = made(&original);
     let options = Options::default();
     let plan = optimise(&robot, &motions[0], &options, &mut |_| unless_interrupted());
-    output::say(format_args!("{name}: as designed {}", plan.solve.status));
+    output::print_line(format_args!("{name}: as designed {}", plan.solve.status));
     let mut rows: Vec<Row> = Vec::new();
     let mut blamed = Vec::new();
     let mut watch = |shown: RepairProgress<'_>| -> ControlFlow<()> {
@@ -198,7 +198,11 @@ fn work(
                 let culprits = short.diagnosis().map(|diagnosis| diagnosis.culprits);
                 blamed = culprits.unwrap_or_default().iter().map(ToString::to_string).collect();
             }
-            output::say(format_args!("{name}: step {}, energy {:.4}", rows.len(), step.energy));
+            output::print_line(format_args!(
+                "{name}: step {}, energy {:.4}",
+                rows.len(),
+                step.energy
+            ));
             rows.push(Row {
                 values: step.values.clone(),
                 energy: step.energy,

@@ -1,6 +1,6 @@
 //! Figure 3.2 of the thesis: convergence with and without its warm start, on walking, trotting and harder gaits.
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, inputs, table, unless_interrupted};
 use cpu_time::ThreadTime;
 use rollwalk_planner::plan::SolveSummary;
@@ -26,12 +26,12 @@ struct Row {
     solve: SolveSummary,
 }
 
-pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
+pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
     let mut table = table(["gait", "start", "status", "iterations", "CPU ms"]);
     let (mut rows, mut charts) = (Vec::new(), Vec::new());
     for gait in only.choose(&GAITS, |gait| gait)? {
         let (robot, motion) = inputs::motion(&format!("motions/{gait}.toml"))?;
-        output::say(&motion.name);
+        output::print_line(&motion.name);
         let mut curves: Vec<Curve> = Vec::new();
         for (name, start) in STARTS {
             let options = Options { start, refine: false, ..Options::default() };

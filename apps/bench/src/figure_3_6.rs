@@ -18,14 +18,14 @@ const BOUNDS: [f64; 3] = [0.02, 0.02, 0.03];
 const NAMES: [(&str, &str); 3] = [("ahead", "m"), ("up", "m"), ("pitch", "rad")];
 
 /// Pose of the body: forward and up in m; pitch in rad, nose down.
-type Place = [f64; 3];
+type BodyPose = [f64; 3];
 
 /// Poses at a time of the motion.
 #[derive(Serialize)]
 struct Row {
     time_s: f64,
-    planned: Place,
-    simulated: Place,
+    planned: BodyPose,
+    simulated: BodyPose,
 }
 
 pub fn run() -> miette::Result<Option<Findings>> {
@@ -35,7 +35,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
     if interrupt::requested() {
         return Ok(None);
     }
-    output::say(format_args!("{}: {:?}", motion.name, plan.solve.status));
+    output::print_line(format_args!("{}: {:?}", motion.name, plan.solve.status));
     let script = Script::new(&plan, true);
     let options = rollwalk_simulate::Options {
         cycles: 1,
@@ -76,7 +76,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
             format!("{:.4}", (squares / rows.len() as f64).sqrt()),
             BOUNDS[of].to_string(),
         ]);
-        let curve = |name: &str, pick: fn(&Row) -> Place| -> Curve {
+        let curve = |name: &str, pick: fn(&Row) -> BodyPose| -> Curve {
             (name.into(), rows.iter().map(|row| (row.time_s, pick(row)[of])).collect())
         };
         let curves = [curve("planned", |row| row.planned), curve("simulated", |row| row.simulated)];

@@ -49,7 +49,7 @@ pub fn run() -> miette::Result<Option<Findings>> {
         let (robot, motion) = inputs::motion(file)?;
         let mut watch = |_: &_| unless_interrupted();
         let plan = optimise(&robot, &motion, &Options::default(), &mut watch);
-        output::say(format_args!("{}: {:?}", motion.name, plan.solve.status));
+        output::print_line(format_args!("{}: {:?}", motion.name, plan.solve.status));
         let (of_motion, stood) = track(&plan)?;
         if interrupt::requested() {
             return Ok(None);

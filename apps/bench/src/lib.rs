@@ -17,9 +17,9 @@ mod figure_3_8;
 mod inputs;
 mod library_format;
 mod measure;
-mod only;
 mod physics;
 pub mod program;
+mod row_filter;
 mod samples;
 mod sensor_faults;
 mod shards;
@@ -55,7 +55,7 @@ pub enum Benchmark {
     Figure24,
     /// Figure 3.2: convergence with and without the thesis's warm start.
     #[command(name = "figure-3-2")]
-    Figure32(only::Only),
+    Figure32(row_filter::RowFilter),
     /// Figure 3.6: planned and simulated trajectories of ANYmal's forward duck.
     #[command(name = "figure-3-6")]
     Figure36,
@@ -75,10 +75,10 @@ pub enum Benchmark {
     Table33(table_3_3::Args),
     /// Size of the shipped motion libraries in bytes per second, against raw f32, postcard and zstd.
     #[command(name = "library-format")]
-    LibraryFormat(only::Only),
+    LibraryFormat(row_filter::RowFilter),
     /// CPU time of replanning after an edit of the robot, compared with planning from scratch.
     #[command(name = "design-edits")]
-    DesignEdits(only::Only),
+    DesignEdits(row_filter::RowFilter),
     /// Requests beyond the limits of robots: feasibility of the values that their diagnoses suggest.
     Suggestions(suggestions::Args),
     /// Experiments of the differentiable simulator (ch. 4), compared with the thesis.
@@ -91,13 +91,13 @@ pub enum Benchmark {
 /// Work of a benchmark.
 pub enum Work<'a> {
     /// Work without units. Its result is `None` after an interrupt before the first finding.
-    Whole(Box<dyn FnOnce() -> Outcome + 'a>),
+    Whole(Box<dyn FnOnce() -> BenchmarkResult + 'a>),
     /// Work in units, some of which other processes may compute.
     Split(Box<dyn Split + 'a>),
 }
 
 /// Result of a benchmark; `None` after an interrupt before the first finding.
-pub type Outcome = miette::Result<Option<Findings>>;
+pub type BenchmarkResult = miette::Result<Option<Findings>>;
 
 impl Benchmark {
     /// Returns the work of the benchmark.
@@ -105,7 +105,7 @@ impl Benchmark {
     /// # Errors
     /// Returns an error if a selected row or case does not exist. The work itself reports later errors.
     pub fn work(&self) -> miette::Result<Work<'_>> {
-        fn whole<'a>(run: impl FnOnce() -> Outcome + 'a) -> Work<'a> {
+        fn whole<'a>(run: impl FnOnce() -> BenchmarkResult + 'a) -> Work<'a> {
             Work::Whole(Box::new(run))
         }
         Ok(match self {

@@ -1,7 +1,7 @@
 //! `bench physics`: runs the experiments of the thesis's differentiable simulator (ch. 4) and compares their results with the
 //! thesis.
 
-use crate::experiments::{ALL, Chart, Experiment, Outcome, Watch};
+use crate::experiments::{ALL, Chart, Experiment, ExperimentOutcome, Watch};
 use crate::{Block, Findings, Verdict, table};
 use cpu_time::ProcessTime;
 use miette::miette;
@@ -34,14 +34,14 @@ struct Row {
     /// True if all requirements are met.
     holds: bool,
     #[serde(flatten)]
-    outcome: Outcome,
+    outcome: ExperimentOutcome,
 }
 
-struct Watching;
+struct ProgressPrinter;
 
-impl Watch for Watching {
-    fn say(&self, line: &str) {
-        output::say(line);
+impl Watch for ProgressPrinter {
+    fn report(&self, line: &str) {
+        output::print_line(line);
     }
 
     fn interrupted(&self) -> bool {
@@ -63,9 +63,9 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     let mut verdict = Verdict::Passed;
     for experiment in chosen {
         let Experiment { name, source, about, run } = *experiment;
-        output::say(format_args!("{name}: {about}"));
+        output::print_line(format_args!("{name}: {about}"));
         let begin = ProcessTime::now();
-        let Some(outcome) = run(&Watching) else {
+        let Some(outcome) = run(&ProgressPrinter) else {
             verdict = Verdict::Interrupted;
             break;
         };

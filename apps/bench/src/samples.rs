@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         if interrupt::requested() {
             return Ok(None);
         }
-        output::say(format_args!("{samples} samples: {:?}", run.plan().solve.status));
+        output::print_line(format_args!("{samples} samples: {:?}", run.plan().solve.status));
         let per_iteration = 1e3 * run.cpu_s / run.iterations as f64;
         table.push(vec![
             samples.to_string(),

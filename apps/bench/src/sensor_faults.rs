@@ -1,7 +1,7 @@
 //! Benchmark of sensor faults during motions in closed loop (docs/tracking.md). It counts robots that continue, come to rest on
 //! their feet, or fall.
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::split::{Rows, Split};
 use crate::tracking::{MOTIONS, RATE_HZ};
 use crate::{Block, Findings, Table, Verdict, inputs, unless_interrupted};
@@ -57,7 +57,7 @@ const REST_M_S: f64 = 0.02;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Outcomes of a motion for every kind of fault.
@@ -102,7 +102,7 @@ fn row(file: &str) -> miette::Result<Option<Row>> {
     let plan = optimise(&robot, &motion, &SolverOptions::default(), &mut watch);
     let mut outcomes = Vec::new();
     for (name, kind) in KINDS {
-        output::say(format_args!("{}, {name}", motion.name));
+        output::print_line(format_args!("{}, {name}", motion.name));
         let mut counts = Counts::default();
         for phase in 0..PHASES {
             if interrupt::requested() {

@@ -35,7 +35,7 @@ pub trait Split: Sync {
 /// Function that computes a row; `None` after an interrupt.
 pub type Row<'a, T, R> = dyn Fn(&T) -> miette::Result<Option<R>> + Sync + 'a;
 /// Function that computes the findings of rows.
-pub type Found<'a, R> = dyn Fn(&[R]) -> Findings + Sync + 'a;
+pub type FindingsOfRows<'a, R> = dyn Fn(&[R]) -> Findings + Sync + 'a;
 
 /// Benchmark whose units are rows.
 pub struct Rows<'a, T, R> {
@@ -50,7 +50,7 @@ pub struct Rows<'a, T, R> {
     /// Computation of a row.
     pub row: Box<Row<'a, T, R>>,
     /// Computation of the findings.
-    pub findings: Box<Found<'a, R>>,
+    pub findings: Box<FindingsOfRows<'a, R>>,
 }
 
 impl<T: Sync, R: Serialize + DeserializeOwned> Split for Rows<'_, T, R> {

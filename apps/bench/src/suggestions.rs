@@ -4,7 +4,7 @@
 //! excess is drawn at random, so that some requests miss narrowly and a few are feasible.
 
 use crate::split::{Rows, Split};
-use crate::{Block, Findings, Outcome, Verdict, inputs, measure, table};
+use crate::{BenchmarkResult, Block, Findings, Verdict, inputs, measure, table};
 use rollwalk_planner::Options;
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Culprit;
@@ -191,7 +191,7 @@ pub struct Args {
 
 /// Suggested value of a diagnosis, with the result of a test.
 #[derive(Serialize, Deserialize)]
-struct Tried {
+struct TestedSuggestion {
     field: String,
     given: f64,
     suggested: f64,
@@ -208,7 +208,7 @@ struct Row {
     culprits: Vec<String>,
     iterations: usize,
     cpu_s: f64,
-    tried: Vec<Tried>,
+    tried: Vec<TestedSuggestion>,
     /// Seed with which a refused request was planned successfully.
     false_verdict: Option<u64>,
 }
@@ -224,12 +224,12 @@ pub fn split(args: &Args) -> Box<dyn Split + '_> {
         inputs: Vec::new(),
         is_timed: true,
         rows: requests(args),
-        row: Box::new(|asked: &Asked| {
+        row: Box::new(|asked: &SelectedRequest| {
             let (robot, motion) = inputs::motion(&asked.file())?;
             let (robot, motion) = asked.change.apply(&robot, &motion, asked.number);
             let row = follow(args, asked, &robot, &motion);
             if let Some(row) = &row {
-                output::say(line(row).join("  "));
+                output::print_line(line(row).join("  "));
             }
             Ok(row)
         }),
@@ -238,13 +238,13 @@ pub fn split(args: &Args) -> Box<dyn Split + '_> {
 }
 
 /// Runs requests that miss narrowly, and requests that are just feasible.
-pub fn run_near(args: &Args) -> Outcome {
+pub fn run_near(args: &Args) -> BenchmarkResult {
     let mut rows = Vec::new();
     for asked in requests(args) {
         let (robot, motion) = inputs::motion(&asked.file())?;
-        let Asked { name, change, number, .. } = asked;
+        let SelectedRequest { name, change, number, .. } = asked;
         if let Some(row) = near(&Request { name, change, robot, motion }, number) {
-            output::say(near_line(&row).join("  "));
+            output::print_line(near_line(&row).join("  "));
             rows.push(row);
         }
         if interrupt::requested() {
@@ -255,7 +255,7 @@ pub fn run_near(args: &Args) -> Outcome {
 }
 
 /// Selected request.
-struct Asked {
+struct SelectedRequest {
     name: String,
     number: f64,
     change: Change,
@@ -263,14 +263,14 @@ struct Asked {
     file: &'static str,
 }
 
-impl Asked {
+impl SelectedRequest {
     fn file(&self) -> String {
         format!("motions/{}.toml", self.file)
     }
 }
 
 /// Selected requests with their values, which do not depend on the selection.
-fn requests(args: &Args) -> Vec<Asked> {
+fn requests(args: &Args) -> Vec<SelectedRequest> {
     let mut random = fastrand::Rng::with_seed(args.seed);
     let mut all = Vec::new();
     for (files, change, [least, most]) in REQUESTS {
@@ -278,7 +278,7 @@ fn requests(args: &Args) -> Vec<Asked> {
             // Logarithmically even.
             let number = least * (most / least).powf(random.f64());
             let name = format!("{file} {change:?}").to_lowercase();
-            all.push(Asked { name, number, change, file });
+            all.push(SelectedRequest { name, number, change, file });
         }
     }
     all.retain(|of| args.only.as_ref().is_none_or(|only| of.name.contains(only.as_str())));
@@ -295,7 +295,7 @@ struct Request {
 
 /// Results of a request that is just feasible, and of one that misses narrowly.
 #[derive(Serialize)]
-struct Near {
+struct NarrowCase {
     request: String,
     /// Value of the feasible and of the infeasible request.
     number: [f64; 2],
@@ -303,10 +303,10 @@ struct Near {
     iterations: [usize; 2],
     /// CPU time of both requests, s.
     cpu_s: [f64; 2],
-    tried: Vec<Tried>,
+    tried: Vec<TestedSuggestion>,
 }
 
-impl Near {
+impl NarrowCase {
     fn ratio(&self) -> f64 {
         self.cpu_s[1] / self.cpu_s[0]
     }
@@ -315,7 +315,7 @@ impl Near {
 /// Bisects between a feasible and an infeasible value.
 ///
 /// Returns `None` if `number` is feasible, if the bisection finds no narrow miss, or after an interrupt.
-fn near(request: &Request, number: f64) -> Option<Near> {
+fn near(request: &Request, number: f64) -> Option<NarrowCase> {
     let Request { name, change, robot, motion } = request;
     let solve = |number: f64| {
         let (robot, motion) = change.apply(robot, motion, number);
@@ -345,8 +345,8 @@ fn near(request: &Request, number: f64) -> Option<Near> {
     }
     let [feasible, missed] = [possible.1?, beyond.1];
     let (robot, motion) = change.apply(robot, motion, beyond.0);
-    let tried = try_all(&missed, &robot, &motion);
-    Some(Near {
+    let tried = test_suggestions(&missed, &robot, &motion);
+    Some(NarrowCase {
         request: name.clone(),
         number: [possible.0, beyond.0],
         iterations: [feasible.iterations, missed.iterations],
@@ -355,7 +355,7 @@ fn near(request: &Request, number: f64) -> Option<Near> {
     })
 }
 
-fn near_line(row: &Near) -> Vec<String> {
+fn near_line(row: &NarrowCase) -> Vec<String> {
     let [possible, beyond] = row.number;
     let [of_possible, of_beyond] = row.iterations;
     let ms = row.cpu_s.map(|cpu_s| format!("{:.0}", 1e3 * cpu_s));
@@ -372,13 +372,13 @@ fn near_line(row: &Near) -> Vec<String> {
     ]
 }
 
-fn near_findings(rows: &[Near]) -> Findings {
+fn near_findings(rows: &[NarrowCase]) -> Findings {
     let titles =
         ["request", "possible", "not", "iterations", "not", "CPU ms", "not", "ratio", "suggested"];
     let mut table = table(titles);
     table.extend(rows.iter().map(near_line));
     let within = rows.iter().filter(|row| row.ratio() <= 2.0).count();
-    let median = measure::median(rows.iter().map(Near::ratio));
+    let median = measure::median(rows.iter().map(NarrowCase::ratio));
     let text = format!(
         "{within} of {} slightly infeasible requests are refused within twice the time of a \
          request that is just feasible; median ratio {median:.2}.\n{}",
@@ -390,27 +390,32 @@ fn near_findings(rows: &[Near]) -> Findings {
 }
 
 /// Text with the number of feasible suggestions, and true if at least nine of ten are feasible.
-fn tally<'a>(tried: impl Iterator<Item = &'a Tried> + Clone) -> (String, bool) {
+fn tally<'a>(tried: impl Iterator<Item = &'a TestedSuggestion> + Clone) -> (String, bool) {
     let works = tried.clone().filter(|tried| tried.works).count();
     let all = tried.count();
     (format!("{works} of {all} suggested values are feasible."), 10 * works >= 9 * all)
 }
 
 /// Plans every request that the diagnosis of another request suggests.
-fn try_all(run: &measure::Run, robot: &Robot, motion: &Motion) -> Vec<Tried> {
+fn test_suggestions(run: &measure::Run, robot: &Robot, motion: &Motion) -> Vec<TestedSuggestion> {
     let diagnosis = run.plan().solve.diagnosis.as_ref();
     let culprits: &[Culprit] = diagnosis.map_or(&[], |why| &why.culprits);
     let tried = culprits.iter().filter_map(|culprit| {
         let suggested = culprit.would_do?;
         let (robot, motion) = culprit.with_number(robot, motion, suggested)?;
         let works = measure::cold(&robot, &motion, &Options::default()).solved();
-        Some(Tried { field: culprit.field.clone()?, given: culprit.given?, suggested, works })
+        Some(TestedSuggestion {
+            field: culprit.field.clone()?,
+            given: culprit.given?,
+            suggested,
+            works,
+        })
     });
     tried.collect()
 }
 
 /// Plans a request, then every request that its diagnosis suggests; `None` after an interrupt.
-fn follow(args: &Args, asked: &Asked, robot: &Robot, motion: &Motion) -> Option<Row> {
+fn follow(args: &Args, asked: &SelectedRequest, robot: &Robot, motion: &Motion) -> Option<Row> {
     let run = measure::cold(robot, motion, &Options::default());
     let solve = &run.plan().solve;
     let from_seed = |seed: &u64| {
@@ -431,13 +436,13 @@ fn follow(args: &Args, asked: &Asked, robot: &Robot, motion: &Motion) -> Option<
             .collect(),
         iterations: run.iterations,
         cpu_s: run.cpu_s,
-        tried: try_all(&run, robot, motion),
+        tried: test_suggestions(&run, robot, motion),
         false_verdict: (1..=seeds).find(from_seed),
     };
     (!interrupt::requested()).then_some(row)
 }
 
-fn tried_line(tried: &[Tried]) -> String {
+fn tried_line(tried: &[TestedSuggestion]) -> String {
     let tried = tried.iter().map(|tried| {
         let works = if tried.works { "works" } else { "FAILS" };
         format!("{} {:.3} → {:.3} {works}", tried.field, tried.given, tried.suggested)

@@ -1,7 +1,7 @@
 //! Table 2.1 of the thesis: motions of six robots.
 
 use crate::measure::{self, Run, median};
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, Table, Verdict, inputs, verdicts};
 use rollwalk_planner::{ACCEPTED_LEVEL, Options};
 use rollwalk_terminal::{interrupt, output};
@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Measurements of one row.
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
         if interrupt::requested() {
             break;
         }
-        output::say(format_args!("{file}: {} seeds", args.seeds));
+        output::print_line(format_args!("{file}: {} seeds", args.seeds));
         rows.push(row(file, *thesis_s, args.seeds)?);
     }
     if rows.is_empty() {

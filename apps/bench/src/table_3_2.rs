@@ -1,6 +1,6 @@
 //! Table 3.2 of the thesis: SwizzleBots with two to five motors per leg at 0.3 m/s.
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, Verdict, inputs, measure, table};
 use rollwalk_planner::Options;
@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Measurements of one robot. Means are null if no seed is solved.

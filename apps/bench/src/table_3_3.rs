@@ -1,7 +1,7 @@
 //! Table 3.3 of the thesis: top speeds, found by increasing the goal step by step.
 
 use crate::measure::{self, Run};
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, inputs, table};
 use rollwalk_planner::Options;
@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: usize,
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Result of one motion.
@@ -77,7 +77,7 @@ fn row(&(file, name, thesis): &(&str, &str, f64), steps: usize) -> miette::Resul
     let (mut robot, motion) = inputs::motion(file)?;
     robot.end_effectors.iter_mut().for_each(drag_that_grows);
     let motion = refined(motion);
-    output::say(name);
+    output::print_line(name);
     let (speed, stopped) = top_speed(&robot, &motion, steps);
     Ok((!interrupt::requested()).then(|| Row {
         motion: name.to_owned(),

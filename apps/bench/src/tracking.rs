@@ -1,7 +1,7 @@
 //! Benchmark of controllers (servos, feed-forward, closed loop) on plans in simulated worlds that match the plan, and in worlds
 //! with other masses, friction, delay, noise or slope (docs/tracking.md).
 
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::split::{Rows, Split};
 use crate::{Block, Findings, Table, inputs, shards, table, unless_interrupted};
 use miette::IntoDiagnostic;
@@ -92,7 +92,7 @@ pub struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=100))]
     phases: u32,
     #[command(flatten)]
-    only: Only,
+    only: RowFilter,
 }
 
 /// Results of a motion with a controller.
@@ -102,14 +102,14 @@ struct Row {
     robot: String,
     control: String,
     /// Runs in every world.
-    runs: Vec<Played>,
+    runs: Vec<RunResult>,
     /// Largest push without a fall, as a fraction of the weight, for every phase and direction.
     pushes: Vec<f64>,
 }
 
 /// Result of a run.
 #[derive(Serialize, Deserialize)]
-struct Played {
+struct RunResult {
     /// Ratio of achieved to planned displacement for the first goal.
     ratio: Option<f64>,
     fell_at_s: Option<f64>,
@@ -154,7 +154,7 @@ fn rows(robot: &Robot, motion: &Motion, args: &Args) -> miette::Result<Option<Ve
     let plan = optimise(robot, motion, &SolverOptions::default(), &mut watch);
     let mut rows = Vec::new();
     for (name, control) in CONTROLS {
-        output::say(format_args!("{}, {name}", motion.name));
+        output::print_line(format_args!("{}, {name}", motion.name));
         let bench = Bench { plan: &plan, control, cycles: args.cycles as usize };
         let runs = worlds().iter().map(|world| bench.played(world)).collect();
         let pushes = bench.pushes(args.phases);
@@ -191,15 +191,15 @@ impl Bench<'_> {
         play(self.plan, &options, |_| !interrupt::requested()).into_diagnostic()
     }
 
-    fn played(&self, world: &World) -> Played {
+    fn played(&self, world: &World) -> RunResult {
         match self.play(world, Vec::new()) {
-            Ok(outcome) => Played {
+            Ok(outcome) => RunResult {
                 ratio: (0..3).find_map(|of| outcome.ratio(of)),
                 fell_at_s: outcome.fell_at_s,
                 ended: false,
                 untracked: outcome.untracked,
             },
-            Err(_) => Played { ratio: None, fell_at_s: None, ended: true, untracked: 0 },
+            Err(_) => RunResult { ratio: None, fell_at_s: None, ended: true, untracked: 0 },
         }
     }
 
@@ -252,7 +252,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     for row in &rows {
         let names = [format!("{} of {}", row.motion, row.robot), row.control.clone()];
         let mut cells = names.to_vec();
-        cells.extend(row.runs.iter().map(said));
+        cells.extend(row.runs.iter().map(result_words));
         runs.push(cells);
         if !row.pushes.is_empty() {
             let mean = |of: &dyn Fn(&[f64; 2]) -> bool| {
@@ -283,7 +283,7 @@ fn findings<'a>(rows: impl Iterator<Item = &'a Row>) -> Findings {
     Findings::new("tracking", blocks, &rows)
 }
 
-fn said(played: &Played) -> String {
+fn result_words(played: &RunResult) -> String {
     match (played.fell_at_s, played.ratio) {
         _ if played.ended => "no step".into(),
         (Some(fell_at_s), _) => format!("falls {fell_at_s:.1} s"),

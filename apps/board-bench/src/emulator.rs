@@ -61,7 +61,7 @@ fn console(qemu: &mut Command, shift: u32) -> Result<Vec<u8>, String> {
     qemu.args(["-serial", "none", "-chardev", "stdio,id=console"]);
     qemu.args(["-semihosting-config", "enable=on,target=native,chardev=console"]);
     qemu.args(["-icount", &format!("shift={shift},sleep=off")]);
-    let mut running = Running::start(qemu.stdout(Stdio::piped()))?;
+    let mut running = RunningEmulator::start(qemu.stdout(Stdio::piped()))?;
     let mut output = running.0.stdout.take().ok_or("the output of QEMU cannot be read")?;
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
@@ -95,16 +95,16 @@ fn command(image: &Path) -> Command {
 }
 
 /// Process of QEMU, which ends when dropped.
-struct Running(Child);
+struct RunningEmulator(Child);
 
-impl Running {
+impl RunningEmulator {
     fn start(qemu: &mut Command) -> Result<Self, String> {
         let child = qemu.spawn();
         child.map(Self).map_err(|error| format!("`{PROGRAM}` could not be started: {error}"))
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningEmulator {
     fn drop(&mut self) {
         // It may have ended by itself.
         let _ = self.0.kill();
@@ -115,7 +115,7 @@ impl Drop for Running {
 /// Running emulator with its UART, which stops when dropped.
 pub struct Emulator {
     line: TcpStream,
-    _running: Running,
+    _running: RunningEmulator,
 }
 
 impl Emulator {
@@ -134,7 +134,7 @@ impl Emulator {
         listener.set_nonblocking(true).map_err(failed)?;
         let port = listener.local_addr().map_err(failed)?.port();
         let serial = format!("tcp:127.0.0.1:{port},nodelay=on");
-        let mut running = Running::start(command(image).args(["-serial", &serial]))?;
+        let mut running = RunningEmulator::start(command(image).args(["-serial", &serial]))?;
         let line = accept(&listener, &mut running.0)?;
         line.set_nonblocking(false)
             .and_then(|()| line.set_nodelay(true))

@@ -11,10 +11,10 @@
 //! `cargo xtask` builds the images and calls this program, which needs QEMU for the emulated board.
 
 mod config;
+mod empty_queues;
 mod emulator;
 mod image_keys;
 mod keys;
-mod quiet;
 mod remote;
 mod replay;
 mod scenario;

@@ -3,7 +3,7 @@
 //! The board only answers requests ([`rollwalk_protocol::tunnel`]). Its time stops while the host computes, so that runs are
 //! reproducible.
 
-use crate::quiet::Quiet;
+use crate::empty_queues::EmptyQueues;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::tunnel::{Answer, Deframer, Figures, Hello, Request, Step, StepResult};
 use rollwalk_sim_host::core::Core;
@@ -14,7 +14,7 @@ pub struct Remote<T> {
     deframer: Deframer,
     sequence: u8,
     steps: u64,
-    quiet: Quiet,
+    quiet: EmptyQueues,
 }
 
 impl<T: Read + Write> Remote<T> {
@@ -28,11 +28,11 @@ impl<T: Read + Write> Remote<T> {
             deframer: Deframer::default(),
             sequence: 0,
             steps: 0,
-            quiet: Quiet::default(),
+            quiet: EmptyQueues::default(),
         };
         match remote.ask(Request::Hello)? {
             Answer::Hello(hello) => Ok((remote, hello)),
-            other => Err(out_of_turn(&other)),
+            other => Err(unexpected_answer(&other)),
         }
     }
 
@@ -48,7 +48,7 @@ impl<T: Read + Write> Remote<T> {
     pub fn figures(&mut self) -> Result<Figures, LinkError> {
         match self.ask(Request::Figures)? {
             Answer::Figures(figures) => Ok(figures),
-            other => Err(out_of_turn(&other)),
+            other => Err(unexpected_answer(&other)),
         }
     }
 
@@ -89,7 +89,7 @@ impl<T: Read + Write> Core for Remote<T> {
         }
         let stepped = match self.ask(Request::Step(step))? {
             Answer::Stepped(stepped) => stepped,
-            other => return Err(out_of_turn(&other)),
+            other => return Err(unexpected_answer(&other)),
         };
         self.steps += 1;
         self.quiet.after(&step, &stepped);
@@ -97,6 +97,6 @@ impl<T: Read + Write> Core for Remote<T> {
     }
 }
 
-fn out_of_turn(answer: &Answer) -> LinkError {
+fn unexpected_answer(answer: &Answer) -> LinkError {
     LinkError::Down(format!("the board answered another request: {answer:?}"))
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Result of a replay.
-struct Replayed {
+struct ReplayResult {
     /// Identity of the image, with the number of its steps up to and including the first wrong answer.
     hello: Hello,
     figures: Figures,
@@ -91,7 +91,7 @@ fn record(robot: &Robot, library: &[u8]) -> Result<(Script, f64), String> {
     Ok((rig.core_mut().script().clone(), robot_s))
 }
 
-fn replay(image: &Path, script: &Script, path: &Path) -> Result<Replayed, String> {
+fn replay(image: &Path, script: &Script, path: &Path) -> Result<ReplayResult, String> {
     write(path, &script.encode()?)?;
     let said = emulator::replay(image, path)?;
     let mut deframer = Deframer::default();
@@ -107,11 +107,11 @@ fn replay(image: &Path, script: &Script, path: &Path) -> Result<Replayed, String
     let (Some(hello), Some(figures)) = (hello, figures) else {
         return Err("the board ended without a report".into());
     };
-    Ok(Replayed { hello, figures, wrong })
+    Ok(ReplayResult { hello, figures, wrong })
 }
 
 /// Describes the first step in which board and script differ; `None` if they agree.
-fn difference(script: &Script, replayed: &Replayed) -> Option<String> {
+fn difference(script: &Script, replayed: &ReplayResult) -> Option<String> {
     let steps = replayed.hello.steps as usize;
     if let Some(wrong) = replayed.wrong {
         let expected = script.expected(steps);

@@ -14,7 +14,7 @@ use rollwalk_sim_host::rig::Rig;
 const START_TIMEOUT_US: u64 = 20_000_000;
 
 /// Motion of the library.
-struct Motion {
+struct LibraryMotion {
     node: NodeId,
     name: String,
     code: u8,
@@ -59,7 +59,7 @@ pub fn run_with<C: Core>(
         .map_err(|error| error.to_string())
 }
 
-fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<Motion>, String> {
+fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<LibraryMotion>, String> {
     let index = validate(bytes, rig.config()).map_err(|reject| {
         format!(
             "the library is not valid: \
@@ -69,7 +69,7 @@ fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<Motion>, String> {
     let library = Library::open(bytes, &index).ok_or("the library does not match its index")?;
     let motions = library.nodes().filter_map(|node| {
         let frames = library.clip(node.clip())?.frames;
-        Some(Motion {
+        Some(LibraryMotion {
             node,
             name: library.name(node)?.into(),
             code: library.code_of(node)?,
@@ -83,7 +83,7 @@ fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<Motion>, String> {
 fn play<C: Core>(
     session: Result<Session<Rig<C>>, SessionError>,
     library: &[u8],
-    motions: &[Motion],
+    motions: &[LibraryMotion],
     say: impl Fn(&str),
 ) -> Result<Rig<C>, SessionError> {
     let mut session = session?;

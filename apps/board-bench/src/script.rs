@@ -1,6 +1,6 @@
 //! Script of a scenario for the memory of the emulated board: every step with the answer of the firmware in this process.
 
-use crate::quiet::Quiet;
+use crate::empty_queues::EmptyQueues;
 use rollwalk_bus::link::LinkError;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::tunnel::{Answer, Request, Step, StepResult};
@@ -73,14 +73,14 @@ impl Script {
 /// Controller whose steps are recorded.
 pub struct Recording<C> {
     core: C,
-    quiet: Quiet,
+    quiet: EmptyQueues,
     script: Script,
 }
 
 impl<C> Recording<C> {
     /// Records the steps of a controller that has just been switched on.
     pub fn new(core: C) -> Self {
-        Self { core, quiet: Quiet::default(), script: Script::default() }
+        Self { core, quiet: EmptyQueues::default(), script: Script::default() }
     }
 
     /// Script of the steps so far.
@@ -116,9 +116,9 @@ mod tests {
     use rollwalk_protocol::tunnel::{Buses, Deframer, Input};
 
     /// Sends one frame on actuator bus 0 after every tick.
-    struct Ticking(Option<Frame>);
+    struct FramePerTick(Option<Frame>);
 
-    impl Core for Ticking {
+    impl Core for FramePerTick {
         fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
             if step.input.is_some() {
                 self.0 = Frame::standard(0x101, &[step.now_us as u8, 2]);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     fn recorded() -> Script {
-        let mut recording = Recording::new(Ticking(None));
+        let mut recording = Recording::new(FramePerTick(None));
         let free = Buses::default().with_actuator(0);
         for now_us in 0..4 {
             // The tick takes the frame; the second step finds nothing, the third is not made.
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_controller_that_sends_without_an_input_is_refused() {
-        let mut recording = Recording::new(Ticking(None));
+        let mut recording = Recording::new(FramePerTick(None));
         let step = Step { now_us: 0, input: None, free: Buses::default().with_actuator(0) };
         recording.step(step).unwrap();
         recording.core.0 = Frame::standard(1, &[]);

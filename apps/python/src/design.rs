@@ -2,7 +2,7 @@
 
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
-use crate::error::{refused, wrong};
+use crate::error::{input_error, refused};
 use crate::plan::{Plan, Progress, not_consistent};
 use crate::watch::watched;
 use numpy::{PyArray1, PyArray2};
@@ -125,7 +125,7 @@ impl Design {
     /// :raises RollwalkError: the design lacks a parameter, or the robot breaks a rule.
     #[pyo3(signature = (values = HashMap::new()))]
     fn robot_toml(&self, values: HashMap<String, f64>) -> PyResult<String> {
-        Ok(self.designed.at(&self.values(&values)?).map_err(wrong)?.text)
+        Ok(self.designed.at(&self.values(&values)?).map_err(input_error)?.text)
     }
 
     /// Plan all motions of the design, and compute the derivatives of the optimal plans with respect to all parameters (thesis
@@ -259,7 +259,7 @@ fn named<T: Copy>(what: &str, names: &[String], known: &[(&'static str, T)]) -> 
 
 fn failed(why: PlansError) -> PyErr {
     match why {
-        PlansError::Robot(error) => wrong(error),
+        PlansError::Robot(error) => input_error(error),
         other => refused(other),
     }
 }

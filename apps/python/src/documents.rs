@@ -1,6 +1,6 @@
 //! Reading of files, and of the files that they name by relative paths.
 
-use crate::error::{refused, refused_by_system, wrong};
+use crate::error::{input_error, refused, refused_by_system};
 use pyo3::prelude::*;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
@@ -57,86 +57,86 @@ impl Source {
     /// Reads a robot file.
     pub fn robot(self, path: &Path) -> PyResult<Robot> {
         let NamedText { name, text } = self.text(path, "robot file")?;
-        Robot::from_toml(&name, &text).map_err(wrong)
+        Robot::from_toml(&name, &text).map_err(input_error)
     }
 
     /// Reads a motion file and the robot file that it names.
     pub fn motion(self, path: &Path) -> PyResult<(Robot, Motion)> {
         let NamedText { name, text } = self.text(path, "motion file")?;
-        let robot = Motion::robot_path_in_toml(&name, &text).map_err(wrong)?;
-        let robot = self.robot(&beside(path, &robot))?;
-        let motion = Motion::from_toml(&name, &text, &robot).map_err(wrong)?;
+        let robot = Motion::robot_path_in_toml(&name, &text).map_err(input_error)?;
+        let robot = self.robot(&resolve_relative(path, &robot))?;
+        let motion = Motion::from_toml(&name, &text, &robot).map_err(input_error)?;
         Ok((robot, motion))
     }
 
     /// Reads a plan.
     pub fn plan(self, path: &Path) -> PyResult<Plan> {
         let NamedText { name, text } = self.text(path, "plan")?;
-        Plan::from_json(&name, &text).map_err(wrong)
+        Plan::from_json(&name, &text).map_err(input_error)
     }
 
     /// Reads a library file and all files that it names.
     pub fn library(self, path: &Path) -> PyResult<Contents> {
         let NamedText { name, text } = self.text(path, "library file")?;
-        Contents::read(&name, &text, &mut Beside { source: self, path })
+        Contents::read(&name, &text, &mut RelativeFiles { source: self, path })
     }
 
     /// Reads a design file, and the robot and motions that it names.
     pub fn design(self, path: &Path) -> PyResult<Designed> {
         let design = self.text(path, "design file")?;
-        let file = DesignFile::from_toml(&design.name, &design.text).map_err(wrong)?;
-        let robot = self.text(&beside(path, &file.robot), "robot file")?;
+        let file = DesignFile::from_toml(&design.name, &design.text).map_err(input_error)?;
+        let robot = self.text(&resolve_relative(path, &file.robot), "robot file")?;
         let motion = |of: &rollwalk_design::file::WeightedMotion| {
-            self.text(&beside(path, &of.file), "motion file")
+            self.text(&resolve_relative(path, &of.file), "motion file")
         };
         let motions = file.motions.iter().map(motion).collect::<PyResult<_>>()?;
-        Designed::new(&design, robot, motions).map_err(wrong)
+        Designed::new(&design, robot, motions).map_err(input_error)
     }
 
     /// Reads a terrain file.
     pub fn terrain(self, path: &Path) -> PyResult<Arc<dyn Ground>> {
         let NamedText { name, text } = self.text(path, "terrain file")?;
-        ground::file::from_toml(&name, &text).map_err(wrong)
+        ground::file::from_toml(&name, &text).map_err(input_error)
     }
 }
 
 /// Reader of the files that a library file names.
-struct Beside<'l> {
+struct RelativeFiles<'l> {
     source: Source,
     path: &'l Path,
 }
 
-impl LibraryFiles for Beside<'_> {
+impl LibraryFiles for RelativeFiles<'_> {
     type Error = PyErr;
 
     fn robot(&mut self, named: &str) -> PyResult<(Robot, String)> {
-        let at = beside(self.path, named);
+        let at = resolve_relative(self.path, named);
         Ok((self.source.robot(&at)?, at.to_string_lossy().into_owned()))
     }
 
     fn motion(&mut self, named: &str) -> PyResult<(Robot, Motion, String)> {
-        let at = beside(self.path, named);
+        let at = resolve_relative(self.path, named);
         let (robot, motion) = self.source.motion(&at)?;
         Ok((robot, motion, at.to_string_lossy().into_owned()))
     }
 
     fn plan(&mut self, named: &str) -> PyResult<(Plan, String)> {
-        let at = beside(self.path, named);
+        let at = resolve_relative(self.path, named);
         Ok((self.source.plan(&at)?, at.to_string_lossy().into_owned()))
     }
 
     fn faults(&mut self, error: DocumentError) -> PyErr {
-        wrong(error)
+        input_error(error)
     }
 
     fn misfit(&mut self, error: LibraryMismatch) -> PyErr {
-        wrong(error)
+        input_error(error)
     }
 }
 
 /// Resolves a path that the file at `path` contains relative to itself. Detours `x/..` are removed, because paths of shipped
 /// files have none.
-fn beside(path: &Path, named: &str) -> PathBuf {
+fn resolve_relative(path: &Path, named: &str) -> PathBuf {
     let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
     for part in Path::new(named).components() {
         let is_detour = part == std::path::Component::ParentDir

@@ -12,7 +12,7 @@ use std::path::Path;
 import_exception!(rollwalk._errors, RollwalkError);
 
 /// Error for a wrong input, with the text that the command line prints on a terminal without colours: message, location, help.
-pub fn wrong(diagnostic: impl Diagnostic) -> PyErr {
+pub fn input_error(diagnostic: impl Diagnostic) -> PyErr {
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor());
     let handler = handler.with_links(false).with_wrap_lines(false);
     let mut text = String::new();

@@ -35,8 +35,9 @@ pub fn build_library(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Cow<'static, [u8]>> {
     let contents = Source::Disk.library(&path)?;
-    let built =
-        watched(py, progress.as_ref(), |watch| build(&contents, &mut Watched { threads, watch }))?;
+    let built = watched(py, progress.as_ref(), |watch| {
+        build(&contents, &mut ProgressSolver { threads, watch })
+    })?;
     match built {
         Built::Library(bytes) => Ok(bytes.into()),
         Built::Failed(plans) => Err(not_consistent(py, &plans.iter().collect::<Vec<_>>())),
@@ -53,7 +54,7 @@ enum Built {
     Refused(String),
 }
 
-fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
+fn build(contents: &Contents, solver: &mut ProgressSolver<'_>) -> Built {
     let wanted = contents.request();
     // Whoever stops it raises another exception.
     let stopped = || Built::Refused("stopped".to_owned());
@@ -78,12 +79,12 @@ fn build(contents: &Contents, solver: &mut Watched<'_>) -> Built {
 }
 
 /// Solver with progress that ends when it is stopped.
-struct Watched<'w> {
+struct ProgressSolver<'w> {
     threads: Option<NonZeroUsize>,
     watch: &'w Watch<Progress>,
 }
 
-impl Solver for Watched<'_> {
+impl Solver for ProgressSolver<'_> {
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
         let plan = optimise(robot, motion, options, self.threads, self.watch);
         (!self.watch.is_stopped()).then_some(plan)

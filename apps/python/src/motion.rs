@@ -2,7 +2,7 @@
 
 use crate::arrays::matrix;
 use crate::documents::{Source, shipped};
-use crate::error::wrong;
+use crate::error::input_error;
 use crate::robot::Robot;
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -48,7 +48,7 @@ impl Motion {
     #[pyo3(signature = (text, robot, name = "<motion>"))]
     fn from_toml(text: &str, robot: &Bound<'_, Robot>, name: &str) -> PyResult<Self> {
         let robot = Arc::clone(&robot.get().inner);
-        let inner = motion::Motion::from_toml(name, text, &robot).map_err(wrong)?;
+        let inner = motion::Motion::from_toml(name, text, &robot).map_err(input_error)?;
         Ok(Self { robot, inner })
     }
 

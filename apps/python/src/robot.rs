@@ -2,7 +2,7 @@
 
 use crate::arrays::{matrix, vector};
 use crate::documents::{Source, shipped};
-use crate::error::{refused, wrong};
+use crate::error::{input_error, refused};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -53,7 +53,7 @@ impl Robot {
     #[staticmethod]
     #[pyo3(signature = (text, name = "<robot>"))]
     fn from_toml(text: &str, name: &str) -> PyResult<Self> {
-        robot::Robot::from_toml(name, text).map(Self::of).map_err(wrong)
+        robot::Robot::from_toml(name, text).map(Self::of).map_err(input_error)
     }
 
     /// Load a robot that ships with Rollwalk.

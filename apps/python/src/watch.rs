@@ -39,7 +39,7 @@ impl<P> Watch<P> {
     }
 
     /// Calls the callback if there is a new state.
-    fn tell(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()>
+    fn call_back(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()>
     where
         P: for<'py> IntoPyObject<'py>,
     {
@@ -82,7 +82,7 @@ where
             waited
         })
     })?;
-    watch.tell(py, progress)?;
+    watch.call_back(py, progress)?;
     Ok(done.expect("work that did not panic has a result"))
 }
 
@@ -101,7 +101,7 @@ where
             Err(RecvTimeoutError::Disconnected) => return Ok(None),
             Err(RecvTimeoutError::Timeout) => Python::attach(|py| {
                 py.check_signals()?;
-                watch.tell(py, progress)
+                watch.call_back(py, progress)
             })?,
         }
     }

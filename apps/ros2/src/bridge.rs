@@ -6,9 +6,9 @@
 //! (`rollwalk_host::operator`) decides which requests are permitted; the node passes requests to it and answers with its
 //! messages.
 
-use crate::convert::{self, Diagnosed};
-use crate::driving::Driving;
-use crate::graph::{Call, Graph, Lost, Service};
+use crate::convert::{self, DiagnosticInputs};
+use crate::driving::NodePilot;
+use crate::graph::{Call, DdsFailure, Graph, Service};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
@@ -19,7 +19,7 @@ use rollwalk_protocol::text::Printable;
 use rollwalk_protocol::wire::{FromController, JointTelemetry, State};
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::operated::{Operated, farewell};
+use rollwalk_terminal::link::operated_bus::{OperatedBus, report_exit};
 use rollwalk_terminal::{Exit, interrupt, output};
 use ros2_client::builtin_interfaces::Time;
 use ros2_client::log::LogLevel;
@@ -35,15 +35,15 @@ const NAME_CHARS: usize = 64;
 const STOPPED_US: u64 = 1_000_000;
 
 /// Call that waits for the robot's answer.
-struct Waiting {
+struct PendingCall {
     call: Call,
-    outcome: Outcome,
+    outcome: AnsweringEvent,
     since_us: u64,
 }
 
 /// Event that answers a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
+enum AnsweringEvent {
     /// Message about the intent with this number.
     Message(u64),
     /// Acknowledgement of an emergency stop.
@@ -56,10 +56,10 @@ enum Outcome {
 
 /// Node with its robot.
 pub struct Bridge<'a> {
-    operated: Operated<'a>,
+    operated: OperatedBus<'a>,
     link: &'a LinkArgs,
     /// Reason why ROS can no longer be reached.
-    lost: Option<Lost>,
+    lost: Option<DdsFailure>,
     graph: Graph,
     bus: String,
     names: &'a NamesArgs,
@@ -71,8 +71,8 @@ pub struct Bridge<'a> {
     /// Most recent telemetry of each channel since joints were published.
     round: BTreeMap<u8, JointTelemetry>,
     urdf: Option<String>,
-    driving: Option<Driving>,
-    waiting: Vec<Waiting>,
+    driving: Option<NodePilot>,
+    waiting: Vec<PendingCall>,
     /// Number of the most recent operator message that was published.
     said: u64,
     look_us: u64,
@@ -87,10 +87,10 @@ impl<'a> Bridge<'a> {
         bus: LiveLink,
         operator: Operator,
         graph: Graph,
-        driving: Option<Driving>,
+        driving: Option<NodePilot>,
     ) -> Self {
         Self {
-            operated: Operated::new(link, bus, operator),
+            operated: OperatedBus::new(link, bus, operator),
             link,
             lost: None,
             graph,
@@ -113,7 +113,7 @@ impl<'a> Bridge<'a> {
     /// contact with it.
     pub fn run(&mut self) -> Exit {
         loop {
-            let heard = self.operated.heard();
+            let heard = self.operated.received_frames();
             if self.lost.is_none()
                 && let Err(error) = self.serve(&heard)
             {
@@ -126,10 +126,10 @@ impl<'a> Bridge<'a> {
             self.operated.send();
             let leaves = self.operated.operator.leaving() == ExitStage::Now;
             if leaves || self.operated.now_us() >= self.look_us {
-                self.look();
+                self.publish_news();
             }
             if leaves {
-                let exit = farewell(&self.view());
+                let exit = report_exit(&self.view());
                 return if self.lost.is_some() { Exit::NotDone } else { exit };
             }
             self.operated.receive();
@@ -137,8 +137,8 @@ impl<'a> Bridge<'a> {
     }
 
     /// Exchanges messages and calls with ROS.
-    fn serve(&mut self, heard: &[Frame]) -> Result<(), Lost> {
-        if let Err(report) = self.look_names() {
+    fn serve(&mut self, heard: &[Frame]) -> Result<(), DdsFailure> {
+        if let Err(report) = self.load_names() {
             // Of a file that has changed since the start. The robot may be moving: it goes on without names.
             let now_us = self.operated.now_us();
             let text = format!("the names of motions and joints cannot be read: {report}");
@@ -158,7 +158,7 @@ impl<'a> Bridge<'a> {
     }
 
     /// Collects joint telemetry, and publishes it when every joint has reported since the previous publication.
-    fn on_frame(&mut self, frame: &Frame) -> Result<(), Lost> {
+    fn on_frame(&mut self, frame: &Frame) -> Result<(), DdsFailure> {
         let Ok((node, FromController::JointTelemetry(joint))) = FromController::decode(frame)
         else {
             return Ok(());
@@ -175,7 +175,7 @@ impl<'a> Bridge<'a> {
     }
 
     /// Prints new messages of the operator, and publishes the robot's state while DDS works.
-    fn look(&mut self) {
+    fn publish_news(&mut self) {
         self.operated.diagnose();
         let view = self.view();
         self.look_us = view.now_us + LOOK_US;
@@ -191,13 +191,13 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    fn lose(&mut self, error: Lost) {
-        output::say(&error);
+    fn lose(&mut self, error: DdsFailure) {
+        output::print_line(&error);
         self.lost = Some(error);
     }
 
     /// Publishes the changes of the robot's state.
-    fn publish(&mut self, view: &View) -> Result<(), Lost> {
+    fn publish(&mut self, view: &View) -> Result<(), DdsFailure> {
         let motion = convert::motion(view, self.catalog.as_ref());
         let motions = convert::motions(self.library());
         self.graph.robot(&convert::state(view), &motion, &motions)?;
@@ -208,7 +208,7 @@ impl<'a> Bridge<'a> {
             self.diagnose_us = view.now_us + DIAGNOSE_US;
             let (node, bus, catalog) = (self.graph.name(), &*self.bus, self.catalog.as_ref());
             let node = node.trim_start_matches('/');
-            let of = Diagnosed { view, bus, node, catalog };
+            let of = DiagnosticInputs { view, bus, node, catalog };
             self.graph.diagnostics(convert::diagnostics(Time::now(), &of))?;
         }
         Ok(())
@@ -223,16 +223,16 @@ impl<'a> Bridge<'a> {
                 Weight::Note => LogLevel::Info,
                 Weight::Refused | Weight::Warning => LogLevel::Warn,
             };
-            output::say(&message.text);
+            output::print_line(&message.text);
             if self.lost.is_some() {
                 continue;
             }
             self.graph.log(level, &message.text);
-            let is_answered = |waiting: &mut Waiting| match waiting.outcome {
-                Outcome::Message(intent_number) => message.answers == Some(intent_number),
+            let is_answered = |waiting: &mut PendingCall| match waiting.outcome {
+                AnsweringEvent::Message(intent_number) => message.answers == Some(intent_number),
                 _ => false,
             };
-            for Waiting { call, .. } in self.waiting.extract_if(.., is_answered) {
+            for PendingCall { call, .. } in self.waiting.extract_if(.., is_answered) {
                 self.graph.answer(&call, message.weight == Weight::Note, &message.text);
             }
         }
@@ -244,24 +244,26 @@ impl<'a> Bridge<'a> {
     /// Answers calls whose outcome is not in a message.
     fn answer_others(&mut self, view: &View) {
         let (graph, operator) = (&self.graph, &self.operated.operator);
-        let phase = self.driving.as_ref().map_or(Phase::Off, Driving::phase);
-        self.waiting.retain(|Waiting { call, outcome, since_us }| {
+        let phase = self.driving.as_ref().map_or(Phase::Off, NodePilot::phase);
+        self.waiting.retain(|PendingCall { call, outcome, since_us }| {
             let waited_us = view.now_us.saturating_sub(*since_us);
             let (success, text) = match outcome {
-                Outcome::Message(intent_number) if operator.is_asking(*intent_number) => {
+                AnsweringEvent::Message(intent_number) if operator.is_asking(*intent_number) => {
                     return true;
                 }
-                Outcome::Message(_) => {
+                AnsweringEvent::Message(_) => {
                     (false, "the command was dropped; see /rosout for the reason".into())
                 }
-                Outcome::Stopped if !view.stopping => (true, "stopped: torque is off".into()),
-                Outcome::Stopped if waited_us > STOPPED_US => {
+                AnsweringEvent::Stopped if !view.stopping => {
+                    (true, "stopped: torque is off".into())
+                }
+                AnsweringEvent::Stopped if waited_us > STOPPED_US => {
                     let text = "the robot has not acknowledged the emergency stop; the stop is \
                         repeated until it is acknowledged";
                     (false, text.into())
                 }
-                Outcome::Stopped => return true,
-                Outcome::Driven => match phase {
+                AnsweringEvent::Stopped => return true,
+                AnsweringEvent::Driven => match phase {
                     Phase::Beginning => return true,
                     Phase::Steered => (
                         true,
@@ -272,7 +274,7 @@ impl<'a> Bridge<'a> {
                         "the robot does not follow velocities; see /rosout for the reason".into(),
                     ),
                 },
-                Outcome::Home(state) => {
+                AnsweringEvent::Home(state) => {
                     let reached = view.status.map(|status| status.state);
                     let barred = view.status.is_some_and(|status| match status.state {
                         State::EStopped => true,
@@ -318,10 +320,10 @@ impl<'a> Bridge<'a> {
         let operator = &mut self.operated.operator;
         operator.request(now_us, intent);
         let outcome = match intent {
-            Intent::Estop => Outcome::Stopped,
-            _ => Outcome::Message(operator.latest_intent()),
+            Intent::Estop => AnsweringEvent::Stopped,
+            _ => AnsweringEvent::Message(operator.latest_intent()),
         };
-        self.waiting.push(Waiting { call, outcome, since_us: now_us });
+        self.waiting.push(PendingCall { call, outcome, since_us: now_us });
     }
 
     /// True if the robot follows velocities, or is about to start or stop doing so.
@@ -340,9 +342,11 @@ impl<'a> Bridge<'a> {
             }
         };
         match begun {
-            Ok(()) => {
-                self.waiting.push(Waiting { call, outcome: Outcome::Driven, since_us: now_us })
-            }
+            Ok(()) => self.waiting.push(PendingCall {
+                call,
+                outcome: AnsweringEvent::Driven,
+                since_us: now_us,
+            }),
             Err(why) => self.graph.answer(&call, false, &format!("not driven: {why}")),
         }
     }
@@ -353,7 +357,11 @@ impl<'a> Bridge<'a> {
         if let Some(driving) = &mut self.driving {
             driving.stop(now_us, after, &mut self.operated.operator);
         }
-        self.waiting.push(Waiting { call, outcome: Outcome::Home(state), since_us: now_us });
+        self.waiting.push(PendingCall {
+            call,
+            outcome: AnsweringEvent::Home(state),
+            since_us: now_us,
+        });
     }
 
     /// Names of the controller's library. Names of another library would select the wrong motions.
@@ -409,7 +417,7 @@ impl<'a> Bridge<'a> {
     }
 
     /// Looks up names and the URDF when the controller has reported its robot and library.
-    fn look_names(&mut self) -> miette::Result<()> {
+    fn load_names(&mut self) -> miette::Result<()> {
         let Some(hello) = self.operated.operator.hello().copied() else { return Ok(()) };
         let wanted = Some((hello.config_hash, hello.library));
         if self.named == wanted {

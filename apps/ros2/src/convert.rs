@@ -32,17 +32,17 @@ pub fn joint_state<'a>(
 
 /// Name of a state for programs, as in `rollwalk monitor --json`.
 pub fn state(view: &View) -> String {
-    heard(view).map_or_else(|| "Unknown".to_owned(), |status| format!("{:?}", status.state))
+    latest_status(view).map_or_else(|| "Unknown".to_owned(), |status| format!("{:?}", status.state))
 }
 
 /// Most recent status of a controller in contact.
-fn heard(view: &View) -> Option<Status> {
+fn latest_status(view: &View) -> Option<Status> {
     view.status.filter(|_| view.link.contact)
 }
 
 /// Name of the playing motion or transition; empty if nothing plays, or without contact.
 pub fn motion(view: &View, catalog: Option<&Catalog>) -> String {
-    let playing = heard(view).filter(|status| status.state.torque() == Torque::Driven);
+    let playing = latest_status(view).filter(|status| status.state.torque() == Torque::Driven);
     let Some(clip) = playing.and_then(|status| status.clip) else { return String::new() };
     let name = catalog.and_then(|catalog| catalog.clip(clip));
     name.unwrap_or_else(|| format!("clip {clip}"))
@@ -57,7 +57,7 @@ pub fn motions(catalog: Option<&Catalog>) -> String {
 }
 
 /// Inputs of the diagnostics of a robot.
-pub struct Diagnosed<'a> {
+pub struct DiagnosticInputs<'a> {
     /// State, faults and link.
     pub view: &'a View,
     /// Bus, as the user typed it.
@@ -69,7 +69,7 @@ pub struct Diagnosed<'a> {
 }
 
 /// Diagnostics of the controller and its link.
-pub fn diagnostics(stamp: Time, of: &Diagnosed<'_>) -> DiagnosticArray {
+pub fn diagnostics(stamp: Time, of: &DiagnosticInputs<'_>) -> DiagnosticArray {
     let robot = of.catalog.map_or("robot", |catalog| &*catalog.robot);
     let hardware_id = format!("{robot}, node {}", of.view.node);
     let part = |name: &str, level, message: String, values: Vec<KeyValue>| {
@@ -85,12 +85,12 @@ pub fn diagnostics(stamp: Time, of: &Diagnosed<'_>) -> DiagnosticArray {
     }
 }
 
-fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
+fn controller(of: &DiagnosticInputs<'_>) -> (Level, String, Vec<KeyValue>) {
     let view = of.view;
     let unknown = Actuators::default();
     let actuators = of.catalog.map_or(&unknown, |catalog| &catalog.actuators);
     let mut values = vec![entry("state", state(view))];
-    if heard(view).is_some() {
+    if latest_status(view).is_some() {
         values.push(entry("motion", motion(view, of.catalog)));
         values.push(entry("next", view.advice.to_owned()));
     }
@@ -106,7 +106,7 @@ fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
         let FaultView { fault, channel, value, .. } = *fault;
         values.push(entry("fault", fault_report_on(fault, channel, name, value, actuators)));
     }
-    let Some(status) = heard(view) else {
+    let Some(status) = latest_status(view) else {
         return (Level::Stale, "no contact with the controller".to_owned(), values);
     };
     if let Some(mismatch) = &view.mismatch {
@@ -122,7 +122,7 @@ fn controller(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
     (level, condition(&status, actuators), values)
 }
 
-fn link(of: &Diagnosed<'_>) -> (Level, String, Vec<KeyValue>) {
+fn link(of: &DiagnosticInputs<'_>) -> (Level, String, Vec<KeyValue>) {
     let link = of.view.link;
     let ms =
         |us: Option<u64>| us.map_or("none yet".into(), |us| format!("{:.1}", us as f64 * 1e-3));
@@ -230,7 +230,8 @@ mod tests {
     fn diagnostics_say_how_bad_it_is_and_why() {
         let catalog = catalog();
         let of = |view: &View| {
-            let of = Diagnosed { view, bus: "sim", node: "rollwalk", catalog: Some(&catalog) };
+            let of =
+                DiagnosticInputs { view, bus: "sim", node: "rollwalk", catalog: Some(&catalog) };
             diagnostics(Time::ZERO, &of).status
         };
         let (none, tilt) = (FaultBits::default(), FaultBits::default().with(Fault::Tilt));

@@ -6,12 +6,12 @@ use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{Operator, Weight};
 use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot};
 use rollwalk_protocol::wire::State;
-use rollwalk_terminal::link::steering::Prepared;
+use rollwalk_terminal::link::steering::SteeringInputs;
 use std::time::Duration;
 
 /// Pilot of the node.
 #[derive(Debug)]
-pub struct Driving {
+pub struct NodePilot {
     steered: SteeredRobot,
     commanded: Commanded,
     /// Library whose SAFE pose the robot starts in.
@@ -20,10 +20,10 @@ pub struct Driving {
     left_us: Option<u64>,
 }
 
-impl Driving {
+impl NodePilot {
     /// Creates a pilot at rest. `budget` is the time limit of a plan, and `timeout_s` is the lifetime of a velocity.
-    pub fn new(prepared: Prepared, budget: Duration, timeout_s: f64) -> Self {
-        let Prepared { route, fastest, catalog } = prepared;
+    pub fn new(prepared: SteeringInputs, budget: Duration, timeout_s: f64) -> Self {
+        let SteeringInputs { route, fastest, catalog } = prepared;
         let mut pilot = Pilot::new(false);
         pilot.rest();
         Self {

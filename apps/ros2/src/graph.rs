@@ -87,7 +87,7 @@ pub struct Call {
 /// Failure of DDS in this process.
 #[derive(Clone, Debug, Error)]
 #[error("the node can no longer reach ROS: {0}")]
-pub struct Lost(String);
+pub struct DdsFailure(String);
 
 /// Topic whose most recent value is sent to new subscribers.
 struct Latched {
@@ -96,7 +96,7 @@ struct Latched {
 }
 
 impl Latched {
-    fn set(&mut self, value: &str) -> Result<(), Lost> {
+    fn set(&mut self, value: &str) -> Result<(), DdsFailure> {
         if self.published.as_deref() != Some(value) && publish(&self.publisher, value.to_owned())? {
             self.published = Some(value.to_owned());
         }
@@ -145,7 +145,7 @@ impl Graph {
         let context = context.into_diagnostic().wrap_err_with(failed)?;
         let options = NodeOptions::new().enable_rosout(true);
         let node = context.new_node(names.node.clone(), options).into_diagnostic();
-        let mut making = Making { node: node.wrap_err_with(failed)?, names };
+        let mut making = NodeBuilder { node: node.wrap_err_with(failed)?, names };
         let joint_states =
             making.publisher("joint_states", ("sensor_msgs", "JointState"), &streamed())?;
         let array = ("diagnostic_msgs", "DiagnosticArray");
@@ -188,7 +188,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns an error if DDS has stopped working.
-    pub fn joint_states(&self, message: JointState) -> Result<(), Lost> {
+    pub fn joint_states(&self, message: JointState) -> Result<(), DdsFailure> {
         publish(&self.joint_states, message).map(drop)
     }
 
@@ -196,7 +196,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn diagnostics(&self, message: DiagnosticArray) -> Result<(), Lost> {
+    pub fn diagnostics(&self, message: DiagnosticArray) -> Result<(), DdsFailure> {
         publish(&self.diagnostics, message).map(drop)
     }
 
@@ -204,7 +204,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn robot_description(&mut self, urdf: &str) -> Result<(), Lost> {
+    pub fn robot_description(&mut self, urdf: &str) -> Result<(), DdsFailure> {
         self.robot_description.set(urdf)
     }
 
@@ -212,7 +212,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn robot(&mut self, state: &str, motion: &str, motions: &str) -> Result<(), Lost> {
+    pub fn robot(&mut self, state: &str, motion: &str, motions: &str) -> Result<(), DdsFailure> {
         self.state.set(state)?;
         self.motion.set(motion)?;
         self.motions.set(motions)
@@ -228,7 +228,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn play(&self) -> Result<Option<String>, Lost> {
+    pub fn play(&self) -> Result<Option<String>, DdsFailure> {
         self.newest(&self.play, "~/play")
     }
 
@@ -236,7 +236,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn velocity(&self) -> Result<Option<Velocity>, Lost> {
+    pub fn velocity(&self) -> Result<Option<Velocity>, DdsFailure> {
         Ok(match &self.velocities {
             None => None,
             Some(Velocities::Plain(topic)) => {
@@ -265,7 +265,7 @@ impl Graph {
         &self,
         topic: &Subscription<M>,
         name: &str,
-    ) -> Result<Option<M>, Lost> {
+    ) -> Result<Option<M>, DdsFailure> {
         let mut newest = None;
         for _ in 0..DEPTH {
             let Some((message, _)) = self.read(topic.take(), name)? else { break };
@@ -278,7 +278,7 @@ impl Graph {
     ///
     /// # Errors
     /// Returns the error of [`joint_states`](Self::joint_states).
-    pub fn calls(&self) -> Result<Vec<Call>, Lost> {
+    pub fn calls(&self) -> Result<Vec<Call>, DdsFailure> {
         let mut calls = Vec::new();
         for (service, server) in &self.services {
             let name = format!("~/{service}");
@@ -292,7 +292,7 @@ impl Graph {
 
     /// Returns the message that was read, or `None` if none has arrived. A malformed message is logged and dropped; any other
     /// error means that DDS has stopped working.
-    fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, Lost> {
+    fn read<T>(&self, outcome: ReadResult<Option<T>>, of: &str) -> Result<Option<T>, DdsFailure> {
         match outcome {
             Ok(value) => Ok(value),
             Err(ReadError::Deserialization { .. } | ReadError::Malformed) => {
@@ -301,10 +301,10 @@ impl Graph {
                      RMW_IMPLEMENTATION of this node"
                 );
                 self.log(LogLevel::Warn, &text);
-                output::say(text);
+                output::print_line(text);
                 Ok(None)
             }
-            Err(error) => Err(Lost(error.to_string())),
+            Err(error) => Err(DdsFailure(error.to_string())),
         }
     }
 
@@ -317,12 +317,12 @@ impl Graph {
 }
 
 /// Node whose topics and services are being created.
-struct Making<'a> {
+struct NodeBuilder<'a> {
     node: Node,
     names: &'a Names,
 }
 
-impl Making<'_> {
+impl NodeBuilder<'_> {
     fn publisher<M: Serialize>(
         &mut self,
         name: &str,
@@ -393,11 +393,11 @@ fn streamed() -> QosProfile {
 }
 
 /// Publishes a message. Returns false if the queue is full.
-fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) -> Result<bool, Lost> {
+fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) -> Result<bool, DdsFailure> {
     match publisher.publish(message) {
         Ok(()) => Ok(true),
         Err(WriteError::WouldBlock { .. }) => Ok(false),
-        Err(error) => Err(Lost(error.to_string())),
+        Err(error) => Err(DdsFailure(error.to_string())),
     }
 }
 

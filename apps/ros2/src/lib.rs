@@ -28,7 +28,7 @@ mod parameters;
 
 use bridge::Bridge;
 use clap::{CommandFactory, FromArgMatches, Parser};
-use driving::Driving;
+use driving::NodePilot;
 use environment::Environment;
 use graph::Graph;
 use miette::miette;
@@ -39,7 +39,7 @@ use rollwalk_host::session::SessionError;
 use rollwalk_terminal::generated::{self, Shell};
 use rollwalk_terminal::link::names::NamesArgs;
 use rollwalk_terminal::link::steering::{GIVE_GAIT, SteeringArgs};
-use rollwalk_terminal::link::{LinkArgs, cannot_open, ended};
+use rollwalk_terminal::link::{LinkArgs, cannot_open, report_failure};
 use rollwalk_terminal::{Exit, end, interrupt, output, with_common_help};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -105,7 +105,7 @@ pub fn main() -> ExitCode {
 fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     let environment = Environment::read()?;
     if let Some(warning) = environment::other_distribution() {
-        output::say_warnings(&[warning]);
+        output::print_warnings(&[warning]);
     }
     let operator = Operator::new(cli.link.peer()?, cli.names.config_hash()?).unwatched();
     let prepared = match &cli.names.library {
@@ -123,21 +123,21 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     let prepared = prepared.filter(|prepared| {
         let goes = prepared.check_goes();
         if let Err(why) = &goes {
-            output::say(format_args!("no ~/drive and no cmd_vel: {why}\n  {GIVE_GAIT}"));
+            output::print_line(format_args!("no ~/drive and no cmd_vel: {why}\n  {GIVE_GAIT}"));
         }
         goes.is_ok()
     });
-    interrupt::listen();
+    interrupt::install_handler();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;
     // A bus that is lost by now is waited for by the bridge.
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
-        return Ok(ended(&cli.link, &SessionError::HasHost { node: node.number() }));
+        return Ok(report_failure(&cli.link, &SessionError::HasHost { node: node.number() }));
     }
     let graph = Graph::join(&environment, names, prepared.is_some())?;
-    output::say(format_args!("node {} in ROS domain {}", graph.name(), environment.domain));
+    output::print_line(format_args!("node {} in ROS domain {}", graph.name(), environment.domain));
     let timeout_s = names.parameters.cmd_vel_timeout_s;
-    let driving = prepared.map(|it| Driving::new(it, cli.steering.budget(), timeout_s));
+    let driving = prepared.map(|it| NodePilot::new(it, cli.steering.budget(), timeout_s));
     Ok(Bridge::new(&cli.link, &cli.names, bus, operator, graph, driving).run())
 }
 

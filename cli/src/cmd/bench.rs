@@ -1,6 +1,6 @@
 //! `rollwalk bench`: runs `rollwalk-bench`.
 
-use crate::apps::{BENCH, Words};
+use crate::apps::{BENCH, ProgramArgs};
 use rollwalk_terminal::Exit;
 
 /// Reproduce the tables and figures of the thesis, measure the library format, and run the fault campaign.
@@ -17,7 +17,7 @@ Examples:
 )]
 pub struct Args {
     #[command(flatten)]
-    words: Words,
+    words: ProgramArgs,
 }
 
 /// Replaces this process by the program.

@@ -32,7 +32,7 @@ pub struct Args {
 
 /// Controller in the output of `--json`.
 #[derive(Serialize)]
-struct Found {
+struct ControllerEntry {
     node: u8,
     uid: String,
     protocol_major: u8,
@@ -43,7 +43,7 @@ struct Found {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    interrupt::listen();
+    interrupt::install_handler();
     let port = open::open(&args.bus, 1).map_err(cannot_open)?;
     let mut bus = Interruptible::new(LiveLink::new(port));
     let controllers = match discover(&mut bus, WAIT_US) {
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         let node = Node::new(number);
         let session = node.and_then(|node| Session::visit_in_pause(&mut bus, node).ok());
         let hello = session.map(|session| *session.hello());
-        found.push(Found {
+        found.push(ControllerEntry {
             node: number,
             uid,
             protocol_major,
@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     for pair in found.windows(2).filter(|pair| pair[0].node == pair[1].node) {
         let node = pair[0].node;
-        output::say(format_args!(
+        output::print_line(format_args!(
             "two controllers have address {node}: their frames collide; change the address of one"
         ));
     }
@@ -83,13 +83,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         let why = bus
             .fault_and_remedy()
             .unwrap_or_else(|| "check power, cable and bus of the controller".into());
-        output::say(format_args!("no controller answers on {}: {why}", args.bus));
+        output::print_line(format_args!("no controller answers on {}: {why}", args.bus));
         return Ok(Exit::NotDone);
     }
     Ok(Exit::Ok)
 }
 
-fn table(found: &[Found]) -> String {
+fn table(found: &[ControllerEntry]) -> String {
     let mut table = Table::new(["node", "serial number", "protocol", "configuration", "library"]);
     let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "none".into());
     for controller in found {

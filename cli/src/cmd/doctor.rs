@@ -63,7 +63,7 @@ pub struct Args {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Report {
+struct DoctorOutput {
     findings: Vec<Finding>,
     log: Vec<Entry>,
     load_percent: f64,
@@ -103,7 +103,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         } else {
             output::print(&lines(&report.findings).join("\n"))?;
         }
-        return Ok(judge(&report.findings));
+        return Ok(exit_code(&report.findings));
     }
     let expected = args.expected.as_deref().map(|path| -> miette::Result<u32> {
         let robot = Source::Disk.robot(path)?;
@@ -141,17 +141,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     } else {
         output::print(&text(&report))?;
     }
-    Ok(judge(&report.findings))
+    Ok(exit_code(&report.findings))
 }
 
-fn judge(findings: &[Finding]) -> Exit {
+fn exit_code(findings: &[Finding]) -> Exit {
     let is_wrong = findings.iter().any(|finding| finding.gravity == Gravity::Wrong);
     if is_wrong { Exit::NotDone } else { Exit::Ok }
 }
 
 /// Listens to the bus. Returns its traffic, one frame of each identifier, and the listener that detects other hosts.
 fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<Frame>, Listener)> {
-    output::say(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
+    output::print_line(format_args!(
+        "listening to {} for {} s",
+        args.link.bus,
+        LISTEN_US / 1_000_000
+    ));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut traffic, mut samples) = (Traffic::default(), Vec::<Frame>::new());
     let mut listener = Listener::new(start_us, args.link.node);
@@ -192,7 +196,7 @@ fn report(
     heard: &Traffic,
     samples: &[Frame],
     bitrate: u32,
-) -> Report {
+) -> DoctorOutput {
     let log = history.into_iter().flat_map(|history| {
         history.entries.iter().rev().map(|(_, entry)| Entry {
             seconds_ago: f64::from(history.age_ms(entry)) * 1e-3,
@@ -214,7 +218,7 @@ fn report(
     let load = load.collect();
     let load_percent = heard.load_percent(bitrate);
     let findings = findings.diagnose().into_iter().chain(system::priority_note()).collect();
-    Report { findings, log: log.collect(), load_percent, load }
+    DoctorOutput { findings, log: log.collect(), load_percent, load }
 }
 
 /// Name of a state in the log. The log event already contains the cause of a stop.
@@ -239,7 +243,7 @@ fn lines(findings: &[Finding]) -> Vec<String> {
     lines
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &DoctorOutput) -> String {
     let mut lines = lines(&report.findings);
     if !report.log.is_empty() {
         let mut table = Table::new(["log of the controller", "s ago", "", ""]);

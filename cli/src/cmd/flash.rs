@@ -7,8 +7,8 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, RejectReason};
 use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
-use rollwalk_terminal::link::{LinkArgs, ended, names};
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::link::{LinkArgs, names, report_failure};
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -44,7 +44,7 @@ pub struct Args {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Outcome {
+struct FlashOutput {
     robot: String,
     /// CRC-32C of the body, by which a controller identifies the library.
     library: String,
@@ -54,7 +54,7 @@ struct Outcome {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let packed = Packed::read(&args.library, args.robot.as_deref())?;
+    let packed = ValidatedLibrary::read(&args.library, args.robot.as_deref())?;
     let mut session = args.link.connect()?;
     let (ours, theirs) = (packed.library().index().config_hash(), session.hello().config_hash);
     if ours != theirs {
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut outcome = flash(&mut session, &packed.file);
     let trailing = RejectReason::TrailingBytes { len: 0, expected: 0 }.code();
     if signer.is_some() && outcome.as_ref().err().and_then(refused_for) == Some(trailing) {
-        output::say(
+        output::print_line(
             "The controller does not check signatures; the library is sent again without its \
              signature.",
         );
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if let Err(error) = outcome {
         return Ok(broken_off(args, signer, &error));
     }
-    names::keep(&packed.catalog());
+    names::cache(&packed.catalog());
     report(args, &packed.robot.name, &packed.library(), packed.file.len(), start)
 }
 
@@ -108,10 +108,10 @@ fn refused_for(error: &SessionError) -> Option<u8> {
 }
 
 fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) -> Exit {
-    let exit = ended(&args.link, error);
+    let exit = report_failure(&args.link, error);
     if refused_for(error) == Some(UNSIGNED) {
         let path = args.library.display();
-        output::say(match signer {
+        output::print_line(match signer {
             Some(key) => format!(
                 "{path} is signed with key {key}, or was changed afterwards: check it with \
                  `rollwalk library verify`."
@@ -122,7 +122,7 @@ fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) ->
     if interrupt::requested()
         || matches!(error, SessionError::Link(_) | SessionError::Silent { .. })
     {
-        output::say("Run the same command again to resume the transfer.");
+        output::print_line("Run the same command again to resume the transfer.");
     }
     exit
 }
@@ -134,7 +134,7 @@ fn report(
     bytes: usize,
     start: Instant,
 ) -> miette::Result<Exit> {
-    let outcome = Outcome {
+    let outcome = FlashOutput {
         robot: robot.to_owned(),
         library: format!("{:08x}", library.index().id()),
         bytes,

@@ -6,7 +6,7 @@ use rollwalk_host::session::SessionError;
 use rollwalk_protocol::text::Limit;
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult};
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure};
 use rollwalk_terminal::output::Table;
 use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
@@ -142,7 +142,7 @@ struct Row {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Shown {
+struct GainsOutput {
     /// Source of the values in force after power-on.
     origin: String,
     /// Fraction of the library's torques that is fed forward.
@@ -157,7 +157,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Action::Set(args) => set(args),
         Action::FeedForward(FeedForward { share, link }) => {
             let outcome = link.visit()?.set_parameter(Parameter::FeedForward, 0, *share);
-            told(
+            report_outcome(
                 link,
                 outcome,
                 "set until the next power cycle; to keep the value, type `rollwalk gains save`",
@@ -165,19 +165,27 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         }
         Action::Reset(Link { link }) => {
             let outcome = link.visit()?.reset_parameters();
-            told(link, outcome, "all values are reset to the robot file until the next power cycle")
+            report_outcome(
+                link,
+                outcome,
+                "all values are reset to the robot file until the next power cycle",
+            )
         }
         Action::Save(Link { link }) => {
             let outcome = link.visit()?.save_parameters();
-            told(link, outcome, "saved")
+            report_outcome(link, outcome, "saved")
         }
     }
 }
 
-fn told(link: &LinkArgs, outcome: Result<(), SessionError>, what: &str) -> miette::Result<Exit> {
+fn report_outcome(
+    link: &LinkArgs,
+    outcome: Result<(), SessionError>,
+    what: &str,
+) -> miette::Result<Exit> {
     match outcome {
         Ok(()) => output::print(what).map(|()| Exit::Ok),
-        Err(error) => Ok(ended(link, &error)),
+        Err(error) => Ok(report_failure(link, &error)),
     }
 }
 
@@ -187,12 +195,12 @@ fn show(args: &Show) -> miette::Result<Exit> {
     match read(&mut session, catalog.as_ref()) {
         Ok(shown) if args.json => output::print_json(&shown)?,
         Ok(shown) => output::print(&table(&shown))?,
-        Err(error) => return Ok(ended(&args.link, &error)),
+        Err(error) => return Ok(report_failure(&args.link, &error)),
     }
     Ok(Exit::Ok)
 }
 
-fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, SessionError> {
+fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<GainsOutput, SessionError> {
     let mut channels = Vec::new();
     for channel in 0..session.hello().channels {
         channels.push(Row {
@@ -212,7 +220,7 @@ fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<Shown, S
         ParameterOrigin::OutOfRange => "the robot file: a saved value is not allowed any more",
     };
     let feed_forward = value(session, Parameter::FeedForward, 0)?;
-    Ok(Shown { origin: origin.to_owned(), feed_forward, channels })
+    Ok(GainsOutput { origin: origin.to_owned(), feed_forward, channels })
 }
 
 /// Reads a value; returns `None` if the actuator does not have the parameter.
@@ -230,7 +238,7 @@ fn value(
     }
 }
 
-fn table(shown: &Shown) -> String {
+fn table(shown: &GainsOutput) -> String {
     let number =
         |value: Option<f32>| value.map_or_else(|| "-".into(), |value| format!("{value:.3}"));
     let mut table = Table::new(["channel", "", "kp N·m/rad", "kd N·m·s/rad", "limit N·m"]);
@@ -282,24 +290,24 @@ fn set(args: &Set) -> miette::Result<Exit> {
                     let (option, unit) = words(parameter);
                     let what = format!("{}: {option} {value}{unit}", name(channel));
                     let Some(why) = refusal(&error, &what, value, unit) else {
-                        output::say(format_args!("{what} was not set, {before}:"));
-                        return Ok(ended(&args.link, &error));
+                        output::print_line(format_args!("{what} was not set, {before}:"));
+                        return Ok(report_failure(&args.link, &error));
                     };
-                    output::say_report(&miette!(help = before, "{why}"));
+                    output::print_report(&miette!(help = before, "{why}"));
                     return Ok(Exit::NotDone);
                 }
             }
         }
     }
     if !without.is_empty() {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "skipped, because they do not have this value: {}",
             without.join(", ")
         ));
     }
     // A script that takes a limit for set would go on without one.
     if set == 0 {
-        output::say("nothing was set");
+        output::print_line("nothing was set");
         return Ok(Exit::NotDone);
     }
     output::print(&format!(

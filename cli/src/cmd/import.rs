@@ -45,7 +45,7 @@ pub struct Args {
 
 /// Output of `--json` after an import.
 #[derive(Serialize)]
-struct Made<'a> {
+struct ImportOutput<'a> {
     robot: &'a Path,
     mass_kg: f64,
     warnings: &'a [String],
@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let urdf = Text { name: &urdf_name, text: &urdf };
     match (&args.with, &args.output) {
         (Some(side), Some(robot)) => import(urdf, side, robot, args.json),
-        _ => look(urdf, args),
+        _ => print_survey(urdf, args),
     }
 }
 
@@ -70,12 +70,12 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     Output::of_source(output)?.write(imported.toml.as_bytes())?;
     let standing = StandingReport::new(&imported.robot);
     let standing = standing.iter();
-    let found = standing.flat_map(|of| of.doubts().iter().cloned().chain(of.overlaps()));
+    let found = standing.flat_map(|of| of.implausibilities().iter().cloned().chain(of.overlaps()));
     let warnings: Vec<_> = imported.warnings.iter().cloned().chain(found).collect();
-    output::say_warnings(&warnings);
+    output::print_warnings(&warnings);
     if json {
         let mass_kg = imported.robot.total_mass_kg();
-        output::print_json(&Made { robot: output, mass_kg, warnings: &warnings })?;
+        output::print_json(&ImportOutput { robot: output, mass_kg, warnings: &warnings })?;
     } else {
         let robot = describe(&imported.robot);
         output::print(&format!("{robot}\n\nwrote {}", output.display()))?;
@@ -83,7 +83,7 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
     Ok(Exit::Ok)
 }
 
-fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
+fn print_survey(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
     let survey = urdf::survey(urdf).map_err(Report::new)?;
     if let Some(path) = &args.template {
         // An existing side file may have been completed by the user.
@@ -96,7 +96,7 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
         }
         files::write(path, survey.template.as_bytes())?;
     }
-    output::say_warnings(&survey.warnings);
+    output::print_warnings(&survey.warnings);
     if args.json {
         output::print_json(&survey)?;
         return Ok(Exit::Ok);
@@ -110,11 +110,11 @@ fn look(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
         ),
         None => format!("next: rollwalk robot import {urdf} --template SIDE.toml"),
     };
-    output::print(&format!("{}\n\n{next}", show(&survey)))?;
+    output::print(&format!("{}\n\n{next}", survey_text(&survey)))?;
     Ok(Exit::Ok)
 }
 
-fn show(survey: &Survey) -> String {
+fn survey_text(survey: &Survey) -> String {
     let mut text = format!(
         "{}: {:.3} kg, {} links, {} joints that are not fixed, root `{}`\n\n",
         survey.name,

@@ -4,7 +4,7 @@ use rollwalk_host::actuators::Actuators;
 use rollwalk_host::describe::condition;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
-use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure};
 use rollwalk_terminal::{Exit, interrupt, output};
 use std::thread;
 use std::time::Duration;
@@ -49,7 +49,7 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
         Order::Return => session.return_to_safe(),
     };
     if let Err(error) = outcome {
-        return Ok(ended(&args.link, &error));
+        return Ok(report_failure(&args.link, &error));
     }
     // The last status may be older than the order; it is printed even without a newer one.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
@@ -71,7 +71,7 @@ fn clear(session: &mut LiveSession) -> Result<(), SessionError> {
         waited_us += STATUS_US;
         match session.status().map(|status| status.state) {
             Some(State::Disarmed) => {
-                output::say("there is nothing to clear");
+                output::print_line("there is nothing to clear");
                 return Ok(());
             }
             Some(State::Damped) if waited_us < LET_DOWN_US && !interrupt::requested() => {}
@@ -87,7 +87,7 @@ pub fn stop(args: &Args) -> miette::Result<Exit> {
     let mut bus = link.open()?;
     loop {
         let unanswered = |error| {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "{error}\nThe stop is sent until it is acknowledged; Ctrl-C ends the program."
             ))
         };
@@ -96,9 +96,11 @@ pub fn stop(args: &Args) -> miette::Result<Exit> {
                 return output::print("emergency stop: torque is off").map(|()| Exit::Ok);
             }
             Err(SessionError::Link(error)) if !interrupt::requested() => {
-                output::say(format_args!("{error}; reopening the bus, Ctrl-C ends the program"));
+                output::print_line(format_args!(
+                    "{error}; reopening the bus, Ctrl-C ends the program"
+                ));
             }
-            Err(error) => return Ok(ended(link, &error)),
+            Err(error) => return Ok(report_failure(link, &error)),
         }
         bus = loop {
             thread::sleep(REOPEN);

@@ -14,8 +14,8 @@ use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::kind::Kind;
 use rollwalk_terminal::planning::{self, PlanOutcome};
-use rollwalk_terminal::problem::{Parsed, Problem};
-use rollwalk_terminal::progress::Watch;
+use rollwalk_terminal::problem::{ParsedProblem, Problem};
+use rollwalk_terminal::progress::SolveProgress;
 use rollwalk_terminal::{Exit, inputs, interrupt, output};
 use serde::Serialize;
 use std::num::NonZeroU32;
@@ -86,7 +86,7 @@ pub struct Args {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Outcome<'a> {
+struct PlanOutput<'a> {
     #[serde(flatten)]
     solve: PlanOutcome<'a>,
     /// True after Ctrl-C, even if the plan had converged and was being refined.
@@ -109,7 +109,7 @@ struct Outcome<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (problem, origin) = problem(args)?;
-    let Parsed { robot, motion, from } = problem.parse(origin)?;
+    let ParsedProblem { robot, motion, from } = problem.parse(origin)?;
     let place = Output::at(&args.output)?;
     print_robot_warnings(&robot, &problem.robot);
     if let Some(path) = &args.dump {
@@ -117,9 +117,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         place.apart_from(&dump)?;
         dump.write(problem.to_json().as_bytes())?;
     }
-    interrupt::listen();
+    interrupt::install_handler();
     let options = Options::from(problem.options);
-    let watch = Watch::start(&motion.name, args.verbose);
+    let watch = SolveProgress::start(&motion.name, args.verbose);
     let is_given = from.is_some();
     let mut plan = match from {
         Some(previous) => {
@@ -149,14 +149,14 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         (plan, time_s) = (finer, time_s + more_s);
     }
     let interrupted = interrupted || interrupt::requested();
-    let end = End { plan: &plan, report: &report, simulation, time_s, written };
+    let end = PlanResult { plan: &plan, report: &report, simulation, time_s, written };
     if args.json {
         output::print_json(&end.outcome())?;
     } else {
         place.comment(&end.describe(interrupted, is_given))?;
     }
     if matches!(plan.solve.status, Status::Stalled | Status::IterationLimit) {
-        output::say(match &args.dump {
+        output::print_line(match &args.dump {
             Some(path) => format!(
                 "if the motion should be possible, report a bug with {}, which contains the whole \
                  problem",
@@ -196,7 +196,7 @@ fn problem(args: &Args) -> miette::Result<(Problem, Option<&Path>)> {
         }
         let problem = Problem::from_json(&file.path, &file.text)?;
         if let Some(other) = problem.other_program() {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "the problem was written by {other}, which may plan differently"
             ));
         }
@@ -246,18 +246,18 @@ fn refined(
         if !verdict.misses_by_little() {
             return None;
         }
-        output::say(format_args!(
+        output::print_line(format_args!(
             "with {} samples {}; planning again with twice as many samples",
             finer.samples.len(),
             verdict
         ));
-        let watch = Watch::start(&plan.motion.name, args.verbose);
+        let watch = SolveProgress::start(&plan.motion.name, args.verbose);
         let found = replan_finer(&finer, options, &mut |progress| watch.iteration(progress));
         more_s += watch.finish().as_secs_f64();
         finer = found.filter(|_| !interrupt::requested())?;
         verdict = simulated(&finer)?;
         if verdict.holds() {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "give samples = {} in the motion file, because libraries are planned with that \
                  number",
                 finer.samples.len()
@@ -269,7 +269,7 @@ fn refined(
 }
 
 /// Result of the command: a plan, its report and its simulation.
-struct End<'a> {
+struct PlanResult<'a> {
     plan: &'a Plan,
     report: &'a Report,
     simulation: Option<Verdict>,
@@ -278,10 +278,10 @@ struct End<'a> {
     written: Option<&'a PathBuf>,
 }
 
-impl<'a> End<'a> {
-    fn outcome(&self) -> Outcome<'a> {
+impl<'a> PlanResult<'a> {
+    fn outcome(&self) -> PlanOutput<'a> {
         let &Self { plan, report, simulation, time_s, written } = self;
-        Outcome {
+        PlanOutput {
             solve: PlanOutcome::new(plan, time_s),
             interrupted: interrupt::requested(),
             judgement: report.judgement,

@@ -44,7 +44,7 @@ pub struct Check {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Report<'a> {
+struct RobotOutput<'a> {
     mass_kg: f64,
     robot: &'a Robot,
     standing: Option<StandingReport>,
@@ -64,7 +64,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
 pub fn print_robot_warnings(robot: &Robot, text: &TextFile) {
     let buses = BusLoads::new(robot).ok();
     let standing = StandingReport::new(robot);
-    output::say_warnings(&warnings(robot, text, standing.as_ref(), buses.as_ref()));
+    output::print_warnings(&warnings(robot, text, standing.as_ref(), buses.as_ref()));
 }
 
 fn warnings(
@@ -117,12 +117,12 @@ fn check(check: &Check) -> miette::Result<Exit> {
     let warnings = warnings(&robot, &text, standing.as_ref(), Some(&buses));
     if check.json {
         let mass_kg = robot.total_mass_kg();
-        output::print_json(&Report { mass_kg, robot: &robot, standing })?;
+        output::print_json(&RobotOutput { mass_kg, robot: &robot, standing })?;
     } else {
         let standing = standing.map_or(String::new(), |standing| standing.show());
         output::print(&format!("{}\n\n{standing}\n{}", describe(&robot), buses.table()))?;
     }
-    output::say_warnings(&warnings);
+    output::print_warnings(&warnings);
     buses.check(&check.robot)?;
     Ok(Exit::Ok)
 }

@@ -22,7 +22,7 @@ pub struct StandingReport {
     body_height_m: f64,
     /// Centre of mass: forward and left of the origin of the body, and above the ground, m.
     com_m: [f64; 3],
-    contacts: Vec<Contact>,
+    contacts: Vec<ContactLoad>,
     joints: Vec<Joint>,
     clearance_margin_m: f64,
     /// Distances between shapes of links, closest first.
@@ -31,12 +31,12 @@ pub struct StandingReport {
     heights: Vec<Height>,
     /// Warnings about implausible values for a robot of this size; `warnings` begins with them.
     #[serde(skip)]
-    doubts: Vec<String>,
+    implausibilities: Vec<String>,
     warnings: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
-struct Contact {
+struct ContactLoad {
     name: String,
     /// Position: forward and left of the origin of the body, and above the ground, m.
     position_m: [f64; 3],
@@ -96,7 +96,7 @@ impl StandingReport {
             body_height_m: standing.frames.link_origins[0].z,
             com_m: standing.com.into(),
             contacts: contacts
-                .map(|(end, contact)| Contact {
+                .map(|(end, contact)| ContactLoad {
                     name: end.name.clone(),
                     position_m: contact.position.into(),
                     force_n: contact.force_n,
@@ -115,11 +115,11 @@ impl StandingReport {
             clearance_margin_m: robot.clearance_margin_m,
             clearances,
             heights: links.filter_map(height).collect(),
-            doubts: Vec::new(),
+            implausibilities: Vec::new(),
             warnings: Vec::new(),
         };
-        report.doubts = warnings(&tree, &standing);
-        report.warnings = report.doubts.clone();
+        report.implausibilities = warnings(&tree, &standing);
+        report.warnings = report.implausibilities.clone();
         report.warnings.extend(report.warn(standing.balanced));
         Some(report)
     }
@@ -130,8 +130,8 @@ impl StandingReport {
     }
 
     /// Warnings about implausible values for a robot of this size, with their likely causes.
-    pub fn doubts(&self) -> &[String] {
-        &self.doubts
+    pub fn implausibilities(&self) -> &[String] {
+        &self.implausibilities
     }
 
     /// Warning about the pairs of links that overlap in the nominal pose; `None` without overlaps.
@@ -161,7 +161,7 @@ impl StandingReport {
         let mut left: Vec<_> =
             self.contacts.iter().filter(|contact| contact.force_n > 0.0).collect();
         while let Some(first) = left.pop() {
-            let at = |contact: &Contact| nalgebra::Vector3::from(contact.position_m);
+            let at = |contact: &ContactLoad| nalgebra::Vector3::from(contact.position_m);
             let (mut same, others): (Vec<_>, Vec<_>) =
                 left.into_iter().partition(|other| (at(other) - at(first)).norm() < SAME_PLACE_M);
             left = others;
@@ -235,7 +235,7 @@ impl StandingReport {
         );
         let mut contacts =
             Table::new(["end effector", "forward m", "left m", "height mm", "force N", "sag mm"]);
-        for Contact { name, position_m: [x, y, z], force_n, sag_m } in &self.contacts {
+        for ContactLoad { name, position_m: [x, y, z], force_n, sag_m } in &self.contacts {
             contacts.row([
                 name.clone(),
                 fixed::<3>(*x),

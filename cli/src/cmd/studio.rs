@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let address = server.address();
     output::print(&format!("the studio is at {address}"))?;
     if !args.no_open && !browse(&address) {
-        output::say("no browser could be started: open this address in a browser");
+        output::print_line("no browser could be started: open this address in a browser");
     }
     server.run();
     Ok(Exit::Ok)

@@ -20,7 +20,7 @@ pub const GROUP: &str = "input";
 const FOLDER: &str = "/dev/input";
 
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct GamepadDevice {
     /// Name of the device.
     pub name: String,
     pub path: PathBuf,
@@ -30,11 +30,11 @@ pub struct Found {
 ///
 /// # Errors
 /// Returns an error with the command to type if there is no gamepad, if there are several, or if it cannot be read.
-pub fn find(wanted: &str) -> miette::Result<Found> {
+pub fn find(wanted: &str) -> miette::Result<GamepadDevice> {
     if wanted != "auto" {
         let path = Path::new(wanted);
         return match Device::open(path) {
-            Ok(device) if is_gamepad(&device) => Ok(found(path, &device)),
+            Ok(device) if is_gamepad(&device) => Ok(gamepad_device(path, &device)),
             Ok(device) => Err(miette!(
                 help = listed(&gamepads().0),
                 "{} is not a gamepad: {}",
@@ -68,16 +68,17 @@ fn denied(path: &Path) -> miette::Report {
     miette!(help = join(GROUP), "this user may not read {}", path.display())
 }
 
-fn listed(all: &[Found]) -> String {
+fn listed(all: &[GamepadDevice]) -> String {
     if all.is_empty() {
         return "plug in a gamepad: none was found".into();
     }
-    let line = |found: &Found| format!("--gamepad {}   {}", found.path.display(), found.name);
+    let line =
+        |found: &GamepadDevice| format!("--gamepad {}   {}", found.path.display(), found.name);
     all.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// Readable gamepads, and the path of an unreadable one. Keyboards are never readable, on purpose, and are left out.
-pub fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
+pub fn gamepads() -> (Vec<GamepadDevice>, Option<PathBuf>) {
     let (mut all, mut unreadable) = (Vec::new(), None);
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
     let mut paths: Vec<_> = entries
@@ -89,7 +90,7 @@ pub fn gamepads() -> (Vec<Found>, Option<PathBuf>) {
     paths.sort();
     for path in paths {
         match Device::open(&path) {
-            Ok(device) if is_gamepad(&device) => all.push(found(&path, &device)),
+            Ok(device) if is_gamepad(&device) => all.push(gamepad_device(&path, &device)),
             Err(error) if is_denied(&error) && capabilities::has_buttons(&path) == Some(true) => {
                 unreadable = Some(path);
             }
@@ -108,12 +109,12 @@ fn name(device: &Device) -> String {
     device.name().unwrap_or("a device without name").to_owned()
 }
 
-fn found(path: &Path, device: &Device) -> Found {
-    Found { name: name(device), path: path.to_owned() }
+fn gamepad_device(path: &Path, device: &Device) -> GamepadDevice {
+    GamepadDevice { name: name(device), path: path.to_owned() }
 }
 
 /// Starts a thread that reads the gamepad's events. After a disconnection it is found again by its path or name.
-pub fn listen(found: Found) -> Receiver<Event> {
+pub fn start_reader(found: GamepadDevice) -> Receiver<Event> {
     let (sender, events) = channel();
     thread::spawn(move || {
         let mut path = found.path.clone();

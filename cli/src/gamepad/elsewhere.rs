@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct GamepadDevice {
     pub name: String,
     pub path: PathBuf,
 }
@@ -15,11 +15,11 @@ pub struct Found {
 ///
 /// # Errors
 /// Returns an error on every call, because gamepads need evdev.
-pub fn find(_: &str) -> miette::Result<Found> {
+pub fn find(_: &str) -> miette::Result<GamepadDevice> {
     Err(miette!(help = "leave out --gamepad, and use keys", "gamepads require Linux (evdev)"))
 }
 
 /// Returns a channel without events.
-pub fn listen(_: Found) -> Receiver<Event> {
+pub fn start_reader(_: GamepadDevice) -> Receiver<Event> {
     std::sync::mpsc::channel().1
 }

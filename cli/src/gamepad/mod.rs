@@ -12,7 +12,7 @@ mod capabilities;
 pub mod device;
 pub mod reader;
 
-use device::Found;
+use device::GamepadDevice;
 use miette::{Report, miette};
 use rollwalk_gamepads::file::Mapping;
 use rollwalk_gamepads::{shipped, shipped_for};
@@ -24,7 +24,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Returns an error if the file is missing or wrong, or if no shipped mapping matches the device.
-pub fn mapping(named: Option<&Path>, device: &Found) -> miette::Result<Mapping> {
+pub fn mapping(named: Option<&Path>, device: &GamepadDevice) -> miette::Result<Mapping> {
     if let Some(path) = named {
         let text = files::read_text(path, Kind::Gamepad)?;
         return Mapping::from_toml(&path.to_string_lossy(), &text).map_err(Report::new);
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn a_device_without_a_mapping_is_told_where_to_begin() {
-        let found = |name: &str| Found { name: name.into(), path: "event7".into() };
+        let found = |name: &str| GamepadDevice { name: name.into(), path: "event7".into() };
         assert_eq!(mapping(None, &found("Xbox Wireless Controller")).unwrap().name, "xbox");
         let error = mapping(None, &found("Toaster")).unwrap_err();
         assert!(error.help().unwrap().to_string().contains("gamepads/xbox.toml"));

@@ -21,7 +21,7 @@ impl Gamepad {
     pub fn open(device: &str, file: Option<&Path>) -> miette::Result<Self> {
         let found = device::find(device)?;
         let pad = MappedGamepad::new(mapping(file, &found)?);
-        Ok(Self { pad, events: device::listen(found) })
+        Ok(Self { pad, events: device::start_reader(found) })
     }
 
     /// Initial request: the deadman switch is released.

@@ -6,7 +6,7 @@ use rollwalk_terminal::planning::Plans;
 
 /// Messages about goals of motions at rest that are undone on the path from SAFE and back to SAFE. Such a motion shifts the
 /// body over fixed contacts, and its transitions shift the body back.
-pub fn taken_back(plans: &Plans) -> Vec<String> {
+pub fn undone_goals(plans: &Plans) -> Vec<String> {
     const NAMES: [&str; 3] = ["forward_m", "left_m", "turn_rad"];
     let joined = |from: usize, to: usize| {
         let found = plans.transitions.iter().find(|of| (of.from, of.to) == (from, to));
@@ -23,7 +23,7 @@ pub fn taken_back(plans: &Plans) -> Vec<String> {
         else {
             continue;
         };
-        let net = [there, way.values(), back].into_iter().fold([0.0; 3], then);
+        let net = [there, way.values(), back].into_iter().fold([0.0; 3], compose);
         for of in (0..3).filter(|&of| goals[of]) {
             let (wanted, left) = (way.values()[of], net[of]);
             if !(0.95..=1.05).contains(&(left / wanted)) {
@@ -39,7 +39,7 @@ pub fn taken_back(plans: &Plans) -> Vec<String> {
 }
 
 /// Adds a second displacement, given in the final heading of the first.
-fn then([x_m, y_m, turned_rad]: [f64; 3], [forward_m, left_m, turn_rad]: [f64; 3]) -> [f64; 3] {
+fn compose([x_m, y_m, turned_rad]: [f64; 3], [forward_m, left_m, turn_rad]: [f64; 3]) -> [f64; 3] {
     let (sine, cosine) = turned_rad.sin_cos();
     [
         x_m + forward_m * cosine - left_m * sine,

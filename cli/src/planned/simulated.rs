@@ -1,12 +1,12 @@
 //! Simulation of a library on level ground over every transition, compared with its plans.
 
-use super::{Judged, Planned};
+use super::{ClipResult, PlanSummary};
 use crate::terrain::FEET_MIN;
-use crate::tour::{self, Options, Played};
+use crate::tour::{self, Options, TourResult};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_sim_host::ground::Travel;
 use rollwalk_terminal::output;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Simulation {
 struct Clip {
     name: String,
     #[serde(flatten)]
-    judged: Judged,
+    judged: ClipResult,
 }
 
 /// Plays a library on level ground, over every transition. Returns `None` for a robot with too few feet to stand, and if SAFE
@@ -38,13 +38,16 @@ struct Clip {
 ///
 /// # Errors
 /// Returns an error if the controller refused the library.
-pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<Simulation>> {
+pub fn simulate(
+    packed: &ValidatedLibrary,
+    planned: &[PlanSummary],
+) -> miette::Result<Option<Simulation>> {
     let catalog = packed.catalog();
     let safe_needs = planned.get(catalog.safe).is_some_and(|safe| safe.needs_feedback.is_some());
     if packed.robot.end_effectors.len() < FEET_MIN || safe_needs {
         return Ok(None);
     }
-    output::say("simulation of the library on level ground:");
+    output::print_line("simulation of the library on level ground:");
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let options = Options {
         ground: Some(&ground),
@@ -53,7 +56,7 @@ pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<S
         cycles: CYCLES,
         world_log: None,
     };
-    let Played { rig, travels, stopped, .. } = tour::play(packed, options)?;
+    let TourResult { rig, travels, stopped, .. } = tour::play(packed, options)?;
     let name = |travel: &Travel| catalog.clip(travel.clip.0).unwrap_or_default();
     let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
     let fell = falls.first().map(|fall| {
@@ -61,7 +64,7 @@ pub fn simulate(packed: &Packed, planned: &[Planned]) -> miette::Result<Option<S
         (fall.at.as_s(), during.map(name).unwrap_or_default())
     });
     let judge = |travel: &Travel| {
-        let judged = planned.get(usize::from(travel.clip.0))?.judge(travel);
+        let judged = planned.get(usize::from(travel.clip.0))?.compare(travel);
         Some(Clip { name: name(travel), judged })
     };
     let clips = travels.iter().filter_map(judge).collect();

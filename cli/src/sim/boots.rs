@@ -17,11 +17,11 @@ const NO_SESSION: LinkSession = LinkSession { number: u64::MAX, nonce: 0 };
 /// # Errors
 /// Returns an error if the file was not written by this function, or if the operating system refuses.
 pub fn count(key: &LinkKey) -> miette::Result<Option<u32>> {
-    place(key).map(|path| count_in(&path)).transpose()
+    count_path(key).map(|path| count_in(&path)).transpose()
 }
 
 /// Path of the count for a key. Several robots and files may share a key, so the path depends only on the key.
-fn place(key: &LinkKey) -> Option<PathBuf> {
+fn count_path(key: &LinkKey) -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
     let folder = folders.state_dir().unwrap_or(folders.data_local_dir());
     let name: String =

@@ -27,7 +27,7 @@ impl Printer {
             // Transitions have no names.
             let library = rig.core().controller().library();
             if let Some(name) = library.and_then(|library| library.name(NodeId(travel.clip.0))) {
-                say(name, travel);
+                print_travel(name, travel);
             }
         }
         if let Some(ground) = rig.body().ground() {
@@ -39,7 +39,7 @@ impl Printer {
     pub fn print_ground(&mut self, ground: &Grounded) {
         let falls = ground.falls();
         for fall in falls.iter().skip(self.falls) {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "{:9.3} s  fell: tilted by {:.0}°, its centre of mass {:.2} m above the ground; \
                  the hoist lifts the robot after 3 s without torque",
                 fall.at.as_s(),
@@ -52,14 +52,14 @@ impl Printer {
             self.is_held = ground.is_held();
             let what = if self.is_held { "lifts the robot" } else { "releases the robot" };
             let at_s = ground.world().system().time_s();
-            output::say(format_args!("{at_s:9.3} s  the hoist {what}"));
+            output::print_line(format_args!("{at_s:9.3} s  the hoist {what}"));
         }
     }
 }
 
-fn say(name: &str, travel: &Travel) {
+fn print_travel(name: &str, travel: &Travel) {
     let (way, totals) = (travel.displacement(), travel.totals());
-    output::say(format_args!(
+    output::print_line(format_args!(
         "{:9.3} s  {name}: {} m ahead, {} m to the left, turned by {}° in {:.2} s; tilt up to \
          {:.1}°, slid {:.3} m, at most {:.1} N on a foot or wheel, {} J of work by the motors",
         travel.to.as_s(),

@@ -24,7 +24,7 @@ impl LagWatch {
     }
 
     /// Ratio of robot time to real time in the past interval, if a warning is due.
-    pub fn look(&mut self, now: Instant, robot_s: f64) -> Option<f64> {
+    pub fn measure(&mut self, now: Instant, robot_s: f64) -> Option<f64> {
         let (since, robot_since_s) = self.since;
         let real = now - since;
         if real < WINDOW {
@@ -49,8 +49,9 @@ mod tests {
         let start = Instant::now();
         let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
         let mut watch = LagWatch::new(start, 0.0);
-        let mut percent =
-            |real_s, robot_s| watch.look(at(real_s), robot_s).map(|share| (100.0 * share).round());
+        let mut percent = |real_s, robot_s| {
+            watch.measure(at(real_s), robot_s).map(|share| (100.0 * share).round())
+        };
         assert_eq!(percent(4.0, 0.0), None);
         assert_eq!(percent(5.0, 4.9), None);
         assert_eq!(percent(10.0, 7.4), Some(50.0));

@@ -5,7 +5,7 @@ use miette::{Report, miette};
 use rollwalk_sim_host::store::{LIBRARY_MAX, VerifyingKey};
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::output;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,7 @@ impl Memory {
         // In this order: what has been read is no output for any other purpose.
         let output = Output::of_source(path)?;
         let found = path.exists();
-        let packed = found.then(|| Packed::read(path, Some(robot))).transpose()?;
+        let packed = found.then(|| ValidatedLibrary::read(path, Some(robot))).transpose()?;
         if let (Some(packed), Some(key)) = (&packed, key)
             && let Err(why) = signing::check(&packed.file, key)
         {
@@ -97,7 +97,7 @@ impl Memory {
         self.output.write(library)?;
         self.library = Some(library.to_vec());
         let before = before.map(|path| format!("; the previous library is in {}", path.display()));
-        output::say(format_args!(
+        output::print_line(format_args!(
             "{} now contains the flashed library{}",
             self.path.display(),
             before.unwrap_or_default()

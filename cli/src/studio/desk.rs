@@ -9,7 +9,7 @@ mod opening;
 
 use edits::Edits;
 pub use edits::folder;
-use opening::{Desired, Sheet};
+use opening::{InitialFiles, Sheet};
 use rollwalk_protocol::crc::file_digest_append;
 use rollwalk_terminal::files;
 use rollwalk_terminal::kind::Kind;
@@ -21,7 +21,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Open files of the studio.
 pub struct Desk {
     sheets: Mutex<Vec<Sheet>>,
-    desired: Desired,
+    desired: InitialFiles,
     edits: Option<Edits>,
 }
 

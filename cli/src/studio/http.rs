@@ -48,26 +48,26 @@ pub fn read(stream: &mut TcpStream) -> io::Result<Option<Head>> {
         }
         bytes.extend_from_slice(&chunk[..count]);
         match parse(&bytes) {
-            Parsed::Whole(head) => return Ok(Some(head)),
-            Parsed::Partial if bytes.len() < HEAD_MAX => {}
-            Parsed::Partial | Parsed::Bad => return Ok(None),
+            ParsedHead::Whole(head) => return Ok(Some(head)),
+            ParsedHead::Partial if bytes.len() < HEAD_MAX => {}
+            ParsedHead::Partial | ParsedHead::Bad => return Ok(None),
         }
     }
 }
 
-enum Parsed {
+enum ParsedHead {
     Whole(Head),
     Partial,
     Bad,
 }
 
-fn parse(bytes: &[u8]) -> Parsed {
+fn parse(bytes: &[u8]) -> ParsedHead {
     let mut fields = [httparse::EMPTY_HEADER; FIELDS_MAX];
     let mut request = httparse::Request::new(&mut fields);
     let length = match request.parse(bytes) {
         Ok(httparse::Status::Complete(length)) => length,
-        Ok(httparse::Status::Partial) => return Parsed::Partial,
-        Err(_) => return Parsed::Bad,
+        Ok(httparse::Status::Partial) => return ParsedHead::Partial,
+        Err(_) => return ParsedHead::Bad,
     };
     let field = |name: &str| {
         let mut found =
@@ -80,11 +80,11 @@ fn parse(bytes: &[u8]) -> Parsed {
         request.headers.iter().filter(|field| field.name.eq_ignore_ascii_case(name)).count() > 1
     };
     if twice("origin") || twice("host") {
-        return Parsed::Bad;
+        return ParsedHead::Bad;
     }
     let is_socket = field("upgrade").is_some_and(|to| to.eq_ignore_ascii_case("websocket"))
         && field("sec-websocket-version").as_deref() == Some("13");
-    Parsed::Whole(Head {
+    ParsedHead::Whole(Head {
         method: request.method.unwrap_or_default().to_owned(),
         target: request.path.unwrap_or_default().to_owned(),
         host: field("host"),

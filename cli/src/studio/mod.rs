@@ -70,7 +70,7 @@ impl Server {
         for stream in self.listener.incoming() {
             match stream {
                 Ok(stream) => self.shared.accept(stream),
-                Err(error) => output::say(format_args!("a connection failed: {error}")),
+                Err(error) => output::print_line(format_args!("a connection failed: {error}")),
             }
         }
     }
@@ -86,10 +86,12 @@ impl Shared {
     }
 
     fn serve(&self, mut stream: TcpStream) -> io::Result<()> {
-        let Some(pending) = Open::below(PENDING_MAX, &self.pending) else { return Ok(()) };
+        let Some(pending) = OpenConnection::below(PENDING_MAX, &self.pending) else {
+            return Ok(());
+        };
         let Some(head) = http::read(&mut stream)? else { return http::refuse(stream, 400) };
         drop(pending);
-        let Some(_open) = Open::below(CONNECTIONS_MAX, &self.connections) else {
+        let Some(_open) = OpenConnection::below(CONNECTIONS_MAX, &self.connections) else {
             return http::refuse(stream, 503);
         };
         match self.gate.reply(&head) {
@@ -119,9 +121,9 @@ impl Shared {
 }
 
 /// Open connection. Counts from creation to drop, even if the engine panics.
-struct Open<'c>(&'c AtomicUsize);
+struct OpenConnection<'c>(&'c AtomicUsize);
 
-impl<'c> Open<'c> {
+impl<'c> OpenConnection<'c> {
     /// Counts a connection; returns `None` if the maximum is reached.
     fn below(most: usize, count: &'c AtomicUsize) -> Option<Self> {
         let open = Self(count);
@@ -129,7 +131,7 @@ impl<'c> Open<'c> {
     }
 }
 
-impl Drop for Open<'_> {
+impl Drop for OpenConnection<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }

@@ -26,15 +26,15 @@ pub fn serve(stream: TcpStream, rest: Vec<u8>, desk: &Desk) {
         .max_frame_size(Some(MESSAGE_MAX));
     let socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
     let mut line = Line { socket, waiting: VecDeque::new() };
-    let mut session = Session::with_names(Names { find: names::kept, keep: names::keep });
+    let mut session = Session::with_names(Names { find: names::cached, keep: names::cache });
     while let Some((json, bytes)) = line.request() {
         match desk.answer(&json) {
             Some(answer) => {
-                if line.tell(&answer.to_string(), &[]).is_break() {
+                if line.send(&answer.to_string(), &[]).is_break() {
                     return;
                 }
             }
-            None => session.request(&json, &bytes, &mut |json, bytes| line.tell(json, bytes)),
+            None => session.request(&json, &bytes, &mut |json, bytes| line.send(json, bytes)),
         }
     }
 }
@@ -75,16 +75,16 @@ impl Line {
     }
 
     /// Sends an answer. Breaks if the browser cancels the solve or has disconnected.
-    fn tell(&mut self, json: &str, bytes: &[u8]) -> ControlFlow<()> {
+    fn send(&mut self, json: &str, bytes: &[u8]) -> ControlFlow<()> {
         let mut sent = self.socket.send(Message::text(json));
         if sent.is_ok() && !bytes.is_empty() {
             sent = self.socket.send(Message::binary(bytes.to_vec()));
         }
-        if sent.is_err() { ControlFlow::Break(()) } else { self.look() }
+        if sent.is_err() { ControlFlow::Break(()) } else { self.poll() }
     }
 
     /// Reads received messages without waiting.
-    fn look(&mut self) -> ControlFlow<()> {
+    fn poll(&mut self) -> ControlFlow<()> {
         let waits = |line: &Self, wait: bool| line.socket.get_ref().set_nonblocking(!wait).is_ok();
         if !waits(self, false) {
             return ControlFlow::Break(());

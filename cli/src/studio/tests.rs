@@ -17,32 +17,32 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
 /// A server that runs until the tests end.
-struct Running {
+struct TestServer {
     port: String,
     token: String,
 }
 
-fn start(files: &[PathBuf]) -> Running {
+fn start(files: &[PathBuf]) -> TestServer {
     start_with(files, None)
 }
 
-fn start_with(files: &[PathBuf], relay: Option<Relay>) -> Running {
+fn start_with(files: &[PathBuf], relay: Option<Relay>) -> TestServer {
     let server = Server::bind(0, Desk::open(files, None).unwrap(), relay).unwrap();
     let address = server.address();
     thread::spawn(|| server.run());
     let (port, token) =
         address.strip_prefix("http://127.0.0.1:").unwrap().split_once("/?token=").unwrap();
     assert_eq!(token.len(), 32);
-    Running { port: port.to_owned(), token: token.to_owned() }
+    TestServer { port: port.to_owned(), token: token.to_owned() }
 }
 
-impl Running {
+impl TestServer {
     fn connect(&self) -> TcpStream {
         TcpStream::connect(format!("127.0.0.1:{}", self.port)).unwrap()
     }
 
     /// Sends bytes and returns the complete answer.
-    fn say(&self, bytes: &[u8]) -> String {
+    fn exchange(&self, bytes: &[u8]) -> String {
         let mut stream = self.connect();
         // A server that has heard enough may hang up before all is said.
         let _ = stream.write_all(bytes);
@@ -54,7 +54,7 @@ impl Running {
     /// Returns the status of a request with these fields.
     fn status(&self, line: &str, fields: &[&str]) -> u16 {
         let answer =
-            self.say(format!("{line} HTTP/1.1\r\n{}\r\n\r\n", fields.join("\r\n")).as_bytes());
+            self.exchange(format!("{line} HTTP/1.1\r\n{}\r\n\r\n", fields.join("\r\n")).as_bytes());
         answer.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or_default()
     }
 
@@ -107,7 +107,7 @@ fn answer(socket: &mut WebSocket<TcpStream>) -> (Value, Vec<u8>) {
 #[test]
 fn only_those_get_in_who_have_the_address() {
     let server = start(&[]);
-    let Running { port, token } = &server;
+    let TestServer { port, token } = &server;
     let host = format!("Host: 127.0.0.1:{port}");
     let page = format!("GET /?token={token}");
     let own = format!("Origin: http://127.0.0.1:{port}");
@@ -137,7 +137,7 @@ fn only_those_get_in_who_have_the_address() {
     ] {
         assert_eq!(server.status(line, &fields), status, "{line} {fields:?}");
     }
-    let said = server.say(format!("{page} HTTP/1.1\r\n{host}\r\n\r\n").as_bytes());
+    let said = server.exchange(format!("{page} HTTP/1.1\r\n{host}\r\n\r\n").as_bytes());
     assert!(
         said.contains("Content-Security-Policy: default-src 'none'; script-src 'self'"),
         "{said}"
@@ -145,7 +145,7 @@ fn only_those_get_in_who_have_the_address() {
     assert!(said.contains(&format!("<meta name=\"token\" content=\"{token}\">")), "{said}");
     assert!(!said.contains("http-equiv"), "one policy, in the head");
     for garbage in [&[0xff; 100][..], b"GET / HTTP/1.1\r\nA: ".as_ref(), &[b'a'; 100_000]] {
-        let said = server.say(&[garbage, b"\r\n\x00\x00\r\n\r\n"].concat());
+        let said = server.exchange(&[garbage, b"\r\n\x00\x00\r\n\r\n"].concat());
         assert!(said.is_empty() || said.starts_with("HTTP/1.1 400"), "{said}");
     }
     assert_eq!(server.status(&page, &[&host]), 200, "it is still there");

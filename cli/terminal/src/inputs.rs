@@ -3,7 +3,7 @@
 //! Motion and library files contain paths relative to themselves. Files come from the disk or from the program itself, which
 //! contains the shipped robots and motions, so that the demo runs in any folder.
 
-use crate::files::{self, Named};
+use crate::files::{self, PathSource};
 use crate::kind::Kind;
 use crate::shipped;
 use miette::{Context, Report, miette};
@@ -106,16 +106,16 @@ impl Library {
 }
 
 /// Reader of the files that a library file names.
-struct Beside<'l> {
+struct RelativeFiles<'l> {
     source: Source,
     path: &'l Path,
     text: &'l str,
     robot: Option<TextFile>,
 }
 
-impl Beside<'_> {
+impl RelativeFiles<'_> {
     fn text(&self, named: &str, kind: Kind) -> miette::Result<TextFile> {
-        let text = self.source.text(&beside(self.path, named), Named::InFile, kind);
+        let text = self.source.text(&resolve_relative(self.path, named), PathSource::InFile, kind);
         text.wrap_err_with(|| names(self.path, named))
     }
 }
@@ -125,7 +125,7 @@ fn names(path: &Path, named: &str) -> String {
     format!("{} names `{named}`", path.display())
 }
 
-impl LibraryFiles for Beside<'_> {
+impl LibraryFiles for RelativeFiles<'_> {
     type Error = Report;
 
     fn robot(&mut self, named: &str) -> miette::Result<(Robot, String)> {
@@ -143,7 +143,7 @@ impl LibraryFiles for Beside<'_> {
     }
 
     fn plan(&mut self, named: &str) -> miette::Result<(Plan, String)> {
-        let at = beside(self.path, named);
+        let at = resolve_relative(self.path, named);
         let TextFile { path, text } = self.text(named, Kind::Plan)?;
         let plan = Plan::from_json(&path, &text).map_err(Kind::Plan.explain(&at, &text))?;
         Ok((plan, path))
@@ -172,7 +172,7 @@ impl Source {
     /// # Errors
     /// Returns the errors of [`robot`](Self::robot).
     pub fn robot_and_text(self, path: &Path) -> miette::Result<(Robot, TextFile)> {
-        let text = self.text(path, Named::ByUser, Kind::Robot)?;
+        let text = self.text(path, PathSource::ByUser, Kind::Robot)?;
         Ok((robot(&text)?, text))
     }
 
@@ -181,7 +181,7 @@ impl Source {
     /// # Errors
     /// Returns the errors of [`robot`](Self::robot).
     pub fn robot_and_parts(self, path: &Path) -> miette::Result<(Robot, Vec<Vec<Solid>>)> {
-        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Robot)?;
+        let TextFile { path: name, text } = self.text(path, PathSource::ByUser, Kind::Robot)?;
         let explain = Kind::Robot.explain(Path::new(&name), &text);
         Robot::with_parts_from_toml(&name, &text).map_err(explain)
     }
@@ -191,7 +191,7 @@ impl Source {
     /// # Errors
     /// Returns an error if a file is missing, or all mistakes in the first file that has any.
     pub fn motion(self, path: &Path) -> miette::Result<(Robot, Motion)> {
-        self.beside_motion(self.text(path, Named::ByUser, Kind::Motion)?)?.parse()
+        self.beside_motion(self.text(path, PathSource::ByUser, Kind::Motion)?)?.parse()
     }
 
     /// Reads the robot file that a motion file names, and returns both texts.
@@ -202,7 +202,8 @@ impl Source {
         let TextFile { path, text } = &motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let text = self.text(&beside(Path::new(path), &robot), Named::InFile, Kind::Robot);
+        let text =
+            self.text(&resolve_relative(Path::new(path), &robot), PathSource::InFile, Kind::Robot);
         let robot = text.wrap_err_with(|| names(Path::new(path), &robot))?;
         Ok(MotionTexts { motion, robot })
     }
@@ -212,8 +213,8 @@ impl Source {
     /// # Errors
     /// Returns an error if a file is missing or has mistakes, or if the motions do not fit together.
     pub fn library(self, path: &Path) -> miette::Result<Library> {
-        let text = self.text(path, Named::ByUser, Kind::Library)?;
-        let mut beside = Beside { source: self, path, text: &text.text, robot: None };
+        let text = self.text(path, PathSource::ByUser, Kind::Library)?;
+        let mut beside = RelativeFiles { source: self, path, text: &text.text, robot: None };
         let Contents { robot, file, motions, plans } =
             Contents::read(&text.path, &text.text, &mut beside)?;
         let robot_text = beside.robot.expect("its contents have a robot");
@@ -225,24 +226,24 @@ impl Source {
     /// # Errors
     /// Returns an error if a file is missing or has mistakes, or if a parameter does not fit the robot.
     pub fn design(self, path: &Path) -> miette::Result<Designed> {
-        Ok(self.design_and_texts(path, Named::ByUser)?.0)
+        Ok(self.design_and_texts(path, PathSource::ByUser)?.0)
     }
 
     /// Reads and validates a design file and the files that it names. Returns the texts of all of them, too.
     fn design_and_texts(
         self,
         path: &Path,
-        named: Named,
+        named: PathSource,
     ) -> miette::Result<(Designed, Vec<String>)> {
         let design = self.text(path, named, Kind::Design)?;
         let explain = || Kind::Design.explain(path, &design.text);
         let file = DesignFile::from_toml(&design.path, &design.text).map_err(explain())?;
-        let beside = |named: &str, kind: Kind| {
-            let text = self.text(&beside(path, named), Named::InFile, kind);
+        let read_relative = |named: &str, kind: Kind| {
+            let text = self.text(&resolve_relative(path, named), PathSource::InFile, kind);
             text.map(NamedText::from).wrap_err_with(|| names(path, named))
         };
-        let robot = beside(&file.robot, Kind::Robot)?;
-        let motions = file.motions.iter().map(|motion| beside(&motion.file, Kind::Motion));
+        let robot = read_relative(&file.robot, Kind::Robot)?;
+        let motions = file.motions.iter().map(|motion| read_relative(&motion.file, Kind::Motion));
         let motions = motions.collect::<miette::Result<Vec<_>>>()?;
         let texts =
             [&design.text, &robot.text].into_iter().chain(motions.iter().map(|of| &of.text));
@@ -260,13 +261,14 @@ impl Source {
         path: &Path,
         servos: Option<&Path>,
     ) -> miette::Result<(LoadedSweep, Vec<String>)> {
-        let file = self.text(path, Named::ByUser, Kind::Sweep)?;
+        let file = self.text(path, PathSource::ByUser, Kind::Sweep)?;
         let sweep = Sweep::from_toml(&file.path, &file.text)
             .map_err(Kind::Sweep.explain(path, &file.text))?;
         let mut texts = vec![file.text.clone()];
         let design = match &sweep.design {
             Some(design) => {
-                let (design, more) = self.design_and_texts(&beside(path, design), Named::InFile)?;
+                let (design, more) =
+                    self.design_and_texts(&resolve_relative(path, design), PathSource::InFile)?;
                 texts.extend(more);
                 Some(design)
             }
@@ -277,7 +279,7 @@ impl Source {
         let named = named.chain(motions.into_iter().map(|motion| (motion, Kind::Motion)));
         let mut files = Files::new();
         for (name, kind) in named {
-            let text = self.text(&beside(path, name), Named::InFile, kind);
+            let text = self.text(&resolve_relative(path, name), PathSource::InFile, kind);
             let text = text.wrap_err_with(|| names(path, name))?;
             texts.push(text.text.clone());
             files.insert(name.clone(), text.into());
@@ -296,7 +298,7 @@ impl Source {
     /// # Errors
     /// Returns an error if the file is missing, or all mistakes in it.
     pub fn catalog(self, path: &Path) -> miette::Result<Catalog> {
-        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Servos)?;
+        let TextFile { path: name, text } = self.text(path, PathSource::ByUser, Kind::Servos)?;
         Catalog::from_toml(&name, &text).map_err(Kind::Servos.explain(path, &text))
     }
 
@@ -305,11 +307,11 @@ impl Source {
     /// # Errors
     /// Returns an error if the file is missing, or all mistakes in it.
     pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
-        let TextFile { path: name, text } = self.text(path, Named::ByUser, Kind::Terrain)?;
+        let TextFile { path: name, text } = self.text(path, PathSource::ByUser, Kind::Terrain)?;
         ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
     }
 
-    fn text(self, path: &Path, named: Named, kind: Kind) -> miette::Result<TextFile> {
+    fn text(self, path: &Path, named: PathSource, kind: Kind) -> miette::Result<TextFile> {
         match self {
             Source::Disk => text(path, named, |_| kind),
             Source::Shipped => {
@@ -333,7 +335,11 @@ impl TextFile {
     }
 }
 
-fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::Result<TextFile> {
+fn text(
+    path: &Path,
+    named: PathSource,
+    kind_of: impl Fn(&[u8]) -> Kind,
+) -> miette::Result<TextFile> {
     let text = files::text(files::read_by(path, named, kind_of)?, path)?;
     Ok(TextFile::new(path, text))
 }
@@ -343,7 +349,7 @@ fn text(path: &Path, named: Named, kind_of: impl Fn(&[u8]) -> Kind) -> miette::R
 /// # Errors
 /// Returns an error if the file is missing, too large or not text.
 pub fn motion_or_problem(path: &Path) -> miette::Result<TextFile> {
-    text(path, Named::ByUser, Kind::of_motion_or_problem)
+    text(path, PathSource::ByUser, Kind::of_motion_or_problem)
 }
 
 /// Reads and validates a plan.
@@ -360,7 +366,7 @@ pub fn plan(path: &Path) -> miette::Result<Plan> {
 /// # Errors
 /// Returns an error if the file is missing, too large or not text.
 pub fn plan_text(path: &Path) -> miette::Result<TextFile> {
-    text(path, Named::ByUser, |_| Kind::Plan)
+    text(path, PathSource::ByUser, |_| Kind::Plan)
 }
 
 /// Parses the numeric value of an option.
@@ -376,7 +382,7 @@ pub fn number_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, Stri
 }
 
 /// Resolves a path that the file at `path` contains relative to itself, without `x/..` detours.
-pub fn beside(path: &Path, named: &str) -> PathBuf {
+pub fn resolve_relative(path: &Path, named: &str) -> PathBuf {
     let mut resolved = path.parent().unwrap_or(Path::new("")).to_owned();
     for part in Path::new(named).components() {
         let detour = part == std::path::Component::ParentDir
@@ -392,7 +398,7 @@ pub fn beside(path: &Path, named: &str) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
-    use super::beside;
+    use super::resolve_relative;
     use std::path::Path;
 
     #[test]
@@ -404,7 +410,11 @@ mod tests {
             ("../motions/demo.toml", "../robots/a.toml", "../robots/a.toml"),
             ("../../demo.toml", "../a.toml", "../../../a.toml"),
         ] {
-            assert_eq!(beside(Path::new(from), named), Path::new(expected), "{from} {named}");
+            assert_eq!(
+                resolve_relative(Path::new(from), named),
+                Path::new(expected),
+                "{from} {named}"
+            );
         }
     }
 }

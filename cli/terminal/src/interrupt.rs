@@ -12,7 +12,7 @@ static LISTENING: Once = Once::new();
 
 /// Installs the signal handler. The first signal requests an orderly end, which the running command polls; a second signal
 /// kills the process.
-pub fn listen() {
+pub fn install_handler() {
     LISTENING.call_once(install);
 }
 
@@ -28,7 +28,7 @@ fn install() {
         let installed = flag::register_conditional_shutdown(signal, 130, requested())
             .and_then(|_| flag::register(signal, requested()));
         if let Err(error) = installed {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "cannot handle signal {signal}, which will therefore end the \
                 process at once: {error}"
             ));
@@ -52,7 +52,7 @@ fn hang_up() -> Option<i32> {
     None
 }
 
-/// True if an end was requested since [`listen`].
+/// True if an end was requested since [`install_handler`].
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

@@ -58,7 +58,7 @@ pub fn random<const N: usize>() -> miette::Result<[u8; N]> {
 pub fn warn_if_readable_by_others(path: &Path) {
     if key_file::is_open_to_others(path) {
         let path = path.display();
-        output::say(format_args!(
+        output::print_line(format_args!(
             "other users of this computer can read the key in {path}; to prevent that, type chmod \
              600 {path}"
         ));

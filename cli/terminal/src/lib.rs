@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`exit`], [`output`], [`progress`], [`interrupt`] | exit codes, results and reports, progress bars, Ctrl-C |
 //! | [`files`], [`kind`], [`inputs`], [`shipped`] | reading and writing files, kinds of files, validated inputs, files in the program |
-//! | [`link`], [`keys`], [`packed`] | bus options and sessions, link keys, names from a motion library |
+//! | [`link`], [`keys`], [`validated_library`] | bus options and sessions, link keys, names from a motion library |
 //! | [`planning`], [`choices`], [`problem`] | planning with progress, its options, problem files |
 //! | [`generated`], [`examples`] | manual pages and completions, examples in help texts |
 
@@ -23,11 +23,11 @@ pub mod keys;
 pub mod kind;
 pub mod link;
 pub mod output;
-pub mod packed;
 pub mod planning;
 pub mod problem;
 pub mod progress;
 pub mod shipped;
+pub mod validated_library;
 
 pub use exit::Exit;
 
@@ -40,9 +40,9 @@ pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
         // Whoever read our output has seen enough (`| head`): not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
         Err(report) => match report.downcast_ref() {
-            Some(link::Ended(exit)) => (*exit).into(),
+            Some(link::FailedSession(exit)) => (*exit).into(),
             None => {
-                output::say_report(&report);
+                output::print_report(&report);
                 Exit::BadInput.into()
             }
         },

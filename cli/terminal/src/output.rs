@@ -41,40 +41,40 @@ pub fn line(text: &str) -> miette::Result<()> {
 }
 
 /// Prints a line on stderr. A closed stderr is ignored, because it is no reason to end a run; `eprintln!` would panic.
-pub fn say(text: impl Display) {
+pub fn print_line(text: impl Display) {
     // A failure could only be reported in the same place.
-    let _ = writeln!(io::stderr().lock(), "{}", shown(text));
+    let _ = writeln!(io::stderr().lock(), "{}", escaped(text));
 }
 
 /// Prints warnings to stderr.
-pub fn say_warnings(warnings: &[String]) {
+pub fn print_warnings(warnings: &[String]) {
     for warning in warnings {
-        say(format_args!("warning: {warning}"));
+        print_line(format_args!("warning: {warning}"));
     }
 }
 
 /// Prints the error of a failed run on stderr, with colours if the terminal supports them.
-pub fn say_report(report: &Report) {
-    let _ = writeln!(io::stderr().lock(), "{}", Reported(report));
+pub fn print_report(report: &Report) {
+    let _ = writeln!(io::stderr().lock(), "{}", ReportText(report));
 }
 
 /// Adapter that formats a report as text.
-struct Reported<'r>(&'r Report);
+struct ReportText<'r>(&'r Report);
 
-impl Display for Reported<'_> {
+impl Display for ReportText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Errors name commands to type: a line break of ours within one would break it when it is copied.
         let handler = MietteHandlerOpts::new().wrap_lines(false).build();
-        handler.debug(&Plain::of(self.0.as_ref()), f)
+        handler.debug(&EscapedDiagnostic::of(self.0.as_ref()), f)
     }
 }
 
 /// Diagnostic with control characters escaped. Its source excerpt is escaped elsewhere.
-struct Plain<'d> {
+struct EscapedDiagnostic<'d> {
     of: &'d dyn Diagnostic,
     message: String,
     labels: Vec<LabeledSpan>,
-    related: Vec<Plain<'d>>,
+    related: Vec<EscapedDiagnostic<'d>>,
     cause: Option<Cause>,
 }
 
@@ -89,12 +89,12 @@ struct Cause {
 impl Cause {
     fn of(error: &dyn std::error::Error) -> Self {
         let source = error.source().map(|source| Box::new(Self::of(source)));
-        Self { message: shown(error), source }
+        Self { message: escaped(error), source }
     }
 }
 
 /// Escapes control characters in a message and shortens long lines, because messages quote untrusted files.
-fn shown(text: impl Display) -> String {
+fn escaped(text: impl Display) -> String {
     let text = text.to_string();
     let cut = |line: &str| match line.char_indices().nth(LINE_MAX) {
         Some((end, _)) => format!("{}…", &line[..end]),
@@ -104,14 +104,14 @@ fn shown(text: impl Display) -> String {
     ShownLines(&lines.join("\n")).to_string()
 }
 
-impl<'d> Plain<'d> {
+impl<'d> EscapedDiagnostic<'d> {
     fn of(of: &'d dyn Diagnostic) -> Self {
         let label = |label: LabeledSpan| {
-            LabeledSpan::new_with_span(label.label().map(shown), *label.inner())
+            LabeledSpan::new_with_span(label.label().map(escaped), *label.inner())
         };
         Self {
             of,
-            message: shown(of),
+            message: escaped(of),
             labels: of.labels().into_iter().flatten().map(label).collect(),
             related: of.related().into_iter().flatten().map(Self::of).collect(),
             cause: of.source().map(Cause::of),
@@ -119,31 +119,31 @@ impl<'d> Plain<'d> {
     }
 }
 
-impl fmt::Debug for Plain<'_> {
+impl fmt::Debug for EscapedDiagnostic<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
     }
 }
 
-impl Display for Plain<'_> {
+impl Display for EscapedDiagnostic<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
     }
 }
 
-impl std::error::Error for Plain<'_> {
+impl std::error::Error for EscapedDiagnostic<'_> {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         self.cause.as_ref().map(|cause| cause as _)
     }
 }
 
-impl Diagnostic for Plain<'_> {
+impl Diagnostic for EscapedDiagnostic<'_> {
     fn severity(&self) -> Option<Severity> {
         self.of.severity()
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
-        self.of.help().map(|help| Box::new(shown(help)) as _)
+        self.of.help().map(|help| Box::new(escaped(help)) as _)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
@@ -239,7 +239,7 @@ mod tests {
     fn what_others_wrote_does_not_reach_the_terminal_as_it_is() {
         let report = miette::miette!(help = "try \x1b[31mred", "no motion `\x1b[2Jwalk`");
         let report = report.wrap_err("reading \u{202e}x");
-        let text = Reported(&report).to_string();
+        let text = ReportText(&report).to_string();
         assert!(text.contains("\\u001b[2Jwalk") && text.contains("\\u001b[31mred"), "{text}");
         assert!(text.contains("reading \\u202ex"), "{text}");
     }
@@ -248,7 +248,7 @@ mod tests {
     fn messages_have_no_endless_lines() {
         let text = "é\u{1b}".repeat(10 << 20);
         let report = miette::miette!(help = text.clone(), "a\n{text}").wrap_err(text);
-        let shown = Reported(&report).to_string();
+        let shown = ReportText(&report).to_string();
         assert!(shown.len() < 40_000 && shown.contains('…'), "{} bytes", shown.len());
     }
 

@@ -1,7 +1,7 @@
 //! Planning of a library file: its motions, then the transitions between them.
 
 use crate::inputs::Library;
-use crate::progress::Watch;
+use crate::progress::SolveProgress;
 use crate::{interrupt, output};
 use miette::IntoDiagnostic;
 use rollwalk_planner::building::{Missing, Solver, TransitionPlan};
@@ -18,7 +18,7 @@ use std::thread;
 use std::time::Duration;
 
 /// Plan with its solve time.
-pub struct Planned {
+pub struct TimedPlan {
     pub plan: Plan,
     /// Wall time of the solve.
     pub took: Duration,
@@ -50,12 +50,12 @@ pub struct PlannedTransition {
     pub from: usize,
     /// Index of the motion after the transition.
     pub to: usize,
-    pub planned: Planned,
+    pub planned: TimedPlan,
 }
 
 /// Plans of a library, in the order of the file.
 pub struct Plans {
-    pub motions: Vec<Planned>,
+    pub motions: Vec<TimedPlan>,
     /// Transitions between motions that passed their checks.
     pub transitions: Vec<PlannedTransition>,
     /// Index of the motion that is SAFE.
@@ -79,7 +79,7 @@ impl Plans {
     }
 
     /// Plans with their solve times, motions first.
-    pub fn all(&self) -> impl Iterator<Item = &Planned> {
+    pub fn all(&self) -> impl Iterator<Item = &TimedPlan> {
         self.motions.iter().chain(self.transitions.iter().map(|transition| &transition.planned))
     }
 
@@ -99,7 +99,7 @@ impl Plans {
 /// Optimises a motion from its candidate starts on all cores. The plan does not depend on the number of cores.
 ///
 /// `watch` displays the iterations of the first start that can still win, and the diagnosis if the first start fails.
-pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch) -> Plan {
+pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &SolveProgress) -> Plan {
     let search = Search::new(robot, motion, options);
     let cores = thread::available_parallelism().map_or(1, usize::from);
     let said = Once::new();
@@ -120,28 +120,28 @@ pub fn optimise(robot: &Robot, motion: &Motion, options: &Options, watch: &Watch
 }
 
 /// Solver that displays its progress on stderr and ends on Ctrl-C.
-struct Watched {
+struct ProgressSolver {
     verbose: bool,
     /// Solve time of each plan, in order.
     took: Vec<Duration>,
 }
 
-impl Watched {
+impl ProgressSolver {
     fn new(verbose: bool) -> Self {
-        interrupt::listen();
+        interrupt::install_handler();
         Self { verbose, took: Vec::new() }
     }
 
     /// Displays the result of a solve; returns `None` after Ctrl-C.
-    fn ended(&mut self, watch: Watch, plan: Plan) -> Option<Plan> {
+    fn ended(&mut self, watch: SolveProgress, plan: Plan) -> Option<Plan> {
         self.took.push(watch.finish_with_line(&plan.solve));
         (!interrupt::requested()).then_some(plan)
     }
 }
 
-impl Solver for Watched {
+impl Solver for ProgressSolver {
     fn motion(&mut self, robot: &Robot, motion: &Motion, options: &Options) -> Option<Plan> {
-        let watch = Watch::start(&motion.name, self.verbose);
+        let watch = SolveProgress::start(&motion.name, self.verbose);
         let plan = optimise(robot, motion, options, &watch);
         self.ended(watch, plan)
     }
@@ -153,14 +153,14 @@ impl Solver for Watched {
         to: &Plan,
         options: &Options,
     ) -> Result<Option<Plan>, TransitionError> {
-        let watch = Watch::start(&motion.name, self.verbose);
+        let watch = SolveProgress::start(&motion.name, self.verbose);
         let progress = &mut |state: &Progress| watch.iteration(state);
         let plan = optimise_transition(motion, from, to, options, progress)?;
         Ok(self.ended(watch, plan))
     }
 
     fn plan_given(&mut self, motion: &Motion) {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "– {:<26} not planned again: the library file names a plan",
             motion.name
         ));
@@ -168,16 +168,16 @@ impl Solver for Watched {
     }
 
     fn left_out(&mut self, transition: &Motion, why: Missing<'_>) {
-        output::say(format_args!("– {:<26} left out: {why}", transition.name));
+        output::print_line(format_args!("– {:<26} left out: {why}", transition.name));
     }
 }
 
 /// Optimises every motion of a library from its candidate starts. A motion with a plan in the library file is not optimised
 /// again. Returns `None` after Ctrl-C.
-pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
-    let mut solver = Watched::new(verbose);
+pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<TimedPlan>> {
+    let mut solver = ProgressSolver::new(verbose);
     let plans = library.request().motions(&mut solver)?;
-    Some(plans.into_iter().zip(solver.took).map(|(plan, took)| Planned { plan, took }).collect())
+    Some(plans.into_iter().zip(solver.took).map(|(plan, took)| TimedPlan { plan, took }).collect())
 }
 
 /// Optimises every motion, and every transition between motions that passed their checks. Other motions have no physically
@@ -186,12 +186,12 @@ pub fn plan_motions(library: &Library, verbose: bool) -> Option<Vec<Planned>> {
 /// # Errors
 /// Returns the motions that no transition can enter or leave.
 pub fn plan_all(library: &Library, verbose: bool) -> miette::Result<Option<Plans>> {
-    let (wanted, mut solver) = (library.request(), Watched::new(verbose));
+    let (wanted, mut solver) = (library.request(), ProgressSolver::new(verbose));
     let Some(motions) = wanted.motions(&mut solver) else { return Ok(None) };
     let transitions = wanted.transitions(&motions, &mut solver).into_diagnostic()?;
     let Some(transitions) = transitions else { return Ok(None) };
     let mut took = solver.took.into_iter();
-    let mut planned = |plan| Planned { plan, took: took.next().unwrap_or_default() };
+    let mut planned = |plan| TimedPlan { plan, took: took.next().unwrap_or_default() };
     let motions = motions.into_iter().map(&mut planned).collect();
     let joined =
         |TransitionPlan { from, to, plan }| PlannedTransition { from, to, planned: planned(plan) };
@@ -212,7 +212,7 @@ mod tests {
         for motion in ["motions/stand.toml", "motions/flying_trot.toml"] {
             let (robot, motion) = Source::Shipped.motion(Path::new(motion)).unwrap();
             let options = Options::default();
-            let watch = Watch::start(&motion.name, false);
+            let watch = SolveProgress::start(&motion.name, false);
             let plan = optimise(&robot, &motion, &options, &watch);
             assert_eq!(plan.solve.status, Status::Converged);
             let go_on = &mut |state: &Progress| watch.iteration(state);

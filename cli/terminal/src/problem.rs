@@ -44,7 +44,7 @@ const JSON: Format = Format {
 };
 
 /// Problem after parsing and validation.
-pub struct Parsed {
+pub struct ParsedProblem {
     pub robot: Robot,
     pub motion: Motion,
     /// Plan used as the starting point.
@@ -83,7 +83,7 @@ impl Problem {
     ///
     /// # Errors
     /// Returns all mistakes in the first text that has any.
-    pub fn parse(&self, origin: Option<&Path>) -> miette::Result<Parsed> {
+    pub fn parse(&self, origin: Option<&Path>) -> miette::Result<ParsedProblem> {
         let named = |file: &TextFile| match origin {
             Some(origin) => {
                 let path = format!("{}: {}", origin.display(), file.path);
@@ -108,6 +108,6 @@ impl Problem {
             Plan::from_json(&path, &text).map_err(explain)
         };
         let from = self.from.as_ref().map(plan).transpose()?;
-        Ok(Parsed { robot, motion, from })
+        Ok(ParsedProblem { robot, motion, from })
     }
 }

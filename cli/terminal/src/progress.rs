@@ -28,27 +28,27 @@ impl Lines {
     }
 
     /// Prints `line` if one is due.
-    pub fn say(&self, line: impl Display) {
+    pub fn print(&self, line: impl Display) {
         if !self.is_log {
             return;
         }
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.elapsed() >= LINES {
             *last = Instant::now();
-            output::say(line);
+            output::print_line(line);
         }
     }
 }
 
 /// Progress display of a solve.
-pub struct Watch {
+pub struct SolveProgress {
     bar: ProgressBar,
     lines: Lines,
     table: bool,
     start: Instant,
 }
 
-impl Watch {
+impl SolveProgress {
     /// Starts the clock of the solve called `name`; `table` requests a line per iteration.
     pub fn start(name: &str, table: bool) -> Self {
         let bar = if table { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
@@ -63,7 +63,7 @@ impl Watch {
                 "{:>5} {:>13} {:>13} {:>10} {:>9} {:>9}  worst constraint",
                 "iter", "energy", "cost", "level", "damping", "step"
             );
-            output::say(format_args!("{name}\n{titles}"));
+            output::print_line(format_args!("{name}\n{titles}"));
         }
         Self { bar, lines: Lines::begin(), table, start: Instant::now() }
     }
@@ -73,7 +73,7 @@ impl Watch {
         let Progress { iteration, energy, cost, worst_level, worst_constraint, damping, step } =
             progress;
         if self.table {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "{iteration:>5} {energy:>13.6e} {cost:>13.6e} {worst_level:>10.3e} {damping:>9.1e} \
                  {step:>9.2e}  {worst_constraint}"
             ));
@@ -83,7 +83,7 @@ impl Watch {
              tolerance"
         );
         if !self.table {
-            self.lines.say(format_args!("{}: {at}", self.bar.prefix()));
+            self.lines.print(format_args!("{}: {at}", self.bar.prefix()));
         }
         self.bar.set_message(at);
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -95,7 +95,7 @@ impl Watch {
         let worst = culprits.take(1).map(|culprit| format!(": {culprit}")).collect::<String>();
         let name = self.bar.prefix();
         self.bar.suspend(|| {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "{name}: no plan found from the first start{worst}. Searching for feasible values \
                  and other starts; Ctrl-C ends the search"
             ));
@@ -113,7 +113,7 @@ impl Watch {
         let name = self.bar.prefix();
         let took = self.finish();
         let mark = if summary.status == Status::Converged { '✓' } else { '✗' };
-        output::say(format_args!(
+        output::print_line(format_args!(
             "{mark} {name:<26} {:>4} iterations {:>6.2} s  {}",
             summary.iterations,
             took.as_secs_f64(),

@@ -83,7 +83,7 @@ pub struct Edge {
 
 /// Comparison of the shown plan with its motion in a library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Compared {
+pub struct ClipComparison {
     /// Name of the motion in the library.
     pub name: String,
     /// Clip of the motion, if its frames match the shown plan.

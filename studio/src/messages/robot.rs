@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Kind of connection to the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum ConnectionKind {
     /// Simulated robot in the page, on level ground.
     Simulated,
     /// Serial port with packets of the link.
@@ -21,10 +21,10 @@ pub enum Place {
 /// Request of a page to a robot at the other end of a link.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "robot", rename_all = "snake_case")]
-pub enum Wanted {
+pub enum RobotRequest {
     /// Connects to the robot, and ends an earlier connection.
     Connect {
-        place: Place,
+        place: ConnectionKind,
         files: Vec<File>,
         /// Path of the robot file in `files`.
         file: String,
@@ -43,10 +43,10 @@ pub enum Wanted {
         attended: bool,
         /// Gamepad states since the previous tick, in order.
         #[serde(default)]
-        gamepad: Vec<Seen>,
+        gamepad: Vec<GamepadState>,
     },
     /// Passes an operator command to the robot.
-    Wish(Wish),
+    Wish(OperatorCommand),
     /// Transfers the library in the request's bytes.
     Flash,
     /// Takes the names of motions from the library in the bytes of the request.
@@ -73,7 +73,7 @@ impl std::fmt::Debug for Key {
 /// Operator command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case")]
-pub enum Wish {
+pub enum OperatorCommand {
     Arm,
     /// Play the motion with this code.
     Play {
@@ -105,7 +105,7 @@ pub enum Wish {
 /// State of a gamepad in the page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
-pub enum Seen {
+pub enum GamepadState {
     /// Buttons and axes.
     There(Snapshot),
     /// Gamepad that is not visible to the page, with the reason.
@@ -141,9 +141,9 @@ pub struct RobotView {
     pub complaint: Option<String>,
     pub faults: Vec<String>,
     /// Motions of the library in use, if the page knows that library.
-    pub motions: Vec<MotionOf>,
+    pub motions: Vec<PlayableMotion>,
     /// Motion or transition that is playing.
-    pub playing: Option<Playing>,
+    pub playing: Option<PlayingClip>,
     /// Identity of the library in use, as eight hexadecimal digits.
     pub library: Option<String>,
     /// Progress of a library transfer, bytes: transferred and total.
@@ -159,18 +159,18 @@ pub struct RobotView {
     /// Commanded speed, in 64ths of the planned speed.
     pub speed_64ths: i8,
     /// Joints and driven wheels that have reported, in channel order.
-    pub channels: Vec<ChannelOf>,
+    pub channels: Vec<ChannelTelemetry>,
     /// Poses of the scene's bodies, world_from_body, `x y z qw qx qy qz`.
     pub poses: Vec<[f64; 7]>,
     /// State of the simulated robot; `None` for a real robot.
     pub simulated: Option<Simulation>,
     /// Messages to the operator, oldest first.
-    pub messages: Vec<MessageOf>,
+    pub messages: Vec<OperatorMessage>,
 }
 
 /// Motion that can be played.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct MotionOf {
+pub struct PlayableMotion {
     pub name: String,
     pub code: Option<u8>,
     pub looping: bool,
@@ -178,7 +178,7 @@ pub struct MotionOf {
 
 /// Motion or transition that is playing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Playing {
+pub struct PlayingClip {
     /// Name of the motion, or `from → to` for a transition.
     pub name: String,
     /// Index of the clip in the library.
@@ -191,7 +191,7 @@ pub struct Playing {
 
 /// Telemetry of a joint or driven wheel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ChannelOf {
+pub struct ChannelTelemetry {
     pub name: String,
     /// Angle, rad.
     pub position_rad: f32,
@@ -214,7 +214,7 @@ pub struct Simulation {
 
 /// Message to the operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MessageOf {
+pub struct OperatorMessage {
     /// Time, s.
     pub at_s: f64,
     /// `note`, `refused` or `warning`.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// Quantity of a plan at its optimum, with its slopes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SlopesOf {
+pub struct QuantitySlopes {
     /// Name, as in design files.
     pub name: &'static str,
     /// Unit; empty for none.

@@ -2,7 +2,7 @@
 //! differences. Arming takes a second, as with the page's own button. If the page stops reporting the gamepad, the deadman
 //! switch counts as released.
 
-use crate::messages::robot::Seen;
+use crate::messages::robot::GamepadState;
 use rollwalk_gamepads::file::{Mapping, North};
 use rollwalk_gamepads::mapped_gamepad::{GamepadRequest, MappedGamepad};
 use rollwalk_gamepads::standard::{Snapshot, Standard};
@@ -31,7 +31,7 @@ impl Gamepad {
     }
 
     /// Operator requests from the states that the page has reported since the previous call.
-    pub fn requests(&mut self, now_us: u64, seen: Vec<Seen>) -> Vec<GamepadRequest> {
+    pub fn requests(&mut self, now_us: u64, seen: Vec<GamepadState>) -> Vec<GamepadRequest> {
         let mut requests = Vec::new();
         if !seen.is_empty() {
             self.seen_us = now_us;
@@ -40,8 +40,8 @@ impl Gamepad {
         }
         for seen in seen {
             requests.extend(match seen {
-                Seen::There(snapshot) => self.there(now_us, &snapshot),
-                Seen::Gone { gone } => self.gone(now_us, &gone),
+                GamepadState::There(snapshot) => self.there(now_us, &snapshot),
+                GamepadState::Gone { gone } => self.gone(now_us, &gone),
             });
         }
         if let Some((pad, _)) = &mut self.pad {

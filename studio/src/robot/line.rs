@@ -10,7 +10,7 @@ const BITRATE: u32 = 1_000_000;
 
 /// Encoding of frames as bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Coding {
+pub enum FrameEncoding {
     /// Packets of whole messages, on a line to a controller.
     Gateway,
     /// Packets of single frames, on a shared line.
@@ -21,7 +21,7 @@ pub enum Coding {
 
 /// Line with its partially received data.
 pub struct Line {
-    coding: Coding,
+    coding: FrameEncoding,
     gateway: Gateway,
     deframer: Deframer,
     text: Reader,
@@ -31,10 +31,10 @@ pub struct Line {
 
 impl Line {
     /// Creates a line on which nothing was sent yet.
-    pub fn new(coding: Coding) -> Self {
+    pub fn new(coding: FrameEncoding) -> Self {
         let opening = match coding {
             // The first terminator ends a partial line of an earlier program.
-            Coding::Slcan => {
+            FrameEncoding::Slcan => {
                 let bitrate = bitrate_digit(BITRATE).map(Message::Bitrate);
                 let orders =
                     [Some(Message::Ok), Some(Message::Close), bitrate, Some(Message::Open)];
@@ -44,7 +44,7 @@ impl Line {
                     .flat_map(|order| order.encode().unwrap_or_default())
                     .collect()
             }
-            Coding::Gateway | Coding::Frames => Vec::new(),
+            FrameEncoding::Gateway | FrameEncoding::Frames => Vec::new(),
         };
         let (gateway, deframer, text) = Default::default();
         Self { coding, gateway, deframer, text, opening }
@@ -71,7 +71,7 @@ impl Line {
     }
 
     fn received(&mut self, byte: u8) -> Option<Frame> {
-        if self.coding == Coding::Slcan {
+        if self.coding == FrameEncoding::Slcan {
             return match self.text.push(byte) {
                 Some(Message::Frame(frame)) => Some(frame),
                 _ => None,
@@ -79,7 +79,7 @@ impl Line {
         }
         match self.deframer.push(byte).and_then(Packet::decode)? {
             Packet::Link(frame) => Some(frame),
-            Packet::Message { id, bytes } if self.coding == Coding::Gateway => {
+            Packet::Message { id, bytes } if self.coding == FrameEncoding::Gateway => {
                 self.gateway.receive(id, bytes);
                 None
             }
@@ -89,12 +89,12 @@ impl Line {
 
     fn send(&mut self, now_us: u64, frame: &Frame, sent: &mut Vec<u8>) {
         let packet = match self.coding {
-            Coding::Slcan => {
+            FrameEncoding::Slcan => {
                 sent.extend(Message::Frame(*frame).encode().unwrap_or_default());
                 return;
             }
-            Coding::Gateway => self.gateway.send(now_us, frame),
-            Coding::Frames => Some(Packet::Link(*frame)),
+            FrameEncoding::Gateway => self.gateway.send(now_us, frame),
+            FrameEncoding::Frames => Some(Packet::Link(*frame)),
         };
         if let Some(line) = packet.and_then(|packet| packet.encode()) {
             sent.extend_from_slice(&line);

@@ -18,9 +18,11 @@ mod view;
 
 use crate::documents::{Documents, missing};
 use crate::messages::Answer;
-use crate::messages::robot::{Key, Place, RobotView, Seen, Wanted, Wish};
+use crate::messages::robot::{
+    ConnectionKind, GamepadState, Key, OperatorCommand, RobotRequest, RobotView,
+};
 use gamepad::Gamepad;
-use line::{Coding, Line};
+use line::{FrameEncoding, Line};
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::authentication::{Credentials, Peer};
 use rollwalk_host::catalog::Catalog;
@@ -43,22 +45,22 @@ impl Key {
     }
 }
 
-impl From<Wish> for Intent {
-    fn from(request: Wish) -> Self {
+impl From<OperatorCommand> for Intent {
+    fn from(request: OperatorCommand) -> Self {
         match request {
-            Wish::Arm => Self::Arm,
-            Wish::Play { code } => Self::Play { code },
-            Wish::PauseOrResume => Self::PauseOrResume,
-            Wish::Return => Self::Return,
-            Wish::Disarm => Self::Disarm,
-            Wish::Estop => Self::Estop,
-            Wish::Clear => Self::Clear,
-            Wish::Speed { sixty_fourths } => Self::Speed { sixty_fourths },
-            Wish::Deadman { held: true } => Self::Deadman(Deadman::Held),
-            Wish::Deadman { held: false } => {
+            OperatorCommand::Arm => Self::Arm,
+            OperatorCommand::Play { code } => Self::Play { code },
+            OperatorCommand::PauseOrResume => Self::PauseOrResume,
+            OperatorCommand::Return => Self::Return,
+            OperatorCommand::Disarm => Self::Disarm,
+            OperatorCommand::Estop => Self::Estop,
+            OperatorCommand::Clear => Self::Clear,
+            OperatorCommand::Speed { sixty_fourths } => Self::Speed { sixty_fourths },
+            OperatorCommand::Deadman { held: true } => Self::Deadman(Deadman::Held),
+            OperatorCommand::Deadman { held: false } => {
                 Self::Deadman(Deadman::Released(ReleaseReaction::Pause))
             }
-            Wish::Quit => Self::Quit,
+            OperatorCommand::Quit => Self::Quit,
         }
     }
 }
@@ -86,11 +88,11 @@ pub fn request(
     connection: &mut Option<Connection>,
     names: Names,
     now_us: u64,
-    wanted: Wanted,
+    wanted: RobotRequest,
     binary: &[u8],
 ) -> Result<(Option<Box<RobotView>>, Vec<u8>), Answer> {
     match &wanted {
-        Wanted::Connect { place, files, file, node, gamepad, key } => {
+        RobotRequest::Connect { place, files, file, node, gamepad, key } => {
             let documents = Documents::new(files);
             let found = documents.find(file).ok_or_else(|| missing("robot file", file, ""))?;
             let robot = documents.robot(found)?;
@@ -99,7 +101,7 @@ pub fn request(
             new.gamepad = gamepad.then(|| Gamepad::new(now_us, &mut new.operator));
             *connection = Some(new);
         }
-        Wanted::Leave => {
+        RobotRequest::Leave => {
             *connection = None;
             return Ok((None, Vec::new()));
         }
@@ -111,21 +113,21 @@ pub fn request(
     })?;
     let mut received: &[u8] = &[];
     match wanted {
-        Wanted::Tick { attended, gamepad } => {
+        RobotRequest::Tick { attended, gamepad } => {
             received = binary;
-            connection.attend(now_us, attended, gamepad);
+            connection.set_attendance(now_us, attended, gamepad);
         }
-        Wanted::Wish(request) => connection.request(now_us, request),
-        Wanted::Flash => connection.flash(now_us, binary)?,
-        Wanted::Name => connection.name(binary)?,
-        Wanted::Connect { .. } | Wanted::Leave => {}
+        RobotRequest::Wish(request) => connection.request(now_us, request),
+        RobotRequest::Flash => connection.flash(now_us, binary)?,
+        RobotRequest::Name => connection.name(binary)?,
+        RobotRequest::Connect { .. } | RobotRequest::Leave => {}
     }
     let sent = connection.tick(now_us, received);
     Ok((Some(Box::new(connection.view(now_us))), sent))
 }
 
 /// Path to the robot.
-enum Way {
+enum RobotLink {
     Simulated(Box<Simulated>),
     Line(Box<Line>),
 }
@@ -133,7 +135,7 @@ enum Way {
 /// Connection to a robot.
 pub struct Connection {
     operator: Operator,
-    way: Way,
+    way: RobotLink,
     robot: Robot,
     actuators: Actuators,
     /// Names of the libraries that the page has sent, and of the robot's own library.
@@ -163,7 +165,7 @@ impl Connection {
     /// # Errors
     /// Returns an error if the address is invalid, or if the robot breaks a rule of controllers.
     pub fn new(
-        place: Place,
+        place: ConnectionKind,
         robot: Robot,
         node: u8,
         credentials: Option<Credentials>,
@@ -183,10 +185,12 @@ impl Connection {
         let models = models.iter().map(String::as_str);
         let actuators = Actuators::new(&config, &robot.controller_buses(), models);
         let way = match place {
-            Place::Simulated => Way::Simulated(Box::new(Simulated::new(&robot).map_err(invalid)?)),
-            Place::Serial => Way::Line(Box::new(Line::new(Coding::Gateway))),
-            Place::Relay => Way::Line(Box::new(Line::new(Coding::Frames))),
-            Place::Slcan => Way::Line(Box::new(Line::new(Coding::Slcan))),
+            ConnectionKind::Simulated => {
+                RobotLink::Simulated(Box::new(Simulated::new(&robot).map_err(invalid)?))
+            }
+            ConnectionKind::Serial => RobotLink::Line(Box::new(Line::new(FrameEncoding::Gateway))),
+            ConnectionKind::Relay => RobotLink::Line(Box::new(Line::new(FrameEncoding::Frames))),
+            ConnectionKind::Slcan => RobotLink::Line(Box::new(Line::new(FrameEncoding::Slcan))),
         };
         let mut operator = Operator::new(Peer { node, credentials }, Some(config.hash()));
         operator.set_actuators(actuators.clone());
@@ -231,13 +235,13 @@ impl Connection {
     }
 
     /// Executes an operator request.
-    pub fn request(&mut self, now_us: u64, request: Wish) {
+    pub fn request(&mut self, now_us: u64, request: OperatorCommand) {
         let now_us = self.now_us(now_us);
         self.operator.request(now_us, request.into());
     }
 
     /// Records whether an operator is at the page, and executes the requests of the gamepad.
-    pub fn attend(&mut self, page_us: u64, attended: bool, gamepad: Vec<Seen>) {
+    pub fn set_attendance(&mut self, page_us: u64, attended: bool, gamepad: Vec<GamepadState>) {
         let now_us = self.now_us(page_us);
         self.operator.set_attended(now_us, attended);
         let Some(pad) = &mut self.gamepad else { return };
@@ -261,11 +265,11 @@ impl Connection {
         operator.set_catalog(catalog_in_use(operator, &self.catalogs));
         operator.set_actuators(self.actuators.clone());
         match &mut self.way {
-            Way::Simulated(robot) => {
+            RobotLink::Simulated(robot) => {
                 robot.run(now_us, operator);
                 Vec::new()
             }
-            Way::Line(line) => line.exchange(now_us, received, operator),
+            RobotLink::Line(line) => line.exchange(now_us, received, operator),
         }
     }
 
@@ -273,8 +277,8 @@ impl Connection {
     pub fn view(&self, now_us: u64) -> RobotView {
         let view = self.operator.view(self.now_us(now_us));
         let simulated = match &self.way {
-            Way::Simulated(robot) => Some(robot.as_ref()),
-            Way::Line(_) => None,
+            RobotLink::Simulated(robot) => Some(robot.as_ref()),
+            RobotLink::Line(_) => None,
         };
         let catalog = catalog_in_use(&self.operator, &self.catalogs);
         let mut shown =
@@ -286,8 +290,8 @@ impl Connection {
     /// Time of the operator's clock, µs.
     fn now_us(&self, now_us: u64) -> u64 {
         match &self.way {
-            Way::Simulated(robot) => robot.now_us(),
-            Way::Line(_) => now_us,
+            RobotLink::Simulated(robot) => robot.now_us(),
+            RobotLink::Line(_) => now_us,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! View of a robot for the page: described state and faults, motions, joints, and poses of its bodies.
 
 use super::simulated::Simulated;
-use crate::messages::robot::{ChannelOf, MessageOf, MotionOf, Playing, RobotView, Simulation};
+use crate::messages::robot::{
+    ChannelTelemetry, OperatorMessage, PlayableMotion, PlayingClip, RobotView, Simulation,
+};
 use crate::scene::{poses as drawn, turning_wheels};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_host::actuators::Actuators;
@@ -34,14 +36,14 @@ pub fn robot_view(
         let FaultView { fault, channel, value, .. } = *fault;
         describe::fault_report_on(fault, channel, channel.and_then(name), value, actuators)
     };
-    let channels = view.joints.iter().map(|(&channel, joint)| ChannelOf {
+    let channels = view.joints.iter().map(|(&channel, joint)| ChannelTelemetry {
         name: name(channel).unwrap_or_else(|| format!("channel {channel}")),
         position_rad: joint.telemetry.position_rad,
         speed_rad_s: joint.telemetry.velocity_rad_s,
         torque_nm: joint.telemetry.torque_nm,
         age_s: seconds(joint.age_us),
     });
-    let message = |message: &rollwalk_host::operator::Message| MessageOf {
+    let message = |message: &rollwalk_host::operator::Message| OperatorMessage {
         at_s: seconds(message.at_us),
         weight: match message.weight {
             Weight::Note => "note",
@@ -62,7 +64,7 @@ pub fn robot_view(
         };
         let since_us = view.link.status_age_us.unwrap_or(0).min(MOST_SINCE_US);
         let time_s = f64::from(status.frame) / f64::from(RATE_HZ) + rate * seconds(since_us);
-        Some(Playing { name, clip, time_s, rate })
+        Some(PlayingClip { name, clip, time_s, rate })
     });
     let state = view.status.map(|status| status.state);
     RobotView {
@@ -105,8 +107,8 @@ fn seconds(us: u64) -> f64 {
     us as f64 * 1e-6
 }
 
-fn motions(catalog: &Catalog) -> Vec<MotionOf> {
-    let motion = |motion: &rollwalk_host::catalog::CatalogMotion| MotionOf {
+fn motions(catalog: &Catalog) -> Vec<PlayableMotion> {
+    let motion = |motion: &rollwalk_host::catalog::CatalogMotion| PlayableMotion {
         name: motion.name.clone(),
         code: motion.code,
         looping: motion.looping,
@@ -126,13 +128,13 @@ fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64;
         (base_position_m, world_from_body) = world.base();
         let shafts: BTreeMap<usize, f64> =
             world.shafts().map(|[angle_rad, ..]| angle_rad).enumerate().collect();
-        place(robot, &mut joint_rad, &mut wheel_rad, |channel| shafts.get(&channel).copied());
+        sort_angles(robot, &mut joint_rad, &mut wheel_rad, |channel| shafts.get(&channel).copied());
     } else {
         (base_position_m, world_from_body) = match Standing::new(&tree) {
             Some(standing) => (standing.frames.link_origins[0], standing.frames.world_from_link[0]),
             None => (Vector3::zeros(), Matrix3::identity()),
         };
-        place(robot, &mut joint_rad, &mut wheel_rad, |channel| {
+        sort_angles(robot, &mut joint_rad, &mut wheel_rad, |channel| {
             let joint = view.joints.get(&u8::try_from(channel).ok()?)?;
             Some(f64::from(joint.telemetry.position_rad))
         });
@@ -142,7 +144,7 @@ fn poses(view: &View, robot: &Robot, simulated: Option<&Simulated>) -> Vec<[f64;
 }
 
 /// Sorts the angles of channels (joints, then driven wheels) into the arrays of the scene.
-fn place(
+fn sort_angles(
     robot: &Robot,
     joint_rad: &mut [f64],
     wheel_rad: &mut [f64],

@@ -107,7 +107,7 @@ pub struct Case {
 
 /// Reaction of the robot to the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Outcome {
+pub enum Reaction {
     WentOn,
     /// Returned to SAFE along the motion graph and switched torque off.
     WentHome,
@@ -119,7 +119,7 @@ pub enum Outcome {
     TakenUp,
 }
 
-impl Outcome {
+impl Reaction {
     /// Outcomes in the order of the table.
     pub const ALL: [Self; 6] = [
         Self::WentOn,
@@ -144,10 +144,10 @@ impl Outcome {
 
 /// Result of a run.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct RunReport {
     pub case: Case,
     /// Reaction of the robot to the fault.
-    pub outcome: Outcome,
+    pub outcome: Reaction,
     /// Violations that the monitor found.
     pub violations: Vec<Violation>,
     /// Other errors: no recovery, a wrong or missing fault bit, a fault without effect.
@@ -164,7 +164,7 @@ pub struct Report {
     pub took: SimTime,
 }
 
-impl Report {
+impl RunReport {
     /// True if the run has neither violations nor errors.
     pub fn is_clean(&self) -> bool {
         self.violations.is_empty() && self.errors.is_empty()
@@ -172,7 +172,7 @@ impl Report {
 }
 
 /// Runs a case with the firmware in this process. Returns the report and every frame of every bus.
-pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
+pub fn run(subject: &Subject, case: Case) -> (RunReport, Vec<LogEntry>) {
     let (config, settings) = (subject.config(), Settings::default());
     let buses = subject.robot.controller_buses();
     let core = if case.scenario == Scenario::Flash {
@@ -185,6 +185,6 @@ pub fn run(subject: &Subject, case: Case) -> (Report, Vec<LogEntry>) {
 
 /// Runs a case with a controller that has just been switched on. The controller has the library of the subject, or no library
 /// in [`Scenario::Flash`].
-pub fn run_with<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
+pub fn run_with<C: Core>(subject: &Subject, case: Case, core: C) -> (RunReport, Vec<LogEntry>) {
     run::run(subject, case, core)
 }

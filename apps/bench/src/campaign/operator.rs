@@ -16,7 +16,7 @@ const SET_UP_WITHIN: SimTime = SimTime::from_ms(10_000);
 const STATUS_CHECK_US: u64 = 50_000;
 
 /// Description of an operator's failure.
-pub type Stuck = String;
+pub type OperatorFailure = String;
 
 /// Operator with or without a session.
 pub struct Operator<C: Core> {
@@ -38,7 +38,7 @@ impl<C: Core> Operator<C> {
     }
 
     /// Returns the session, and connects first if necessary.
-    pub fn session(&mut self) -> Result<&mut Session<SharedRig<C>>, Stuck> {
+    pub fn session(&mut self) -> Result<&mut Session<SharedRig<C>>, OperatorFailure> {
         let deadline = self.rig.now() + CONNECT_WITHIN;
         while self.session.is_none() {
             match Session::connect(self.rig.clone(), self.node) {
@@ -74,7 +74,7 @@ impl<C: Core> Operator<C> {
     }
 
     /// Brings the robot to a state.
-    pub fn reach(&mut self, wanted: State) -> Result<(), Stuck> {
+    pub fn reach(&mut self, wanted: State) -> Result<(), OperatorFailure> {
         let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = None;
         loop {
@@ -108,7 +108,7 @@ impl<C: Core> Operator<C> {
     }
 
     /// Plays a motion that starts from SAFE.
-    pub fn play(&mut self, code: u8, clip: u8) -> Result<(), Stuck> {
+    pub fn play(&mut self, code: u8, clip: u8) -> Result<(), OperatorFailure> {
         let deadline = self.rig.now() + RECOVER_WITHIN;
         let mut last = String::new();
         while self.rig.now() <= deadline {

@@ -1,11 +1,11 @@
 //! Execution of a run: the operator plays motions, the fault of the scenario strikes, the run checks the reported faults, and
 //! the operator recovers the robot.
 
-use super::operator::{Operator, Stuck};
+use super::operator::{Operator, OperatorFailure};
 use super::scenario::{self, Host, Plan, Scenario};
 use super::shared_rig::SharedRig;
 use super::world::{self, WorldWatch};
-use super::{Case, Outcome, Report, Subject};
+use super::{Case, Reaction, RunReport, Subject};
 use crate::campaign::monitor::{Monitor, MonitorConfig, StatusChange, shutdown};
 use fastrand::Rng;
 use rollwalk_bus::link::LinkBus;
@@ -79,7 +79,7 @@ fn stopped_within(subject: &Subject) -> SimTime {
         + TORQUE_OFF_WITHIN
 }
 
-pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (Report, Vec<LogEntry>) {
+pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (RunReport, Vec<LogEntry>) {
     let mut random = Rng::with_seed(case.seed ^ u64::from(case.loss_per_mille) << 48);
     let mut rig = Rig::with_core(&subject.robot, core).expect("the robot is sound");
     let late = servo::WATCHDOG + MAX_FRAME_DELAY;
@@ -176,11 +176,11 @@ struct Run<'a, C: Core> {
     host_failed: bool,
     errors: Vec<String>,
     /// Outcome of a transfer.
-    transfer: Option<Outcome>,
+    transfer: Option<Reaction>,
 }
 
 impl<C: Core> Run<'_, C> {
-    fn execute(&mut self) -> Result<(), Stuck> {
+    fn execute(&mut self) -> Result<(), OperatorFailure> {
         let flashes = self.case.scenario == Scenario::Flash;
         let hopeless = self.case.loss_per_mille > HOPELESS;
         if flashes {
@@ -235,7 +235,7 @@ impl<C: Core> Run<'_, C> {
     }
 
     /// Lets the operator act randomly until all faults are over.
-    fn operate(&mut self, plan: &Plan) -> Result<(), Stuck> {
+    fn operate(&mut self, plan: &Plan) -> Result<(), OperatorFailure> {
         let until = plan.until + self.between(100, 800);
         let mut host = Some(plan.host);
         while self.rig.now() < until {
@@ -252,7 +252,7 @@ impl<C: Core> Run<'_, C> {
     }
 
     /// Executes the event of the host at its time.
-    fn run_host_event(&mut self, host: &mut Option<Host>) -> Result<(), Stuck> {
+    fn run_host_event(&mut self, host: &mut Option<Host>) -> Result<(), OperatorFailure> {
         let now = self.rig.now();
         let at = match *host {
             Some(Host::Dies(at, _) | Host::Stalls(at, _) | Host::Stops(at)) => at,
@@ -294,7 +294,7 @@ impl<C: Core> Run<'_, C> {
     }
 
     /// Performs a random action, which may fail.
-    fn act_at_random(&mut self) -> Result<(), Stuck> {
+    fn act_at_random(&mut self) -> Result<(), OperatorFailure> {
         let motions = &self.subject.codes;
         let code = motions[self.random.usize(0..motions.len())];
         let span = self.between(10, 400);
@@ -378,7 +378,7 @@ impl<C: Core> Run<'_, C> {
     }
 
     /// Arms the robot from any state, plays a motion and disarms, which must always be possible.
-    fn recover(&mut self) -> Result<(), Stuck> {
+    fn recover(&mut self) -> Result<(), OperatorFailure> {
         self.operator.reach(State::Ready)?;
         let motion = self.random.usize(1..self.subject.codes.len());
         self.operator.play(self.subject.codes[motion], motion as u8)?;
@@ -386,7 +386,7 @@ impl<C: Core> Run<'_, C> {
     }
 
     /// Transfers the library, with retries.
-    fn flash(&mut self) -> Result<(), Stuck> {
+    fn flash(&mut self) -> Result<(), OperatorFailure> {
         const DISTURBED_BY: [Scenario; 8] = [
             Scenario::Loss,
             Scenario::Repeats,
@@ -407,7 +407,7 @@ impl<C: Core> Run<'_, C> {
             let session = self.operator.session()?;
             match session.flash(library, |_| {}) {
                 Ok(()) => {
-                    let now = if failed { Outcome::TakenUp } else { Outcome::Transferred };
+                    let now = if failed { Reaction::TakenUp } else { Reaction::Transferred };
                     self.transfer = Some(now);
                     return Ok(());
                 }
@@ -420,23 +420,23 @@ impl<C: Core> Run<'_, C> {
         Err("the library was not transferred, even after the faults had ended".into())
     }
 
-    fn outcome(&self, history: &[StatusChange]) -> Outcome {
+    fn outcome(&self, history: &[StatusChange]) -> Reaction {
         if let Some(transfer) = self.transfer {
             return transfer;
         }
         let later = || history.iter().filter(|c| c.at > self.began && !c.faults.is_empty());
         if later().any(|c| c.state == State::EStopped) {
-            Outcome::Stopped
+            Reaction::Stopped
         } else if later().any(|c| c.state == State::Returning) {
-            Outcome::WentHome
+            Reaction::WentHome
         } else if later().any(|c| matches!(c.state, State::Damped | State::TorqueOff)) {
-            Outcome::LetDown
+            Reaction::LetDown
         } else {
-            Outcome::WentOn
+            Reaction::WentOn
         }
     }
 
-    fn report(mut self) -> (Report, Vec<LogEntry>) {
+    fn report(mut self) -> (RunReport, Vec<LogEntry>) {
         self.operator.quit();
         let rig = self.rig.borrow();
         let monitor = self.monitor.borrow();
@@ -467,7 +467,7 @@ impl<C: Core> Run<'_, C> {
             ));
         }
         let history = monitor.history();
-        let report = Report {
+        let report = RunReport {
             case: self.case,
             outcome: self.outcome(history),
             violations: monitor.violations().to_vec(),

@@ -1,7 +1,7 @@
 //! Results of many runs: a row for each scenario and loss.
 
 use super::scenario::Scenario;
-use super::{Outcome, Report};
+use super::{Reaction, RunReport};
 use rollwalk_sim_host::clock::SimTime;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub runs: u64,
-    pub outcomes: BTreeMap<Outcome, u64>,
+    pub outcomes: BTreeMap<Reaction, u64>,
     /// Number of runs with violations or errors.
     pub broken: u64,
     /// Numbers of lost frames, and of disturbances by other faults.
@@ -32,7 +32,7 @@ pub struct Row {
 }
 
 impl Row {
-    pub fn add(&mut self, report: &Report) {
+    pub fn add(&mut self, report: &RunReport) {
         self.runs += 1;
         *self.outcomes.entry(report.outcome).or_default() += 1;
         self.broken += u64::from(!report.is_clean());

@@ -47,7 +47,7 @@ impl WorldWatch {
         &self.report
     }
 
-    fn look(&mut self, at: SimTime, ground: &Grounded, is_driving: bool) {
+    fn record(&mut self, at: SimTime, ground: &Grounded, is_driving: bool) {
         let report = &mut self.report;
         report.falls = ground.falls().to_vec();
         if ground.is_held() {
@@ -72,7 +72,7 @@ impl WorldWatch {
 impl Observer for WorldWatch {
     fn on_motor_step(&mut self, at: SimTime, body: &Body) {
         if let Some(ground) = body.ground() {
-            self.look(at, ground, body.servos().iter().any(Servo::is_driving));
+            self.record(at, ground, body.servos().iter().any(Servo::is_driving));
         }
     }
 }

@@ -7,7 +7,7 @@
 //! initial value, and by 200 further steps of Adam to 0.0072. The path then has forward spin.
 
 use crate::experiments::throwing::{FREEDOMS, Throw, convergence};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Options};
 use rollwalk_physics::sensitivity::objective::cost;
@@ -22,13 +22,13 @@ const TURN_RAD_S: f64 = std::f64::consts::TAU;
 const LAYERS: usize = 2;
 const ROLLOUTS: usize = 100;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let throw = thrown(LAYERS);
     let evaluate = |by: &[f64]| {
         (!watch.interrupted()).then_some(())?;
         let rollout = throw.run(&FREEDOMS, &scaled(by))?;
-        let residuals = away(&rollout);
-        watch.say(&format!("objective {:.3e}", cost(&residuals)));
+        let residuals = line_distances(&rollout);
+        watch.report(&format!("objective {:.3e}", cost(&residuals)));
         let evaluation = Evaluation::from((rollout, residuals));
         let gradient = evaluation.gradient;
         Some(Evaluation { cost: evaluation.cost, gradient: Box::new(|| scaled(&gradient())) })
@@ -58,8 +58,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let checks = vec![
         Check::at_most("objective / initial objective", "", found.share(), 0.1),
-        Check::told("simulations", "453", found.rollouts() as f64),
-        Check::told(
+        Check::informative("simulations", "453", found.rollouts() as f64),
+        Check::informative(
             "simulations until the objective is a tenth of its initial value",
             "",
             reached.map_or(f64::INFINITY, |at| at as f64 + 1.0),
@@ -71,7 +71,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             after / before,
             0.5,
         ),
-        Check::told("bounces", "1", throw.bounces(&rollout).len() as f64),
+        Check::informative("bounces", "1", throw.bounces(&rollout).len() as f64),
     ];
     let setup = format!(
         "the ball of ball-target, BDF2, 250 steps of 1 ms, velocity and spin free, from {} m/s forward, {} m/s upward and {:.1} rad/s \
@@ -88,7 +88,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         logarithmic: true,
         curves: vec![("L-BFGS".to_owned(), convergence(std::slice::from_ref(&found)))],
     };
-    Some(Outcome { setup, checks, charts: vec![chart, best] })
+    Some(ExperimentOutcome { setup, checks, charts: vec![chart, best] })
 }
 
 /// Creates the ball without spin. The parameters contain all of the spin.
@@ -107,7 +107,7 @@ fn com(rollout: &Rollout, step: usize, target: &Vector3<f64>, axis: Vector3<f64>
 }
 
 /// Distance of the second half of the path from the line, m.
-fn away(rollout: &Rollout) -> Vec<Residual> {
+fn line_distances(rollout: &Rollout) -> Vec<Residual> {
     (rollout.steps() / 2..=rollout.steps())
         .flat_map(|step| [Vector3::x(), Vector3::y()].map(|axis| com(rollout, step, &LINE_M, axis)))
         .collect()
@@ -130,12 +130,12 @@ mod tests {
         let run = |at: &[f64]| throw.run(&FREEDOMS, at).unwrap();
         let rollout = run(&start);
         assert!(!throw.bounces(&rollout).is_empty());
-        let gradient = rollout.gradient(&away(&rollout));
+        let gradient = rollout.gradient(&line_distances(&rollout));
         for (k, found) in gradient.iter().enumerate() {
             let moved = |by: f64| {
                 let mut at = start;
                 at[k] += by;
-                cost(&away(&run(&at)))
+                cost(&line_distances(&run(&at)))
             };
             let rate = (moved(1e-5) - moved(-1e-5)) / 2e-5;
             let bound = 1e-4 * if k < 3 { gradient[0].abs() } else { gradient[4].abs() };

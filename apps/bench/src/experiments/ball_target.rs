@@ -9,7 +9,7 @@
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw, from_target};
-use crate::experiments::{Chart, Check, Outcome, Watch, cma_es};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch, cma_es};
 use nalgebra::Vector3;
 use rollwalk_physics::sensitivity::lbfgs::{self, Evaluation, Options};
 use rollwalk_physics::sensitivity::objective::cost;
@@ -36,10 +36,10 @@ const ROLLOUTS: usize = 60;
 /// Ratio of the number of simulations of CMA-ES to that of L-BFGS.
 const TIMES_MORE: usize = 10;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let coarse = Throw::ball(LAYERS);
     let throw = coarse.clone().in_steps(FINE_S);
-    let mut outcome = Outcome {
+    let mut outcome = ExperimentOutcome {
         setup: format!(
             "ball of 2.5 cm and {} elements (thesis: 451), k_n {} N/m for each of 98 nodes, BDF2, \
              {} steps of {} ms (thesis: 1 ms); initial velocity is free, spin is not",
@@ -48,7 +48,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             throw.steps,
             1e3 * throw.step_s
         ),
-        ..Outcome::default()
+        ..ExperimentOutcome::default()
     };
     for velocity in PUBLISHED_M_S {
         let fine = Throw::ball(LAYERS + 1);
@@ -58,7 +58,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             fine.mesh.elements.len()
         );
         let off = (fine.arrival(&FREEDOMS[..3], &velocity)? - TARGET_M).norm();
-        outcome.checks.push(Check::told(&what, "0", off));
+        outcome.checks.push(Check::informative(&what, "0", off));
     }
     let mut curves = Vec::new();
     for (bounces, start, thesis) in STARTS {
@@ -66,7 +66,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             (!watch.interrupted()).then_some(())?;
             let rollout = throw.run(&FREEDOMS[..3], velocity)?;
             let residuals = miss(&rollout);
-            watch.say(&format!("{bounces} bounces: objective {:.3e}", cost(&residuals)));
+            watch.report(&format!("{bounces} bounces: objective {:.3e}", cost(&residuals)));
             Some(Evaluation::from((rollout, residuals)))
         };
         let options = Options { rollouts: ROLLOUTS, cost: 1e-26, ..Options::default() };
@@ -93,7 +93,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                 &counted.to_string(),
                 Some(counted == bounces),
             ),
-            Check::told(&of("failed simulations"), "", found.failures as f64),
+            Check::informative(&of("failed simulations"), "", found.failures as f64),
         ]);
         let curve = |best: &[f64]| -> Vec<(f64, f64)> {
             let share = |(at, cost): (usize, &f64)| (at as f64 + 1.0, cost / found.best[0]);
@@ -107,7 +107,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                 1e3 * coarse.step_s,
                 found.rollouts()
             );
-            outcome.checks.push(Check::told(&of(&what), "", found.share()));
+            outcome.checks.push(Check::informative(&of(&what), "", found.share()));
         }
         if bounces == BY_EVOLUTION {
             let samples = TIMES_MORE * simulations.min(found.rollouts() as f64) as usize;
@@ -116,7 +116,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                 arrival.map_or(f64::INFINITY, |at| 0.5 * (at - TARGET_M).norm_squared())
             };
             let goes_on = |best: &[f64]| {
-                watch.say(&format!(
+                watch.report(&format!(
                     "CMA-ES: {} of {samples}: {:.3e}",
                     best.len(),
                     best[best.len() - 1]

@@ -3,7 +3,7 @@
 //! Damping determines the restitution by a closed form. Without damping, BDF2 keeps the energy if a step resolves a contact. A
 //! cube that falls flat bounces vertically, a tilted one tumbles.
 
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 const MASS_KG: f64 = 1.0;
 const STIFFNESS_N_M: f64 = 1e3;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut checks = Vec::new();
     for damping_n_s_m in [0.0, 2.0, 5.0, 10.0, 20.0, 40.0] {
         let root: f64 = 4.0 * STIFFNESS_N_M * MASS_KG - damping_n_s_m * damping_n_s_m;
@@ -78,11 +78,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         logarithmic: false,
         curves: heights,
     };
-    Some(Outcome { setup, checks, charts: vec![chart, of_cube] })
+    Some(ExperimentOutcome { setup, checks, charts: vec![chart, of_cube] })
 }
 
 /// Motion of a bouncing cube.
-struct Bounced {
+struct BounceResult {
     /// Largest horizontal distance from the start, m.
     aside_m: f64,
     spin_rad_s: f64,
@@ -91,7 +91,7 @@ struct Bounced {
 
 /// Simulates ten seconds of a dropped cube (0.2 m, 0.7 kg) that bounces without damping. The cube is tilted by `askew_rad` at the
 /// start. BDF2, steps of 1/60 s.
-fn cube(askew_rad: f64) -> Bounced {
+fn cube(askew_rad: f64) -> BounceResult {
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.7 * 0.2 * 0.2 / 6.0);
     let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), askew_rad).into_inner();
@@ -105,10 +105,10 @@ fn cube(askew_rad: f64) -> Bounced {
     let settings =
         Settings { gravity_m_s2, tolerance: 1e-10, scheme: Scheme::Bdf2, ..Settings::default() };
     let mut system = System::new(settings, assembly);
-    let mut bounced = Bounced { aside_m: 0.0, spin_rad_s: 0.0, heights: Vec::new() };
+    let mut bounced = BounceResult { aside_m: 0.0, spin_rad_s: 0.0, heights: Vec::new() };
     for _ in 0..600 {
         if system.step(1.0 / 60.0).is_err() {
-            return Bounced { aside_m: f64::NAN, spin_rad_s: f64::NAN, ..bounced };
+            return BounceResult { aside_m: f64::NAN, spin_rad_s: f64::NAN, ..bounced };
         }
         let motion = &system.motions()[0];
         bounced.aside_m = bounced.aside_m.max(motion.position.xy().norm());

@@ -16,7 +16,7 @@
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, into_ball};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::{Minimum, Options};
@@ -48,7 +48,7 @@ const STAGES_N_M: [f64; 5] = [100.0, 200.0, 400.0, 800.0, 1000.0];
 /// Number of simulations of a stage, without and with the wall.
 const ROLLOUTS: [usize; 2] = [20, 80];
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let aimed = |wall: bool| {
         let throw = thrown(CELLS, wall);
         let residuals = residuals(&target(&throw)?);
@@ -84,10 +84,14 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     };
     let count = |of: &[Minimum]| of.iter().map(Minimum::rollouts).sum::<usize>() as f64;
     let checks = vec![
-        Check::told("continuation: O/O0", "much better", end(&stiffened[stages - 1]) / first),
-        Check::told("continuation: simulations", "", count(&stiffened)),
-        Check::told("direct: O/O0", "stuck", end(&direct) / first),
-        Check::told("direct: simulations", "", direct.rollouts() as f64),
+        Check::informative(
+            "continuation: O/O0",
+            "much better",
+            end(&stiffened[stages - 1]) / first,
+        ),
+        Check::informative("continuation: simulations", "", count(&stiffened)),
+        Check::informative("direct: O/O0", "stuck", end(&direct) / first),
+        Check::informative("direct: simulations", "", direct.rollouts() as f64),
         Check::at_most_known(
             "O of continuation / O of direct",
             "much better",
@@ -129,7 +133,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         6 * CELLS.pow(3),
         STAGES_N_M.map(short).join(", "),
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 /// Shapes a block with `cells` cells along each edge into a body around the origin with a flat base, a head and two ears.

@@ -7,8 +7,10 @@
 //! pull or not.
 
 use crate::experiments::cloth::{Cloth, STIFFNESS_N_M};
-use crate::experiments::manipulation::{Effector, Handles, STEP_S, Solution, Task, Way, at_place};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::manipulation::{
+    Effector, EffectorPath, Handles, STEP_S, Solution, Task, at_place,
+};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Capsule, Grid, Ground, Sphere, Union};
 use rollwalk_physics::collision::Collision;
@@ -129,14 +131,14 @@ fn settled(solid: &Arc<dyn Ground>) -> Option<Vec<BodyMotion>> {
     Some(system.motions().iter().map(still).collect())
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let solid = bunny();
     let motions = settled(&solid)?;
     let (_, bunny, handles) = scene(&solid, Some(&motions));
     let begin = motions[bunny].position;
     let target = begin + TARGET_M;
     let new = || System::new(settings(), scene(&solid, Some(&motions)).0);
-    let way = Way::smooth(STEPS, KNOTS);
+    let way = EffectorPath::smooth(STEPS, KNOTS);
     let mut found = toss();
     let (mut moved, mut optimisation_s, mut iterations) = (None::<Solution>, 0.0, 0);
     let first = {
@@ -147,7 +149,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         }
         system.motions()[bunny].position
     };
-    watch.say(&format!("the first throw: {:?}", (first - begin).as_slice()));
+    watch.report(&format!("the first throw: {:?}", (first - begin).as_slice()));
     for share in NEARER {
         let at = first.lerp(&target, share);
         let task = Task {
@@ -160,7 +162,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         };
         let stage = task.solve(watch, &found)?;
         let off = (stage.rollout.motions(STEPS)[bunny].position - at).norm();
-        watch.say(&format!(
+        watch.report(&format!(
             "{share} of the distance: {:.1} cm from the target, {} iterations",
             100.0 * off,
             stage.iterations()
@@ -206,9 +208,9 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             0.1,
         ),
         Check::at_least("lowest gap between cloth and solid, mm", "", 1e3 * deepest, -20.0),
-        Check::told("longest path of a corner, m", "", reach.fold(0.0, f64::max)),
-        Check::told("iterations", "", iterations as f64),
-        Check::told("the optimisation, CPU s", "", optimisation_s),
+        Check::informative("longest path of a corner, m", "", reach.fold(0.0, f64::max)),
+        Check::informative("iterations", "", iterations as f64),
+        Check::informative("the optimisation, CPU s", "", optimisation_s),
     ];
     let charts = vec![Chart {
         name: "way".to_owned(),
@@ -231,7 +233,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         found.len(),
         TARGET_M.as_slice()
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Experiment on the computing time of a chain of bodies on the ground, as a function of their number (thesis Fig. A.3).
 
-use crate::experiments::parts::{Link, Touching, corners, cube};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::parts::{Link, PointContact, corners, cube};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
@@ -22,7 +22,7 @@ const CONTACT_N_M: f64 = 1e3;
 /// the world.
 fn chain(count: usize) -> System {
     let mut assembly = Assembly::default();
-    let touching = Touching {
+    let touching = PointContact {
         normal: Normal {
             stiffness_n_m: CONTACT_N_M,
             damping_n_s_m: 1e-3,
@@ -81,7 +81,7 @@ fn slope(points: &[(f64, f64)]) -> f64 {
     products.sum::<f64>() / squares.sum::<f64>()
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut curve = Vec::new();
     let mut checks = Vec::new();
     for count in [1, 2, 5, 10, 15, 20, 25, 30, 35, 40] {
@@ -94,10 +94,10 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             let found = time(count, STEPS)?;
             best = if found.0 < best.0 { found } else { best };
         }
-        watch.say(&format!("{count} bodies: {:.3} s, {:.2} iterations a step", best.0, best.1));
+        watch.report(&format!("{count} bodies: {:.3} s, {:.2} iterations a step", best.0, best.1));
         if [10, 20, 40].contains(&count) {
             let what = format!("{count} bodies: 2 s, CPU s");
-            checks.push(Check::told(&what, "", best.0));
+            checks.push(Check::informative(&what, "", best.0));
         }
         curve.push((count as f64, best.0));
     }
@@ -111,7 +111,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         Some((0.9..=1.15).contains(&slope)),
     ));
     let rate = STEPS as f64 / curve[curve.len() - 1].1;
-    checks.push(Check::told("steps of 40 bodies a second", "MuJoCo 9084, rapier 6300", rate));
+    checks.push(Check::informative(
+        "steps of 40 bodies a second",
+        "MuJoCo 9084, rapier 6300",
+        rate,
+    ));
     let chart = Chart {
         name: "time".to_owned(),
         title: "CPU time of two seconds of a chain".to_owned(),
@@ -124,7 +128,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         "cubes of {EDGE_M} m and {MASS_KG} kg, two springs of {SPRING_N_M} N/m between neighbours and from the first to the world, \
          k_n 1e3 N/m, k_d 1e-3, friction 0.5, 1000 steps of 1/500 s; sizes and springs are our choice"
     );
-    Some(Outcome { setup, checks, charts: vec![chart] })
+    Some(ExperimentOutcome { setup, checks, charts: vec![chart] })
 }
 
 #[cfg(test)]

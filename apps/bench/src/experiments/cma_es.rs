@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Result of the strategy.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct SearchResult {
     pub parameters: Vec<f64>,
     /// Best objective after each sample.
     pub best: Vec<f64>,
@@ -27,7 +27,7 @@ pub fn minimise(
     seed: u64,
     mut run: impl FnMut(&[f64]) -> f64,
     goes_on: impl Fn(&[f64]) -> bool,
-) -> Option<Found> {
+) -> Option<SearchResult> {
     let mut rng = fastrand::Rng::with_seed(seed);
     let n = mean.len();
     let size = n as f64;
@@ -51,7 +51,7 @@ pub fn minimise(
     let mut sigma = deviation;
     let mut covariance = DMatrix::<f64>::identity(n, n);
     let [mut path, mut step_path] = [0; 2].map(|_| DVector::<f64>::zeros(n));
-    let mut found = Found { parameters: mean.as_slice().to_vec(), best: Vec::new() };
+    let mut found = SearchResult { parameters: mean.as_slice().to_vec(), best: Vec::new() };
     for generation in 1.. {
         let eigen = covariance.clone().symmetric_eigen();
         let scales = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());

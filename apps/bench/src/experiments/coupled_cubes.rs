@@ -4,8 +4,8 @@ use crate::experiments::cube_drag::BETA;
 use crate::experiments::manipulation::gripper::{
     CUBE_KG, EDGE_M, Gripper, STRING_N_M, add_cube, rest_m, settings, tie, touch_ground,
 };
-use crate::experiments::manipulation::{STEP_S, Task, Way, at_pose, objective};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::manipulation::{EffectorPath, STEP_S, Task, at_pose, objective};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::{Residual, Rollout};
@@ -47,12 +47,19 @@ fn system() -> System {
 
 fn task<'a>(effector: &'a Gripper, targets: Targets<'a>, steps: usize) -> Task<'a> {
     let options = Options { iterations: 25, tolerance: 1e-4, most: 0.5, ..Options::default() };
-    Task { effector, way: Way::by_step(steps), begin: &system, targets, beta: BETA, options }
+    Task {
+        effector,
+        way: EffectorPath::by_step(steps),
+        begin: &system,
+        targets,
+        beta: BETA,
+        options,
+    }
 }
 
 type Targets<'a> = &'a dyn Fn(&Rollout) -> Vec<Residual>;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let (target, turned) = (TARGET_M + Vector3::z() * rest_m(), about_z(PI));
     let (_, gripper) = scene();
     let targets = |rollout: &_| at_pose(rollout, STEPS, BOTTOM, &target, &turned);
@@ -95,13 +102,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          cube-drag; springs, masses and the target are our choice; Table A.2 has no row of these \
          three bodies"
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     /// Tests a smaller turn in less time.
     #[test]
@@ -109,7 +116,7 @@ mod tests {
         let (steps, turned) = (30, about_z(0.3));
         let targets =
             |rollout: &_| Residual::orientation(rollout, steps, BOTTOM, &turned, 1.0).to_vec();
-        let pulled = task(&scene().1, &targets, steps).solve_from_rest(&Silent).unwrap();
+        let pulled = task(&scene().1, &targets, steps).solve_from_rest(&NoProgress).unwrap();
         let end = pulled.rollout.motions(steps)[BOTTOM].rotation;
         let off = Rotation3::from_matrix_unchecked(end * turned.transpose()).angle();
         assert!(off < 0.03, "{off}");

@@ -5,9 +5,9 @@
 
 use crate::experiments::cube_drag::{BETA, CUBE, scene, system};
 use crate::experiments::manipulation::gripper::{Gripper, rest_m};
-use crate::experiments::manipulation::{STEP_S, Task, Way};
+use crate::experiments::manipulation::{EffectorPath, STEP_S, Task};
 use crate::experiments::outcome::short;
-use crate::experiments::{Chart, Check, Outcome, Watch, cma_es};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch, cma_es};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
 use rollwalk_physics::sensitivity::gauss_newton::Options;
@@ -47,7 +47,7 @@ fn residuals(rollout: &Rollout) -> Vec<Residual> {
 fn task(gripper: &Gripper, steps: usize, shift: f64) -> Task<'_> {
     Task {
         effector: gripper,
-        way: Way::by_step(steps),
+        way: EffectorPath::by_step(steps),
         begin: &system,
         targets: &residuals,
         beta: BETA,
@@ -55,14 +55,14 @@ fn task(gripper: &Gripper, steps: usize, shift: f64) -> Task<'_> {
     }
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let (_, gripper) = scene();
     let usual = task(&gripper, STEPS, USUAL).solve_from_rest(watch)?;
     let task = task(&gripper, STEPS, CAREFUL);
     let pulled = task.solve_from_rest(watch)?;
     let (costs, rollouts) = (&pulled.fit.costs, pulled.fit.rollouts);
     let last = costs[pulled.iterations()] / costs[0];
-    watch.say(&format!("Gauss-Newton: {last:.2e} after {rollouts} simulations"));
+    watch.report(&format!("Gauss-Newton: {last:.2e} after {rollouts} simulations"));
 
     let clock = ProcessTime::now();
     let sampled = |parameters: &[f64]| {
@@ -70,7 +70,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         cost.unwrap_or(f64::INFINITY) / costs[0]
     };
     let goes_on = |best: &[f64]| {
-        watch.say(&format!("CMA-ES: {:.2e} after {}", best[best.len() - 1], best.len()));
+        watch.report(&format!("CMA-ES: {:.2e} after {}", best[best.len() - 1], best.len()));
         !watch.interrupted()
     };
     let rest = vec![0.0; task.parameters()];
@@ -81,8 +81,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     let checks = vec![
         Check::at_most("Gauss–Newton: O/O0", "a good result", last, 1e-3),
         Check::at_most("Gauss–Newton: CPU s", "a few minutes", pulled.optimisation_s, 300.0),
-        Check::told("Gauss–Newton: simulations", "", rollouts as f64),
-        Check::told(
+        Check::informative("Gauss–Newton: simulations", "", rollouts as f64),
+        Check::informative(
             &format!("Gauss–Newton, first shift {USUAL}: O/O0"),
             "",
             usual.fit.costs[usual.iterations()] / costs[0],
@@ -93,8 +93,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             evolved / last,
             10.0,
         ),
-        Check::told("CMA-ES: O/O0", "", evolved),
-        Check::told("CMA-ES: CPU s", "multiple hours", evolution_s),
+        Check::informative("CMA-ES: O/O0", "", evolved),
+        Check::informative("CMA-ES: CPU s", "multiple hours", evolution_s),
     ];
     let by_iteration = costs.iter().zip(1..).map(|(cost, k)| (f64::from(k), cost / costs[0]));
     let by_sample = found.best.iter().zip(1..).map(|(best, k)| (f64::from(k), *best));
@@ -132,20 +132,20 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         short(EVERY as f64 * STEP_S),
         task.parameters(),
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
     use rollwalk_physics::sensitivity::objective;
 
     #[test]
     fn a_cube_follows_the_beginning_of_an_arc() {
         let (_, gripper) = scene();
         let task = task(&gripper, 15, CAREFUL);
-        let pulled = task.solve_from_rest(&Silent).unwrap();
+        let pulled = task.solve_from_rest(&NoProgress).unwrap();
         let costs = &pulled.fit.costs;
         assert!(costs[costs.len() - 1] < 0.1 * costs[0], "{costs:?}");
         // What CMA-ES minimises is what Gauss–Newton's method does, smoothness included.

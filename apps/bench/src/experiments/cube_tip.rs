@@ -10,9 +10,9 @@
 
 use crate::experiments::cube_drag::{BETA, CUBE, hung};
 use crate::experiments::manipulation::gripper::{EDGE_M, Gripper, STRING_N_M, rest_m, settings};
-use crate::experiments::manipulation::{Effector, STEP_S, Task, Way, objective};
+use crate::experiments::manipulation::{Effector, EffectorPath, STEP_S, Task, objective};
 use crate::experiments::outcome::short;
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rollwalk_physics::sensitivity::gauss_newton::Options;
 use rollwalk_physics::sensitivity::objective::cost;
@@ -66,7 +66,7 @@ fn task<'a>(
 ) -> Task<'a> {
     Task {
         effector: gripper,
-        way: Way::by_step(steps),
+        way: EffectorPath::by_step(steps),
         begin: &system,
         targets,
         beta: BETA,
@@ -113,7 +113,7 @@ fn later(gripper: &Gripper, parameters: &[f64]) -> Option<BodyMotion> {
     Some(system.motions()[CUBE])
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let (_, gripper) = hung(STRETCH);
     let targets = |rollout: &Rollout| lying(rollout, 1.0);
     let task = task(&gripper, &targets, STEPS);
@@ -143,8 +143,8 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                  weight changes the result, as the next rows show",
             ),
         ),
-        Check::told("distance after landing, mm", "", off_mm(&landed)),
-        Check::told(
+        Check::informative("distance after landing, mm", "", off_mm(&landed)),
+        Check::informative(
             "fraction of position and turn in the objective",
             "",
             of_place / task.cost(&pulled.fit.parameters)?,
@@ -162,7 +162,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             off_deg(&later),
             5.0,
         ),
-        Check::told(
+        Check::informative(
             "distance from the target, from a gripper at rest, mm",
             "",
             off_mm(&rested.rollout.motions(STEPS)[CUBE]),
@@ -194,13 +194,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          a swing over the front edge; bands, masses and lengths are our choice",
         task.parameters()
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     /// Tests a tilt of the cube over its front edge by a quarter of a right angle.
     #[test]
@@ -209,7 +209,7 @@ mod tests {
         let (_, gripper) = hung(STRETCH);
         let targets =
             |rollout: &Rollout| Residual::orientation(rollout, steps, CUBE, &turned, 1.0).to_vec();
-        let pulled = task(&gripper, &targets, steps).solve_from_rest(&Silent).unwrap();
+        let pulled = task(&gripper, &targets, steps).solve_from_rest(&NoProgress).unwrap();
         let end = pulled.rollout.motions(steps)[CUBE];
         let off = Rotation3::from_matrix_unchecked(end.rotation * turned.transpose()).angle();
         assert!(off < 0.05, "{off}");

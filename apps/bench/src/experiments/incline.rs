@@ -18,7 +18,7 @@ mod reference;
 
 use crate::experiments::incline::reference::Reference;
 use crate::experiments::outcome::short;
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -50,9 +50,9 @@ const COARSE: [usize; 3] = [4, 4, 2];
 /// Steps whose iterations are reported: one during sliding, one during sticking.
 const REPORTED: [usize; 2] = [60, 150];
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let cells = [7, 7, 3];
-    let mut outcome = Outcome {
+    let mut outcome = ExperimentOutcome {
         setup: format!(
             "puck of {} elements (thesis: 879), radius {RADIUS_M} m, height {HEIGHT_M} m, slope of \
              {SLOPE_DEG} degrees, initially {SPEED_M_S} m/s downhill, Young's modulus 2.1 kPa, k_n \
@@ -62,7 +62,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             (cells[0] + 1) * (cells[1] + 1),
             6 * COARSE.iter().product::<usize>(),
         ),
-        ..Outcome::default()
+        ..ExperimentOutcome::default()
     };
     let mut runs = Vec::new();
     let models = [
@@ -76,7 +76,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let cpu_s = begin.elapsed().as_secs_f64();
         let of = |what: &str| format!("{what}, {model:?}");
         let speed = slide.speeds_m_s[STEPS - 1].1;
-        outcome.checks.push(Check::told(&of("CPU seconds"), thesis, cpu_s));
+        outcome.checks.push(Check::informative(&of("CPU seconds"), thesis, cpu_s));
         let weight_n = slide.mass_kg * GRAVITY_M_S2;
         let (down_n, onto_n) =
             (weight_n * SLOPE_DEG.to_radians().sin(), weight_n * SLOPE_DEG.to_radians().cos());
@@ -97,7 +97,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             Check::at_most(&of("largest residual, N"), "", slide.residual, TOLERANCE),
             Check::at_most(&of("steps that were halved"), "", f64::from(slide.halved), 0.0),
             Check::new(&of("iterations of steps 60 and 150"), "", "", &iterations, None),
-            Check::told(&of("iterations of a step"), "", mean),
+            Check::informative(&of("iterations of a step"), "", mean),
         ]);
         runs.push((model, cpu_s, slide));
     }
@@ -139,7 +139,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 }
 
 /// Compares penalties and hybrid friction with the reference, for a coarse puck.
-fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
+fn compare(outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
     let begin = ProcessTime::now();
     let exact = slide_exactly(COARSE, STEPS, watch)?;
     let exact_s = begin.elapsed().as_secs_f64();
@@ -161,13 +161,13 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
         let of_height = above_m.abs() / slide.carried_m;
         outcome.checks.push(match bound {
             Some(bound) => Check::at_most(&what, thesis, of_height, bound),
-            None => Check::told(&what, "", of_height),
+            None => Check::informative(&what, "", of_height),
         });
         let further = slide.way_m() / exact.way_m() - 1.0;
         let what = format!("distance of {model:?} / distance of SQP − 1");
         outcome.checks.push(match bound {
             Some(bound) => Check::at_most(&what, thesis, further.abs(), bound),
-            None => Check::told(&what, thesis, further),
+            None => Check::informative(&what, thesis, further),
         });
         curves.push((format!("{model:?}"), slide.speeds_m_s));
     }
@@ -184,9 +184,9 @@ fn compare(outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
             1e-6,
         ),
         Check::at_most("steps that did not converge, SQP", "", f64::from(exact.halved), 0.0),
-        Check::told("stopping distance, m, SQP", "", exact.way_m()),
+        Check::informative("stopping distance, m, SQP", "", exact.way_m()),
         Check::new("programs of steps 60 and 150, SQP", "many and few", "", &iterations, None),
-        Check::told("CPU time of SQP / CPU time of linear", "2.5", exact_s / linear_s),
+        Check::informative("CPU time of SQP / CPU time of linear", "2.5", exact_s / linear_s),
     ]);
     curves.push(("SQP".to_owned(), exact.speeds_m_s));
     let sizes = |(name, curve): (String, Vec<(f64, f64)>)| {
@@ -303,7 +303,7 @@ fn slide(
             slide.friction = slide.friction.max(across.norm() / limit);
         }
         if step % 100 == 99 {
-            watch.say(&format!("{model:?}: step {}, {speed:.3e} m/s", step + 1));
+            watch.report(&format!("{model:?}: step {}, {speed:.3e} m/s", step + 1));
         }
     }
     let touching: Vec<_> = contacts
@@ -381,7 +381,7 @@ fn slide_exactly(cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<S
         let momentum: f64 = moments.map(|(mass_kg, of)| mass_kg * down.dot(&of.velocity)).sum();
         slide.speeds_m_s.push((step as f64 * STEP_S, momentum / slide.mass_kg));
         if step % 100 == 0 {
-            watch.say(&format!("SQP: step {step}, {:.3e} m/s", momentum / slide.mass_kg));
+            watch.report(&format!("SQP: step {step}, {:.3e} m/s", momentum / slide.mass_kg));
         }
     }
     slide.height_m = height_m(&reference.assembly.bodies, &reference.assembly.motions);
@@ -391,12 +391,12 @@ fn slide_exactly(cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<S
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     /// Tests that the friction of a coarse puck stays within its cones and slows the puck down.
     #[test]
     fn friction_stays_within_its_cones() {
-        let slide = slide(FrictionModel::Hybrid, [3, 3, 1], 60, &Silent).unwrap();
+        let slide = slide(FrictionModel::Hybrid, [3, 3, 1], 60, &NoProgress).unwrap();
         assert!(slide.friction <= 1.0 + 1e-9 && slide.residual < TOLERANCE);
         assert!(slide.speeds_m_s[59].1 < 0.9 * SPEED_M_S && slide.stick_n_s_m > 0.0);
     }

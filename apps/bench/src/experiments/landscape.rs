@@ -16,7 +16,7 @@ mod shift;
 use crate::experiments::ball_target::{FINE_S, LAYERS, TARGET_M, miss};
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_physics::friction::FrictionModel;
 
@@ -46,9 +46,9 @@ const LINE_UPWARD_M_S: [f64; 2] = [0.14, 0.2];
 /// Number of points on the line.
 const ON_LINE: usize = 61;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let ball = Throw::ball(LAYERS);
-    let mut outcome = Outcome {
+    let mut outcome = ExperimentOutcome {
         setup: format!(
             "the ball of ball-target, {} × {} points (thesis: {} × {}), {} to {} m/s forward, {} to {} m/s upward, BDF2, {} steps of {} ms",
             POINTS[0],
@@ -62,7 +62,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             ball.steps,
             1e3 * ball.step_s
         ),
-        ..Outcome::default()
+        ..ExperimentOutcome::default()
     };
     let variants = [
         ("k_n 100, linear", 1e2, FrictionModel::Linear),
@@ -111,12 +111,12 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
     outcome.checks.push(smoother);
     for (axis, name) in ["forward", "upward"].iter().enumerate() {
         let what = format!("the same, {name} direction only");
-        outcome.checks.push(Check::told(&what, "", rough[0][axis] / rough[1][axis]));
+        outcome.checks.push(Check::informative(&what, "", rough[0][axis] / rough[1][axis]));
     }
     let what = "the same at the point spacing of this grid, which exceeds the length of ripples";
-    outcome.checks.push(Check::told(what, "", curvature[0] / curvature[1]));
+    outcome.checks.push(Check::informative(what, "", curvature[0] / curvature[1]));
     let what = "roughness of hybrid / roughness of linear friction, k_n 1000";
-    outcome.checks.push(Check::told(what, "", sum(rough[2]) / sum(rough[1])));
+    outcome.checks.push(Check::informative(what, "", sum(rough[2]) / sum(rough[1])));
     shift::measure(&ball, &found[1], &mut outcome, watch)?;
     for (at, bounces) in ["two bounces", "one bounce"].iter().enumerate() {
         let shift = match (found[2].get(at), found[1].get(at)) {
@@ -144,12 +144,12 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 }
 
 /// Measures the ripples with two step sizes: they are due to steps longer than the contacts of nodes.
-fn ripples(ball: &Throw, outcome: &mut Outcome, watch: &dyn Watch) -> Option<()> {
+fn ripples(ball: &Throw, outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
     let mut curves = Vec::new();
     for step_s in [ball.step_s, FINE_S] {
         let throw = ball.clone().in_steps(step_s);
         let name = format!("steps of {} ms", 1e3 * step_s);
-        watch.say(&format!("{name} along a line"));
+        watch.report(&format!("{name} along a line"));
         let [low, high] = LINE_UPWARD_M_S;
         let mut heights = Vec::with_capacity(ON_LINE);
         for k in 0..ON_LINE {
@@ -169,7 +169,7 @@ fn ripples(ball: &Throw, outcome: &mut Outcome, watch: &dyn Watch) -> Option<()>
             "fraction of the line on which the height changes against its mean slope, {name}"
         );
         let share = against as f64 / slopes.len() as f64;
-        outcome.checks.push(Check::told(&what, "", share));
+        outcome.checks.push(Check::informative(&what, "", share));
         let what = format!("mean, least and largest slope of the height, mm/(m/s), {name}");
         let [least, largest] =
             [f64::min, f64::max].map(|of| slopes.iter().copied().reduce(of).unwrap_or(f64::NAN));
@@ -222,7 +222,7 @@ fn roughness(throw: &Throw, watch: &dyn Watch) -> Option<[f64; 2]> {
             return None;
         }
         if sample % 10 == 0 {
-            watch.say(&format!("roughness: point {} of {ROUGH_SAMPLES}", sample + 1));
+            watch.report(&format!("roughness: point {} of {ROUGH_SAMPLES}", sample + 1));
         }
         let at = spans.map(|[from, to]| from + (to - from) * rng.f64());
         let Some(middle) = of(at) else { continue };
@@ -271,7 +271,7 @@ impl Grid {
             if watch.interrupted() {
                 return None;
             }
-            watch.say(&format!("{name}: row {} of {}", i + 1, POINTS[0]));
+            watch.report(&format!("{name}: row {} of {}", i + 1, POINTS[0]));
             let of = |j: usize| objective(throw, &velocity([i, j])).unwrap_or(f64::INFINITY);
             rows.push((0..POINTS[1]).map(of).collect());
         }

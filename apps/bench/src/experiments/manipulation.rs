@@ -12,4 +12,6 @@ mod handles;
 mod task;
 
 pub(crate) use handles::Handles;
-pub(crate) use task::{Effector, STEP_S, Solution, Task, Way, Work, at_place, at_pose, objective};
+pub(crate) use task::{
+    Effector, EffectorPath, STEP_S, Solution, Task, ThesisWork, at_place, at_pose, objective,
+};

@@ -1,8 +1,8 @@
 //! Experiments of the thesis's differentiable simulator (ch. 4), as `rollwalk bench physics` runs them.
 //!
 //! An experiment is one file, and one line of [`ALL`]. It sets up bodies and contacts in [`rollwalk_physics`], then simulates,
-//! optimises or estimates. The returned [`Outcome`] contains measured values beside expected values and the values of the
-//! thesis, and curves to draw. Experiments print and write nothing.
+//! optimises or estimates. The returned [`ExperimentOutcome`] contains measured values beside expected values and the values of
+//! the thesis, and curves to draw. Experiments print and write nothing.
 //!
 //! | module | contents |
 //! |---|---|
@@ -58,12 +58,12 @@ mod throwing;
 mod tori;
 mod wall;
 
-pub use outcome::{Chart, Check, Outcome};
+pub use outcome::{Chart, Check, ExperimentOutcome};
 
 /// Progress display and interruption of an experiment.
 pub trait Watch {
     /// Shows a line of progress.
-    fn say(&self, line: &str);
+    fn report(&self, line: &str);
 
     /// True if the user has interrupted the experiment.
     fn interrupted(&self) -> bool;
@@ -78,7 +78,7 @@ pub struct Experiment {
     /// Description of one line.
     pub about: &'static str,
     /// Function that runs the experiment; `None` after an interrupt before the first result.
-    pub run: fn(&dyn Watch) -> Option<Outcome>,
+    pub run: fn(&dyn Watch) -> Option<ExperimentOutcome>,
 }
 
 /// Experiments in the order of the thesis.
@@ -207,11 +207,11 @@ pub const ALL: &[Experiment] = &[
 
 /// Silent progress display that never interrupts.
 #[cfg(test)]
-struct Silent;
+struct NoProgress;
 
 #[cfg(test)]
-impl Watch for Silent {
-    fn say(&self, _: &str) {}
+impl Watch for NoProgress {
+    fn report(&self, _: &str) {}
 
     fn interrupted(&self) -> bool {
         false

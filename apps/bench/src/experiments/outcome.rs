@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// Results of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Outcome {
+pub struct ExperimentOutcome {
     /// Description of the setup: bodies, steps, parameters.
     pub setup: String,
     /// Measured values with their expected values.
@@ -71,7 +71,7 @@ impl Check {
     }
 
     /// Creates a row for a value without a requirement.
-    pub fn told(what: &str, reference: &str, found: f64) -> Self {
+    pub fn informative(what: &str, reference: &str, found: f64) -> Self {
         Self::new(what, reference, "", &short(found), None)
     }
 

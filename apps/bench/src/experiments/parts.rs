@@ -54,7 +54,7 @@ impl Link {
 
 /// Contact of points with the ground.
 #[derive(Clone, Debug)]
-pub(crate) struct Touching {
+pub(crate) struct PointContact {
     pub normal: Normal,
     /// Coefficient of linear friction, whose sticking stiffness is k_n h.
     pub coefficient: f64,
@@ -62,7 +62,7 @@ pub(crate) struct Touching {
     pub ground: Arc<dyn Ground>,
 }
 
-impl Touching {
+impl PointContact {
     /// Adds contacts between points of a body and the ground.
     pub fn add(
         &self,

@@ -5,7 +5,7 @@
 //! and friction to the bounce, then all parameters to the whole motion. The method is Gauss–Newton's; the thesis uses L-BFGS.
 
 use crate::experiments::throwing::Throw;
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{DMatrix, Vector3};
 use rollwalk_physics::friction::FrictionModel;
 use rollwalk_physics::sensitivity::gauss_newton::{self, Evaluation, Options};
@@ -34,15 +34,15 @@ const NODES_BETWEEN: usize = 4;
 /// Scale of residuals, which are in mm.
 const PER_M: f64 = 1e3;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
-    let mut outcome = Outcome {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
+    let mut outcome = ExperimentOutcome {
         setup: format!(
             "ball of 160 elements, Young's modulus 20 kPa, friction {FRICTION}, k_n 10 N/m for each of 98 nodes, one bounce in 200 steps of 1 ms, \
              every {NODES_BETWEEN}th node seen every {SEEN_EVERY} ms; first guess {} of the modulus, {} of the friction, {} m and {} m/s \
              away along each axis",
             GUESS_SHARES[0], GUESS_SHARES[1], GUESS_SHIFT_M.x, GUESS_VELOCITY_M_S.x
         ),
-        ..Outcome::default()
+        ..ExperimentOutcome::default()
     };
     let (mut by_modulus, mut by_friction) = (Vec::new(), Vec::new());
     for model in [FrictionModel::Linear, FrictionModel::Tanh, FrictionModel::Hybrid] {
@@ -66,10 +66,10 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             for ((row, error), bound) in rows.iter().zip(errors).zip(bounds) {
                 outcome.checks.push(match bound {
                     Some(bound) => Check::at_most(&of(row), "accurate", error, bound),
-                    None => Check::told(&of(row), "", error),
+                    None => Check::informative(&of(row), "", error),
                 });
             }
-            watch.say(&format!("{model:?}, {noise_m} m: {errors:?}"));
+            watch.report(&format!("{model:?}, {noise_m} m: {errors:?}"));
             modulus.push((1e3 * noise_m, errors[0]));
             friction.push((1e3 * noise_m, errors[1]));
         }

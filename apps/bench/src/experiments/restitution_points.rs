@@ -3,7 +3,7 @@
 //! If stiffness and damping of a contact are divided by the number of points, the restitution does not depend on that number.
 //! If all contacts have a fixed stiffness, the restitution does depend on their number.
 
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::contact::{GroundContact, Normal, Resistance, Tip};
@@ -20,7 +20,7 @@ const STIFFNESS_N_M: f64 = 1e3;
 const DAMPING_N_S_M: f64 = 5.0;
 const STEP_S: f64 = 1e-3;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let [mut shared, mut alike] = [(); 2].map(|()| Vec::new());
     for points in 2..=10_usize {
         if watch.interrupted() {
@@ -50,7 +50,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          face in all, or on each four points; BDF2, {STEP_S} s",
         2.0 * HALF_M
     );
-    Some(Outcome { setup, checks, charts: vec![chart] })
+    Some(ExperimentOutcome { setup, checks, charts: vec![chart] })
 }
 
 /// Largest difference relative to the mean.

@@ -3,8 +3,8 @@
 
 use crate::experiments::cloth::Cloth;
 use crate::experiments::outcome::short;
-use crate::experiments::parts::{Link, Touching};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::parts::{Link, PointContact};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Grid, Ground, Sphere};
 use rollwalk_physics::contact::Normal;
@@ -69,7 +69,7 @@ fn cloth(assembly: &mut Assembly) -> Range<usize> {
 type Falls = fn(&mut Assembly) -> Range<usize>;
 
 /// State of an object that lies on the ball.
-struct Lies {
+struct RestingState {
     /// Ratio of the largest penetration to that of a node that carries twice the weight.
     depth: f64,
     /// Ratio of the load on the ball to the weight.
@@ -78,10 +78,10 @@ struct Lies {
     speed_m_s: f64,
 }
 
-fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<Lies> {
+fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<RestingState> {
     let mut assembly = Assembly::default();
     let nodes = what(&mut assembly);
-    let touching = Touching {
+    let touching = PointContact {
         normal: Normal {
             stiffness_n_m: CONTACT_N_M,
             damping_n_s_m: 0.05,
@@ -108,14 +108,14 @@ fn fall(watch: &dyn Watch, what: Falls, steps: usize) -> Option<Lies> {
     let touches: Vec<_> = forces.filter_map(|force| system.touch(force)).collect();
     let deepest = touches.iter().map(|touch| -touch.gap_m).fold(0.0, f64::max);
     let speed = system.motions().iter().map(|motion| motion.velocity.norm());
-    Some(Lies {
+    Some(RestingState {
         depth: deepest * CONTACT_N_M / (2.0 * weight_n),
         load: touches.iter().map(|touch| touch.force.z).sum::<f64>() / weight_n,
         speed_m_s: speed.fold(0.0, f64::max),
     })
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let cells = [12, 24, 48, 96];
     let mut found = Vec::new();
     for count in cells {
@@ -131,7 +131,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let what = format!("order in which the {name} converges, 24 to 96 cells");
         checks.push(match k {
             0 => Check::at_least(&what, "", order, 1.9),
-            _ => Check::told(&what, "", order),
+            _ => Check::informative(&what, "", order),
         });
     }
     let falling: [(&str, Falls); 2] = [("string", string), ("cloth", cloth)];
@@ -145,7 +145,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
                 1.0,
             ),
             Check::near(&format!("{name}: load / weight"), lies.load, 1.0, 0.05),
-            Check::told(&format!("{name}: largest speed after 2 s, m/s"), "rests", lies.speed_m_s),
+            Check::informative(
+                &format!("{name}: largest speed after 2 s, m/s"),
+                "rests",
+                lies.speed_m_s,
+            ),
         ]);
     }
     let curve = |k: usize| found.iter().map(|(spacing, errors)| (*spacing, errors[k])).collect();
@@ -163,13 +167,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         BALL.radius_m,
         short(2.0 * HALF_M)
     );
-    Some(Outcome { setup, checks, charts: vec![chart] })
+    Some(ExperimentOutcome { setup, checks, charts: vec![chart] })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     #[test]
     fn a_finer_grid_is_nearer() {
@@ -179,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_string_falls_on_the_ball() {
-        let lies = fall(&Silent, string, 20).unwrap();
+        let lies = fall(&NoProgress, string, 20).unwrap();
         assert!(lies.load > 0.1 && lies.depth < 1.0, "{}, {}", lies.load, lies.depth);
     }
 }

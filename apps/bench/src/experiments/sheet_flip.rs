@@ -1,9 +1,11 @@
 //! Experiment with a sheet of springs that is turned over by two of its corners, and back (thesis Fig. 4.17).
 
 use crate::experiments::cloth::{Cloth, STIFFNESS_N_M};
-use crate::experiments::manipulation::{Handles, STEP_S, Task, Way, Work, at_place, objective};
-use crate::experiments::parts::Touching;
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::manipulation::{
+    EffectorPath, Handles, STEP_S, Task, ThesisWork, at_place, objective,
+};
+use crate::experiments::parts::PointContact;
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
@@ -21,14 +23,15 @@ const STEPS: usize = 120;
 /// Final shift to the right, m.
 const SHIFT_M: f64 = 0.2;
 /// Work in the thesis (Table A.2).
-const THESIS: Work = Work { iterations: 25.0, simulation_s: 0.109, optimisation_s: 54.0 };
+const THESIS: ThesisWork =
+    ThesisWork { iterations: 25.0, simulation_s: 0.109, optimisation_s: 54.0 };
 
 /// Creates the sheet on the ground, and handles on the two corners of its first row.
 fn scene() -> (Assembly, Cloth, Handles) {
     let mut assembly = Assembly::default();
     let lies_m = -MASS_KG / (COUNT * COUNT) as f64 * 9.81 / CONTACT_N_M;
     let cloth = Cloth::add(&mut assembly, Vector3::z() * lies_m, EDGE_M, COUNT, MASS_KG, 1.0);
-    let touching = Touching {
+    let touching = PointContact {
         normal: Normal {
             stiffness_n_m: CONTACT_N_M,
             damping_n_s_m: 1e-3,
@@ -52,7 +55,7 @@ fn system() -> System {
 }
 
 /// Target positions of all nodes: turned over at half time, and turned back and shifted at the end.
-fn places(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
+fn target_positions(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
     let begin = || assembly.motions.iter().map(|motion| motion.position);
     let over = begin().map(|place| Vector3::new(place.x, -place.y, place.z));
     [over.collect(), begin().map(|place| place + Vector3::x() * SHIFT_M).collect()]
@@ -95,12 +98,12 @@ fn residuals(rollout: &Rollout, step: usize, targets: &[Vector3<f64>]) -> Vec<Re
     nodes.flat_map(|(node, target)| at_place(rollout, step, node, target)).collect()
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let (assembly, cloth, handles) = scene();
-    let targets = places(&assembly);
+    let targets = target_positions(&assembly);
     let task = Task {
         effector: &handles,
-        way: Way::by_step(STEPS),
+        way: EffectorPath::by_step(STEPS),
         begin: &system,
         targets: &|rollout| {
             let [over, back] = &targets;
@@ -142,13 +145,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          at a minimum in which the sheet is dragged; size, mass and start are our choice",
         task.parameters()
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     /// Tests that an edge is lifted by its corners, with all of its nodes at their targets.
     #[test]
@@ -159,7 +162,7 @@ mod tests {
         let wanted = |node: usize| assembly.motions[node].position + Vector3::z() * 0.03;
         let task = Task {
             effector: &handles,
-            way: Way::by_step(steps),
+            way: EffectorPath::by_step(steps),
             begin: &system,
             targets: &|rollout| {
                 let of = |&node: &usize| {
@@ -170,7 +173,7 @@ mod tests {
             beta: 0.1,
             options: Options { iterations: 4, ..Options::default() },
         };
-        let moved = task.solve_from_rest(&Silent).unwrap();
+        let moved = task.solve_from_rest(&NoProgress).unwrap();
         for corner in [0, COUNT - 1] {
             let off = moved.rollout.motions(steps)[corner].position - wanted(corner);
             assert!(off.z.abs() < 0.01, "{off:?}");

@@ -6,7 +6,7 @@
 
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, convergence, from_target};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::{Rotation3, Vector3};
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::sensitivity::lbfgs::Options;
@@ -33,9 +33,9 @@ const STEPS: usize = 200;
 /// Number of simulations of a stage.
 const ROLLOUTS: usize = 10;
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let throw = cube(CELLS);
-    let aim = Aim { freedoms: &FREEDOMS[..3], residuals: &away, watch };
+    let aim = Aim { freedoms: &FREEDOMS[..3], residuals: &target_distance, watch };
     let options = Options { rollouts: ROLLOUTS, cost: 1e-8, ..Options::default() };
     let stiffness_n_m = doubling(SOFTEST_N_M, STIFFEST_N_M);
     let stages = aim.stiffen(&throw, &stiffness_n_m, &START_M_S, &options)?;
@@ -53,9 +53,9 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             1e-4,
         ),
         Check::at_most("largest O of a stage / O of the previous stage", "", worse, 1.0),
-        Check::told("simulations", "", rollouts as f64),
-        Check::told("O/O0 from the start with the stiffest contacts", "", direct.share()),
-        Check::told(
+        Check::informative("simulations", "", rollouts as f64),
+        Check::informative("O/O0 from the start with the stiffest contacts", "", direct.share()),
+        Check::informative(
             "simulations from the start with the stiffest contacts",
             "",
             direct.rollouts() as f64,
@@ -92,7 +92,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         stages.len(),
         START_M_S,
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 /// Creates a cube with `cells` cells along an edge, above level ground.
@@ -128,14 +128,14 @@ fn doubling(first: f64, last: f64) -> Vec<f64> {
 }
 
 /// Distance of the centre from its target at the end, m.
-fn away(rollout: &Rollout) -> Vec<Residual> {
+fn target_distance(rollout: &Rollout) -> Vec<Residual> {
     from_target(rollout, &TARGET_M)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     #[test]
     fn stages_double_up_to_the_last() {
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn stages_go_on_from_one_another() {
         let throw = Throw { steps: 30, ..cube(1) };
-        let aim = Aim { freedoms: &FREEDOMS[..3], residuals: &away, watch: &Silent };
+        let aim = Aim { freedoms: &FREEDOMS[..3], residuals: &target_distance, watch: &NoProgress };
         let options = Options { rollouts: 6, cost: 1e-8, ..Options::default() };
         let stages = aim.stiffen(&throw, &[100.0, 200.0], &START_M_S, &options).unwrap();
         assert_eq!(stages.len(), 2);

@@ -4,7 +4,7 @@
 mod network;
 
 use crate::experiments::outcome::short;
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use cpu_time::ProcessTime;
 use fastrand::Rng;
 use nalgebra::{Matrix3, Vector3};
@@ -163,7 +163,7 @@ fn targets(rng: &mut Rng, count: usize) -> Vec<Vector3<f64>> {
 }
 
 /// Trained network.
-struct Trained {
+struct TrainingResult {
     network: Network,
     /// Loss at the test targets, before the first epoch and after each one.
     losses: Vec<f64>,
@@ -171,7 +171,12 @@ struct Trained {
     epoch_s: f64,
 }
 
-fn train(watch: &dyn Watch, samples: usize, epochs: usize, friction: f64) -> Option<Trained> {
+fn train(
+    watch: &dyn Watch,
+    samples: usize,
+    epochs: usize,
+    friction: f64,
+) -> Option<TrainingResult> {
     let mut rng = Rng::with_seed(1);
     let mut network = Network::random(&mut rng, BEGIN_M_S);
     let (training, tests) = (targets(&mut rng, samples), targets(&mut rng, TESTS));
@@ -197,15 +202,15 @@ fn train(watch: &dyn Watch, samples: usize, epochs: usize, friction: f64) -> Opt
         adam.rates.step *= 0.5;
         let (loss, misses) = test(&network, &tests, friction);
         let median = 100.0 * misses[TESTS / 2];
-        watch.say(&format!("epoch {}: loss {loss:.5}, median miss {median:.2} %", epoch + 1));
+        watch.report(&format!("epoch {}: loss {loss:.5}, median miss {median:.2} %", epoch + 1));
         losses.push(loss);
     }
-    Some(Trained { network, losses, epoch_s: spent_s / epochs as f64 })
+    Some(TrainingResult { network, losses, epoch_s: spent_s / epochs as f64 })
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let trained = train(watch, TRAINING, EPOCHS, FRICTION)?;
-    watch.say("without friction");
+    watch.report("without friction");
     let without = train(watch, TRAINING, EPOCHS, 0.0)?;
     let tests = targets(&mut Rng::with_seed(2), TESTS);
     let median = |network, friction| 100.0 * test(network, &tests, friction).1[TESTS / 2];
@@ -225,14 +230,15 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
             median(&without.network, FRICTION) / own,
             5.0,
         ),
-        Check::told(
+        Check::informative(
             "median miss of the network trained without friction, tested without friction, %",
             "",
             median(&without.network, 0.0),
         ),
         Check::at_most("an epoch, CPU s", "450", trained.epoch_s, 450.0),
     ];
-    let curve = |of: &Trained| of.losses.iter().zip(0..).map(|(y, x)| (f64::from(x), *y)).collect();
+    let curve =
+        |of: &TrainingResult| of.losses.iter().zip(0..).map(|(y, x)| (f64::from(x), *y)).collect();
     let charts = vec![Chart {
         name: "loss".to_owned(),
         title: "Loss at the tests by epoch".to_owned(),
@@ -250,13 +256,13 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          halved per epoch; sizes of the ball, region and network are our choice",
         short(HAND.z)
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     #[test]
     fn a_loss_has_its_derivatives_by_weights() {
@@ -282,7 +288,7 @@ mod tests {
 
     #[test]
     fn some_samples_bring_the_throws_nearer() {
-        let trained = train(&Silent, 60, 1, FRICTION).unwrap();
+        let trained = train(&NoProgress, 60, 1, FRICTION).unwrap();
         assert!(trained.losses[1] < 0.5 * trained.losses[0], "{:?}", trained.losses);
     }
 }

@@ -195,7 +195,7 @@ impl Aim<'_> {
             let rollout = throw.run(self.freedoms, by)?;
             let residuals = (self.residuals)(&rollout);
             let stiffness = throw.node_stiffness_n_m;
-            self.watch.say(&format!("k_n {stiffness}: objective {:.3e}", cost(&residuals)));
+            self.watch.report(&format!("k_n {stiffness}: objective {:.3e}", cost(&residuals)));
             Some(Evaluation::from((rollout, residuals)))
         };
         let found = lbfgs::minimise(start, options, evaluate)?;

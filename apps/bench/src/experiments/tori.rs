@@ -1,7 +1,7 @@
 //! Experiment with a soft object of three tori, thrown at a slope and a wall with each model of friction (thesis Fig. 4.4). It
 //! measures the computing time, and the angular momentum that remains in spite of viscosity.
 
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use cpu_time::ProcessTime;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, Plane};
@@ -28,15 +28,15 @@ const MODELS: [(FrictionModel, &str); 3] = [
     (FrictionModel::Hybrid, "180.75 s"),
 ];
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
-    let mut outcome = Outcome {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
+    let mut outcome = ExperimentOutcome {
         setup: format!(
             "three tori of {} elements each (thesis: 1930 in all), Young's modulus 21 kPa, viscosity 32 · 0.1 Pa·s, slope of 20 degrees \
              with friction 0.4, wall with 0.8, BDF2, {STEPS} steps of {STEP_S} s; sizes and stiffness of contacts are not in the \
              thesis",
             24 * CELLS
         ),
-        ..Outcome::default()
+        ..ExperimentOutcome::default()
     };
     let (mut seconds, mut curves) = (Vec::new(), Vec::new());
     for (model, thesis) in MODELS {
@@ -46,7 +46,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         seconds.push(cpu_s);
         let of = |what: &str| format!("{what}, {model:?}");
         outcome.checks.extend([
-            Check::told(&of("CPU seconds"), thesis, cpu_s),
+            Check::informative(&of("CPU seconds"), thesis, cpu_s),
             Check::at_most(&of("largest residual, N"), "1e-10", thrown.residual, TOLERANCE),
             Check::at_most(&of("steps that were halved"), "", f64::from(thrown.halved), 0.0),
             Check::at_least(&of("steps on the slope"), "", f64::from(thrown.touching[0]), 1.0),
@@ -77,7 +77,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
 }
 
 /// Measurements of a throw.
-struct Thrown {
+struct ThrowResult {
     /// Largest residual of a step, N.
     residual: f64,
     halved: u32,
@@ -87,9 +87,15 @@ struct Thrown {
     iterations: Vec<(f64, f64)>,
 }
 
-fn throw(model: FrictionModel, cells: usize, steps: usize, watch: &dyn Watch) -> Option<Thrown> {
+fn throw(
+    model: FrictionModel,
+    cells: usize,
+    steps: usize,
+    watch: &dyn Watch,
+) -> Option<ThrowResult> {
     let (mut system, contacts) = at_slope_and_wall(model, cells);
-    let mut thrown = Thrown { residual: 0.0, halved: 0, touching: [0; 2], iterations: Vec::new() };
+    let mut thrown =
+        ThrowResult { residual: 0.0, halved: 0, touching: [0; 2], iterations: Vec::new() };
     for step in 0..steps {
         if watch.interrupted() {
             return None;
@@ -106,7 +112,7 @@ fn throw(model: FrictionModel, cells: usize, steps: usize, watch: &dyn Watch) ->
             *count += u32::from(contacts.clone().any(|force| gap(force) < 0.0));
         }
         if step % 40 == 39 {
-            watch.say(&format!("{model:?}: step {} of {steps}", step + 1));
+            watch.report(&format!("{model:?}: step {} of {steps}", step + 1));
         }
     }
     Some(thrown)
@@ -196,11 +202,11 @@ fn drift(cells: usize, steps: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     #[test]
     fn a_few_steps_of_coarse_tori_converge() {
-        let thrown = throw(FrictionModel::Hybrid, 12, 40, &Silent).unwrap();
+        let thrown = throw(FrictionModel::Hybrid, 12, 40, &NoProgress).unwrap();
         assert!(thrown.residual < TOLERANCE && thrown.halved == 0 && thrown.touching[1] > 0);
         assert!(drift(12, 10).unwrap() < 1e-3);
     }

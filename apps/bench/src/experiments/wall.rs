@@ -7,7 +7,7 @@
 
 use crate::experiments::ball_target::LAYERS;
 use crate::experiments::throwing::{Aim, FREEDOMS, Throw, from_target};
-use crate::experiments::{Chart, Check, Outcome, Watch};
+use crate::experiments::{Chart, Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::friction::FrictionModel;
@@ -32,7 +32,7 @@ const SOFT_N_M: f64 = 10.0;
 const NEAR_MM: f64 = 1.0;
 
 /// Result from a start.
-struct Found {
+struct ThrowResult {
     /// Contacts of the throw, in order: `f` for floor, `w` for wall.
     sequence: String,
     off_mm: f64,
@@ -44,7 +44,7 @@ struct Found {
     side: Vec<(f64, f64)>,
 }
 
-pub fn run(watch: &dyn Watch) -> Option<Outcome> {
+pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut checks = Vec::new();
     let [mut above, mut side] = [Vec::new(), Vec::new()];
     for (model, thesis) in
@@ -55,8 +55,9 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         let mut simulations = 0;
         for start in &STARTS_M_S {
             let found = find(&throw, start, watch)?;
-            let Found { sequence, off_mm, share, rollouts, .. } = &found;
-            watch.say(&format!("{model:?} {start:?}: {sequence:?}, {off_mm:.2e} mm, {rollouts}"));
+            let ThrowResult { sequence, off_mm, share, rollouts, .. } = &found;
+            watch
+                .report(&format!("{model:?} {start:?}: {sequence:?}, {off_mm:.2e} mm, {rollouts}"));
             let name = format!("{model:?}, from {start:?} m/s");
             let text = format!(
                 "{} to {off_mm:.1e} mm, O/O0 {share:.1e}, {rollouts} simulations",
@@ -75,7 +76,11 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
         }
         let what = format!("{model:?}: sequences of contacts that end within {NEAR_MM} mm");
         checks.push(Check::at_least(&what, "several", sequences.len() as f64, 3.0));
-        checks.push(Check::told(&format!("{model:?}: simulations"), thesis, simulations as f64));
+        checks.push(Check::informative(
+            &format!("{model:?}: simulations"),
+            thesis,
+            simulations as f64,
+        ));
     }
     let chart = |name: &str, title: &str, y: &str, curves| Chart {
         name: name.to_owned(),
@@ -100,7 +105,7 @@ pub fn run(watch: &dyn Watch) -> Option<Outcome> {
          is free; the first start is the thesis's, the others are ours",
         TARGET_M.as_slice()
     );
-    Some(Outcome { setup, checks, charts })
+    Some(ExperimentOutcome { setup, checks, charts })
 }
 
 /// Name of a sequence of contacts, which may be empty.
@@ -121,21 +126,21 @@ fn at_wall(layers: usize) -> Throw {
     }
 }
 
-fn find(throw: &Throw, start: &[f64], watch: &dyn Watch) -> Option<Found> {
+fn find(throw: &Throw, start: &[f64], watch: &dyn Watch) -> Option<ThrowResult> {
     let freedoms = &FREEDOMS[..3];
-    let aim = Aim { freedoms, residuals: &away, watch };
+    let aim = Aim { freedoms, residuals: &target_distance, watch };
     let options = Options { rollouts: ROLLOUTS, cost: 1e-20, ..Options::default() };
     let minimum = aim.descend(throw, start, &options)?;
     let rollout = throw.run(freedoms, &minimum.parameters)?;
     let contact = |ground: usize| if ground == 0 { 'f' } else { 'w' };
-    let off = away(&rollout).iter().map(|of| of.value.powi(2)).sum::<f64>().sqrt();
+    let off = target_distance(&rollout).iter().map(|of| of.value.powi(2)).sum::<f64>().sqrt();
     let mass_kg: f64 = rollout.masses_kg().iter().sum();
     let com = |step: usize| {
         let moments = rollout.motions(step).iter().zip(rollout.masses_kg());
         moments.map(|(of, mass_kg)| of.position * *mass_kg).sum::<Vector3<f64>>() / mass_kg
     };
     let way: Vec<_> = (0..=rollout.steps()).map(com).collect();
-    Some(Found {
+    Some(ThrowResult {
         sequence: throw.bounces(&rollout).into_iter().map(contact).collect(),
         off_mm: 1e3 * off,
         share: minimum.share(),
@@ -146,20 +151,20 @@ fn find(throw: &Throw, start: &[f64], watch: &dyn Watch) -> Option<Found> {
 }
 
 /// Distance of the centre of mass from the target at the end, m.
-fn away(rollout: &Rollout) -> Vec<Residual> {
+fn target_distance(rollout: &Rollout) -> Vec<Residual> {
     from_target(rollout, &TARGET_M)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiments::Silent;
+    use crate::experiments::NoProgress;
 
     /// Tests a coarse ball in long steps, which bounces back from the wall.
     #[test]
     fn a_coarse_ball_comes_to_its_target_by_the_wall() {
         let throw = Throw { step_s: 5e-3, steps: 70, ..at_wall(2) };
-        let found = find(&throw, &STARTS_M_S[1], &Silent).unwrap();
+        let found = find(&throw, &STARTS_M_S[1], &NoProgress).unwrap();
         assert!(found.off_mm < NEAR_MM, "{} mm", found.off_mm);
         assert_eq!(found.sequence, "w");
         let farthest = found.above.iter().map(|(_, y)| *y).fold(0.0, f64::max);

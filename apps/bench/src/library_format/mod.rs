@@ -3,7 +3,7 @@
 mod packing;
 
 use crate::inputs::{self, PlannedLibrary};
-use crate::only::Only;
+use crate::row_filter::RowFilter;
 use crate::{Block, Findings, Table, Verdict, verdicts};
 use miette::{IntoDiagnostic, miette};
 use packing::Bytes;
@@ -60,10 +60,10 @@ struct Row {
     clips: Vec<Clip>,
 }
 
-pub fn run(only: &Only) -> miette::Result<Option<Findings>> {
+pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
     let mut rows = Vec::new();
     for file in only.choose(&LIBRARIES, |file| file)? {
-        output::say(file);
+        output::print_line(file);
         match inputs::library(file)? {
             Some(library) => rows.push(measure(&library)?),
             None => return Ok(None),

@@ -1,6 +1,6 @@
 //! `rollwalk bench`: runs a benchmark, prints its findings and writes them to a folder.
 
-use crate::shards::{self, Done};
+use crate::shards::{self, WorkOutcome};
 use crate::split::Split;
 use crate::{Benchmark, Block, Findings, Verdict, Work};
 use miette::miette;
@@ -51,7 +51,7 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(which: &Benchmark, args: &Args) -> miette::Result<Exit> {
     files::make_folder(&args.out)?;
-    interrupt::listen();
+    interrupt::install_handler();
     let findings = match which.work()? {
         Work::Whole(_) if args.shards.is_given() => {
             return Err(miette!(
@@ -78,9 +78,9 @@ fn in_units(split: &dyn Split, args: &Args) -> miette::Result<Result<Option<Find
     let units = Units { split, words };
     let results = if args.shards.is_split() {
         match shards::run(&units, &args.out, &args.shards)? {
-            Done::All(results) => results,
-            Done::Later => return Ok(Err(Exit::Ok)),
-            Done::Interrupted => return Ok(Err(Exit::Interrupted)),
+            WorkOutcome::All(results) => results,
+            WorkOutcome::Later => return Ok(Err(Exit::Ok)),
+            WorkOutcome::Interrupted => return Ok(Err(Exit::Interrupted)),
         }
     } else {
         shards::whole(&units, &args.shards)?
@@ -161,7 +161,7 @@ fn publish(findings: &Findings, out: &Path) -> miette::Result<Exit> {
         files::write(path, log)?;
     }
     output::print(&text)?;
-    findings.failures.iter().for_each(output::say);
+    findings.failures.iter().for_each(output::print_line);
     Ok(match findings.verdict {
         Verdict::Passed => Exit::Ok,
         Verdict::NotConverged => Exit::DoesNotHold,

@@ -1,6 +1,6 @@
 //! `rollwalk design explore`: plans every point of a sweep, on all cores, resumable, in shards.
 
-use crate::shards::{self, Done, Work};
+use crate::shards::{self, Work, WorkOutcome};
 use miette::{IntoDiagnostic, miette};
 use rollwalk_design::goal::Quantity;
 use rollwalk_design::plans::PlansError;
@@ -125,17 +125,17 @@ impl Work for Chains<'_> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let (ready, texts) = Source::Disk.sweep(&args.sweep, args.servos.as_deref())?;
-    interrupt::listen();
-    ready.without_mass().for_each(output::say);
+    interrupt::install_handler();
+    ready.without_mass().for_each(output::print_line);
     files::make_folder(&args.output)?;
     let chains = Chains { args, ready, texts };
     match shards::run(&chains, &args.output, &args.shards)? {
-        Done::All(results) => {
+        WorkOutcome::All(results) => {
             let rows: Vec<&Row> = results.values().flatten().collect();
             finish(args, &chains.ready, &rows)
         }
-        Done::Later => Ok(Exit::Ok),
-        Done::Interrupted => Ok(Exit::Interrupted),
+        WorkOutcome::Later => Ok(Exit::Ok),
+        WorkOutcome::Interrupted => Ok(Exit::Interrupted),
     }
 }
 

@@ -99,18 +99,20 @@ fn watch(
         // The number of the job, which comes when it has been submitted.
         BufReader::new(stdout).read_line(&mut first).into_diagnostic()?;
         if !first.is_empty() {
-            output::say(format_args!("submitted to Slurm as job {}", first.trim()));
+            output::print_line(format_args!("submitted to Slurm as job {}", first.trim()));
         }
     } else if let Some(stdout) = child.stdout.take() {
         thread::spawn(move || {
-            BufReader::new(stdout).lines().map_while(Result::ok).for_each(output::say)
+            BufReader::new(stdout).lines().map_while(Result::ok).for_each(output::print_line)
         });
     }
     loop {
         if let Some(status) = child.try_wait().into_diagnostic()? {
             bar.finish_and_clear();
             if !status.success() && !interrupt::requested() {
-                output::say(format_args!("the job ended with {status}; finished results are kept"));
+                output::print_line(format_args!(
+                    "the job ended with {status}; finished results are kept"
+                ));
             }
             return Ok(!interrupt::requested());
         }

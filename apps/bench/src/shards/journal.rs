@@ -33,7 +33,7 @@ pub struct Unit<R> {
 }
 
 /// Contents of a journal.
-struct Read<R> {
+struct JournalContents<R> {
     header: Header,
     results: BTreeMap<usize, R>,
     /// Total length of the valid lines before the first invalid one, bytes.
@@ -46,12 +46,12 @@ fn line(value: &impl Serialize) -> String {
 }
 
 /// Parses a journal; `None` if its first line is not a header.
-fn parse<R: DeserializeOwned>(text: &str) -> Option<Read<R>> {
+fn parse<R: DeserializeOwned>(text: &str) -> Option<JournalContents<R>> {
     let mut lines = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
     let first = lines.next()?;
     let header: Header = serde_json::from_str(first).ok()?;
     let units = header.units;
-    let mut read = Read { header, results: BTreeMap::new(), whole: first.len() };
+    let mut read = JournalContents { header, results: BTreeMap::new(), whole: first.len() };
     for line in lines {
         let Ok(Unit { unit, result }) = serde_json::from_str(line) else { break };
         if unit >= units {
@@ -100,7 +100,7 @@ impl Journals<'_> {
     }
 
     /// Reads a journal of this work; `None` if the file ends within its first line.
-    fn read<R: DeserializeOwned>(&self, path: &Path) -> miette::Result<Option<Read<R>>> {
+    fn read<R: DeserializeOwned>(&self, path: &Path) -> miette::Result<Option<JournalContents<R>>> {
         let text = fs::read_to_string(path)
             .map_err(|error| miette!("cannot read {}: {error}", path.display()))?;
         if !text.contains('\n') {
@@ -108,7 +108,7 @@ impl Journals<'_> {
         }
         match parse(&text) {
             Some(read) if read.header == self.header => Ok(Some(read)),
-            Some(Read { header, .. }) => Err(miette!(
+            Some(JournalContents { header, .. }) => Err(miette!(
                 help = "give another folder, or remove the journals in this folder",
                 "{} is a journal of other work, {} of version {}: {}",
                 path.display(),
@@ -134,7 +134,7 @@ impl Journals<'_> {
     ///
     /// # Errors
     /// Returns an error if the journal belongs to other work, or if the file cannot be opened.
-    pub fn open<R: DeserializeOwned>(&self, part: [usize; 2]) -> miette::Result<Open> {
+    pub fn open<R: DeserializeOwned>(&self, part: [usize; 2]) -> miette::Result<OpenJournal> {
         let path = self.path(part);
         let refused = |error| cannot_write(&path, error);
         let before = if path.exists() { self.read::<R>(&path)? } else { None };
@@ -146,17 +146,17 @@ impl Journals<'_> {
                 (&file).write_all(line(&self.header).as_bytes()).map_err(refused)?;
             }
         }
-        Ok(Open { file, path })
+        Ok(OpenJournal { file, path })
     }
 }
 
 /// Journal that is open for appending.
-pub struct Open {
+pub struct OpenJournal {
     file: File,
     path: PathBuf,
 }
 
-impl Open {
+impl OpenJournal {
     /// Appends a unit, and waits until it is on the disk.
     ///
     /// # Errors

@@ -100,7 +100,7 @@ pub trait Work: Sync {
 pub type Results<W> = BTreeMap<usize, <W as Work>::Result>;
 
 /// Outcome of work.
-pub enum Done<W: Work> {
+pub enum WorkOutcome<W: Work> {
     /// Results of all units.
     All(Results<W>),
     /// Units are left for other processes, or a job was written but not submitted.
@@ -163,7 +163,7 @@ pub fn whole<W: Work>(work: &W, options: &Options) -> miette::Result<Results<W>>
 ///
 /// # Errors
 /// Returns an error if the folder has journals of other work, if the engine fails or leaves units undone, or if a unit fails.
-pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Result<Done<W>> {
+pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Result<WorkOutcome<W>> {
     let header = Header {
         work: work.title(),
         digest: digest(&work.depends_on()),
@@ -184,13 +184,13 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
         };
         let bar = || bar(work.units(), work.units_name());
         if !engine::run(engine, &job, options.dry_run, &bar, &done)? {
-            return Ok(Done::Interrupted);
+            return Ok(WorkOutcome::Interrupted);
         }
         if options.dry_run || engine == Engine::Kubernetes {
-            return Ok(Done::Later);
+            return Ok(WorkOutcome::Later);
         }
         return match left(work, journals.results()?) {
-            Ok(results) => Ok(Done::All(results)),
+            Ok(results) => Ok(WorkOutcome::All(results)),
             Err(left) => Err(miette!(
                 help = "find the cause in the log of the job or in the lines above, then run the \
                     same command again",
@@ -212,18 +212,20 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
         })?;
     }
     if interrupt::requested() {
-        output::say("interrupted: finished results are kept; run the same command to continue");
-        return Ok(Done::Interrupted);
+        output::print_line(
+            "interrupted: finished results are kept; run the same command to continue",
+        );
+        return Ok(WorkOutcome::Interrupted);
     }
     match left(work, journals.results()?) {
-        Ok(results) => Ok(Done::All(results)),
+        Ok(results) => Ok(WorkOutcome::All(results)),
         Err(left) => {
             output::print(&format!(
                 "{left} of {} {} are left; the tables are written when all are done",
                 work.units(),
                 work.units_name()
             ))?;
-            Ok(Done::Later)
+            Ok(WorkOutcome::Later)
         }
     }
 }
@@ -253,7 +255,7 @@ fn compute<W: Work>(
     keep: impl Fn(Unit<W::Result>) -> miette::Result<()> + Sync,
 ) -> miette::Result<()> {
     let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
-    let shown = Shown::new(wanted.len(), work.units_name());
+    let shown = ProgressDisplay::new(wanted.len(), work.units_name());
     let one = |unit: usize| match work.unit(unit)? {
         Some(result) => keep(Unit { unit, result }).map(|()| true),
         None => Ok(false),
@@ -287,7 +289,7 @@ fn compute<W: Work>(
 }
 
 /// Progress display: a bar on a terminal, occasional lines in a log.
-struct Shown<'a> {
+struct ProgressDisplay<'a> {
     bar: ProgressBar,
     units_name: &'a str,
     done: AtomicUsize,
@@ -298,7 +300,7 @@ struct Shown<'a> {
 /// Number of progress lines in a log.
 const LINES: usize = 20;
 
-impl<'a> Shown<'a> {
+impl<'a> ProgressDisplay<'a> {
     fn new(total: usize, units_name: &'a str) -> Self {
         let is_log = !std::io::stderr().is_terminal();
         Self { bar: bar(total, units_name), units_name, done: AtomicUsize::new(0), total, is_log }
@@ -308,7 +310,7 @@ impl<'a> Shown<'a> {
         self.bar.inc(1);
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         if self.is_log && self.total >= LINES && done.is_multiple_of(self.total / LINES) {
-            output::say(format_args!("{done} of {} {}", self.total, self.units_name));
+            output::print_line(format_args!("{done} of {} {}", self.total, self.units_name));
         }
     }
 }

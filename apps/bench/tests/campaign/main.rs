@@ -3,7 +3,7 @@
 mod planted;
 
 use rollwalk_bench::campaign::scenario::Scenario;
-use rollwalk_bench::campaign::{Case, Outcome, Subject, run};
+use rollwalk_bench::campaign::{Case, Reaction, Subject, run};
 use rollwalk_bus::candump;
 
 /// Number of seeds of each scenario and loss.
@@ -25,7 +25,7 @@ fn whatever_goes_wrong_the_rules_hold_and_there_is_a_way_back() {
         let (report, _) = run(&subject, case);
         assert!(report.is_clean(), "{report:#?}");
         if case.scenario == Scenario::EStop {
-            assert_eq!(report.outcome, Outcome::Stopped, "{report:#?}");
+            assert_eq!(report.outcome, Reaction::Stopped, "{report:#?}");
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use rollwalk_bench::campaign::monitor::Rule;
 use rollwalk_bench::campaign::scenario::Scenario;
-use rollwalk_bench::campaign::{Case, Report, Subject, run_with};
+use rollwalk_bench::campaign::{Case, RunReport, Subject, run_with};
 use rollwalk_bus::link::LinkError;
 use rollwalk_firmware::{BusState, Settings};
 use rollwalk_protocol::actuator::{Control, JointSetpoint, WheelSetpoint};
@@ -19,12 +19,12 @@ use rollwalk_sim_host::one_leg::BOW;
 /// Faulty behaviour of a controller.
 type Bug = Box<dyn FnMut(&mut LocalController, Step) -> StepResult>;
 
-struct Planted {
+struct BuggyController {
     core: LocalController,
     bug: Bug,
 }
 
-impl Core for Planted {
+impl Core for BuggyController {
     fn step(&mut self, step: Step) -> Result<StepResult, LinkError> {
         Ok((self.bug)(&mut self.core, step))
     }
@@ -59,14 +59,14 @@ fn runs(
     loss_per_mille: u16,
     seeds: u64,
     bug: impl Fn() -> Bug,
-) -> impl Iterator<Item = Report> {
+) -> impl Iterator<Item = RunReport> {
     let subject = Subject::one_leg();
     (0..seeds).map(move |seed| {
         let case = Case { scenario, loss_per_mille, seed };
         let config = subject.config();
         let (buses, settings) = (subject.robot.controller_buses(), Settings::default());
         let core = LocalController::with_library(config, buses, settings, &subject.library);
-        run_with(&subject, case, Planted { core, bug: bug() }).0
+        run_with(&subject, case, BuggyController { core, bug: bug() }).0
     })
 }
 

@@ -1,6 +1,6 @@
-//! Loop of the console, in one thread with the bus ([`Operated`]): reads keys and frames, sends frames and draws the screen.
+//! Loop of the console, in one thread with the bus ([`OperatedBus`]): reads keys and frames, sends frames and draws the screen.
 
-use super::keys::{Keyboard, Meaning};
+use super::keys::{KeyAction, Keyboard};
 use super::scene::{Lookup, Names, Scene};
 use super::screen;
 use crate::gamepad::reader::Gamepad;
@@ -10,7 +10,7 @@ use rollwalk_bus::port::LiveLink;
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_terminal::link::LinkArgs;
-use rollwalk_terminal::link::operated::Operated;
+use rollwalk_terminal::link::operated_bus::OperatedBus;
 use rollwalk_terminal::{Exit, output};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -32,7 +32,7 @@ pub struct App<'a> {
     /// Bus, as the user typed it.
     bus: String,
     lookup: Lookup,
-    operated: Operated<'a>,
+    operated: OperatedBus<'a>,
     names: Names,
     /// Configuration and library for which `names` were looked up.
     named: Option<(u32, Option<u32>)>,
@@ -48,7 +48,7 @@ pub struct App<'a> {
 
 /// Reports that the terminal is gone and returns the exit code. The robot loses its host.
 pub fn terminal_gone(why: &str) -> Exit {
-    output::say(format_args!(
+    output::print_line(format_args!(
         "the terminal is gone ({why}): without heartbeats an armed robot returns to SAFE \
          automatically"
     ));
@@ -100,7 +100,7 @@ impl<'a> App<'a> {
         Self {
             bus: link.bus.to_string(),
             lookup,
-            operated: Operated::new(link, bus, operator),
+            operated: OperatedBus::new(link, bus, operator),
             names: Names::default(),
             named: None,
             keyboard: Keyboard::default(),
@@ -123,7 +123,7 @@ impl<'a> App<'a> {
             let now_us = self.now_us();
             self.read_gamepad(now_us);
             self.read_keys()?;
-            self.look_names(now_us);
+            self.load_names(now_us);
             self.operated.send();
             if self.operated.operator.leaving() == ExitStage::Now {
                 return Ok(self.operated.operator.view(now_us));
@@ -162,9 +162,9 @@ impl<'a> App<'a> {
             let speed = self.operated.operator.speed_64ths();
             match self.keyboard.press(now_us, key, &self.names, speed) {
                 None => {}
-                Some(Meaning::Want(intent)) => self.operated.operator.request(now_us, intent),
-                Some(Meaning::Help) => self.help = !self.help,
-                Some(Meaning::Scroll(by)) => {
+                Some(KeyAction::Intent(intent)) => self.operated.operator.request(now_us, intent),
+                Some(KeyAction::Help) => self.help = !self.help,
+                Some(KeyAction::Scroll(by)) => {
                     self.scroll = self.scroll.saturating_add_signed(by).min(64);
                 }
             }
@@ -180,7 +180,7 @@ impl<'a> App<'a> {
     }
 
     /// Looks up the names of motions after the controller has answered HELLO.
-    fn look_names(&mut self, now_us: u64) {
+    fn load_names(&mut self, now_us: u64) {
         let Some(hello) = self.operated.operator.hello() else { return };
         let wanted = Some((hello.config_hash, hello.library));
         if self.named == wanted {

@@ -13,9 +13,9 @@ const SPEED_STEP: i8 = 8;
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Meaning {
+pub enum KeyAction {
     /// Request for the robot.
-    Want(Intent),
+    Intent(Intent),
     /// Opens or closes the help.
     Help,
     Scroll(isize),
@@ -34,7 +34,7 @@ impl Keyboard {
         key: KeyEvent,
         names: &Names,
         speed_64ths: i8,
-    ) -> Option<Meaning> {
+    ) -> Option<KeyAction> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
@@ -49,18 +49,18 @@ impl Keyboard {
         let speed = |by: i8| {
             // From the slowest on in whole steps.
             let sixty_fourths = (speed_64ths + by).clamp(SPEED_STEP, 64);
-            Meaning::Want(Intent::Speed { sixty_fourths })
+            KeyAction::Intent(Intent::Speed { sixty_fourths })
         };
         // These do no harm when they repeat themselves.
         match key.code {
-            KeyCode::Esc | KeyCode::Char(' ') => return Some(Meaning::Want(Intent::Estop)),
+            KeyCode::Esc | KeyCode::Char(' ') => return Some(KeyAction::Intent(Intent::Estop)),
             KeyCode::Char('+' | '=') => return Some(speed(SPEED_STEP)),
             KeyCode::Char('-') => return Some(speed(-SPEED_STEP)),
-            KeyCode::Char('?') | KeyCode::F(1) => return Some(Meaning::Help),
-            KeyCode::Up => return Some(Meaning::Scroll(-1)),
-            KeyCode::Down => return Some(Meaning::Scroll(1)),
-            KeyCode::PageUp => return Some(Meaning::Scroll(-10)),
-            KeyCode::PageDown => return Some(Meaning::Scroll(10)),
+            KeyCode::Char('?') | KeyCode::F(1) => return Some(KeyAction::Help),
+            KeyCode::Up => return Some(KeyAction::Scroll(-1)),
+            KeyCode::Down => return Some(KeyAction::Scroll(1)),
+            KeyCode::PageUp => return Some(KeyAction::Scroll(-10)),
+            KeyCode::PageDown => return Some(KeyAction::Scroll(10)),
             _ => {}
         }
         let is_command = control || key.modifiers.contains(KeyModifiers::ALT);
@@ -79,7 +79,7 @@ impl Keyboard {
             KeyCode::Char(key) => Intent::Play { code: names.code_of(key)? },
             _ => return None,
         };
-        Some(Meaning::Want(intent))
+        Some(KeyAction::Intent(intent))
     }
 }
 
@@ -87,7 +87,7 @@ impl Keyboard {
 mod tests {
     use super::*;
 
-    fn press(keyboard: &mut Keyboard, now_us: u64, key: char) -> Option<Meaning> {
+    fn press(keyboard: &mut Keyboard, now_us: u64, key: char) -> Option<KeyAction> {
         let key = KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE);
         keyboard.press(now_us, key, &Names::default(), 64)
     }
@@ -95,7 +95,7 @@ mod tests {
     #[test]
     fn a_key_that_is_held_counts_once_but_the_stop_always() {
         let mut keyboard = Keyboard::default();
-        let quit = Some(Meaning::Want(Intent::Quit));
+        let quit = Some(KeyAction::Intent(Intent::Quit));
         assert_eq!(press(&mut keyboard, 0, 'q'), quit);
         // The keyboard repeats it after half a second, and then 30 times a second.
         for repeated in 0..50 {
@@ -103,14 +103,14 @@ mod tests {
         }
         assert_eq!(press(&mut keyboard, 10_000_000, 'q'), quit);
         for at_us in [0, 500_000, 533_000] {
-            let stop = Some(Meaning::Want(Intent::Estop));
+            let stop = Some(KeyAction::Intent(Intent::Estop));
             assert_eq!(press(&mut keyboard, at_us, ' '), stop);
         }
     }
 
     #[test]
     fn keys_that_calm_the_robot_count_however_fast_they_come() {
-        let want = |intent| Some(Meaning::Want(intent));
+        let want = |intent| Some(KeyAction::Intent(intent));
         let mut keyboard = Keyboard::default();
         // Three presses within a second, as in panic.
         for (at_us, intent) in
@@ -133,17 +133,17 @@ mod tests {
     #[test]
     fn the_same_letter_with_another_modifier_is_another_key() {
         let mut keyboard = Keyboard::default();
-        assert_eq!(press(&mut keyboard, 0, 'c'), Some(Meaning::Want(Intent::Clear)));
+        assert_eq!(press(&mut keyboard, 0, 'c'), Some(KeyAction::Intent(Intent::Clear)));
         let quit = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
         let meaning = keyboard.press(300_000, quit, &Names::default(), 64);
-        assert_eq!(meaning, Some(Meaning::Want(Intent::Quit)));
+        assert_eq!(meaning, Some(KeyAction::Intent(Intent::Quit)));
         assert_eq!(keyboard.press(333_000, quit, &Names::default(), 64), None);
     }
 
     #[test]
     fn without_names_digits_are_command_codes() {
         let mut keyboard = Keyboard::default();
-        let play = |code| Some(Meaning::Want(Intent::Play { code }));
+        let play = |code| Some(KeyAction::Intent(Intent::Play { code }));
         assert_eq!(press(&mut keyboard, 0, '3'), play(3));
         assert_eq!(press(&mut keyboard, 0, '0'), None);
         assert_eq!(press(&mut keyboard, 0, 'x'), None);
@@ -157,7 +157,7 @@ mod tests {
             let key = KeyEvent::new(KeyCode::Char('-'), KeyModifiers::NONE);
             let meaning = keyboard.press(0, key, &Names::default(), speed);
             speed = expected;
-            assert_eq!(meaning, Some(Meaning::Want(Intent::Speed { sixty_fourths: expected })));
+            assert_eq!(meaning, Some(KeyAction::Intent(Intent::Speed { sixty_fourths: expected })));
         }
     }
 }

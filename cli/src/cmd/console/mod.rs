@@ -13,8 +13,8 @@ use rollwalk_host::listener;
 use rollwalk_host::session::SessionError;
 use rollwalk_terminal::Exit;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::operated::farewell;
-use rollwalk_terminal::link::{LinkArgs, cannot_open, ended};
+use rollwalk_terminal::link::operated_bus::report_exit;
+use rollwalk_terminal::link::{LinkArgs, cannot_open, report_failure};
 use scene::Lookup;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let node = args.link.node;
     // A bus that is lost by now is waited for by the console itself.
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
-        return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
+        return Ok(report_failure(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut app = App::new(&args.link, peer, lookup, gamepad, bus);
     let terminal =
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let outcome = app.run(&mut terminal.0);
     drop(terminal);
     Ok(match outcome {
-        Ok(view) => farewell(&view),
+        Ok(view) => report_exit(&view),
         Err(error) => terminal_gone(&error.to_string()),
     })
 }

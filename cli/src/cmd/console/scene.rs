@@ -7,7 +7,7 @@ use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::{self, NamesArgs};
-use rollwalk_terminal::packed::{self, Packed, actuators, channel_names};
+use rollwalk_terminal::validated_library::{self, ValidatedLibrary, actuators, channel_names};
 
 /// Letters that play motions. Digits play the motions with these command codes; all other letters have a function of their own.
 const LETTERS: &str = "befghijklmnostuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
@@ -87,7 +87,7 @@ impl Names {
 
 /// Source of names: the files on the command line, or else the cached names.
 pub struct Lookup {
-    given: Option<Packed>,
+    given: Option<ValidatedLibrary>,
     /// Robot that the user named, directly or by a library.
     robot: Option<Robot>,
 }
@@ -98,7 +98,7 @@ impl Lookup {
     /// # Errors
     /// Returns an error if a file is missing or wrong.
     pub fn new(args: &NamesArgs) -> miette::Result<Self> {
-        let read = |library| Packed::read(library, args.robot.as_deref());
+        let read = |library| ValidatedLibrary::read(library, args.robot.as_deref());
         let given = args.library.as_deref().map(read).transpose()?;
         let robot = match (&given, &args.robot) {
             (Some(packed), _) => Some(packed.robot.clone()),
@@ -115,11 +115,12 @@ impl Lookup {
     /// Returns the names and limits for a controller with this configuration and library. The flag is true if the user named a
     /// different library.
     pub fn names(&self, config_hash: u32, library: Option<u32>) -> (Names, bool) {
-        let given = self.given.as_ref().map(Packed::catalog);
+        let given = self.given.as_ref().map(ValidatedLibrary::catalog);
         let other = given.as_ref().is_some_and(|given| Some(given.library) != library);
-        let catalog = given.filter(|_| !other).or_else(|| names::kept(library?));
+        let catalog = given.filter(|_| !other).or_else(|| names::cached(library?));
         let fits = |robot: &Robot| config(robot).is_some_and(|c| c.hash() == config_hash);
-        let robot = self.robot.clone().filter(fits).or_else(|| packed::robot_of(config_hash));
+        let robot =
+            self.robot.clone().filter(fits).or_else(|| validated_library::robot_of(config_hash));
         let Some(robot) = robot else {
             let robot = catalog.as_ref().map(|catalog| catalog.robot.clone());
             let channels = catalog.as_ref().map(|catalog| catalog.channels.clone());

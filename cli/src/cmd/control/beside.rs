@@ -26,7 +26,7 @@ const INTERVAL_TICKS: RangeInclusive<f64> = 0.6..=1.6;
 pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Exit> {
     let plan = inputs::plan(plan)?;
     let script = Script::new(&plan, true);
-    say(&Hello::new(&plan, timing.tick_s))?;
+    print_record(&Hello::new(&plan, timing.tick_s))?;
     let mut controller = Controller {
         script: &script,
         feedback,
@@ -49,7 +49,7 @@ pub fn run(plan: &Path, feedback: Feedback, timing: Timing) -> miette::Result<Ex
             return Err(miette!("line {number} of the input has more than {LINE_MAX} bytes"));
         }
         let setpoints = controller.answer(&line);
-        say(&setpoints.wrap_err_with(|| format!("line {number} of the input"))?)?;
+        print_record(&setpoints.wrap_err_with(|| format!("line {number} of the input"))?)?;
     }
     Ok(Exit::Ok)
 }
@@ -133,6 +133,6 @@ impl Controller<'_, '_> {
     }
 }
 
-fn say(record: &impl Serialize) -> miette::Result<()> {
+fn print_record(record: &impl Serialize) -> miette::Result<()> {
     output::line(&serde_json::to_string(record).into_diagnostic()?)
 }

@@ -5,7 +5,7 @@ use rollwalk_bus::port::LiveLink;
 use rollwalk_host::operator::{ExitStage, Intent, Operator};
 use rollwalk_pilot::END_US;
 use rollwalk_terminal::link::LinkArgs;
-use rollwalk_terminal::link::operated::{Operated, farewell, say_new};
+use rollwalk_terminal::link::operated_bus::{OperatedBus, print_new_messages, report_exit};
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::time::Instant;
@@ -27,8 +27,8 @@ pub fn run(
     conductor: &mut Conductor<'_>,
     json: bool,
 ) -> miette::Result<Exit> {
-    interrupt::listen();
-    let mut operated = Operated::new(link, bus, operator);
+    interrupt::install_handler();
+    let mut operated = OperatedBus::new(link, bus, operator);
     let (mut said, mut heard_us, mut over_us) = (None, 0, None);
     let (mut took_ms, mut interrupts) = (Vec::new(), 0);
     loop {
@@ -45,7 +45,7 @@ pub fn run(
         }
         operated.send();
         let view = operated.operator.view(now_us);
-        say_new(&mut said, &view.messages);
+        print_new_messages(&mut said, &view.messages);
         if view.link.contact {
             heard_us = now_us;
         }
@@ -58,9 +58,9 @@ pub fn run(
         }
         let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
         if operated.operator.leaving() == ExitStage::Now || is_lost {
-            let ended = farewell(&view);
-            let report = Report::new(conductor, &mut took_ms);
-            output::say(report.verdict());
+            let ended = report_exit(&view);
+            let report = ControlOutput::new(conductor, &mut took_ms);
+            output::print_line(report.verdict());
             if json {
                 output::print_json(&report)?;
             }
@@ -76,7 +76,7 @@ pub fn run(
 
 /// Counters and delays of answers, printed by `--json`.
 #[derive(Serialize)]
-struct Report {
+struct ControlOutput {
     complete: bool,
     rate_hz: u16,
     answered: u64,
@@ -93,7 +93,7 @@ struct Report {
     late_by_samples: Vec<u64>,
 }
 
-impl Report {
+impl ControlOutput {
     fn new(conductor: &Conductor<'_>, took_ms: &mut [f64]) -> Self {
         let Tally { answered, untracked, late, stale, lost, complete } = conductor.tally().clone();
         took_ms.sort_by(f64::total_cmp);
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn the_verdict_says_whether_the_link_was_fast_enough() {
-        let report = |late_by_samples: &[u64], lost| Report {
+        let report = |late_by_samples: &[u64], lost| ControlOutput {
             complete: true,
             rate_hz: 120,
             answered: late_by_samples.iter().sum(),
@@ -175,7 +175,7 @@ mod tests {
         );
         let slow = report(&[0, 14, 0, 0, 0, 0, 0, 100], 0).verdict();
         assert!(slow.contains("too slow"), "{slow}");
-        let fast = Report { rate_hz: 960, ..report(&[0, 14, 100], 0) }.verdict();
+        let fast = ControlOutput { rate_hz: 960, ..report(&[0, 14, 100], 0) }.verdict();
         assert!(fast.contains("too slow"), "the last count has no end: {fast}");
         let lossy = report(&[0, 900, 0], 100).verdict();
         assert!(lossy.contains("loses samples"), "{lossy}");

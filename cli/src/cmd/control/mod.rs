@@ -21,9 +21,9 @@ use rollwalk_robot::Robot;
 use rollwalk_simulate::closed_loop::Timing;
 use rollwalk_simulate::{Feedback, Sequence};
 use rollwalk_terminal::kind::Kind;
-use rollwalk_terminal::link::{BUS_ENV, LinkArgs, MaybeLinkArgs, cannot_open, ended};
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::link::{BUS_ENV, LinkArgs, MaybeLinkArgs, cannot_open, report_failure};
 use rollwalk_terminal::planning;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, files, inputs};
 use rollwalk_tracking::tracker::{KD_PART, KP_PART};
 use route::Play;
@@ -73,14 +73,14 @@ pub struct Args {
     latency_ms: Option<f64>,
     /// Feedback that returns the robot to the plan [default: gains]; always gains on a robot.
     #[arg(long, value_enum)]
-    feedback: Option<Way>,
+    feedback: Option<FeedbackMethod>,
     /// Print the counts of answered samples as JSON, at the end of a run on a robot.
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Way {
+enum FeedbackMethod {
     /// Separate feedback on the centre of mass, the body and the wheels.
     Tasks,
     /// Feedback on the whole state, with gains from a linear model of the plan.
@@ -121,8 +121,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
                 ));
             }
             let feedback = match args.feedback {
-                Some(Way::Tasks) => Feedback::Tasks,
-                Some(Way::Gains) | None => Feedback::Gains,
+                Some(FeedbackMethod::Tasks) => Feedback::Tasks,
+                Some(FeedbackMethod::Gains) | None => Feedback::Gains,
             };
             let tick_s = 1.0 / f64::from(args.rate.unwrap_or(RATE_HZ));
             let timing = Timing { tick_s, latency_s: 1e-3 * args.latency_ms.unwrap_or(0.0) };
@@ -171,7 +171,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let host = SessionError::HasHost { node: link.node.number() };
     // Planning may take minutes, in which another host may come: what is wrong already is said before.
     if has_host(&mut open(link)?, link) {
-        return Ok(ended(link, &host));
+        return Ok(report_failure(link, &host));
     }
     let Some(plans) = planning::plan_all(&library, false)? else { return Ok(Exit::Interrupted) };
     let built = plans.pack(&library)?;
@@ -181,10 +181,10 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     let wheels = conductor::wheels(robot, sequence.tree());
     let id = identity(&built.bytes).expect("it was just built");
     let mut conductor = Conductor::new(sequence, robot, wheels, tracking(rate_hz), id);
-    let catalog = Packed::new(robot.clone(), built.bytes)?.catalog();
+    let catalog = ValidatedLibrary::new(robot.clone(), built.bytes)?.catalog();
     let mut bus = open(link)?;
     if has_host(&mut bus, link) {
-        return Ok(ended(link, &host));
+        return Ok(report_failure(link, &host));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     operator = operator.scripted();

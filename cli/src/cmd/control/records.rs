@@ -124,14 +124,14 @@ struct Pose {
 }
 
 /// Sensor readings of a request, in the order of the tree.
-pub struct Measured<'a> {
+pub struct SensorReadings<'a> {
     request: &'a Request,
     imu: &'a Imu,
     joint_rad: Vec<f64>,
     speed_rad_s: Vec<f64>,
 }
 
-impl Measured<'_> {
+impl SensorReadings<'_> {
     pub fn sensors(&self) -> Sensors<'_> {
         Sensors {
             gyro_rad_s: self.imu.gyro_rad_s.map(Vector3::from),
@@ -210,11 +210,11 @@ impl Request {
     ///
     /// # Errors
     /// Returns an error if the record does not match the robot.
-    pub fn sensors(&self, tree: &Tree) -> miette::Result<Measured<'_>> {
+    pub fn sensors(&self, tree: &Tree) -> miette::Result<SensorReadings<'_>> {
         let imu = self.imu.as_ref().unwrap_or(&Imu { gyro_rad_s: None, accelerometer_m_s2: None });
         let speed_rad_s = self.speeds(tree)?;
         let joint_rad = readings(&self.joint_rad).collect();
-        Ok(Measured { request: self, imu, joint_rad, speed_rad_s })
+        Ok(SensorReadings { request: self, imu, joint_rad, speed_rad_s })
     }
 
     /// Speeds of the joints and wheels, checked against the robot.

@@ -5,7 +5,7 @@ use rollwalk_planner::motion::Ends;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_simulate::sequence::Leg;
 use rollwalk_terminal::inputs::Library;
-use rollwalk_terminal::planning::{Planned, Plans};
+use rollwalk_terminal::planning::{Plans, TimedPlan};
 use std::collections::VecDeque;
 use std::str::FromStr;
 
@@ -83,14 +83,14 @@ pub fn legs<'p>(
         for _ in 0..times {
             // A robot that stands in SAFE stays there, and a loop goes round again: no way leads away and back.
             if at != to || !(repeats || to == safe) {
-                way(plans, at, to, &mut edges).ok_or_else(|| apart(library, at, to))?;
+                append_path(plans, at, to, &mut edges).ok_or_else(|| no_route(library, at, to))?;
             }
             edges.push(Edge::Motion(to, cycles));
             at = to;
         }
     }
     if at != safe {
-        way(plans, at, safe, &mut edges).ok_or_else(|| apart(library, at, safe))?;
+        append_path(plans, at, safe, &mut edges).ok_or_else(|| no_route(library, at, safe))?;
         edges.push(Edge::Motion(safe, 1));
     }
     let last = edges.len() - 1;
@@ -113,7 +113,7 @@ pub fn legs<'p>(
 
 /// Appends the shortest path from one motion to another: its transitions, and one cycle of each motion in between. Returns
 /// `None` if there is no path.
-fn way(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<()> {
+fn append_path(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<()> {
     // The transition by which each motion was reached first.
     let mut reached: Vec<Option<usize>> = vec![None; plans.motions.len()];
     let mut queue = VecDeque::from([from]);
@@ -140,7 +140,7 @@ fn way(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<(
     Some(())
 }
 
-fn apart(library: &Library, from: usize, to: usize) -> miette::Report {
+fn no_route(library: &Library, from: usize, to: usize) -> miette::Report {
     let name = |index: usize| &library.file.motions[index].name;
     miette!(
         help = "add a [[transition]] or [via_safe] to the library file, or a motion in between",
@@ -151,7 +151,7 @@ fn apart(library: &Library, from: usize, to: usize) -> miette::Report {
     )
 }
 
-fn holds(planned: &Planned) -> miette::Result<&Plan> {
+fn holds(planned: &TimedPlan) -> miette::Result<&Plan> {
     let plan = &planned.plan;
     if plan.solve.status != Status::Converged {
         return Err(miette!(

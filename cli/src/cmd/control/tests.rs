@@ -16,8 +16,8 @@ use rollwalk_sim_host::clock::SimTime;
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_simulate::Sequence;
 use rollwalk_terminal::inputs::{Library, Source};
-use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::planning::{self, Plans};
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,13 +26,13 @@ const S: u64 = 1_000_000;
 const TICK_US: u64 = 1_000;
 
 /// Library with its plans.
-struct Planned {
+struct PlannedLibrary {
     library: Library,
     plans: Plans,
     file: Vec<u8>,
 }
 
-impl Planned {
+impl PlannedLibrary {
     fn agilebot() -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
         let library = Source::Disk.library(&root.join("motions/agilebot_library.toml"));
@@ -59,7 +59,7 @@ impl Planned {
 
 /// Messages that are dropped on their way to the host.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Loses {
+enum DroppedMessages {
     Nothing,
     /// Final messages of the samples. Without them the host does not answer.
     Samples,
@@ -75,14 +75,15 @@ struct Bench<'p> {
     conductor: Conductor<'p>,
     /// True while the conductor is not called.
     waits: bool,
-    loses: Loses,
+    loses: DroppedMessages,
     at_us: Option<u64>,
 }
 
 impl<'p> Bench<'p> {
-    fn new(planned: &Planned, conductor: Conductor<'p>) -> Self {
+    fn new(planned: &PlannedLibrary, conductor: Conductor<'p>) -> Self {
         let robot = &planned.library.robot;
-        let packed = Packed::new(robot.clone(), planned.file.clone()).expect("it was built");
+        let packed =
+            ValidatedLibrary::new(robot.clone(), planned.file.clone()).expect("it was built");
         let ground: Arc<dyn Ground> = Arc::new(Plane::level());
         let rig = Rig::new(robot).unwrap().onto_ground(robot, &ground, Vec::new());
         let node = Node::new(1).unwrap();
@@ -91,8 +92,14 @@ impl<'p> Bench<'p> {
         let config_hash = robot.controller_config().unwrap().hash();
         let operator = Operator::new(node, Some(config_hash));
         let rig = session.into_bus();
-        let mut bench =
-            Self { rig, operator, conductor, waits: true, loses: Loses::Nothing, at_us: None };
+        let mut bench = Self {
+            rig,
+            operator,
+            conductor,
+            waits: true,
+            loses: DroppedMessages::Nothing,
+            at_us: None,
+        };
         // Until its heartbeats count in place of those of the session before.
         bench.run(S);
         bench.waits = false;
@@ -141,7 +148,7 @@ impl<'p> Bench<'p> {
         let wake_us = self.operator.next_poll_us(now_us).clamp(now_us + 200, now_us + 1_000);
         let wake_us = self.at_us.map_or(wake_us, |at_us| wake_us.min(at_us.max(now_us + 1)));
         if let Some(frame) = self.rig.receive(wake_us).unwrap()
-            && let Some(frame) = self.heard(frame)
+            && let Some(frame) = self.deliver(frame)
         {
             let now_us = self.rig.now_us();
             self.operator.on_frame(now_us, &frame);
@@ -154,12 +161,12 @@ impl<'p> Bench<'p> {
     }
 
     /// Returns the frame that the host receives; `None` if it is dropped.
-    fn heard(&self, frame: Frame) -> Option<Frame> {
+    fn deliver(&self, frame: Frame) -> Option<Frame> {
         use FromController as M;
         match (self.loses, FromController::decode(&frame)) {
-            (Loses::Samples, Ok((_, M::Sample(_)))) => None,
-            (Loses::Imu, Ok((_, M::Gyro(_) | M::Accelerometer(_)))) => None,
-            (Loses::Contacts, Ok((from, M::Sample(sample)))) => {
+            (DroppedMessages::Samples, Ok((_, M::Sample(_)))) => None,
+            (DroppedMessages::Imu, Ok((_, M::Gyro(_) | M::Accelerometer(_)))) => None,
+            (DroppedMessages::Contacts, Ok((from, M::Sample(sample)))) => {
                 Some(Sample { contacts: None, ..sample }.encode(from))
             }
             _ => Some(frame),
@@ -167,7 +174,7 @@ impl<'p> Bench<'p> {
     }
 
     /// Position of the body, m, and its heading, rad.
-    fn place(&self) -> [f64; 3] {
+    fn body_pose(&self) -> [f64; 3] {
         let (position, rotation) = self.rig.body().ground().expect("on the ground").world().base();
         [position.x, position.y, rotation[(1, 0)].atan2(rotation[(0, 0)])]
     }
@@ -178,8 +185,8 @@ impl<'p> Bench<'p> {
 }
 
 /// Distance covered by the body, as a fraction of the planned distance.
-fn way(bench: &Bench<'_>, before: [f64; 3]) -> f64 {
-    let after = bench.place();
+fn covered_fraction(bench: &Bench<'_>, before: [f64; 3]) -> f64 {
+    let after = bench.body_pose();
     let legs = bench.conductor.sequence().legs().iter();
     let planned_m: f64 =
         legs.map(|leg| leg.plan().end_placement.offset_m[0] * f64::from(leg.cycles())).sum();
@@ -196,20 +203,20 @@ fn has_left(bench: &Bench<'_>) -> bool {
 
 #[test]
 fn a_robot_walks_in_closed_loop_and_waits_for_answers_that_are_missing() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
     bench.run_until(10 * S, plays);
-    let before = bench.place();
+    let before = bench.body_pose();
     bench.run(3 * S);
     // Some that are lost, and a host that is held up for longer than what counts as missed, shorter than what ends it.
-    bench.loses = Loses::Samples;
+    bench.loses = DroppedMessages::Samples;
     bench.run(S / 30);
-    bench.loses = Loses::Nothing;
+    bench.loses = DroppedMessages::Nothing;
     bench.run(S);
     let until = bench.rig.now() + SimTime::from_us(S / 8);
     bench.rig.run_until(until);
     bench.run_until(60 * S, |bench| !plays(bench));
-    let way = way(&bench, before);
+    let way = covered_fraction(&bench, before);
     assert!((way - 1.0).abs() < 0.05, "{way}");
     bench.run_until(20 * S, has_left);
     assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
@@ -219,13 +226,13 @@ fn a_robot_walks_in_closed_loop_and_waits_for_answers_that_are_missing() {
 
 #[test]
 fn without_contact_switches_contacts_are_those_of_the_plan() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:2"], 60));
-    bench.loses = Loses::Contacts;
+    bench.loses = DroppedMessages::Contacts;
     bench.run_until(10 * S, plays);
-    let before = bench.place();
+    let before = bench.body_pose();
     bench.run_until(60 * S, |bench| !plays(bench));
-    let way = way(&bench, before);
+    let way = covered_fraction(&bench, before);
     assert!((way - 1.0).abs() < 0.05, "{way}");
     assert_eq!(bench.falls(), 0);
     assert!(bench.conductor.tally().complete);
@@ -233,11 +240,11 @@ fn without_contact_switches_contacts_are_those_of_the_plan() {
 
 #[test]
 fn a_host_that_falls_silent_has_the_robot_hold_still_and_let_down() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
     bench.run_until(10 * S, plays);
     bench.run(3 * S);
-    bench.loses = Loses::Samples;
+    bench.loses = DroppedMessages::Samples;
     bench.run_until(S, |bench| bench.state() == State::Returning);
     let faults = bench.operator.view(bench.now_us()).status.unwrap().faults;
     assert!(faults.contains(Fault::SetpointTimeout));
@@ -250,15 +257,15 @@ fn a_host_that_falls_silent_has_the_robot_hold_still_and_let_down() {
 #[test]
 #[ignore = "a minute"]
 fn a_robot_whose_samples_are_lost_at_any_moment_of_its_walk_stays_on_its_feet() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     for moment in 0..6 {
         for lost_ms in [40, 50, 100, 150, 200, 5_000] {
             let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
             bench.run_until(10 * S, plays);
             bench.run(3 * S + moment * S / 4);
-            bench.loses = Loses::Samples;
+            bench.loses = DroppedMessages::Samples;
             bench.run(lost_ms * 1_000);
-            bench.loses = Loses::Nothing;
+            bench.loses = DroppedMessages::Nothing;
             bench.run_until(60 * S, has_left);
             let complete = bench.conductor.tally().complete;
             println!("{moment} {lost_ms} {complete} {:?}", bench.state());
@@ -271,11 +278,11 @@ fn a_robot_whose_samples_are_lost_at_any_moment_of_its_walk_stays_on_its_feet() 
 
 #[test]
 fn a_robot_without_its_imu_is_brought_to_a_stop_and_home() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
     bench.run_until(10 * S, plays);
     bench.run(3 * S);
-    bench.loses = Loses::Imu;
+    bench.loses = DroppedMessages::Imu;
     bench.run_until(5 * S, |bench| bench.conductor.phase() == Phase::Homeward);
     bench.run_until(20 * S, has_left);
     assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
@@ -286,14 +293,14 @@ fn a_robot_without_its_imu_is_brought_to_a_stop_and_home() {
 /// Loses the contact switches in the middle of a step. Their old readings must not remain in force.
 #[test]
 fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:3"], 120));
     bench.run_until(10 * S, plays);
-    let before = bench.place();
+    let before = bench.body_pose();
     bench.run(3 * S);
-    bench.loses = Loses::Contacts;
+    bench.loses = DroppedMessages::Contacts;
     bench.run_until(60 * S, |bench| !plays(bench));
-    let way = way(&bench, before);
+    let way = covered_fraction(&bench, before);
     assert!((way - 1.0).abs() < 0.05, "{way}");
     assert!(bench.conductor.tally().complete && bench.falls() == 0);
     let messages = bench.operator.view(bench.now_us()).messages;
@@ -304,7 +311,7 @@ fn contact_switches_that_are_lost_give_way_to_planned_contacts() {
 /// Stops between the start of the sequence and the first sample of the motion.
 #[test]
 fn one_that_is_stopped_before_it_moves_goes_home_at_once() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:4"], 120));
     bench.run_until(10 * S, plays);
     assert!(!bench.conductor.sequence().progress().moves);
@@ -317,7 +324,7 @@ fn one_that_is_stopped_before_it_moves_goes_home_at_once() {
 
 #[test]
 fn it_ends_early_with_its_cycle() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor(&["walk:1000"], 120));
     bench.run_until(10 * S, plays);
     bench.run(5 * S);
@@ -331,7 +338,7 @@ fn it_ends_early_with_its_cycle() {
 
 #[test]
 fn a_robot_with_another_library_is_not_armed() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let mut bench = Bench::new(&planned, planned.conductor_for(&["walk"], 120, 1));
     bench.run_until(10 * S, has_left);
     assert_eq!(bench.state(), State::Disarmed);
@@ -341,7 +348,7 @@ fn a_robot_with_another_library_is_not_armed() {
 
 #[test]
 fn ways_lead_along_the_graph() {
-    let planned = Planned::agilebot();
+    let planned = PlannedLibrary::agilebot();
     let names = |play: &[&str]| {
         let play: Vec<Play> = play.iter().map(|text| text.parse().unwrap()).collect();
         let legs = route::legs(&planned.library, &planned.plans, &play);

@@ -9,13 +9,13 @@ use crate::cmd::plot::STRIP_MOMENTS;
 use crate::terrain::{GroundArgs, Support};
 use crate::tour;
 use miette::IntoDiagnostic;
-use outcome::Outcome;
+use outcome::DemoOutcome;
 use rollwalk_bus::candump;
 use rollwalk_planner::plot::{self, JointPanels};
 use rollwalk_terminal::files::{self, file_name};
 use rollwalk_terminal::inputs::{Library, Source};
-use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::planning::{Plans, plan_all};
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output, shipped};
 use std::path::{Path, PathBuf};
 
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     for folder in ["plans", "plots"] {
         files::make_folder(&args.out.join(folder))?;
     }
-    output::say(format_args!(
+    output::print_line(format_args!(
         "Planning {}: {} motions, {} transitions, each from scratch",
         library.robot.name,
         library.motions.len(),
@@ -85,8 +85,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let failures = plans.failures();
     if !failures.is_empty() {
         let out = args.out.display();
-        output::say(format_args!("{}\nnothing flashed", failures.join("\n")));
-        output::say(format_args!("the plans and their plots are in {out}"));
+        output::print_line(format_args!("{}\nnothing flashed", failures.join("\n")));
+        output::print_line(format_args!("the plans and their plots are in {out}"));
         return Ok(Exit::DoesNotHold);
     }
 
@@ -101,7 +101,8 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         cycles: 2,
         world_log: None,
     };
-    let played = tour::play(&Packed::new(library.robot.clone(), packed.clone())?, options)?;
+    let played =
+        tour::play(&ValidatedLibrary::new(library.robot.clone(), packed.clone())?, options)?;
     let mut log = Vec::new();
     candump::write(played.rig.log(), &mut log).into_diagnostic()?;
     files::write(&args.out.join("bus.log"), &log)?;
@@ -114,7 +115,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(Exit::Interrupted);
     }
 
-    let outcome = Outcome::new(&library, &plans, &packed, &played)?;
+    let outcome = DemoOutcome::new(&library, &plans, &packed, &played)?;
     if args.json {
         output::print_json(&outcome)?;
     } else {

@@ -2,7 +2,7 @@
 
 use super::score::{Score, scores};
 use super::world::World;
-use crate::tour::Played;
+use crate::tour::TourResult;
 use miette::IntoDiagnostic;
 use rollwalk_firmware::Settings;
 use rollwalk_planner::families::Family;
@@ -11,7 +11,7 @@ use rollwalk_planner::report::{Grid, Report};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::library::{self, ClipId, validate};
 use rollwalk_terminal::inputs::Library;
-use rollwalk_terminal::planning::{Planned, Plans};
+use rollwalk_terminal::planning::{Plans, TimedPlan};
 use serde::Serialize;
 
 /// Limit of the difference between planned and commanded joint angles, rad.
@@ -26,7 +26,7 @@ const WAY_SHARE: f64 = 0.06;
 const BUS_LOAD: f64 = 0.7;
 
 #[derive(Serialize)]
-pub struct Outcome {
+pub struct DemoOutcome {
     /// Name of the robot.
     pub robot: String,
     pub clips: Vec<Clip>,
@@ -91,7 +91,7 @@ pub struct Bound {
     pub holds: bool,
 }
 
-impl Outcome {
+impl DemoOutcome {
     /// Collects the measurements of a demo.
     ///
     /// # Errors
@@ -100,7 +100,7 @@ impl Outcome {
         library: &Library,
         plans: &Plans,
         packed: &[u8],
-        played: &Played,
+        played: &TourResult,
     ) -> miette::Result<Self> {
         let rig = &played.rig;
         let index = validate(packed, rig.config()).into_diagnostic()?;
@@ -147,7 +147,7 @@ impl Outcome {
     }
 }
 
-fn clip(planned: &Planned, report: &Report, score: &Score) -> Clip {
+fn clip(planned: &TimedPlan, report: &Report, score: &Score) -> Clip {
     let worst = |family| report.row(family, Grid::Samples).map_or(0.0, |row| row.worst);
     Clip {
         name: planned.plan.motion.name.clone(),

@@ -1,10 +1,10 @@
 //! Text tables of the demo's measurements.
 
-use super::outcome::{Bound, Clip, Outcome};
+use super::outcome::{Bound, Clip, DemoOutcome};
 use super::world::World;
 use rollwalk_terminal::output::Table;
 
-pub fn render(outcome: &Outcome) -> String {
+pub fn render(outcome: &DemoOutcome) -> String {
     let mut clips = Table::new([
         "motion", "code", "iter", "time", "dynamics", "", "slip", "size", "command", "error",
         "tracking", "error", "bus",

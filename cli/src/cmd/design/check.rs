@@ -76,10 +76,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         table.render()
     ))?;
     if let Some(beyond) = designed.beyond() {
-        output::say(format_args!("warning: original robot: {}", problems(beyond)));
+        output::print_line(format_args!("warning: original robot: {}", problems(beyond)));
     }
     for problem in parameters.iter().flat_map(|of| &of.problems) {
-        output::say(problem);
+        output::print_line(problem);
     }
     Ok(Exit::Ok)
 }

@@ -1,8 +1,8 @@
 //! `rollwalk design edit`: changes parameters by hand and plans again.
 
-use super::given::{self, Given};
-use super::outcome::{Folder, Outcome};
-use super::{Shown, plan_original, read, report};
+use super::outcome::{DesignOutput, Folder};
+use super::parameter_setting::{self, ParameterSetting};
+use super::{SolveDisplay, plan_original, read, report};
 use miette::miette;
 use rollwalk_terminal::Exit;
 use std::path::PathBuf;
@@ -24,10 +24,10 @@ pub struct Args {
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
     /// Parameters and their values, in m or rad; `+=` and `-=` change the value of the robot file.
-    #[arg(value_name = "NAME=VALUE", required_unless_present = "servo", value_parser = given::parse)]
-    given: Vec<Given>,
+    #[arg(value_name = "NAME=VALUE", required_unless_present = "servo", value_parser = parameter_setting::parse)]
+    given: Vec<ParameterSetting>,
     /// Other servo for an actuator of the robot file, with its limits, torque-speed line and mass; may be given several times.
-    #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = given::parse_servo)]
+    #[arg(long, value_name = "ACTUATOR=SERVO", value_parser = parameter_setting::parse_servo)]
     servo: Vec<[String; 2]>,
     /// Servo catalogue (TOML) [default: the one that ships, planner/design/servos.toml].
     #[arg(long, value_name = "SERVOS.toml", requires = "servo")]
@@ -39,16 +39,16 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
-    let given = given::values(&designed, &args.given)?;
+    let given = parameter_setting::values(&designed, &args.given)?;
     let catalog = super::catalog(args.servos.as_deref())?;
-    let (changed, servos) = given::with_servos(&designed, &args.servo, &catalog)?;
+    let (changed, servos) = parameter_setting::with_servos(&designed, &args.servo, &catalog)?;
     let folder = args.folder.open(&designed)?;
     let mut values = designed.original().to_vec();
     given.iter().for_each(|(index, value)| values[*index] = *value);
     if values == designed.original() && servos.is_empty() {
         return Err(miette!("the robot file already has these values: give other values"));
     }
-    let mut shown = Shown::new("planning");
+    let mut shown = SolveDisplay::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let (before, after) = match designed.beyond() {
         None => {
@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Some(_) => (None, changed.plan(&values, watch).map_err(report)?),
     };
     drop(shown);
-    let mut outcome = Outcome::new("edit", &designed, before.as_ref(), &after);
+    let mut outcome = DesignOutput::new("edit", &designed, before.as_ref(), &after);
     outcome.servos = servos;
     folder.write(&outcome, before.as_ref(), &after)
 }

@@ -1,6 +1,6 @@
 //! `rollwalk design explore`: runs `rollwalk-bench explore`.
 
-use crate::apps::{BENCH, Words};
+use crate::apps::{BENCH, ProgramArgs};
 use rollwalk_terminal::Exit;
 use std::iter;
 
@@ -18,7 +18,7 @@ Examples:
 )]
 pub struct Args {
     #[command(flatten)]
-    words: Words,
+    words: ProgramArgs,
 }
 
 /// Replaces this process by the program.

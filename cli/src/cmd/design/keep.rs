@@ -1,8 +1,8 @@
 //! `rollwalk design keep`: changes parameters so that a feature of the motions stays the same.
 
-use super::given::{self, Given};
-use super::outcome::{Drift, Folder, Outcome};
-use super::{Shown, plan_original, read, report};
+use super::outcome::{DesignOutput, Drift, Folder};
+use super::parameter_setting::{self, ParameterSetting};
+use super::{SolveDisplay, plan_original, read, report};
 use miette::miette;
 use rollwalk_design::keep;
 use rollwalk_planner::sensitivity::Feature;
@@ -23,8 +23,8 @@ pub struct Args {
     #[arg(value_name = "DESIGN.toml")]
     design: PathBuf,
     /// Parameters and their values, in m or rad; `+=` and `-=` change the value of the robot file.
-    #[arg(value_name = "NAME=VALUE", required = true, value_parser = given::parse)]
-    given: Vec<Given>,
+    #[arg(value_name = "NAME=VALUE", required = true, value_parser = parameter_setting::parse)]
+    given: Vec<ParameterSetting>,
     /// Feature that the motions keep: pitch, tilt (roll and pitch), height, body (height and tilt), joints (angles), feet
     /// (contact points).
     #[arg(long, value_name = "FEATURE", value_parser = feature)]
@@ -44,7 +44,7 @@ fn feature(name: &str) -> Result<Feature, String> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
-    let given = given::values(&designed, &args.given)?;
+    let given = parameter_setting::values(&designed, &args.given)?;
     if given.len() == designed.original().len() {
         return Err(miette!(
             help = "add parameters to the design file, or use `rollwalk design edit`",
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let folder = args.folder.open(&designed)?;
-    let mut shown = Shown::new("planning");
+    let mut shown = SolveDisplay::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let before = plan_original(&designed, watch)?;
     shown.now("following");
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let manual = designed.plan_from(&before, &by_hand, true, again).map_err(report)?;
     drop(shown);
     let drift = |plans| Drift::between(args.feature, &before, plans);
-    let mut outcome = Outcome::new("keep", &designed, Some(&before), &after);
+    let mut outcome = DesignOutput::new("keep", &designed, Some(&before), &after);
     outcome.drifts = vec![("by hand", drift(&manual)), ("kept", drift(&after))];
     folder.write(&outcome, Some(&before), &after)
 }

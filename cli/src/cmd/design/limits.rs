@@ -1,6 +1,6 @@
 //! `rollwalk design limits`: the active constraints of each motion, and the requirements on its motors.
 
-use super::{Shown, plan_original, read, report};
+use super::{SolveDisplay, plan_original, read, report};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::duty::{self, Duty};
 use rollwalk_design::plans;
@@ -80,7 +80,7 @@ struct Limit {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
     let catalog = super::catalog(args.servos.as_deref())?;
-    let mut shown = Shown::new("planning");
+    let mut shown = SolveDisplay::new("planning");
     let watch = &mut |motion: &str, state: &_| shown.iteration(motion, state);
     let plans = plan_original(&designed, watch)?;
     shown.now("pricing");

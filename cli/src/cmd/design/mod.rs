@@ -3,11 +3,11 @@
 mod check;
 mod edit;
 mod explore;
-mod given;
 mod keep;
 mod limits;
 mod optimise;
 mod outcome;
+mod parameter_setting;
 
 use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
@@ -15,7 +15,7 @@ use rollwalk_design::designed::Designed;
 use rollwalk_design::plans::{Plans, PlansError, Watch as Seen};
 use rollwalk_planner::Progress;
 use rollwalk_terminal::inputs::Source;
-use rollwalk_terminal::progress::Watch;
+use rollwalk_terminal::progress::SolveProgress;
 use rollwalk_terminal::{Exit, interrupt};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub enum Action {
 
 /// Runs the subcommand.
 pub fn run(action: &Action) -> miette::Result<Exit> {
-    interrupt::listen();
+    interrupt::install_handler();
     let done = match action {
         Action::Check(args) => check::run(args),
         Action::Edit(args) => edit::run(args),
@@ -45,7 +45,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
         Action::Explore(args) => explore::run(args),
     };
     match done {
-        Err(report) if report.downcast_ref::<Stopped>().is_some() => Ok(Exit::Interrupted),
+        Err(report) if report.downcast_ref::<Interrupted>().is_some() => Ok(Exit::Interrupted),
         done => done,
     }
 }
@@ -53,14 +53,14 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
 /// Interruption by Ctrl-C before anything was written.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted")]
-struct Stopped;
+struct Interrupted;
 
-impl miette::Diagnostic for Stopped {}
+impl miette::Diagnostic for Interrupted {}
 
 /// Converts a failure into a report for the terminal.
 fn report(failed: PlansError) -> Report {
     match failed {
-        PlansError::Interrupted => Stopped.into(),
+        PlansError::Interrupted => Interrupted.into(),
         PlansError::Robot(error) => Report::new(error)
             .wrap_err("with these parameters, the robot file or a motion breaks a rule"),
         PlansError::CannotDo { .. } => miette!(
@@ -80,12 +80,12 @@ fn report(failed: PlansError) -> Report {
 }
 
 /// Display of the current solve on stderr.
-struct Shown {
-    watch: Option<(String, Watch)>,
+struct SolveDisplay {
+    watch: Option<(String, SolveProgress)>,
     verb: String,
 }
 
-impl Shown {
+impl SolveDisplay {
     fn new(verb: &str) -> Self {
         Self { watch: None, verb: verb.to_owned() }
     }
@@ -100,7 +100,7 @@ impl Shown {
         let name = format!("{} {motion}", self.verb);
         if self.watch.as_ref().is_none_or(|(of, _)| *of != name) {
             self.clear();
-            self.watch = Some((name.clone(), Watch::start(&name, false)));
+            self.watch = Some((name.clone(), SolveProgress::start(&name, false)));
         }
         self.watch
             .as_ref()
@@ -114,7 +114,7 @@ impl Shown {
     }
 }
 
-impl Drop for Shown {
+impl Drop for SolveDisplay {
     fn drop(&mut self) {
         self.clear();
     }

@@ -1,7 +1,7 @@
 //! `rollwalk design optimise`: searches the best parameters within their bounds.
 
-use super::outcome::{Folder, Outcome};
-use super::{Shown, plan_original, read, report};
+use super::outcome::{DesignOutput, Folder};
+use super::{SolveDisplay, plan_original, read, report};
 use miette::miette;
 use rollwalk_design::optimise;
 use rollwalk_design::plans::RepairOutcome;
@@ -39,19 +39,19 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         designed.all_defined(&original.motions).map_err(report)?;
     }
     let folder = args.folder.open(&designed)?;
-    let shown = RefCell::new(Shown::new("planning"));
+    let shown = RefCell::new(SolveDisplay::new("planning"));
     let watch = &mut |motion: &str, state: &_| shown.borrow_mut().iteration(motion, state);
     let before = plan_original(&designed, watch)?;
     let (start, repairs) = match before.all_solved() {
         Ok(()) => (before.clone(), Vec::new()),
         Err(why) => {
-            output::say(&why);
+            output::print_line(&why);
             shown.borrow_mut().now("repairing");
             match designed.repair(&before, watch).map_err(report)? {
                 RepairOutcome::Feasible { plans, steps } => (*plans, steps),
                 RepairOutcome::Nearest(nearest) => {
                     drop(shown);
-                    output::say(&nearest);
+                    output::print_line(&nearest);
                     return Ok(Exit::DoesNotHold);
                 }
             }
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     let mut after = designed.round_to_steps(last, &predicted, watch).map_err(report)?;
     if !after.all_hold() && last.all_hold() {
-        output::say(
+        output::print_line(
             "after rounding to the steps of the parameters, no robot near the optimum can do the \
              motions: give finer steps",
         );
@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         after = if better { after } else { baseline };
     }
     drop(shown);
-    let mut outcome = Outcome::new("optimise", &designed, Some(&before), &after);
+    let mut outcome = DesignOutput::new("optimise", &designed, Some(&before), &after);
     outcome.repairs = repairs;
     outcome.kept = designed.kept(&after);
     if let Some(found) = found {

@@ -38,7 +38,7 @@ pub struct Folder {
 }
 
 /// Folder whose files can all be written.
-pub struct Place<'a> {
+pub struct OutputFolder<'a> {
     folder: &'a Folder,
     robot: PathBuf,
     /// Names of the motion files, without extension.
@@ -50,7 +50,7 @@ impl Folder {
     ///
     /// # Errors
     /// Returns an error if the operating system refuses, or if a file in the folder is an input.
-    pub fn open(&self, designed: &Designed) -> miette::Result<Place<'_>> {
+    pub fn open(&self, designed: &Designed) -> miette::Result<OutputFolder<'_>> {
         files::make_folder(&self.output)?;
         let robot = Path::new(&designed.file.robot).file_name().unwrap_or_default();
         let robot = self.output.join(robot);
@@ -68,7 +68,7 @@ impl Folder {
         for name in &motions {
             Output::of_source(&self.output.join(format!("{name}.toml")))?;
         }
-        let place = Place { folder: self, robot, motions };
+        let place = OutputFolder { folder: self, robot, motions };
         for file in place.plans().chain(REPORT.map(str::to_owned)) {
             Output::at(&self.output.join(file))?;
         }
@@ -76,7 +76,7 @@ impl Folder {
     }
 }
 
-impl Place<'_> {
+impl OutputFolder<'_> {
     fn plans(&self) -> impl Iterator<Item = String> {
         self.motions.iter().map(|name| format!("{name}.plan.json"))
     }
@@ -87,7 +87,7 @@ impl Place<'_> {
     /// Returns an error if the operating system refuses.
     pub fn write(
         &self,
-        outcome: &Outcome,
+        outcome: &DesignOutput,
         before: Option<&Plans>,
         after: &Plans,
     ) -> miette::Result<Exit> {
@@ -126,7 +126,7 @@ impl Place<'_> {
                 "{text}\nwrote {robot}, with motions, plans, figures and report.md beside it"
             ))?;
         }
-        let holds = outcome.motions.iter().all(Compared::holds);
+        let holds = outcome.motions.iter().all(MotionComparison::holds);
         let is_kept = outcome.kept.iter().all(BoundedQuantity::is_within);
         Ok(match interrupt::requested() {
             true => Exit::Interrupted,
@@ -155,16 +155,16 @@ impl Place<'_> {
 
 /// Results of a design change.
 #[derive(Serialize)]
-pub struct Outcome {
+pub struct DesignOutput {
     command: &'static str,
     design: String,
-    parameters: Vec<Changed>,
+    parameters: Vec<ParameterChange>,
     /// Replaced servos.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub servos: Vec<Swapped>,
+    pub servos: Vec<ServoChange>,
     /// Mass of the robot before and after, kg. `None` for a robot that cannot reach the targets of its motions.
     mass_kg: [Option<f64>; 2],
-    motions: Vec<Compared>,
+    motions: Vec<MotionComparison>,
     /// Deviation of the feature of `keep` from the original motions: after the manual change alone, and after adjusting the
     /// other parameters.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -230,7 +230,7 @@ fn repairs<S: serde::Serializer>(steps: &[repair::Step], serializer: S) -> Resul
 
 /// Parameter before and after.
 #[derive(Serialize)]
-struct Changed {
+struct ParameterChange {
     name: String,
     unit: &'static str,
     before: f64,
@@ -241,7 +241,7 @@ struct Changed {
 
 /// Servo model of an actuator before and after.
 #[derive(Serialize)]
-pub struct Swapped {
+pub struct ServoChange {
     /// Name of the actuator in the robot file.
     pub actuator: String,
     /// Model before.
@@ -252,7 +252,7 @@ pub struct Swapped {
 
 /// Motion before and after.
 #[derive(Serialize)]
-struct Compared {
+struct MotionComparison {
     motion: String,
     consistent: bool,
     /// Verdict on the plan as a sentence.
@@ -265,7 +265,7 @@ struct Compared {
     quantities: Vec<Pair>,
 }
 
-impl Compared {
+impl MotionComparison {
     /// True if the new plan is consistent, and if the motion passes its checks in simulation or needs feedback.
     fn holds(&self) -> bool {
         let simulated = self.simulated[1].is_none_or(|verdict| verdict.holds());
@@ -312,7 +312,7 @@ impl Drift {
     }
 }
 
-impl Outcome {
+impl DesignOutput {
     /// Compares two designs, and plays their plans in the simulated world. `before` is `None` if the original robot cannot
     /// reach the targets of its motions.
     pub fn new(
@@ -322,14 +322,15 @@ impl Outcome {
         after: &Plans,
     ) -> Self {
         let values = designed.original().iter().zip(&after.variant.values);
-        let parameters = designed.file.parameters.iter().zip(values).map(|(of, values)| Changed {
-            name: of.name.clone(),
-            unit: of.place.kind.unit().0,
-            before: *values.0,
-            after: *values.1,
-            min: of.min,
-            max: of.max,
-        });
+        let parameters =
+            designed.file.parameters.iter().zip(values).map(|(of, values)| ParameterChange {
+                name: of.name.clone(),
+                unit: of.place.kind.unit().0,
+                before: *values.0,
+                after: *values.1,
+                min: of.min,
+                max: of.max,
+            });
         let motions = plans_of(before, after).into_iter().zip(after.plans());
         let motions = motions.map(|(before, after)| compared(before, after));
         Self {
@@ -503,7 +504,7 @@ fn plans_of<'p>(before: Option<&'p Plans>, after: &Plans) -> Vec<Option<&'p Plan
     before.chain(std::iter::repeat(None)).take(count).collect()
 }
 
-fn compared(before: Option<&Plan>, after: &Plan) -> Compared {
+fn compared(before: Option<&Plan>, after: &Plan) -> MotionComparison {
     let weights = Weights::default();
     let is_solved = |plan: &&Plan| plan.solve.status.is_solved();
     let of = |quantity: Quantity| {
@@ -520,7 +521,7 @@ fn compared(before: Option<&Plan>, after: &Plan) -> Compared {
     let simulated = |plan: Option<&Plan>| {
         plan.filter(is_solved).and_then(|plan| Verdict::of(plan, |_| !interrupt::requested()))
     };
-    Compared {
+    MotionComparison {
         motion: after.motion.name.clone(),
         consistent: report.judgement.is_good(),
         conclusion: report.words(&after.solve),

@@ -1,6 +1,6 @@
 //! Loop of a drive: reads keys, sticks, plans and frames; sends requests and frames, and draws the screen.
 
-use super::controls::{Controls, Meaning, sticks};
+use super::controls::{Controls, KeyAction, sticks};
 use super::screen::{self, Scene};
 use super::steps::{self, Step};
 use crate::gamepad::reader::Gamepad;
@@ -15,7 +15,7 @@ use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot, Tally}
 use rollwalk_planner::receding::Steering;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::link::LinkArgs;
-use rollwalk_terminal::link::operated::{Operated, say_new};
+use rollwalk_terminal::link::operated_bus::{OperatedBus, print_new_messages};
 use rollwalk_terminal::{Exit, interrupt, output};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -34,14 +34,14 @@ const START_US: u64 = 20_000_000;
 const SILENT_US: u64 = 5_000_000;
 
 /// Result of a drive.
-pub struct Ending {
+pub struct DriveResult {
     pub words: String,
     /// Exit code for scripts.
     pub exit: Exit,
 }
 
 pub struct App<'a> {
-    operated: Operated<'a>,
+    operated: OperatedBus<'a>,
     bus: String,
     steered: SteeredRobot,
     controls: Controls,
@@ -68,7 +68,7 @@ impl<'a> App<'a> {
         catalog: Catalog,
     ) -> Self {
         Self {
-            operated: Operated::new(link, bus, operator),
+            operated: OperatedBus::new(link, bus, operator),
             bus: link.bus.to_string(),
             steered,
             controls,
@@ -90,7 +90,7 @@ impl<'a> App<'a> {
     ///
     /// # Errors
     /// Returns an error if the terminal is gone.
-    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<Ending> {
+    pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<DriveResult> {
         for signal in [SIGINT, SIGTERM] {
             // Fails only for signals that cannot be caught.
             let _ = flag::register(signal, Arc::clone(&self.asked_to_end));
@@ -137,7 +137,7 @@ impl<'a> App<'a> {
     }
 
     /// Arms the robot, steers it by a list of steps, stops and disarms it; prints the events.
-    pub fn steer(&mut self, steps: &[Step], until_s: f64) -> Ending {
+    pub fn steer(&mut self, steps: &[Step], until_s: f64) -> DriveResult {
         self.steered.pilot = Pilot::new(true);
         let (mut said, mut tell_us, mut heard_us) = (None, 0, 0);
         let (mut begun_us, mut over_us, mut is_whole) = (None, None, false);
@@ -162,7 +162,7 @@ impl<'a> App<'a> {
                         &mut self.operated.operator,
                     );
                 } else {
-                    self.steered.pilot.steer(self.controls.wanted_of(steering));
+                    self.steered.pilot.steer(self.controls.request_for(steering));
                 }
             }
             self.turn(now_us);
@@ -170,10 +170,10 @@ impl<'a> App<'a> {
             if view.link.contact {
                 heard_us = now_us;
             }
-            say_new(&mut said, &view.messages);
+            print_new_messages(&mut said, &view.messages);
             if let Some(time_s) = time_s.filter(|_| now_us >= tell_us && over_us.is_none()) {
                 tell_us = now_us + TELL_US;
-                self.tell(now_us, time_s, steering);
+                self.print_progress(now_us, time_s, steering);
             }
             let overtime_us = over_us.map_or(0, |over_us: u64| now_us - over_us);
             if overtime_us > END_US && self.operated.operator.leaving() == ExitStage::No {
@@ -196,7 +196,7 @@ impl<'a> App<'a> {
 
     /// Prints a line of a drive without a terminal. The first time is that of all messages, the second is the time base of
     /// `--steer`.
-    fn tell(&self, now_us: u64, time_s: f64, steering: Steering) {
+    fn print_progress(&self, now_us: u64, time_s: f64, steering: Steering) {
         let [forward, left, turn] = self.steered.pilot.tally().velocity;
         let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
         let line = format!(
@@ -238,10 +238,10 @@ impl<'a> App<'a> {
             let Event::Key(key) = event::read()? else { continue };
             match self.controls.press(now_us, key) {
                 None => {}
-                Some(Meaning::Steered) if self.is_let_go(now_us) => self.controls.rest(),
-                Some(Meaning::Steered) => self.steered.pilot.rise(),
-                Some(Meaning::Stop(after)) => self.stop(after),
-                Some(Meaning::Want(intent)) => self.request(intent),
+                Some(KeyAction::Steered) if self.is_let_go(now_us) => self.controls.rest(),
+                Some(KeyAction::Steered) => self.steered.pilot.rise(),
+                Some(KeyAction::Stop(after)) => self.stop(after),
+                Some(KeyAction::Intent(intent)) => self.request(intent),
             }
         }
         Ok(())
@@ -303,7 +303,7 @@ impl<'a> App<'a> {
     }
 
     /// Returns the result of the drive; `is_whole` is true if all steering steps were completed.
-    fn ending(&mut self, is_whole: bool) -> Ending {
+    fn ending(&mut self, is_whole: bool) -> DriveResult {
         let now_us = self.operated.now_us();
         let view = self.operated.operator.view(now_us);
         let Tally { planned, rejected, least_ahead, .. } = self.steered.pilot.tally();
@@ -322,7 +322,7 @@ impl<'a> App<'a> {
         };
         let Some(status) = view.status else {
             words += "left; the controller never answered";
-            return Ending { words, exit: Exit::NotDone };
+            return DriveResult { words, exit: Exit::NotDone };
         };
         words += &format!("left; the robot is {}", state_name(status.state));
         if has_to_be_cleared(&status) {
@@ -334,7 +334,7 @@ impl<'a> App<'a> {
             true if is_whole => Exit::Ok,
             _ => Exit::NotDone,
         };
-        Ending { words, exit }
+        DriveResult { words, exit }
     }
 }
 

@@ -17,13 +17,13 @@ const AXES: [&str; 3] = ["ABS_Y-", "ABS_X-", "ABS_RX-"];
 
 /// Meaning of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Meaning {
+pub enum KeyAction {
     /// The steering changed.
     Steered,
     /// Stop, go to SAFE, then do what follows.
     Stop(ActionAfterStop),
     /// Request for the robot.
-    Want(Intent),
+    Intent(Intent),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,16 +57,16 @@ impl Controls {
             left_m_s: part(1) * speed_m_s,
             turn_rad_s: part(2) * turn_rad_s,
         };
-        self.wanted_of(steering)
+        self.request_for(steering)
     }
 
     /// Request for a given steering. A robot with a gait walks unless it stands.
-    pub fn wanted_of(&self, steering: Steering) -> SteeringRequest {
+    pub fn request_for(&self, steering: Steering) -> SteeringRequest {
         SteeringRequest::of(steering, self.has_gait && !self.rolls)
     }
 
     /// Returns the meaning of a key that is pressed now. A held key repeats only steering and the emergency stop.
-    pub fn press(&mut self, now_us: u64, key: KeyEvent) -> Option<Meaning> {
+    pub fn press(&mut self, now_us: u64, key: KeyEvent) -> Option<KeyAction> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
@@ -75,20 +75,20 @@ impl Controls {
             || last.is_some_and(|(code, at_us)| {
                 code == key.code && now_us.saturating_sub(at_us) < HELD_US
             });
-        let meaning = self.meaning(key)?;
+        let meaning = self.action(key)?;
         let counts = match meaning {
-            Meaning::Steered => key.code != KeyCode::Char('g'),
-            meaning => meaning == Meaning::Want(Intent::Estop),
+            KeyAction::Steered => key.code != KeyCode::Char('g'),
+            meaning => meaning == KeyAction::Intent(Intent::Estop),
         };
         (counts || !is_held).then_some(meaning)
     }
 
-    fn meaning(&mut self, key: KeyEvent) -> Option<Meaning> {
+    fn action(&mut self, key: KeyEvent) -> Option<KeyAction> {
         let is_command = key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT);
         Some(match key.code {
-            KeyCode::Esc | KeyCode::Char(' ') => Meaning::Want(Intent::Estop),
+            KeyCode::Esc | KeyCode::Char(' ') => KeyAction::Intent(Intent::Estop),
             KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => {
-                Meaning::Stop(ActionAfterStop::Leave)
+                KeyAction::Stop(ActionAfterStop::Leave)
             }
             _ if is_command => return None,
             KeyCode::Up => self.step(0, 1.0),
@@ -99,24 +99,24 @@ impl Controls {
             KeyCode::Char('.') => self.step(1, -1.0),
             KeyCode::Char('x') => {
                 self.rest();
-                Meaning::Steered
+                KeyAction::Steered
             }
             KeyCode::Char('g') if self.has_gait => {
                 self.rolls = !self.rolls;
-                Meaning::Steered
+                KeyAction::Steered
             }
-            KeyCode::Char('r') => Meaning::Stop(ActionAfterStop::Rest),
-            KeyCode::Char('d') => Meaning::Stop(ActionAfterStop::Disarm),
-            KeyCode::Char('q') => Meaning::Stop(ActionAfterStop::Leave),
-            KeyCode::Char('a') => Meaning::Want(Intent::Arm),
-            KeyCode::Char('c') => Meaning::Want(Intent::Clear),
+            KeyCode::Char('r') => KeyAction::Stop(ActionAfterStop::Rest),
+            KeyCode::Char('d') => KeyAction::Stop(ActionAfterStop::Disarm),
+            KeyCode::Char('q') => KeyAction::Stop(ActionAfterStop::Leave),
+            KeyCode::Char('a') => KeyAction::Intent(Intent::Arm),
+            KeyCode::Char('c') => KeyAction::Intent(Intent::Clear),
             _ => return None,
         })
     }
 
-    fn step(&mut self, c: usize, by: f64) -> Meaning {
+    fn step(&mut self, c: usize, by: f64) -> KeyAction {
         self.steps[c] = (self.steps[c] + by).clamp(-STEPS, STEPS);
-        Meaning::Steered
+        KeyAction::Steered
     }
 }
 
@@ -137,7 +137,7 @@ mod tests {
 
     const FASTEST: Fastest = Fastest { speed_m_s: 0.2, turn_rad_s: 0.5 };
 
-    fn press(controls: &mut Controls, code: KeyCode) -> Option<Meaning> {
+    fn press(controls: &mut Controls, code: KeyCode) -> Option<KeyAction> {
         controls.press(10_000_000, KeyEvent::new(code, KeyModifiers::NONE))
     }
 
@@ -155,11 +155,11 @@ mod tests {
         assert_eq!(controls.request([0.0; 3]), SteeringRequest::default());
         assert_eq!(
             press(&mut controls, KeyCode::Char('q')),
-            Some(Meaning::Stop(ActionAfterStop::Leave))
+            Some(KeyAction::Stop(ActionAfterStop::Leave))
         );
         // Held, it is pressed once.
         assert_eq!(press(&mut controls, KeyCode::Char('q')), None);
-        let stop = Some(Meaning::Want(Intent::Estop));
+        let stop = Some(KeyAction::Intent(Intent::Estop));
         assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
         assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
     }

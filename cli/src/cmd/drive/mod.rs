@@ -9,7 +9,7 @@ mod tests;
 
 use crate::cmd::console::app::{terminal_gone, watch};
 use crate::gamepad::reader::Gamepad;
-use app::{App, Ending};
+use app::{App, DriveResult};
 use controls::Controls;
 use miette::miette;
 use ratatui::{TerminalOptions, Viewport};
@@ -18,8 +18,8 @@ use rollwalk_host::operator::Operator;
 use rollwalk_host::session::SessionError;
 use rollwalk_pilot::{Pilot, SteeredRobot};
 use rollwalk_terminal::inputs::number_within;
-use rollwalk_terminal::link::steering::{GIVE_GAIT, Prepared, SteeringArgs};
-use rollwalk_terminal::link::{LinkArgs, cannot_open, ended};
+use rollwalk_terminal::link::steering::{GIVE_GAIT, SteeringArgs, SteeringInputs};
+use rollwalk_terminal::link::{LinkArgs, cannot_open, report_failure};
 use rollwalk_terminal::{Exit, interrupt, output};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let prepared = args.steering.prepare(&args.library, args.robot.as_deref())?;
     prepared.check_goes().map_err(|why| miette!(help = GIVE_GAIT, "{why}"))?;
-    let Prepared { route, fastest, catalog } = prepared;
+    let SteeringInputs { route, fastest, catalog } = prepared;
     let gamepad =
         args.gamepad.as_deref().map(|device| Gamepad::open(device, args.mapping.as_deref()));
     let gamepad = gamepad.transpose()?;
@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
-        return Ok(ended(&args.link, &SessionError::HasHost { node: node.number() }));
+        return Ok(report_failure(&args.link, &SessionError::HasHost { node: node.number() }));
     }
     let mut operator = Operator::new(peer, Some(catalog.config_hash));
     if !needs_terminal {
@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let steered = SteeredRobot::new(Pilot::new(false), route, args.steering.budget());
     let mut app = App::new(&args.link, bus, operator, steered, controls, catalog);
     if let Some(until_s) = args.until.filter(|_| !needs_terminal) {
-        interrupt::listen();
+        interrupt::install_handler();
         return Ok(exit(app.steer(&args.steer, until_s)));
     }
     app.gamepad = gamepad;
@@ -120,7 +120,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let viewport = Viewport::Inline(screen::HEIGHT);
     let terminal = ratatui::try_init_with_options(TerminalOptions { viewport })
         .map_err(|error| miette!("the terminal cannot be used: {error}"))?;
-    let mut terminal = Restored(terminal);
+    let mut terminal = RestoredTerminal(terminal);
     let outcome = app.run(&mut terminal.0);
     drop(terminal);
     Ok(match outcome {
@@ -130,15 +130,15 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 /// Terminal that is restored on drop.
-struct Restored(ratatui::DefaultTerminal);
+struct RestoredTerminal(ratatui::DefaultTerminal);
 
-impl Drop for Restored {
+impl Drop for RestoredTerminal {
     fn drop(&mut self) {
         ratatui::restore();
     }
 }
 
-fn exit(ending: Ending) -> Exit {
-    output::say(&ending.words);
+fn exit(ending: DriveResult) -> Exit {
+    output::print_line(&ending.words);
     ending.exit
 }

@@ -13,8 +13,8 @@ use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{Node, State};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_terminal::inputs::Source;
-use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::planning;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use std::sync::Arc;
 const S: u64 = 1_000_000;
 
 /// Simulated robot with an operator and a pilot.
-struct Drive {
+struct SteeredRig {
     rig: Rig,
     operator: Operator,
     pilot: Pilot,
@@ -33,7 +33,7 @@ struct Drive {
     planned: Option<(u64, Request, Result<Stretch, CourseError>)>,
 }
 
-impl Drive {
+impl SteeredRig {
     /// Creates AgileBot with its library and the gait of a shipped motion.
     fn new(gait: &str) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shipped");
@@ -42,7 +42,8 @@ impl Drive {
         let plans =
             planning::plan_all(&library, false).expect("files").expect("it is not interrupted");
         let built = plans.pack(&library).expect("it holds");
-        let packed = Packed::new(library.robot.clone(), built.bytes).expect("it was just built");
+        let packed =
+            ValidatedLibrary::new(library.robot.clone(), built.bytes).expect("it was just built");
         let motion = Source::Disk.motion(&root.join(format!("motions/{gait}.toml")));
         let (robot, motion) = motion.expect("it ships");
         let options = Options { refine: false, ..Options::default() };
@@ -124,7 +125,7 @@ impl Drive {
     }
 
     /// Position of the body along and across the heading at the start, m, and its heading, rad.
-    fn place(&self) -> [f64; 3] {
+    fn body_pose(&self) -> [f64; 3] {
         let (position, rotation) = self.rig.body().ground().expect("on the ground").world().base();
         [position.x, position.y, rotation[(1, 0)].atan2(rotation[(0, 0)])]
     }
@@ -136,19 +137,19 @@ impl Drive {
 
 #[test]
 fn a_steered_robot_walks_as_it_is_steered_and_goes_home() {
-    let mut drive = Drive::new("walk");
+    let mut drive = SteeredRig::new("walk");
     drive.steer(0.1, 0.0);
     drive.run(3 * S);
-    let before = drive.place();
+    let before = drive.body_pose();
     drive.run(5 * S);
-    let after = drive.place();
+    let after = drive.body_pose();
     let speed = (after[0] - before[0]).hypot(after[1] - before[1]) / 5.0;
     assert!((speed - 0.1).abs() < 0.03, "{speed} m/s");
     drive.steer(0.0, 0.3);
     drive.run(2 * S);
-    let before = drive.place();
+    let before = drive.body_pose();
     drive.run(3 * S);
-    let turn = (drive.place()[2] - before[2]) / 3.0;
+    let turn = (drive.body_pose()[2] - before[2]) / 3.0;
     assert!((turn - 0.3).abs() < 0.1, "{turn} rad/s");
     let now_us = drive.now_us();
     drive.pilot.stop(now_us, ActionAfterStop::Leave, &mut drive.operator);
@@ -162,7 +163,7 @@ fn a_steered_robot_walks_as_it_is_steered_and_goes_home() {
 
 #[test]
 fn a_plan_that_comes_too_late_holds_the_robot_and_one_that_never_comes_lets_it_down() {
-    let mut drive = Drive::new("walk");
+    let mut drive = SteeredRig::new("walk");
     drive.steer(0.1, 0.0);
     drive.run(2 * S);
     // Later than what was ahead, by less than what the controller waits.
@@ -183,7 +184,7 @@ fn a_plan_that_comes_too_late_holds_the_robot_and_one_that_never_comes_lets_it_d
 
 #[test]
 fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
-    let mut drive = Drive::new("walk");
+    let mut drive = SteeredRig::new("walk");
     drive.steer(0.1, 0.0);
     drive.run(2 * S);
     drive.operator.request(drive.now_us(), Intent::Estop);
@@ -198,16 +199,16 @@ fn after_an_emergency_stop_it_is_cleared_armed_and_steered_again() {
     drive.pilot.rise();
     drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
     drive.steer(0.1, 0.0);
-    let before = drive.place();
+    let before = drive.body_pose();
     drive.run(4 * S);
-    let after = drive.place();
+    let after = drive.body_pose();
     assert!((after[0] - before[0]).hypot(after[1] - before[1]) > 0.2);
     assert_eq!(drive.state(), State::Streaming);
 }
 
 #[test]
 fn a_stream_that_another_program_ends_is_not_begun_again_by_itself() {
-    let mut drive = Drive::new("walk");
+    let mut drive = SteeredRig::new("walk");
     drive.operator.request(drive.now_us(), Intent::Return);
     drive.run_until(10 * S, |drive| drive.state() == State::Ready);
     drive.steer(0.1, 0.0);
@@ -220,7 +221,7 @@ fn a_stream_that_another_program_ends_is_not_begun_again_by_itself() {
 #[test]
 fn a_robot_whose_deadman_is_let_go_goes_home_on_its_feet() {
     for let_go in [ReleaseReaction::Pause, ReleaseReaction::Return] {
-        let mut drive = Drive::new("walk");
+        let mut drive = SteeredRig::new("walk");
         drive.operator.request(drive.now_us(), Intent::Deadman(Deadman::Held));
         drive.steer(0.1, 0.0);
         drive.run(2 * S);

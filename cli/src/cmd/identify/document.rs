@@ -1,6 +1,6 @@
 //! Identification results as JSON.
 
-use super::outcome::{self, Outcome};
+use super::outcome::{self, IdentificationOutcome};
 use rollwalk_simulate::identify::{
     CombinedQuantity, FittedQuantity, Quality, QuantityVerdict, Signal,
 };
@@ -10,15 +10,15 @@ use serde::Serialize;
 #[derive(Serialize)]
 pub struct Document<'a> {
     /// Parameters from all runs combined.
-    parameters: Vec<Together<'a>>,
+    parameters: Vec<CombinedParameter<'a>>,
     /// Runs, each fitted separately.
     runs: Vec<Run<'a>>,
     /// Runs that were not fitted, only predicted.
-    others: Vec<Other<'a>>,
+    others: Vec<PredictedRun<'a>>,
 }
 
 #[derive(Serialize)]
-struct Together<'a> {
+struct CombinedParameter<'a> {
     #[serde(flatten)]
     of: Parameter,
     /// Standard deviation of the value between runs, beyond the effect of noise (τ). `None` if fewer than two runs determine
@@ -49,7 +49,7 @@ struct Run<'a> {
     /// Root mean squares over the predicted part of the run.
     predicted: Vec<Fit>,
     /// Errors after the first quarter, with the values of this run and with those of all runs; empty for a single run.
-    compared: Vec<Compared>,
+    compared: Vec<SignalErrors>,
     begin_s: f64,
     predicted_from_s: f64,
     end_s: f64,
@@ -59,7 +59,7 @@ struct Run<'a> {
 }
 
 #[derive(Serialize)]
-struct Other<'a> {
+struct PredictedRun<'a> {
     run: &'a str,
     predicted: Vec<Fit>,
 }
@@ -75,7 +75,7 @@ pub struct Fit {
 
 /// Root mean squares of a signal with the original values, with those of the run alone, and with those of all runs.
 #[derive(Serialize)]
-pub struct Compared {
+pub struct SignalErrors {
     pub signal: &'static str,
     pub unit: &'static str,
     pub before: Option<f64>,
@@ -85,8 +85,8 @@ pub struct Compared {
 
 impl<'a> Document<'a> {
     /// Converts an outcome to a document.
-    pub fn new(of: &'a Outcome) -> Self {
-        let together = |combined: &'a CombinedQuantity| Together {
+    pub fn new(of: &'a IdentificationOutcome) -> Self {
+        let together = |combined: &'a CombinedQuantity| CombinedParameter {
             of: Parameter::new(&combined.found),
             between_runs: combined.between,
             runs: of.names(combined),
@@ -95,7 +95,7 @@ impl<'a> Document<'a> {
         Self {
             parameters: of.together.combined.iter().map(together).collect(),
             runs: of.fits.iter().map(Run::new).collect(),
-            others: others.map(|(run, of)| Other { run, predicted: fits(of) }).collect(),
+            others: others.map(|(run, of)| PredictedRun { run, predicted: fits(of) }).collect(),
         }
     }
 }
@@ -144,10 +144,10 @@ pub fn fits(of: &[Option<Quality>; 2]) -> Vec<Fit> {
 }
 
 /// Root mean squares with the original values, with those of a run, and with those of all runs, for each measured signal.
-pub fn compared(of: &[Option<Quality>; 3]) -> Vec<Compared> {
+pub fn compared(of: &[Option<Quality>; 3]) -> Vec<SignalErrors> {
     let compared = |row: Row<3>| {
         let Row { signal, unit, rms: [before, alone, together] } = row;
-        Compared { signal, unit, before, alone, together }
+        SignalErrors { signal, unit, before, alone, together }
     };
     rows(of).map(compared).collect()
 }

@@ -10,7 +10,7 @@ mod source;
 use document::Document;
 use indicatif::ProgressBar;
 use miette::{Report, miette};
-use outcome::{Outcome, Unfitted};
+use outcome::{IdentificationOutcome, RejectedRun};
 use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{FitError, Kind, Quantity, Stage};
 use rollwalk_terminal::files::{self, Output};
@@ -79,21 +79,21 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let runs = runs::read(&args.runs, &robot, &args.from, &args.to)?;
     let others = runs::read_others(&args.predict, &robot)?;
     let place = Output::of_source(&args.output)?;
-    interrupt::listen();
+    interrupt::install_handler();
     let (bar, lines) = (ProgressBar::new_spinner(), Lines::begin());
     let watch = |run: &str, stage: &Stage| {
         let Stage { what, horizon_s, rollouts } = stage;
         let at = format!("{run}: {what}, {horizon_s:.1} s, rollout {rollouts}");
-        lines.say(&at);
+        lines.print(&at);
         bar.set_message(at);
         bar.tick();
         !interrupt::requested()
     };
-    let outcome = Outcome::new(&robot, &quantities, runs, others, watch);
+    let outcome = IdentificationOutcome::new(&robot, &quantities, runs, others, watch);
     bar.finish_and_clear();
     let outcome = match outcome {
         Ok(outcome) => outcome,
-        Err(Unfitted { reason: FitError::Ended, .. }) => return Ok(Exit::Interrupted),
+        Err(RejectedRun { reason: FitError::Ended, .. }) => return Ok(Exit::Interrupted),
         Err(unfitted) => return Err(unfit(&unfitted)),
     };
     for of in &outcome.together.combined {
@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(Exit::Ok)
 }
 
-fn unfit(Unfitted { path, reason }: &Unfitted) -> Report {
+fn unfit(RejectedRun { path, reason }: &RejectedRun) -> Report {
     let path = path.display();
     let help = match reason {
         FitError::Soft(_) => {

@@ -8,7 +8,7 @@ use rollwalk_simulate::identify::{
 };
 use std::path::PathBuf;
 
-pub struct Outcome {
+pub struct IdentificationOutcome {
     pub fits: Vec<Fit>,
     /// Combined fit of all runs; for a single run, its own fit.
     pub together: CombinedFit,
@@ -26,12 +26,12 @@ pub struct Fit {
 }
 
 /// Run that cannot be fitted.
-pub struct Unfitted {
+pub struct RejectedRun {
     pub path: PathBuf,
     pub reason: FitError,
 }
 
-impl Outcome {
+impl IdentificationOutcome {
     /// Fits the runs and simulates the others. `goes_on` is called for each rollout with the name of its run; returning `false`
     /// ends the search.
     ///
@@ -43,7 +43,7 @@ impl Outcome {
         runs: Vec<Run>,
         others: Vec<Run>,
         goes_on: impl Fn(&str, &Stage) -> bool,
-    ) -> Result<Self, Unfitted> {
+    ) -> Result<Self, RejectedRun> {
         let options = Options::default();
         let watch = |run: &Run| {
             let (name, goes_on) = (run.name.clone(), &goes_on);
@@ -51,7 +51,7 @@ impl Outcome {
         };
         let unfitted = |run: &Run| {
             let path = run.path.clone();
-            |reason| Unfitted { path, reason }
+            |reason| RejectedRun { path, reason }
         };
         let mut found = Vec::new();
         for run in &runs {

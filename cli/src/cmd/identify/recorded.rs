@@ -12,10 +12,10 @@ use rollwalk_host::traces::{self, Motor, Traces};
 use rollwalk_protocol::actuators::bus::Bus;
 use rollwalk_robot::Robot;
 use rollwalk_simulate::identify::{DriveSeries, Recording, RequestedSpan, Series, TableError};
-use rollwalk_terminal::files::{self, Named};
+use rollwalk_terminal::files::{self, PathSource};
 use rollwalk_terminal::kind::Kind;
 use rollwalk_terminal::output;
-use rollwalk_terminal::packed::channel_names;
+use rollwalk_terminal::validated_library::channel_names;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -26,7 +26,7 @@ const MCAP: &[u8] = b"\x89MCAP0\r\n";
 /// # Errors
 /// Returns an error if the file cannot be read, or lacks data that a fit needs.
 pub fn read(path: &Path, robot: &Robot, wanted_s: RequestedSpan) -> miette::Result<Recording> {
-    let read = files::read_by(path, Named::ByUser, |_| Kind::Run)?;
+    let read = files::read_by(path, PathSource::ByUser, |_| Kind::Run)?;
     if read.0.starts_with(MCAP) {
         let config = robot.controller_config().into_diagnostic()?;
         let traces = traces::of_mcap(&read.0, &config, &channel_names(robot));
@@ -85,14 +85,14 @@ fn of_log(
     let config = robot.controller_config().into_diagnostic()?;
     let log = candump::read(text).map_err(|error| miette!("{error}"))?;
     if log.foreign > 0 {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "{}: left out {} frames of CAN FD or CAN XL, which drives of the Rollwalk servo profile do not send",
             path.display(),
             log.foreign
         ));
     }
     if let Some(cut) = &log.cut {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "{}:{}: left out the last line, which was cut off",
             path.display(),
             cut.line

@@ -1,7 +1,7 @@
 //! Report of the identification as text.
 
 use super::document::{compared, fits};
-use super::outcome::{Fit, Outcome};
+use super::outcome::{Fit, IdentificationOutcome};
 use super::source::rounded;
 use rollwalk_simulate::identify::{CombinedQuantity, FittedQuantity, Quality, QuantityVerdict};
 use rollwalk_terminal::output::Table;
@@ -18,7 +18,7 @@ deviations are rough: record another motion.";
 const SEVERAL_RUNS: &str = "These deviations contain the differences between the runs, but not \
 errors of the model that are the same in all runs.";
 
-pub fn describe(outcome: &Outcome) -> String {
+pub fn describe(outcome: &IdentificationOutcome) -> String {
     let mut parts: Vec<String> = Vec::new();
     let heads = outcome.fits.iter().map(head).collect::<Vec<_>>();
     parts.push(heads.join("\n"));
@@ -56,7 +56,7 @@ fn head(of: &Fit) -> String {
 }
 
 /// Table of the values for the robot file, with their standard deviation between runs.
-fn parameters(outcome: &Outcome) -> String {
+fn parameters(outcome: &IdentificationOutcome) -> String {
     let is_one = outcome.fits.len() == 1;
     let mut titles = vec!["parameter", "before", "fitted", "±", "between runs", "unit", "verdict"];
     if is_one {
@@ -68,12 +68,12 @@ fn parameters(outcome: &Outcome) -> String {
         let mut row = vec![
             of.quantity.name(),
             rounded(of.before, 0.0).to_string(),
-            known(of, of.fitted),
-            known(of, of.deviation),
+            significant(of, of.fitted),
+            significant(of, of.deviation),
         ];
         if !is_one {
             let between = combined.between;
-            row.push(between.map_or("–".to_owned(), |between| known(of, between)));
+            row.push(between.map_or("–".to_owned(), |between| significant(of, between)));
         }
         row.push(of.quantity.kind.label().1.to_owned());
         row.push(sentence(combined, outcome));
@@ -83,7 +83,7 @@ fn parameters(outcome: &Outcome) -> String {
 }
 
 /// Formats a value with the digits that are significant at its deviation.
-fn known(of: &FittedQuantity, value: f64) -> String {
+fn significant(of: &FittedQuantity, value: f64) -> String {
     if of.deviation.is_finite() {
         rounded(value, of.deviation).to_string()
     } else {
@@ -92,7 +92,7 @@ fn known(of: &FittedQuantity, value: f64) -> String {
 }
 
 /// Verdict on a parameter as a phrase.
-fn sentence(combined: &CombinedQuantity, outcome: &Outcome) -> String {
+fn sentence(combined: &CombinedQuantity, outcome: &IdentificationOutcome) -> String {
     let of = &combined.found;
     let is_along = of.quantity.kind.is_along();
     let verdict = match of.verdict {
@@ -120,14 +120,14 @@ fn sentence(combined: &CombinedQuantity, outcome: &Outcome) -> String {
 }
 
 /// Table with a column for each run.
-fn each_alone(outcome: &Outcome) -> String {
+fn each_alone(outcome: &IdentificationOutcome) -> String {
     let runs = outcome.fits.iter().map(|of| of.run.clone());
     let mut rows = vec![["each run alone".to_owned()].into_iter().chain(runs).collect::<Vec<_>>()];
     for combined in &outcome.together.combined {
         let quantity = &combined.found.quantity;
-        let cell = |fit: &Fit| match found(fit, combined) {
+        let cell = |fit: &Fit| match fitted_quantity(fit, combined) {
             Some(of) if of.deviation.is_finite() => {
-                format!("{} ± {}", known(of, of.fitted), known(of, of.deviation))
+                format!("{} ± {}", significant(of, of.fitted), significant(of, of.deviation))
             }
             _ => "–".to_owned(),
         };
@@ -137,7 +137,7 @@ fn each_alone(outcome: &Outcome) -> String {
     Table::from(rows).render()
 }
 
-fn found<'f>(fit: &'f Fit, combined: &CombinedQuantity) -> Option<&'f FittedQuantity> {
+fn fitted_quantity<'f>(fit: &'f Fit, combined: &CombinedQuantity) -> Option<&'f FittedQuantity> {
     fit.found.found.iter().find(|of| of.quantity == combined.found.quantity)
 }
 
@@ -256,7 +256,7 @@ mod tests {
 
     /// Outcome of runs with a friction and its deviation, for a robot with an original friction of 0.8. Only the last run
     /// determines the delay.
-    fn outcome(runs: &[(&str, f64, f64)]) -> Outcome {
+    fn outcome(runs: &[(&str, f64, f64)]) -> IdentificationOutcome {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shipped/robots/agilebot.toml");
         let robot = Robot::from_toml("agilebot", &std::fs::read_to_string(path).unwrap()).unwrap();
         let quality = |rms| Some(Quality { rms: vec![(Signal::Position, rms)] });
@@ -290,10 +290,14 @@ mod tests {
             found,
             compared: compared.clone(),
         });
-        Outcome { fits: fits.collect(), together, others: vec![("trot.csv".into(), [None, None])] }
+        IdentificationOutcome {
+            fits: fits.collect(),
+            together,
+            others: vec![("trot.csv".into(), [None, None])],
+        }
     }
 
-    fn json_of(outcome: &Outcome) -> Value {
+    fn json_of(outcome: &IdentificationOutcome) -> Value {
         serde_json::to_value(Document::new(outcome)).unwrap()
     }
 

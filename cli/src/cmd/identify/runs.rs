@@ -25,7 +25,7 @@ pub fn read(
     from_s: &[f64],
     to_s: &[f64],
 ) -> miette::Result<Vec<Run>> {
-    let wanted_s = wanted(paths.len(), from_s, to_s)?;
+    let wanted_s = requested_spans(paths.len(), from_s, to_s)?;
     let mut runs: Vec<Run> = Vec::new();
     for ((path, name), wanted_s) in paths.iter().zip(names(paths)).zip(wanted_s) {
         let recording = recorded::read(path, robot, wanted_s)?;
@@ -62,7 +62,11 @@ fn is_same(run: &Run, path: &Path, recording: &Recording) -> bool {
 }
 
 /// Times from `--from` and `--to` for each run.
-fn wanted(runs: usize, from_s: &[f64], to_s: &[f64]) -> miette::Result<Vec<RequestedSpan>> {
+fn requested_spans(
+    runs: usize,
+    from_s: &[f64],
+    to_s: &[f64],
+) -> miette::Result<Vec<RequestedSpan>> {
     let each = |option: &str, times_s: &[f64]| match times_s {
         [] => Ok(vec![None; runs]),
         [of_all] => Ok(vec![Some(*of_all); runs]),
@@ -111,11 +115,11 @@ mod tests {
 
     #[test]
     fn times_are_of_all_runs_or_of_each() {
-        assert_eq!(wanted(2, &[], &[]).unwrap(), [[None; 2]; 2]);
-        assert_eq!(wanted(2, &[0.3], &[]).unwrap(), [[Some(0.3), None]; 2]);
-        let each = wanted(2, &[0.3, 1.0], &[8.0]).unwrap();
+        assert_eq!(requested_spans(2, &[], &[]).unwrap(), [[None; 2]; 2]);
+        assert_eq!(requested_spans(2, &[0.3], &[]).unwrap(), [[Some(0.3), None]; 2]);
+        let each = requested_spans(2, &[0.3, 1.0], &[8.0]).unwrap();
         assert_eq!(each, [[Some(0.3), Some(8.0)], [Some(1.0), Some(8.0)]]);
-        let error = wanted(3, &[], &[0.3, 1.0]).unwrap_err();
+        let error = requested_spans(3, &[], &[0.3, 1.0]).unwrap_err();
         assert_eq!(error.to_string(), "--to is given 2 times for 3 runs");
         assert!(error.help().unwrap().to_string().contains("once for each run"));
     }

@@ -150,7 +150,7 @@ impl Change<'_> {
                 let parts = parts.iter_mut().filter_map(Value::as_inline_table_mut);
                 parts.filter_map(|part| part.get_mut(self.key)).for_each(&mut scale);
                 if let Some(mut key) = table.key_mut("parts") {
-                    self.tell_above(key.leaf_decor_mut());
+                    self.comment_above(key.leaf_decor_mut());
                 }
                 return;
             }
@@ -162,7 +162,7 @@ impl Change<'_> {
                         .for_each(&mut scale);
                 }
                 if let Some(first) = parts.get_mut(0) {
-                    self.tell_above(first.decor_mut());
+                    self.comment_above(first.decor_mut());
                 }
                 return;
             }
@@ -175,7 +175,7 @@ impl Change<'_> {
     }
 
     /// Writes a comment on the scaling in a line above the masses of the parts.
-    fn tell_above(&self, decor: &mut Decor) {
+    fn comment_above(&self, decor: &mut Decor) {
         let before = decor.prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
         let kept: String = before
             .lines()

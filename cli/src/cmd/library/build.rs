@@ -6,8 +6,8 @@ use crate::signing;
 use rollwalk_terminal::files::Output;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names;
-use rollwalk_terminal::packed::Packed;
 use rollwalk_terminal::planning::{PlanOutcome, Plans, plan_all};
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -49,7 +49,7 @@ pub struct Args {
 
 /// Output of `--json`.
 #[derive(Serialize)]
-struct Outcome<'a> {
+struct BuildOutput<'a> {
     robot: &'a str,
     /// Path of the library; null if a plan is not consistent, or if a motion failed its checks in simulation.
     library: Option<&'a PathBuf>,
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let converged = plans.failures().is_empty();
     let bytes = if converged { plans.pack(&library)?.bytes } else { Vec::new() };
     let packed = match converged {
-        true => Some(Packed::new(library.robot.clone(), bytes.clone())?),
+        true => Some(ValidatedLibrary::new(library.robot.clone(), bytes.clone())?),
         false => None,
     };
     let ways = planned::of(&plans);
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return Ok(Exit::Interrupted);
     }
     let holds = converged && simulation.as_ref().is_none_or(|run| run.misses().is_empty());
-    let taken_back = planned::taken_back(&plans);
+    let taken_back = planned::undone_goals(&plans);
     if let Some(packed) = packed.filter(|_| holds) {
         match &key {
             Some(key) => place.write(&signing::signed(&bytes, key))?,
@@ -91,12 +91,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         }
         // So that tools know the motions by name wherever the library is flashed to.
         let catalog = packed.catalog();
-        names::keep(&catalog);
-        planned::keep(catalog.library, &ways);
+        names::cache(&catalog);
+        planned::cache(catalog.library, &ways);
     }
     let written = holds.then_some(&args.output);
     if args.json {
-        output::print_json(&Outcome {
+        output::print_json(&BuildOutput {
             robot: &library.robot.name,
             library: written,
             bytes: bytes.len(),
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             taken_back,
         })?;
     } else {
-        output::say_warnings(&taken_back);
+        output::print_warnings(&taken_back);
         place.comment(&describe(&plans, simulation.as_ref(), written, bytes.len()))?;
     }
     Ok(if holds { Exit::Ok } else { Exit::DoesNotHold })

@@ -4,7 +4,7 @@ use crate::signing::{self, Fingerprint};
 use rollwalk_protocol::library::{EdgeId, Library, NodeId, RATE_HZ};
 use rollwalk_robot::Robot;
 use rollwalk_terminal::output::Table;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -47,12 +47,12 @@ struct Content {
     channels: usize,
     torques: bool,
     safe: String,
-    motions: Vec<Motion>,
+    motions: Vec<MotionEntry>,
     transitions: Vec<Transition>,
 }
 
 #[derive(Serialize)]
-struct Motion {
+struct MotionEntry {
     name: String,
     code: Option<u8>,
     frames: u16,
@@ -74,7 +74,7 @@ struct Transition {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let packed = Packed::read(&args.library, args.robot.as_deref())?;
+    let packed = ValidatedLibrary::read(&args.library, args.robot.as_deref())?;
     let content = content(&packed.robot, &packed.library(), signing::signer(&packed.file));
     if args.json {
         output::print_json(&content)?;
@@ -89,7 +89,7 @@ fn content(robot: &Robot, library: &Library, signer: Option<Fingerprint>) -> Con
     let seconds = |frames: u16| f64::from(frames) / f64::from(RATE_HZ);
     let motion = |node: NodeId| {
         let clip = library.clip(node.clip())?;
-        Some(Motion {
+        Some(MotionEntry {
             name: name(node),
             code: clip.code,
             frames: clip.frames,

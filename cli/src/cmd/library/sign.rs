@@ -3,7 +3,7 @@
 use crate::signing::{self, Fingerprint};
 use rollwalk_terminal::Exit;
 use rollwalk_terminal::files::Output;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use std::path::PathBuf;
 
 /// Sign a motion library, for controllers that play only signed ones.
@@ -35,7 +35,7 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    let packed = Packed::read(&args.library, args.robot.as_deref())?;
+    let packed = ValidatedLibrary::read(&args.library, args.robot.as_deref())?;
     let key = signing::private_key(&args.key)?;
     let place = Output::at(&args.output)?;
     let signed = signing::signed(packed.library().bytes(), &key);

@@ -10,12 +10,12 @@ use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::transport::Hello;
 
 /// Link that records every frame with its time, µs since 1970.
-struct Kept<'a, B> {
+struct RecordingLink<'a, B> {
     bus: &'a mut B,
     frames: &'a mut Vec<(u64, Frame)>,
 }
 
-impl<B: LinkBus> LinkBus for Kept<'_, B> {
+impl<B: LinkBus> LinkBus for RecordingLink<'_, B> {
     fn now_us(&self) -> u64 {
         self.bus.now_us()
     }
@@ -45,7 +45,7 @@ pub fn identity(
     end_us: u64,
     frames: &mut Vec<(u64, Frame)>,
 ) -> Option<Hello> {
-    let mut bus = Kept { bus, frames };
+    let mut bus = RecordingLink { bus, frames };
     let now_us = bus.now_us();
     let timeout_us = listener::PAUSE_TIMEOUT_US.min(end_us.saturating_sub(now_us));
     let listener = listener::find_pause(&mut bus, Listener::new(now_us, node), timeout_us).ok()?;

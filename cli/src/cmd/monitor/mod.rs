@@ -20,7 +20,7 @@ use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
 use rollwalk_terminal::link::{Interruptible, LinkArgs};
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -91,7 +91,7 @@ struct Line<'a> {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let packed = match &args.names.library {
-        Some(path) => Some(Packed::read(path, args.names.robot.as_deref())?),
+        Some(path) => Some(ValidatedLibrary::read(path, args.names.robot.as_deref())?),
         None => None,
     };
     let config = packed.as_ref().map(|packed| packed.robot.controller_config()).transpose();
@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut bus = args.link.open()?;
     if let (Some(path), None) = (&args.mcap, &packed) {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "{} will lack /planned_joint_states; to add this topic, give --library LIB.rwl",
             path.display()
         ));
@@ -152,7 +152,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 /// Robot that Foxglove displays: that of the robot file, or of the library.
 fn shown_robot(
     args: &Args,
-    packed: Option<&Packed>,
+    packed: Option<&ValidatedLibrary>,
 ) -> miette::Result<Option<(Robot, Vec<Vec<Solid>>)>> {
     if !args.live.is_asked_for() {
         return Ok(None);
@@ -174,7 +174,7 @@ fn since_1970_us() -> u64 {
 
 fn known<'a>(
     catalog: Option<&'a Catalog>,
-    packed: Option<&'a Packed>,
+    packed: Option<&'a ValidatedLibrary>,
     config: Option<&'a RobotConfig>,
 ) -> Option<RobotContext<'a>> {
     let library = packed.zip(config).map(|(packed, config)| (packed.library(), config));
@@ -202,7 +202,7 @@ fn listen(
                 let why = bus
                     .fault_and_remedy()
                     .unwrap_or_else(|| "check that the robot is switched on".into());
-                output::say(format_args!("no frames on {}: {why}", args.link.bus));
+                output::print_line(format_args!("no frames on {}: {why}", args.link.bus));
                 monitor.keep()?;
                 // Once is enough.
                 silent_us = u64::MAX;

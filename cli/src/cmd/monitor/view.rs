@@ -63,7 +63,7 @@ impl<'a> View<'a> {
             && (to.number() == node || to == Node::BROADCAST)
         {
             match message {
-                ToController::Estop => self.say(at_us, "EMERGENCY STOP is sent")?,
+                ToController::Estop => self.print_event(at_us, "EMERGENCY STOP is sent")?,
                 // Shown with its answer.
                 ToController::Command(command) => {
                     self.asked = Some((command.seq, command.action));
@@ -79,7 +79,9 @@ impl<'a> View<'a> {
         match message {
             FromController::Status(status) => self.status(at_us, &status),
             FromController::FaultReport(report) => self.fault(at_us, &report),
-            FromController::EstopAck(_) => self.say(at_us, "the emergency stop is acknowledged"),
+            FromController::EstopAck(_) => {
+                self.print_event(at_us, "the emergency stop is acknowledged")
+            }
             FromController::CommandAck(ack) => {
                 let asked = self.asked.take().filter(|(seq, _)| *seq == ack.seq);
                 match asked {
@@ -96,7 +98,7 @@ impl<'a> View<'a> {
         }
     }
 
-    fn say(&self, at_us: u64, what: &str) -> miette::Result<()> {
+    fn print_event(&self, at_us: u64, what: &str) -> miette::Result<()> {
         let seconds = at_us.saturating_sub(self.start_us) as f64 * 1e-6;
         output::line(&format!("{seconds:9.3} s  {what}"))
     }
@@ -109,10 +111,10 @@ impl<'a> View<'a> {
             let clip = clip.map_or_else(String::new, |clip| format!(": {}", self.clip_name(clip)));
             // Other faults have a line of their own.
             let state = state_words(status, &self.actuators);
-            self.say(at_us, &format!("{state}{clip}"))?;
+            self.print_event(at_us, &format!("{state}{clip}"))?;
         }
         if std::mem::replace(&mut self.faults, status.faults) != status.faults {
-            self.say(
+            self.print_event(
                 at_us,
                 &format!("faults: {}", fault_names_on(status.faults, &self.actuators)),
             )?;
@@ -124,7 +126,7 @@ impl<'a> View<'a> {
         let channel = report.channel.map(|channel| self.channel_name(channel));
         let FaultReport { fault, channel: number, value, .. } = *report;
         let described = fault_report_on(fault, number, channel, Some(value), &self.actuators);
-        self.say(at_us, &format!("fault: {described}"))
+        self.print_event(at_us, &format!("fault: {described}"))
     }
 
     /// Prints a warning when an actuator becomes too hot, has a wrong supply voltage, or fails otherwise.
@@ -135,7 +137,7 @@ impl<'a> View<'a> {
             return Ok(());
         }
         let name = self.channel_name(joint.channel);
-        self.say(at_us, &format!("warning: {name}: {}", words.join(", ")))
+        self.print_event(at_us, &format!("warning: {name}: {}", words.join(", ")))
     }
 
     fn command(&self, at_us: u64, action: Action, result: CommandResult) -> miette::Result<()> {
@@ -162,15 +164,18 @@ impl<'a> View<'a> {
         };
         match result {
             // Its host begins to count where the one before had got to.
-            CommandResult::OutOfOrder => self.say(
+            CommandResult::OutOfOrder => self.print_event(
                 at_us,
                 &format!(
                     "command: {what}: the number was already used, so the host sends the next \
                     number"
                 ),
             ),
-            CommandResult::Ok => self.say(at_us, &format!("command: {what}")),
-            _ => self.say(at_us, &format!("command: {what}: refused, {}", command_refusal(result))),
+            CommandResult::Ok => self.print_event(at_us, &format!("command: {what}")),
+            _ => self.print_event(
+                at_us,
+                &format!("command: {what}: refused, {}", command_refusal(result)),
+            ),
         }
     }
 

@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             if let Some(film) = ending.filter(|ending| *ending != "svg") {
                 let place = Output::at(&args.output)?;
                 let (frame_s, pictures) = plot::frames(plan, extras);
-                return wrote(&place, &picture::film(frame_s, &pictures, film)?);
+                return write_and_report(&place, &picture::film(frame_s, &pictures, film)?);
             }
             plot::animation(plan, extras)
         }
@@ -101,12 +101,12 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 fn finish(path: &Path, ending: Option<&str>, svg: &str) -> miette::Result<Exit> {
     let place = Output::at(path)?;
     match ending {
-        Some("png") => wrote(&place, &picture::png(svg)?),
-        _ => wrote(&place, svg.as_bytes()),
+        Some("png") => write_and_report(&place, &picture::png(svg)?),
+        _ => write_and_report(&place, svg.as_bytes()),
     }
 }
 
-fn wrote(place: &Output, content: &[u8]) -> miette::Result<Exit> {
+fn write_and_report(place: &Output, content: &[u8]) -> miette::Result<Exit> {
     place.write(content)?;
     place.comment(&format!("wrote {}", place.path().display()))?;
     Ok(Exit::Ok)

@@ -1,13 +1,13 @@
 //! Correction of all motions of a library. Writes a folder from which the library can be built again.
 
-use super::{Args, Corrected, STEADIER, falls, on};
+use super::{Args, CorrectedPlan, STEADIER, falls, on};
 use crate::played::ratios;
 use miette::{IntoDiagnostic, miette};
 use rollwalk_planner::plan::Status;
 use rollwalk_terminal::files::{self, Output, file_name};
 use rollwalk_terminal::inputs::{Library, Source};
 use rollwalk_terminal::output::{self, Table};
-use rollwalk_terminal::planning::{Planned, plan_motions};
+use rollwalk_terminal::planning::{TimedPlan, plan_motions};
 use rollwalk_terminal::{Exit, interrupt};
 use toml_edit::{DocumentMut, Item, Value, value};
 
@@ -41,13 +41,13 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         ));
     }
     let mut all = Vec::new();
-    for Planned { plan, .. } in planned {
+    for TimedPlan { plan, .. } in planned {
         let plan = on(plan, robot.clone(), robot_text.path.as_ref())?;
-        let Some(corrected) = Corrected::find(&plan, args, feed_forward)? else {
+        let Some(corrected) = CorrectedPlan::find(&plan, args, feed_forward)? else {
             return Ok(Exit::Interrupted);
         };
         if corrected.found.is_none() {
-            output::say(format_args!("{}: {}; {STEADIER}", plan.motion.name, falls(&plan)));
+            output::print_line(format_args!("{}: {}; {STEADIER}", plan.motion.name, falls(&plan)));
         }
         all.push((plan, corrected));
     }

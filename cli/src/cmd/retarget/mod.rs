@@ -64,7 +64,7 @@ pub struct Args {
 
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
-    interrupt::listen();
+    interrupt::install_handler();
     match args.input.extension().is_some_and(|ending| ending == "toml") {
         true => library::run(args),
         false => plan::run(args),
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
 }
 
 /// Plan with its corrections, and the results of simulating it without and with them.
-struct Corrected {
+struct CorrectedPlan {
     /// Corrections; `None` if the robot falls with the uncorrected plan.
     found: Option<RetargetResult>,
     before: RunOutcome,
@@ -92,7 +92,7 @@ struct Document<'a> {
     holds: bool,
 }
 
-impl Corrected {
+impl CorrectedPlan {
     /// Corrects a plan; returns `None` after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
@@ -109,7 +109,7 @@ impl Corrected {
         let (bar, lines) = (ProgressBar::new_spinner(), Lines::begin());
         let found = retarget(plan, &options, |rollout| {
             let at = format!("{}: rollout {rollout}", plan.motion.name);
-            lines.say(&at);
+            lines.print(&at);
             bar.set_message(at);
             bar.tick();
             !interrupt::requested()

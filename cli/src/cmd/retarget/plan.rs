@@ -1,6 +1,6 @@
 //! Correction of a single plan.
 
-use super::{Args, Corrected, STEADIER, falls, on};
+use super::{Args, CorrectedPlan, STEADIER, falls, on};
 use crate::played::ratios;
 use miette::miette;
 use rollwalk_planner::plan::Plan;
@@ -16,7 +16,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         plan = on(plan, Source::Disk.robot(path)?, path)?;
     }
     let place = Output::at(&args.output)?;
-    let Some(corrected) = Corrected::find(&plan, args, !args.no_feed_forward)? else {
+    let Some(corrected) = CorrectedPlan::find(&plan, args, !args.no_feed_forward)? else {
         return Ok(Exit::Interrupted);
     };
     let Some(found) = &corrected.found else {
@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     Ok(if corrected.holds() { Exit::Ok } else { Exit::DoesNotHold })
 }
 
-fn describe(plan: &Plan, found: &RetargetResult, corrected: &Corrected) -> String {
+fn describe(plan: &Plan, found: &RetargetResult, corrected: &CorrectedPlan) -> String {
     format!(
         "{} of {}\nbefore: {}\nafter:  {}\nobjective {:.4} to {:.6} in {} iterations, {} rollouts; \
          setpoints moved by at most {:.3} rad",

@@ -1,18 +1,18 @@
 //! `rollwalk send`: plays motions by code or name, one after the other.
 
+mod motion_request;
 mod play;
-mod wanted;
 
 use miette::{IntoDiagnostic, miette};
+use motion_request::{MotionRequest, SelectedMotion, choose};
 use play::play;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::{LinkArgs, LiveSession, ended};
+use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure};
 use rollwalk_terminal::{Exit, interrupt, output};
-use wanted::{Chosen, Wanted, choose};
 
 /// Maximum time of a return to SAFE, µs. A return at a small fraction of the planned speed is slow.
 const HOME_US: u64 = 30_000_000;
@@ -39,7 +39,7 @@ Names are those of the library that was built or flashed on this computer; for a
 pub struct Args {
     /// Motions: command codes or names, with the seconds until the next one (walk:10, stand:2).
     #[arg(value_name = "MOTION", required = true)]
-    motions: Vec<Wanted>,
+    motions: Vec<MotionRequest>,
     #[command(flatten)]
     link: LinkArgs,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         return match play(&mut session, args.speed, false, &chosen) {
             Ok(()) if interrupt::requested() => Ok(Exit::Interrupted),
             Ok(()) => Ok(Exit::Ok),
-            Err(error) => Ok(ended(&args.link, &error)),
+            Err(error) => Ok(report_failure(&args.link, &error)),
         };
     }
     if let (Some(path), None) = (&args.names.robot, &args.names.library) {
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     match session.arm_request() {
         Ok(nonce) => arm_and_play(&mut session, args, nonce, &chosen),
-        Err(error) => Ok(ended(&args.link, &error)),
+        Err(error) => Ok(report_failure(&args.link, &error)),
     }
 }
 
@@ -103,38 +103,38 @@ fn arm_and_play(
     session: &mut LiveSession,
     args: &Args,
     nonce: u16,
-    chosen: &[Chosen<'_>],
+    chosen: &[SelectedMotion<'_>],
 ) -> miette::Result<Exit> {
     let outcome = match session.arm_confirm(nonce) {
         // It has not been armed, or not by us.
-        Err(error @ SessionError::Refused { .. }) => return Ok(ended(&args.link, &error)),
+        Err(error @ SessionError::Refused { .. }) => return Ok(report_failure(&args.link, &error)),
         Err(error) => Err(error),
         Ok(()) => {
-            output::say("armed");
+            output::print_line("armed");
             play(session, args.speed, true, chosen)
         }
     };
     session.bus_mut().ignore_interrupts();
     let home = match outcome.as_ref().err().and_then(elsewhere) {
         Some(State::EStopped | State::TorqueOff | State::Damped) => {
-            see_down(session);
+            wait_until_disarmed(session);
             Ok(())
         }
         // It has restarted, or another program has disarmed it.
         Some(State::Disarmed | State::Boot | State::SelfTest) => Ok(()),
-        _ => go_home(session),
+        _ => return_and_disarm(session),
     };
     let exit = match outcome {
         Ok(()) if interrupt::requested() => Exit::Interrupted,
         Ok(()) => Exit::Ok,
-        Err(error) => ended(&args.link, &error),
+        Err(error) => report_failure(&args.link, &error),
     };
     match home {
         Ok(()) => Ok(exit),
         Err(error) => {
             let report =
                 args.link.explain(&error).wrap_err("the robot did not return to SAFE and disarm");
-            output::say_report(&report);
+            output::print_report(&report);
             Ok(Exit::NotDone)
         }
     }
@@ -149,16 +149,16 @@ fn elsewhere(error: &SessionError) -> Option<State> {
 }
 
 /// Stays connected until a stopped robot is disarmed. Leaving earlier would add a lost host to its faults.
-fn see_down(session: &mut LiveSession) {
+fn wait_until_disarmed(session: &mut LiveSession) {
     if session.wait_for_state(State::Disarmed, HOME_US).is_ok() {
-        output::say("another program has disarmed the robot");
+        output::print_line("another program has disarmed the robot");
     }
 }
 
 /// Returns to SAFE and turns torque off. DISARM does both from every state; RETURN is refused while the robot aligns.
-fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
+fn return_and_disarm(session: &mut LiveSession) -> Result<(), SessionError> {
     if let Some(status) = session.status() {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "the robot was {}, and is returning to SAFE",
             state_name(status.state)
         ));
@@ -168,11 +168,11 @@ fn go_home(session: &mut LiveSession) -> Result<(), SessionError> {
     while let Err(SessionError::TookTooLong { status, .. }) = &home
         && is_on_its_way(status)
     {
-        output::say("the robot is still returning to SAFE");
+        output::print_line("the robot is still returning to SAFE");
         home = session.wait_for_state(State::Disarmed, HOME_US);
     }
     if home.is_ok() {
-        output::say("disarmed");
+        output::print_line("disarmed");
     }
     home
 }

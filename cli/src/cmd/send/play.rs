@@ -1,6 +1,6 @@
 //! Playing of motions one after the other, each until its end.
 
-use super::wanted::Chosen;
+use super::motion_request::SelectedMotion;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::catalog::CatalogMotion;
 use rollwalk_host::session::SessionError;
@@ -34,7 +34,7 @@ pub fn play(
     session: &mut LiveSession,
     speed_64ths: i8,
     holds: bool,
-    all: &[Chosen<'_>],
+    all: &[SelectedMotion<'_>],
 ) -> Result<(), SessionError> {
     for (chosen, left) in all.iter().zip((0..all.len()).rev()) {
         if interrupt::requested() {
@@ -43,13 +43,13 @@ pub fn play(
         let ack = session.select_at(chosen.code, speed_64ths)?;
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
-            output::say(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
+            output::print_line(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
             // The program that holds the robot may send it elsewhere meanwhile. Without a catalog it is not known where the
             // motion is.
             match chosen.motion {
                 Some((node, motion)) => {
                     wait_for(session, chosen, node, ack.value)?;
-                    output::say(format_args!("playing {}", motion.name));
+                    output::print_line(format_args!("playing {}", motion.name));
                 }
                 None => run_for(session, begins_s)?,
             }
@@ -58,13 +58,13 @@ pub fn play(
         match chosen.motion {
             Some((node, motion)) => {
                 wait_for(session, chosen, node, ack.value)?;
-                output::say(format_args!("playing {}", motion.name));
+                output::print_line(format_args!("playing {}", motion.name));
                 // The controller acknowledges a loop that already plays with a delay of 0.
                 finish(session, chosen, motion, speed_64ths, ack.value == 0)?;
             }
             // Its duration is unknown without a catalog.
             None => {
-                output::say(format_args!("playing {}", chosen.name()));
+                output::print_line(format_args!("playing {}", chosen.name()));
                 run_for(session, begins_s + chosen.seconds.unwrap_or(5.0))?;
             }
         }
@@ -75,7 +75,7 @@ pub fn play(
 /// Waits until the motion has begun.
 fn wait_for(
     session: &mut LiveSession,
-    chosen: &Chosen,
+    chosen: &SelectedMotion,
     node: usize,
     frames: u16,
 ) -> Result<(), SessionError> {
@@ -98,7 +98,7 @@ fn wait_for(
 /// Waits for the end of a finite motion. A loop plays for its requested time and then to the end of its cycle.
 fn finish(
     session: &mut LiveSession,
-    chosen: &Chosen,
+    chosen: &SelectedMotion,
     motion: &CatalogMotion,
     speed_64ths: i8,
     played_before: bool,
@@ -184,7 +184,7 @@ impl Pauses {
     fn check(&mut self, status: Option<&Status>) -> bool {
         let is_paused = status.is_some_and(|status| status.state == State::Paused);
         if is_paused && !self.0 {
-            output::say(
+            output::print_line(
                 "paused by another program; type `rollwalk resume` to continue, or `rollwalk \
                  return` to return to SAFE",
             );
@@ -196,13 +196,13 @@ impl Pauses {
 
 /// Reader of the controller's statuses that detects pauses and silence.
 #[derive(Default)]
-struct Hearing {
+struct StatusReader {
     pauses: Pauses,
     /// Time since the previous status, s.
     silent_s: f64,
 }
 
-impl Hearing {
+impl StatusReader {
     /// Waits for the next status. Also returns the playing time during the wait, s; pauses are not counted.
     ///
     /// # Errors
@@ -232,7 +232,8 @@ fn wait_also_while_paused(
     longest_us: u64,
     mut reached: impl FnMut(&Status) -> Option<bool>,
 ) -> Result<(), SessionError> {
-    let (waited_s, mut played_s, mut hearing) = (longest_us as f64 * 1e-6, 0.0, Hearing::default());
+    let (waited_s, mut played_s, mut hearing) =
+        (longest_us as f64 * 1e-6, 0.0, StatusReader::default());
     loop {
         let (status, passed_s) = hearing.next(session, PORTION_S)?;
         played_s += passed_s;
@@ -268,7 +269,7 @@ fn run_while(
     repeats: Option<usize>,
     mut left_s: impl FnMut(Option<&Status>, f64) -> f64,
 ) -> Result<(), SessionError> {
-    let (mut passed_s, mut hearing) = (0.0, Hearing::default());
+    let (mut passed_s, mut hearing) = (0.0, StatusReader::default());
     let mut status = session.status();
     while !interrupt::requested() {
         let left_s = left_s(status.as_ref(), passed_s);
@@ -286,7 +287,7 @@ fn run_while(
             State::Playing | State::Ready | State::Returning
                 if repeats.is_some() && status.clip.map(usize::from) != repeats =>
             {
-                output::say("another program has ended the motion: nothing more is played");
+                output::print_line("another program has ended the motion: nothing more is played");
                 return Err(SessionError::WentElsewhere { waited_for, status });
             }
             State::Playing | State::Ready | State::Returning | State::Paused | State::Aligning => {}

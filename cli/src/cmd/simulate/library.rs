@@ -1,15 +1,15 @@
 //! Simulation of a motion library behind the firmware: a tour over its motion graph, with the results of each motion.
 
 use super::Args;
-use crate::planned::{self, Judged};
+use crate::planned::{self, ClipResult};
 use crate::terrain::Support;
-use crate::tour::{self, Options, Played};
+use crate::tour::{self, Options, TourResult};
 use miette::miette;
 use rollwalk_physics::world::{NetDisplacement, Totals};
 use rollwalk_sim_host::ground::{Fall, Travel};
 use rollwalk_terminal::files::Rotation;
 use rollwalk_terminal::output::Table;
-use rollwalk_terminal::packed::Packed;
+use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 
@@ -34,7 +34,7 @@ struct Row {
     #[serde(flatten)]
     totals: Totals,
     /// Comparison with the plan; null if the library was not built on this computer.
-    plan: Option<Judged>,
+    plan: Option<ClipResult>,
 }
 
 #[derive(Serialize)]
@@ -70,10 +70,10 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             "--mass, --friction and --contact-stiffness are for plans"
         ));
     }
-    let packed = Packed::read(&args.what, args.robot.as_deref())?;
+    let packed = ValidatedLibrary::read(&args.what, args.robot.as_deref())?;
     let ground = args.ground.under(Support::Ground, &packed.robot)?;
-    interrupt::listen();
-    let Played { rig, travels, session_s, stopped, .. } = tour::play(
+    interrupt::install_handler();
+    let TourResult { rig, travels, session_s, stopped, .. } = tour::play(
         &packed,
         Options {
             ground: ground.as_ref(),
@@ -85,9 +85,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     )?;
     let interrupted = interrupt::requested();
     let catalog = packed.catalog();
-    let ways = planned::kept(catalog.library).unwrap_or_default();
+    let ways = planned::cached(catalog.library).unwrap_or_default();
     let row = |travel: &Travel| Row {
-        plan: ways.get(usize::from(travel.clip.0)).map(|planned| planned.judge(travel)),
+        plan: ways.get(usize::from(travel.clip.0)).map(|planned| planned.compare(travel)),
         name: catalog.clip(travel.clip.0).unwrap_or_default(),
         played_s: travel.duration_s(),
         way: travel.displacement(),

@@ -64,9 +64,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if args.tracking
         && let Err(unfit) = control::check(&plan.robot)
     {
-        output::say_warnings(&[format!("not possible on the real robot: {unfit}")]);
+        output::print_warnings(&[format!("not possible on the real robot: {unfit}")]);
     }
-    interrupt::listen();
+    interrupt::install_handler();
     let bar = ProgressBar::new(1000).with_style(
         ProgressStyle::with_template("{spinner} {wide_bar} {percent} %")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),

@@ -18,7 +18,7 @@ pub struct Edits {
 
 /// Content of the file with the edits.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct EditsFile {
     /// Absolute paths of the opened files.
     files: Vec<PathBuf>,
     /// Digest of the opened files when the edits were stored.
@@ -29,7 +29,7 @@ struct Kept {
 
 /// Stored edits.
 #[derive(Debug, Serialize)]
-pub struct Found {
+pub struct StoredEdits {
     /// Documents and history of the page.
     page: String,
     /// True if the files are unchanged.
@@ -53,12 +53,12 @@ impl Edits {
     }
 
     /// Reads the edits that the page stored most recently; `digest` is that of the current files.
-    pub fn kept(&self, digest: u32) -> Option<Found> {
+    pub fn kept(&self, digest: u32) -> Option<StoredEdits> {
         let is_short = fs::metadata(&self.place).is_ok_and(|found| found.len() <= BYTES_MAX);
         let text = is_short.then(|| fs::read_to_string(&self.place).ok()).flatten()?;
-        let kept: Kept = serde_json::from_str(&text).ok()?;
+        let kept: EditsFile = serde_json::from_str(&text).ok()?;
         let is_current = kept.digest == digest;
-        (kept.files == self.files).then_some(Found { page: kept.page, is_current })
+        (kept.files == self.files).then_some(StoredEdits { page: kept.page, is_current })
     }
 
     /// Stores the page's documents and history; `digest` is that of the current files.
@@ -68,7 +68,7 @@ impl Edits {
     pub fn keep(&self, page: &str, digest: u32) -> Result<(), String> {
         let failed =
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
-        let kept = Kept { files: self.files.clone(), digest, page: page.to_owned() };
+        let kept = EditsFile { files: self.files.clone(), digest, page: page.to_owned() };
         let text = serde_json::to_string(&kept).map_err(|why| failed(why.to_string()))?;
         if text.len() as u64 > BYTES_MAX {
             return Err(failed(format!(

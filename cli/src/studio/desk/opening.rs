@@ -1,8 +1,8 @@
 //! Opens the files of the command line and the files that they name, and selects those that the page shows first.
 
 use miette::{Report, miette};
-use rollwalk_terminal::files::{self, Named};
-use rollwalk_terminal::inputs::beside;
+use rollwalk_terminal::files::{self, PathSource};
+use rollwalk_terminal::inputs::resolve_relative;
 use rollwalk_terminal::kind::Kind;
 use serde::Serialize;
 use serde_json::Value;
@@ -32,7 +32,7 @@ pub struct Sheet {
 
 /// Files that the page shows first, by name.
 #[derive(Debug, Default, Serialize)]
-pub struct Desired {
+pub struct InitialFiles {
     pub motion: Option<String>,
     pub library: Option<String>,
     /// Robot that moves, even if the motion file names another robot.
@@ -51,9 +51,9 @@ pub struct Desired {
 ///
 /// # Errors
 /// Returns an error if a file that the user named cannot be read, or is of a kind that the studio does not open.
-pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
+pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, InitialFiles)> {
     let folders: Vec<_> = paths.iter().filter_map(|path| folder_of(path)).collect();
-    let (mut sheets, mut desired) = (Vec::<Sheet>::new(), Desired::default());
+    let (mut sheets, mut desired) = (Vec::<Sheet>::new(), InitialFiles::default());
     let (mut robots, mut named) = (Vec::new(), VecDeque::new());
     for path in paths {
         let name = name_of(path);
@@ -61,12 +61,14 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
             continue;
         }
         let text = text_of(path)?;
-        let mentions = Mentions::of(&text);
+        let mentions = FileReferences::of(&text);
         let role = role(path, &text, &mentions, paths)?;
         match role {
             Role::Robot => robots.push(name.clone()),
             Role::Design => {
-                robots.extend(mentions.robot.iter().map(|robot| name_of(&beside(path, robot))));
+                robots.extend(
+                    mentions.robot.iter().map(|robot| name_of(&resolve_relative(path, robot))),
+                );
             }
             Role::Other => {}
             _ => {
@@ -80,7 +82,7 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
                 slot.get_or_insert_with(|| name.clone());
             }
         }
-        named.extend(mentions.all().map(|file| beside(path, file)));
+        named.extend(mentions.all().map(|file| resolve_relative(path, file)));
         sheets.push(Sheet { name, path: path.clone(), text, is_users: true });
     }
     let mut seen: HashSet<String> = sheets.iter().map(|sheet| sheet.name.clone()).collect();
@@ -91,8 +93,8 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
         {
             if let Some(sheet) = seen.insert(name_of(&path)).then(|| mentioned(&path, &folders)) {
                 let Some(sheet) = sheet else { continue };
-                let mentions = Mentions::of(&sheet.text);
-                named.extend(mentions.all().map(|file| beside(&path, file)));
+                let mentions = FileReferences::of(&sheet.text);
+                named.extend(mentions.all().map(|file| resolve_relative(&path, file)));
                 sheets.push(sheet);
             }
         }
@@ -107,7 +109,7 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
         named.push_back(motion.into());
         follow(&mut named, &mut sheets);
     }
-    let is_motion = |sheet: &&Sheet| Mentions::of(&sheet.text).is_motion;
+    let is_motion = |sheet: &&Sheet| FileReferences::of(&sheet.text).is_motion;
     let first = || sheets.iter().find(is_motion).map(|sheet| sheet.name.clone());
     desired.motion = desired.motion.or_else(first);
     if let [robot] = &robots[..] {
@@ -123,7 +125,7 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, Desired)> {
 /// Reads a file that another file names; returns `None` if it is neither a document nor a plan.
 fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
     // The engine says what is missing, and who names it.
-    let read = files::read_by(path, Named::InFile, kind_by_beginning).ok()?;
+    let read = files::read_by(path, PathSource::InFile, kind_by_beginning).ok()?;
     let text = files::text(read, path).ok()?;
     // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
     let is_ours = Kind::expect_document(path, &text).is_ok() || Kind::of(&text) == Some(Kind::Plan);
@@ -136,8 +138,8 @@ fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
 /// Path of a robot as a motion file would contain it; `None` if the motion file already names this robot.
 fn named_otherwise(motion: &Sheet, robot: &Path) -> Option<String> {
     let whole = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).ok();
-    let named = Mentions::of(&motion.text).robot?;
-    let (named, robot) = (whole(&beside(&motion.path, &named))?, whole(robot)?);
+    let named = FileReferences::of(&motion.text).robot?;
+    let (named, robot) = (whole(&resolve_relative(&motion.path, &named))?, whole(robot)?);
     let folder = whole(&motion.path)?.parent()?.to_owned();
     let shared = folder.components().zip(robot.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| "..".to_owned());
@@ -151,7 +153,7 @@ fn text_of(path: &Path) -> miette::Result<String> {
     if path.is_dir() {
         return Err(is_folder(path));
     }
-    let read = files::read_by(path, Named::ByUser, kind_by_beginning)?;
+    let read = files::read_by(path, PathSource::ByUser, kind_by_beginning)?;
     if read.1 == Kind::Packed {
         return Err(miette!(
             help = "open the library file (TOML) from which it was built",
@@ -209,7 +211,12 @@ enum Role {
     Other,
 }
 
-fn role(path: &Path, text: &str, mentions: &Mentions, paths: &[PathBuf]) -> miette::Result<Role> {
+fn role(
+    path: &Path,
+    text: &str,
+    mentions: &FileReferences,
+    paths: &[PathBuf],
+) -> miette::Result<Role> {
     let ends_in = |path: &Path, ending: &str| path.extension().is_some_and(|found| found == ending);
     let has_urdf =
         || paths.iter().any(|path| ["urdf", "xml"].iter().any(|ending| ends_in(path, ending)));
@@ -281,7 +288,7 @@ fn name_of(path: &Path) -> String {
 
 /// Kind of a text according to its keys, and the files that it names.
 #[derive(Default)]
-struct Mentions {
+struct FileReferences {
     is_document: bool,
     is_motion: bool,
     is_library: bool,
@@ -289,7 +296,7 @@ struct Mentions {
     others: Vec<String>,
 }
 
-impl Mentions {
+impl FileReferences {
     fn of(text: &str) -> Self {
         let Ok(document) = Document::parse(text) else { return Self::default() };
         let root = document.as_table();

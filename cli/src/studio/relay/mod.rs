@@ -47,7 +47,7 @@ pub struct Relay {
 }
 
 /// Reason why a page no longer has the bus.
-enum End {
+enum RelayEnd {
     Gone,
     /// Refusal with its message; the page never had the bus.
     Refused(String),
@@ -80,36 +80,36 @@ impl Relay {
         let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
         let Self { bus, .. } = self;
         match self.relay(&mut socket) {
-            End::Gone => output::say(format_args!(
+            RelayEnd::Gone => output::print_line(format_args!(
                 "the page has left {bus}: without its heartbeats the robot returns to SAFE \
                  automatically"
             )),
-            End::Refused(why) => farewell(&mut socket, &why),
-            End::Trouble(why) => {
-                output::say(format_args!("{bus}: {why}"));
-                farewell(&mut socket, &why);
+            RelayEnd::Refused(why) => close_with_reason(&mut socket, &why),
+            RelayEnd::Trouble(why) => {
+                output::print_line(format_args!("{bus}: {why}"));
+                close_with_reason(&mut socket, &why);
             }
         }
     }
 
     /// Relays frames while a page has the bus.
-    fn relay(&self, socket: &mut WebSocket<TcpStream>) -> End {
+    fn relay(&self, socket: &mut WebSocket<TcpStream>) -> RelayEnd {
         let Self { bus, taken } = self;
         let _taken = match taken.try_lock() {
             Ok(taken) => taken,
             // What a page that panicked left behind is closed.
             Err(TryLockError::Poisoned(taken)) => taken.into_inner(),
             Err(TryLockError::WouldBlock) => {
-                return End::Refused(format!("another page uses {bus}: disconnect that page"));
+                return RelayEnd::Refused(format!("another page uses {bus}: disconnect that page"));
             }
         };
         match self.open() {
             Ok(mut live) => {
-                output::say(format_args!("a page uses {bus}"));
+                output::print_line(format_args!("a page uses {bus}"));
                 let Err(end) = pass_on(socket, &mut live, bus);
                 end
             }
-            Err(OpenError { what, help }) => End::Trouble(format!("{what}: {help}")),
+            Err(OpenError { what, help }) => RelayEnd::Trouble(format!("{what}: {help}")),
         }
     }
 
@@ -127,21 +127,21 @@ fn pass_on(
     socket: &mut WebSocket<TcpStream>,
     bus: &mut LiveLink,
     name: &BusName,
-) -> Result<Infallible, End> {
-    let gone = |_| End::Gone;
-    let lost = |error: LinkError| End::Trouble(error.to_string());
+) -> Result<Infallible, RelayEnd> {
+    let gone = |_| RelayEnd::Gone;
+    let lost = |error: LinkError| RelayEnd::Trouble(error.to_string());
     let (mut traffic, mut complains) = (Traffic::default(), false);
     socket.get_ref().set_nonblocking(true).map_err(gone)?;
     loop {
-        while let Some(message) = unless_it_blocks(socket.read())? {
+        while let Some(message) = would_block(socket.read())? {
             match message {
                 Message::Binary(bytes) => traffic
                     .page_sent(bus.now_us(), &bytes)
-                    .map_err(|misuse| End::Trouble(misuse.to_string()))?,
+                    .map_err(|misuse| RelayEnd::Trouble(misuse.to_string()))?,
                 Message::Ping(_) | Message::Pong(_) => {}
-                Message::Close(_) => return Err(End::Gone),
+                Message::Close(_) => return Err(RelayEnd::Gone),
                 Message::Text(_) | Message::Frame(_) => {
-                    return Err(End::Trouble(traffic::Misuse::NoFrames.to_string()));
+                    return Err(RelayEnd::Trouble(traffic::Misuse::NoFrames.to_string()));
                 }
             }
         }
@@ -159,7 +159,7 @@ fn pass_on(
         let complaint = bus.fault_and_remedy();
         if complaint.is_some() != complains {
             complains = complaint.is_some();
-            output::say(complaint.unwrap_or_else(|| format!("{name}: the bus works again")));
+            output::print_line(complaint.unwrap_or_else(|| format!("{name}: the bus works again")));
         }
         let mut until_us = bus.now_us() + wait_us;
         for _ in 0..FRAMES_MAX {
@@ -171,21 +171,21 @@ fn pass_on(
             Some(packets) => socket.send(Message::binary(packets)),
             None => socket.flush(),
         };
-        unless_it_blocks(sent)?;
+        would_block(sent)?;
     }
 }
 
 /// Result of a socket operation; `None` if it would block.
-fn unless_it_blocks<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, End> {
+fn would_block<T>(outcome: tungstenite::Result<T>) -> Result<Option<T>, RelayEnd> {
     match outcome {
         Ok(done) => Ok(Some(done)),
         Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(None),
-        Err(_) => Err(End::Gone),
+        Err(_) => Err(RelayEnd::Gone),
     }
 }
 
 /// Closes a socket with a reason, shortened to the maximum of a closing frame.
-fn farewell(socket: &mut WebSocket<TcpStream>, why: &str) {
+fn close_with_reason(socket: &mut WebSocket<TcpStream>, why: &str) {
     let reason = why[..why.floor_char_boundary(REASON_MAX)].to_owned();
     let frame = CloseFrame { code: CloseCode::Policy, reason: reason.into() };
     let stream = socket.get_ref();

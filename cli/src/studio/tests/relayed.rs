@@ -1,6 +1,6 @@
 //! Tests of the relay with pages, other sites and other programs. The test itself is the robot's end of the bus.
 
-use super::{Running, start, start_with};
+use super::{TestServer, start, start_with};
 use crate::studio::relay::Relay;
 use rollwalk_bus::link::LinkBus;
 use rollwalk_bus::name::BusName;
@@ -22,7 +22,7 @@ const SHORT_US: u64 = 50_000;
 /// Robot's end of a bus, and a server that relays the bus.
 struct Bench {
     robot: LiveLink,
-    server: Running,
+    server: TestServer,
     _folder: TempDir,
 }
 
@@ -55,7 +55,7 @@ impl Bench {
         panic!("no page gets the bus");
     }
 
-    fn heard_within(&mut self, us: u64) -> Option<Frame> {
+    fn receive_within(&mut self, us: u64) -> Option<Frame> {
         self.robot.receive(self.robot.now_us() + us).unwrap()
     }
 }
@@ -70,7 +70,7 @@ fn packets(frames: &[Frame]) -> Message {
 }
 
 /// Returns the reason with which the server closes a page.
-fn farewell(page: &mut Page) -> String {
+fn close_reason(page: &mut Page) -> String {
     loop {
         match page.read() {
             Ok(Message::Close(Some(frame))) => return frame.reason.to_string(),
@@ -84,10 +84,10 @@ fn farewell(page: &mut Page) -> String {
 fn frames_pass_both_ways_and_none_before_the_page_sends_one() {
     let mut bench = bench();
     let mut page = bench.page();
-    assert_eq!(bench.heard_within(SHORT_US), None);
+    assert_eq!(bench.receive_within(SHORT_US), None);
     page.send(packets(&[frame(1), frame(2)])).unwrap();
-    assert_eq!(bench.heard_within(LONG_US), Some(frame(1)));
-    assert_eq!(bench.heard_within(LONG_US), Some(frame(2)));
+    assert_eq!(bench.receive_within(LONG_US), Some(frame(1)));
+    assert_eq!(bench.receive_within(LONG_US), Some(frame(2)));
     bench.robot.send(&frame(3)).unwrap();
     assert_eq!(page.read().unwrap(), packets(&[frame(3)]));
 }
@@ -97,10 +97,10 @@ fn one_page_at_a_time_has_the_bus() {
     let mut bench = bench();
     let mut first = bench.next_page();
     let mut second = bench.page();
-    let words = farewell(&mut second);
+    let words = close_reason(&mut second);
     assert!(words.starts_with("another page uses sim:"), "{words}");
     first.send(packets(&[frame(1)])).unwrap();
-    assert_eq!(bench.heard_within(LONG_US), Some(frame(1)));
+    assert_eq!(bench.receive_within(LONG_US), Some(frame(1)));
     drop(first);
     bench.next_page();
 }
@@ -116,21 +116,21 @@ fn a_page_that_sends_no_packets_is_sent_away_and_nothing_goes_out() {
     ] {
         let mut page = bench.next_page();
         page.send(bad).unwrap();
-        assert!(farewell(&mut page).contains("not packets of frames"));
-        assert_eq!(bench.heard_within(SHORT_US), None);
+        assert!(close_reason(&mut page).contains("not packets of frames"));
+        assert_eq!(bench.receive_within(SHORT_US), None);
     }
     // More than a message may have: it is hung up on.
     let mut page = bench.next_page();
     let _ = page.send(Message::binary(vec![0; 1_000_000]));
     assert!(page.read().is_err());
-    assert_eq!(bench.heard_within(SHORT_US), None);
+    assert_eq!(bench.receive_within(SHORT_US), None);
     bench.next_page();
 }
 
 #[test]
 fn only_the_own_page_has_the_bus() {
     let bench = bench();
-    let Running { port, token } = &bench.server;
+    let TestServer { port, token } = &bench.server;
     let own = format!("http://127.0.0.1:{port}");
     for (origin, token) in [
         ("https://evil.example", &**token),
@@ -151,16 +151,16 @@ fn only_the_own_page_has_the_bus() {
 
 #[test]
 fn the_page_is_told_which_bus_it_may_have() {
-    let page = |server: &Running| {
-        let Running { port, token } = server;
+    let page = |server: &TestServer| {
+        let TestServer { port, token } = server;
         let request = format!("GET /?token={token} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
-        server.say(request.as_bytes())
+        server.exchange(request.as_bytes())
     };
     let bench = bench();
     assert!(page(&bench.server).contains("<meta name=\"relay\" content=\"sim:/"));
     let without = start(&[]);
     assert!(!page(&without).contains("\"relay\""));
-    let Running { port, token } = &without;
+    let TestServer { port, token } = &without;
     let refused = without.socket("link", &format!("http://127.0.0.1:{port}"), token);
     assert!(refused.unwrap_err().to_string().contains("404"));
 }

@@ -24,17 +24,17 @@ fn inputs() -> MutexGuard<'static, Vec<Input>> {
 /// Paths at which no file exists and a shipped file was read instead.
 static STOOD_IN: Mutex<Vec<(PathBuf, Kind)>> = Mutex::new(Vec::new());
 
-fn stood_in() -> MutexGuard<'static, Vec<(PathBuf, Kind)>> {
+fn shipped_stand_ins() -> MutexGuard<'static, Vec<(PathBuf, Kind)>> {
     STOOD_IN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Records that a shipped file is read because no file exists at `path`. The next run would read an output at `path` instead.
-pub fn note_shipped(path: &Path, kind: Kind) {
-    stood_in().push((path.to_owned(), kind));
+pub fn record_shipped(path: &Path, kind: Kind) {
+    shipped_stand_ins().push((path.to_owned(), kind));
 }
 
 /// Records that a regular file is read.
-pub fn note_input(file: File, path: &Path, kind: Kind) {
+pub fn record_input(file: File, path: &Path, kind: Kind) {
     // The cache of names is ours, and is brought up to date.
     if kind == Kind::Names {
         return;
@@ -55,7 +55,8 @@ pub fn check_output(output: &Path) -> Result<(), FileError> {
     // What is not there yet was not read, unless a shipped file stood in for it.
     let Ok(handle) = Handle::from_path(output) else {
         let absolute = |path: &Path| std::path::absolute(path).ok();
-        return match stood_in().iter().find(|(path, _)| absolute(path) == absolute(output)) {
+        return match shipped_stand_ins().iter().find(|(path, _)| absolute(path) == absolute(output))
+        {
             Some((input, kind)) => Err(FileError::OverInput {
                 output: output.to_owned(),
                 input: input.clone(),

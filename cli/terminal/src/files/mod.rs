@@ -8,7 +8,7 @@ mod read;
 mod series;
 mod write;
 
-pub use read::{Named, read, read_by, read_text, text};
+pub use read::{PathSource, read, read_by, read_text, text};
 pub use series::{Lines, Rotation, RotationArgs, Series};
 pub use write::{Output, cannot_write, make_folder, save, write, write_pair, write_secret};
 

@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Source of the path of a file that is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Named {
+pub enum PathSource {
     /// The user, who may also name a pipe, such as `<(program)` of a shell.
     ByUser,
     /// Another file, which may be untrusted: only regular files are read.
@@ -27,12 +27,12 @@ pub enum Named {
 
 /// Reads the bytes of a file that the user named.
 pub fn read(path: &Path, kind: Kind) -> miette::Result<Vec<u8>> {
-    Ok(read_by(path, Named::ByUser, |_| kind)?.0)
+    Ok(read_by(path, PathSource::ByUser, |_| kind)?.0)
 }
 
 /// Reads the text of a file that the user named.
 pub fn read_text(path: &Path, kind: Kind) -> miette::Result<String> {
-    Ok(text(read_by(path, Named::ByUser, |_| kind)?, path)?)
+    Ok(text(read_by(path, PathSource::ByUser, |_| kind)?, path)?)
 }
 
 /// Converts bytes to text.
@@ -52,7 +52,7 @@ pub fn text((bytes, kind): (Vec<u8>, Kind), path: &Path) -> Result<String, FileE
 /// Returns an error if the file does not exist or is too large, or if the operating system refuses.
 pub fn read_by(
     path: &Path,
-    named: Named,
+    named: PathSource,
     kind_of: impl Fn(&[u8]) -> Kind,
 ) -> Result<(Vec<u8>, Kind), FileError> {
     let refused = |reason: io::Error| {
@@ -64,7 +64,7 @@ pub fn read_by(
     };
     if let Some(text) = shipped::instead_of(path) {
         let kind = kind_of(text.as_bytes());
-        identity::note_shipped(path, kind);
+        identity::record_shipped(path, kind);
         return Ok((text.into(), kind));
     }
     let found = fs::metadata(path).map_err(refused)?;
@@ -81,10 +81,10 @@ pub fn read_by(
             }
         }
         let (bytes, kind) = content.finish();
-        identity::note_input(file, path, kind);
+        identity::record_input(file, path, kind);
         return Ok((bytes, kind));
     }
-    if found.is_dir() || named == Named::InFile {
+    if found.is_dir() || named == PathSource::InFile {
         let (kind, found) = (kind_of(&[]), word_for(found.file_type()));
         return Err(FileError::NotAFile { kind, path: path.to_owned(), found });
     }
@@ -287,7 +287,7 @@ mod tests {
         );
         // Another kind by its beginning.
         let plan = |start: &[u8]| if start.starts_with(b"#") { Kind::Plan } else { Kind::Robot };
-        assert_eq!(read_by(&path, Named::ByUser, plan).unwrap().1, Kind::Plan);
+        assert_eq!(read_by(&path, PathSource::ByUser, plan).unwrap().1, Kind::Plan);
     }
 
     #[cfg(unix)]
@@ -295,7 +295,8 @@ mod tests {
     fn what_has_no_end_is_read_up_to_the_bound() {
         let error = read(Path::new("/dev/zero"), Kind::Robot).unwrap_err().to_string();
         assert!(error.contains("/dev/zero has more than 1048576 bytes"), "{error}");
-        let error = read_by(Path::new("/dev/zero"), Named::InFile, |_| Kind::Robot).unwrap_err();
+        let error =
+            read_by(Path::new("/dev/zero"), PathSource::InFile, |_| Kind::Robot).unwrap_err();
         assert!(error.to_string().contains("/dev/zero: it is a device"), "{error}");
         let error = read(Path::new("/dev"), Kind::Robot).unwrap_err().to_string();
         assert!(error.contains("/dev: it is a folder"), "{error}");
@@ -317,7 +318,7 @@ mod tests {
         writer.join().unwrap().unwrap();
         let error = stream(&pipe, &kind_of, Duration::from_millis(50)).unwrap_err();
         assert!(error.to_string().contains("no data arrived"), "{error}");
-        let error = read_by(&pipe, Named::InFile, kind_of).unwrap_err().to_string();
+        let error = read_by(&pipe, PathSource::InFile, kind_of).unwrap_err().to_string();
         assert!(error.contains("it is a pipe, not a file"), "{error}");
     }
 }

@@ -149,7 +149,7 @@ impl Series {
             let oldest = self.files.pop_front().unwrap_or_default();
             // Somebody may have moved it away.
             if fs::remove_file(&oldest).is_ok() && std::mem::take(&mut self.says) {
-                output::say(format_args!(
+                output::print_line(format_args!(
                     "removed {}, the oldest of {} files, because of the limit --rotate {}",
                     oldest.display(),
                     self.rotation.files + 1,

@@ -25,11 +25,11 @@ const LINKS_MAX: usize = 40;
 pub struct Output {
     /// Path as the user named it.
     path: PathBuf,
-    place: Place,
+    place: Destination,
 }
 
 #[derive(Debug)]
-enum Place {
+enum Destination {
     /// Regular file with links followed, and its permissions if it exists.
     File { path: PathBuf, permissions: Option<Permissions> },
     /// Device or pipe.
@@ -54,7 +54,7 @@ impl Output {
     pub fn at(path: &Path) -> Result<Self, FileError> {
         let output = Self::of_source(path)?;
         match &output.place {
-            Place::File { path: target, permissions: Some(_) }
+            Destination::File { path: target, permissions: Some(_) }
                 if target
                     .extension()
                     .is_some_and(|ending| SOURCES.iter().any(|s| ending == *s)) =>
@@ -71,7 +71,7 @@ impl Output {
     /// Returns the errors of [`at`](Self::at), except the one about files that users write.
     pub fn of_source(path: &Path) -> Result<Self, FileError> {
         if path == Path::new("-") || is_standard_output(path) {
-            return Ok(Self { path: path.to_owned(), place: Place::StandardOutput });
+            return Ok(Self { path: path.to_owned(), place: Destination::StandardOutput });
         }
         let refused = |reason| FileError::Io { action: "write", path: path.to_owned(), reason };
         let place = match fs::metadata(path) {
@@ -83,10 +83,10 @@ impl Output {
                 // Without truncating it: is it writable?
                 OpenOptions::new().write(true).open(path).map_err(refused)?;
                 let path = fs::canonicalize(path).map_err(refused)?;
-                Place::File { path, permissions: Some(found.permissions()) }
+                Destination::File { path, permissions: Some(found.permissions()) }
             }
             Ok(found) if found.is_dir() => return Err(refused(io::ErrorKind::IsADirectory.into())),
-            Ok(_) => Place::Stream,
+            Ok(_) => Destination::Stream,
             Err(error)
                 if matches!(
                     error.kind(),
@@ -94,11 +94,11 @@ impl Output {
                 ) =>
             {
                 identity::check_output(path)?;
-                Place::File { path: end_of_links(path), permissions: None }
+                Destination::File { path: end_of_links(path), permissions: None }
             }
             Err(reason) => return Err(refused(reason)),
         };
-        if let Place::File { path: target, .. } = &place {
+        if let Destination::File { path: target, .. } = &place {
             let folder = folder(target);
             check_folder(folder, path)?;
             temporary_in(folder).map_err(refused)?;
@@ -114,8 +114,8 @@ impl Output {
     /// Path of the file, with links followed. Devices and pipes return their own path.
     pub fn target(&self) -> &Path {
         match &self.place {
-            Place::File { path, .. } => path,
-            Place::Stream | Place::StandardOutput => &self.path,
+            Destination::File { path, .. } => path,
+            Destination::Stream | Destination::StandardOutput => &self.path,
         }
     }
 
@@ -125,8 +125,8 @@ impl Output {
     /// Returns an error if standard output is closed.
     pub fn comment(&self, text: &str) -> miette::Result<()> {
         match self.place {
-            Place::StandardOutput => {
-                output::say(text);
+            Destination::StandardOutput => {
+                output::print_line(text);
                 Ok(())
             }
             _ => output::print(text),
@@ -139,11 +139,11 @@ impl Output {
     /// Returns an error if both outputs are the same file.
     pub fn apart_from(&self, other: &Self) -> Result<(), FileError> {
         let target = |output: &Self| match &output.place {
-            Place::File { path, .. } => {
+            Destination::File { path, .. } => {
                 let folder = fs::canonicalize(folder(path)).ok()?;
                 Some(folder.join(path.file_name()?))
             }
-            Place::Stream | Place::StandardOutput => None,
+            Destination::Stream | Destination::StandardOutput => None,
         };
         match (target(self), target(other)) {
             (Some(one), Some(two)) if one == two => {
@@ -159,9 +159,9 @@ impl Output {
     /// Returns an error if the operating system refuses.
     pub fn write(&self, content: &[u8]) -> miette::Result<()> {
         let attempt = || match &self.place {
-            Place::File { path, permissions } => replace(path, permissions.as_ref(), content),
-            Place::Stream => open_stream(&self.path, PATIENCE)?.write_all(content),
-            Place::StandardOutput => {
+            Destination::File { path, permissions } => replace(path, permissions.as_ref(), content),
+            Destination::Stream => open_stream(&self.path, PATIENCE)?.write_all(content),
+            Destination::StandardOutput => {
                 let mut stdout = io::stdout().lock();
                 let written = stdout.write_all(content).and_then(|()| stdout.flush());
                 // Whoever reads it has seen enough.
@@ -182,9 +182,9 @@ impl Output {
     /// Returns an error if the operating system refuses.
     pub fn create(&self) -> miette::Result<BufWriter<File>> {
         let file = match &self.place {
-            Place::File { path, .. } => File::create(path),
-            Place::Stream => open_stream(&self.path, PATIENCE),
-            Place::StandardOutput => open_stream(Path::new("/dev/stdout"), PATIENCE),
+            Destination::File { path, .. } => File::create(path),
+            Destination::Stream => open_stream(&self.path, PATIENCE),
+            Destination::StandardOutput => open_stream(Path::new("/dev/stdout"), PATIENCE),
         };
         Ok(BufWriter::new(file.map_err(|reason| cannot_write(&self.path, reason))?))
     }

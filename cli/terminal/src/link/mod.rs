@@ -1,11 +1,11 @@
 //! Link to a controller, as commands open it.
 //!
-//! [`operated`] is an operator on a link, [`names`] contains the names of motions and channels, and [`steering`] prepares
+//! [`operated_bus`] is an operator on a link, [`names`] contains the names of motions and channels, and [`steering`] prepares
 //! continuous steering.
 
 mod interruptible;
 pub mod names;
-pub mod operated;
+pub mod operated_bus;
 pub mod steering;
 
 pub use interruptible::Interruptible;
@@ -105,7 +105,7 @@ impl LinkArgs {
     /// # Errors
     /// Returns the errors of [`live`].
     pub fn open(&self) -> miette::Result<Interruptible> {
-        interrupt::listen();
+        interrupt::install_handler();
         let live = self.live().map_err(cannot_open)?;
         Ok(Interruptible::new(live))
     }
@@ -122,8 +122,8 @@ impl LinkArgs {
     /// Opens the bus and connects to the controller as its only host.
     ///
     /// # Errors
-    /// Returns the errors of [`open`](Self::open). Returns [`Ended`] if the controller does not answer, has another host or
-    /// uses another protocol version, or after Ctrl-C.
+    /// Returns the errors of [`open`](Self::open). Returns [`FailedSession`] if the controller does not answer, has another host
+    /// or uses another protocol version, or after Ctrl-C.
     pub fn connect(&self) -> miette::Result<LiveSession> {
         self.session(Session::connect_alone)
     }
@@ -149,7 +149,8 @@ impl LinkArgs {
         connect: impl FnOnce(Interruptible, Peer) -> Result<LiveSession, SessionError>,
     ) -> miette::Result<LiveSession> {
         let peer = self.peer()?;
-        connect(self.open()?, peer).map_err(|error| Ended(ended(self, &error)).into())
+        connect(self.open()?, peer)
+            .map_err(|error| FailedSession(report_failure(self, &error)).into())
     }
 
     /// Report of a failed session, with the command to type next.
@@ -180,14 +181,14 @@ impl LinkArgs {
 /// End of a command whose session failed, after the failure was reported.
 #[derive(Debug, Error, Diagnostic)]
 #[error("the session ended")]
-pub struct Ended(pub Exit);
+pub struct FailedSession(pub Exit);
 
 /// Reports the failure of a session, unless Ctrl-C caused it, and returns the exit code.
-pub fn ended(args: &LinkArgs, error: &SessionError) -> Exit {
+pub fn report_failure(args: &LinkArgs, error: &SessionError) -> Exit {
     if interrupt::requested() {
         return Exit::Interrupted;
     }
     let report = args.explain(error).wrap_err("the robot did not execute the command");
-    output::say_report(&report);
+    output::print_report(&report);
     Exit::NotDone
 }

@@ -5,7 +5,7 @@
 
 use crate::inputs::Source;
 use crate::kind::Kind;
-use crate::packed::{self, Packed, actuators, channel_names};
+use crate::validated_library::{self, ValidatedLibrary, actuators, channel_names};
 use crate::{files, output};
 use directories::ProjectDirs;
 use miette::IntoDiagnostic;
@@ -34,10 +34,10 @@ impl NamesArgs {
     /// # Errors
     /// Returns an error if a file that the user named is missing or wrong.
     pub fn find(&self, library: u32) -> miette::Result<Option<Catalog>> {
-        let Some(path) = &self.library else { return Ok(kept(library)) };
-        let catalog = Packed::read(path, self.robot.as_deref())?.catalog();
+        let Some(path) = &self.library else { return Ok(cached(library)) };
+        let catalog = ValidatedLibrary::read(path, self.robot.as_deref())?.catalog();
         if catalog.library != library {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "{} is library {:08x}, but the controller has library {library:08x}: names may be \
                  wrong",
                 path.display(),
@@ -53,7 +53,7 @@ impl NamesArgs {
     /// Returns an error if a file that the user named is missing or wrong.
     pub fn config_hash(&self) -> miette::Result<Option<u32>> {
         let robot = match (&self.library, &self.robot) {
-            (Some(library), robot) => Packed::read(library, robot.as_deref())?.robot,
+            (Some(library), robot) => ValidatedLibrary::read(library, robot.as_deref())?.robot,
             (None, Some(robot)) => Source::Disk.robot(robot)?,
             (None, None) => return Ok(None),
         };
@@ -72,7 +72,7 @@ impl NamesArgs {
                 return Ok(Some((robot, parts)));
             }
         }
-        let shipped = packed::file_of(config_hash);
+        let shipped = validated_library::file_of(config_hash);
         shipped.map(|file| Source::Shipped.robot_and_parts(file)).transpose()
     }
 
@@ -91,14 +91,14 @@ impl NamesArgs {
                 let robot = Source::Disk.robot(path)?;
                 let config_hash = robot.controller_config().into_diagnostic()?.hash();
                 if hello.is_some_and(|hello| hello.config_hash != config_hash) {
-                    output::say(format_args!(
+                    output::print_line(format_args!(
                         "{} does not describe the controller's robot: names may be wrong",
                         path.display()
                     ));
                 }
                 (robot, config_hash)
             }
-            (None, Some(hello)) => match packed::robot_of(hello.config_hash) {
+            (None, Some(hello)) => match validated_library::robot_of(hello.config_hash) {
                 Some(robot) => (robot, hello.config_hash),
                 None => return Ok(None),
             },
@@ -110,36 +110,36 @@ impl NamesArgs {
 }
 
 /// Caches the names of a library. A failed write is reported, but is not an error.
-pub fn keep(catalog: &Catalog) {
-    keep_of(catalog.library, NAMES, catalog);
+pub fn cache(catalog: &Catalog) {
+    cache_data(catalog.library, NAMES, catalog);
 }
 
 /// Cached names of the library with this identity.
-pub fn kept(library: u32) -> Option<Catalog> {
-    kept_of(library, NAMES).filter(|catalog: &Catalog| catalog.library == library)
+pub fn cached(library: u32) -> Option<Catalog> {
+    cached_data(library, NAMES).filter(|catalog: &Catalog| catalog.library == library)
 }
 
 /// Extension of the cache file with the names of a library.
 const NAMES: &str = "json";
 
 /// Caches data of a library. `ending` is the extension of the cache file.
-pub fn keep_of(library: u32, ending: &str, what: &impl Serialize) {
-    let Some(path) = place(library, ending) else { return };
+pub fn cache_data(library: u32, ending: &str, what: &impl Serialize) {
+    let Some(path) = cache_path(library, ending) else { return };
     let text = serde_json::to_string_pretty(what).unwrap_or_default();
     // A folder that cannot be made is found by the writer.
     let _ = fs::create_dir_all(files::folder(&path));
     if let Err(error) = files::write(&path, text.as_bytes()) {
-        output::say(format_args!("cannot cache the names of the library: {error}"));
+        output::print_line(format_args!("cannot cache the names of the library: {error}"));
     }
 }
 
 /// Reads cached data of the library with this identity. `ending` is the extension of the cache file.
-pub fn kept_of<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
-    let text = files::read_text(&place(library, ending)?, Kind::Names).ok()?;
+pub fn cached_data<T: DeserializeOwned>(library: u32, ending: &str) -> Option<T> {
+    let text = files::read_text(&cache_path(library, ending)?, Kind::Names).ok()?;
     serde_json::from_str(&text).ok()
 }
 
-fn place(library: u32, ending: &str) -> Option<PathBuf> {
+fn cache_path(library: u32, ending: &str) -> Option<PathBuf> {
     let folders = ProjectDirs::from("", "", "rollwalk")?;
     Some(Path::new(folders.cache_dir()).join(format!("libraries/{library:08x}.{ending}")))
 }

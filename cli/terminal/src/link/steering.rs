@@ -2,7 +2,7 @@
 
 use crate::inputs::{self, number_within};
 use crate::output;
-use crate::packed::Packed;
+use crate::validated_library::ValidatedLibrary;
 use miette::{IntoDiagnostic, Report, miette};
 use rollwalk_host::catalog::Catalog;
 use rollwalk_pilot::{Fastest, Route};
@@ -38,7 +38,7 @@ fn fast(text: &str) -> Result<f64, String> {
 }
 
 /// Prepared inputs of steering.
-pub struct Prepared {
+pub struct SteeringInputs {
     /// Robot in its SAFE pose, with its gait.
     pub route: Route,
     /// Maximum speeds of steering.
@@ -47,7 +47,7 @@ pub struct Prepared {
     pub catalog: Catalog,
 }
 
-impl Prepared {
+impl SteeringInputs {
     /// Checks that the robot can move: without a gait, all end effectors must roll.
     ///
     /// # Errors
@@ -77,12 +77,12 @@ impl SteeringArgs {
     /// # Errors
     /// Returns an error if a file is missing or wrong, if the gait is of another robot, or if the robot's motion cannot be
     /// planned.
-    pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<Prepared> {
-        let packed = Packed::read(library, robot)?;
+    pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<SteeringInputs> {
+        let packed = ValidatedLibrary::read(library, robot)?;
         let (route, fastest) = self.route(library, &packed)?;
         // Whether it can be planned shows before the robot is armed.
         route.course().map_err(Report::msg)?;
-        Ok(Prepared { route, fastest, catalog: packed.catalog() })
+        Ok(SteeringInputs { route, fastest, catalog: packed.catalog() })
     }
 
     /// Time limit of a plan.
@@ -91,7 +91,7 @@ impl SteeringArgs {
     }
 
     /// Route with the SAFE pose and the gait, and the maximum speeds.
-    fn route(&self, library: &Path, packed: &Packed) -> miette::Result<(Route, Fastest)> {
+    fn route(&self, library: &Path, packed: &ValidatedLibrary) -> miette::Result<(Route, Fastest)> {
         let robot = packed.robot.clone();
         let mut pose = [0.0; MAX_CHANNELS];
         packed
@@ -124,7 +124,7 @@ fn check_gait(library: &Path, plan: &Plan, robot: &Robot) -> miette::Result<()> 
         ));
     }
     if let Some(why) = &plan.motion.needs_feedback {
-        output::say(format_args!(
+        output::print_line(format_args!(
             "warning: `{name}` needs whole-body feedback ({why}), but is played without feedback"
         ));
     }

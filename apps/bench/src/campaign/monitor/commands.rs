@@ -23,18 +23,18 @@ impl TimedCommand {
 
 /// Command that the controller received, once or several times.
 #[derive(Clone, Copy, Debug)]
-struct Received {
+struct ReceivedCommand {
     timed: TimedCommand,
     /// True if at least one copy arrived before the expiry.
     in_time: bool,
     /// First acknowledgement with "ok".
     executed: Option<CommandAck>,
-    goal: Goal,
+    goal: PlayProgress,
 }
 
 /// Progress of a PLAY command towards the start of its motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Goal {
+enum PlayProgress {
     /// The motion may start.
     Pending,
     /// Another command has superseded the goal after `starts` motion starts. The motion may still start once, because a running
@@ -46,7 +46,7 @@ enum Goal {
 
 /// Received command that has not been acknowledged yet.
 #[derive(Clone, Copy, Debug)]
-struct Unanswered {
+struct PendingCommand {
     /// Index into [`Commands::received`].
     index: usize,
     in_time: bool,
@@ -63,9 +63,9 @@ pub struct Commands {
     starts: usize,
     /// Commands sent by the host.
     sent: Vec<TimedCommand>,
-    received: Vec<Received>,
+    received: Vec<ReceivedCommand>,
     /// Received commands in the order in which they will be acknowledged. A full queue drops some acknowledgements.
-    unanswered: VecDeque<Unanswered>,
+    unanswered: VecDeque<PendingCommand>,
     /// Index of the command that was executed most recently.
     last_executed: Option<usize>,
 }
@@ -102,11 +102,11 @@ impl Commands {
         match copy_of {
             Some(index) => self.received[index].in_time |= in_time,
             None => {
-                let goal = Goal::Pending;
-                self.received.push(Received { timed, in_time, executed: None, goal });
+                let goal = PlayProgress::Pending;
+                self.received.push(ReceivedCommand { timed, in_time, executed: None, goal });
             }
         }
-        self.unanswered.push_back(Unanswered { index, in_time });
+        self.unanswered.push_back(PendingCommand { index, in_time });
         copy_of.is_none()
     }
 
@@ -114,10 +114,10 @@ impl Commands {
     /// goal.
     fn is_on_the_way(&self, clip: usize) -> bool {
         let pending = |goal: usize| {
-            let plays = |received: &Received| {
+            let plays = |received: &ReceivedCommand| {
                 let code = self.codes.get(goal);
                 let play = matches!(received.timed.command.action, Action::Play { code: of, .. } if Some(&of) == code);
-                play && received.in_time && received.goal != Goal::Over
+                play && received.in_time && received.goal != PlayProgress::Over
             };
             goal == 0 || self.received.iter().any(plays)
         };
@@ -130,7 +130,7 @@ impl Commands {
     /// # Errors
     /// Returns the broken rule and a description if the acknowledgement breaks a rule.
     pub fn on_ack(&mut self, ack: CommandAck) -> Result<(), (Rule, String)> {
-        let fits = |unanswered: &Unanswered| {
+        let fits = |unanswered: &PendingCommand| {
             let Command { seq, action, .. } = self.received[unanswered.index].timed.command;
             (seq, action.kind()) == (ack.seq, ack.kind)
         };
@@ -140,16 +140,16 @@ impl Commands {
                 format!("acknowledgement without a command: {ack:?}"),
             ));
         };
-        let Unanswered { index, in_time } = self.unanswered[place];
+        let PendingCommand { index, in_time } = self.unanswered[place];
         self.unanswered.drain(..=place);
-        let Received { timed: TimedCommand { command, .. }, executed, goal, .. } =
+        let ReceivedCommand { timed: TimedCommand { command, .. }, executed, goal, .. } =
             &mut self.received[index];
         if ack.result != CommandResult::Ok {
             // These two may answer a copy of an executed command, or of one that arrives in time later.
             let of_a_copy =
                 matches!(ack.result, CommandResult::OutOfOrder | CommandResult::Expired);
             if executed.is_none() && !of_a_copy {
-                *goal = Goal::Over;
+                *goal = PlayProgress::Over;
             }
             return Ok(());
         }
@@ -183,15 +183,15 @@ impl Commands {
     fn supersede_goals_before(&mut self, index: usize) {
         let starts = self.starts;
         for received in &mut self.received[..index] {
-            if received.goal == Goal::Pending {
-                received.goal = Goal::Superseded { starts };
+            if received.goal == PlayProgress::Pending {
+                received.goal = PlayProgress::Superseded { starts };
             }
         }
     }
 
     /// Ends all goals, because no motion starts without torque.
     pub fn on_torque_off(&mut self) {
-        self.received.iter_mut().for_each(|received| received.goal = Goal::Over);
+        self.received.iter_mut().for_each(|received| received.goal = PlayProgress::Over);
     }
 
     /// Checks the start of a clip.
@@ -209,19 +209,19 @@ impl Commands {
             return Ok(());
         }
         // The acknowledgement may still wait for a busy link.
-        let requests = |received: &&mut Received| {
+        let requests = |received: &&mut ReceivedCommand| {
             let play = matches!(received.timed.command.action, Action::Play { code: of, .. } if of == code);
             let may_start = match received.goal {
-                Goal::Pending => true,
-                Goal::Superseded { starts } => starts == starts_before,
-                Goal::Over => false,
+                PlayProgress::Pending => true,
+                PlayProgress::Superseded { starts } => starts == starts_before,
+                PlayProgress::Over => false,
             };
             play && received.in_time && may_start
         };
         let passes = self.is_on_the_way(clip);
         match self.received.iter_mut().find(requests) {
             Some(received) => {
-                received.goal = Goal::Over;
+                received.goal = PlayProgress::Over;
                 Ok(())
             }
             None if passes => Ok(()),

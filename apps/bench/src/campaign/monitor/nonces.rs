@@ -93,8 +93,8 @@ mod tests {
 
     #[test]
     fn commands_and_transfers_revoke_it() {
-        type Happens = fn(&mut Nonces);
-        let all: [Happens; 7] = [
+        type NonceEvent = fn(&mut Nonces);
+        let all: [NonceEvent; 7] = [
             Nonces::revoke,
             |nonces| nonces.on_ack(SimTime::ZERO, ack(Action::Disarm, CommandResult::Ok, 0)),
             |nonces| nonces.on_ack(SimTime::ZERO, ack(Action::ClearRequest, CommandResult::Ok, 9)),

@@ -41,7 +41,7 @@ impl Setpoint {
 
 /// Previous set-point of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Last {
+struct PreviousSetpoint {
     value: f32,
     tick: u64,
 }
@@ -51,7 +51,7 @@ struct Last {
 pub struct Setpoints {
     config: RobotConfig,
     control_hz: u32,
-    last: Vec<Option<Last>>,
+    last: Vec<Option<PreviousSetpoint>>,
     /// Maximum age of the pose that a first set-point repeats; `None` to permit any pose.
     pose_age: Option<SimTime>,
     /// Poses up to this age, oldest first.
@@ -121,7 +121,7 @@ impl Setpoints {
             channel.ok_or_else(|| (Rule::ValidFrame, format!("no {kind:?} {id} on bus {bus}")))?;
         let limits = self.config.channels[channel];
         let tick = self.tick(at);
-        let last = self.last[channel].replace(Last { value, tick });
+        let last = self.last[channel].replace(PreviousSetpoint { value, tick });
 
         check_limits(&limits, channel, &setpoint, last)?;
         if damped && (kp.is_some_and(|kp| kp > 0.0) || torque_nm != 0.0) {
@@ -129,7 +129,9 @@ impl Setpoints {
             return Err((Rule::CompliantWhenDamped, what));
         }
         match last {
-            Some(last) => self.check_rate(channel, &limits, last, Last { value, tick })?,
+            Some(last) => {
+                self.check_rate(channel, &limits, last, PreviousSetpoint { value, tick })?
+            }
             // Without stiffness the position of a setpoint has no effect.
             None if kp == Some(0.0) => {}
             None => self.check_start(channel, &limits, value, body)?,
@@ -148,8 +150,8 @@ impl Setpoints {
         &self,
         channel: usize,
         limits: &Channel,
-        from: Last,
-        to: Last,
+        from: PreviousSetpoint,
+        to: PreviousSetpoint,
     ) -> Result<(), (Rule, String)> {
         let periods = (to.tick - from.tick) as f32;
         let allowed = limits.max_rate * periods / self.control_hz as f32;
@@ -205,7 +207,7 @@ fn check_limits(
     limits: &Channel,
     channel: usize,
     setpoint: &Setpoint,
-    last: Option<Last>,
+    last: Option<PreviousSetpoint>,
 ) -> Result<(), (Rule, String)> {
     let fail = |what: &str| Err((Rule::Limits, format!("channel {channel}: {what}: {setpoint:?}")));
     let (value, kp, kd, torque_nm) = match setpoint {

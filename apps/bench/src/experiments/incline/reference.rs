@@ -41,7 +41,7 @@ pub struct Reference {
 
 /// Report on the solution of a step.
 #[derive(Clone, Debug, Default)]
-pub struct Report {
+pub struct SolutionReport {
     /// Number of programs, each with updated forces and derivatives.
     pub programs: u32,
     /// Largest unbalanced force, N.
@@ -52,7 +52,7 @@ pub struct Report {
     pub impulses: Vec<(usize, Vector3<f64>)>,
 }
 
-impl Report {
+impl SolutionReport {
     /// True if residual force and slip are within the tolerance.
     pub fn converged(&self) -> bool {
         self.residual_n <= TOLERANCE && self.slip_m_s <= TOLERANCE
@@ -61,20 +61,20 @@ impl Report {
 
 /// Momentum change that is not due to forces, N·s, and its derivative with respect to the velocities, as blocks by row and
 /// column.
-struct Model {
+struct MomentumModel {
     excess: Vec<Vector3<f64>>,
     blocks: Vec<(usize, usize, Matrix3<f64>)>,
 }
 
 impl Reference {
     /// Advances by a step. Returns `None` if a program has no solution.
-    pub fn step(&mut self) -> Option<Report> {
+    pub fn step(&mut self) -> Option<SolutionReport> {
         let begin = self.assembly.motions.clone();
         let gap = |motion: &BodyMotion| self.plane.at(&motion.position).gap_m;
         let near: Vec<(usize, f64)> = begin.iter().map(gap).enumerate().collect();
         let near: Vec<_> = near.into_iter().filter(|(_, gap_m)| *gap_m < REACH_M).collect();
         let mut velocities: Vec<_> = begin.iter().map(|motion| motion.velocity).collect();
-        let mut report = Report::default();
+        let mut report = SolutionReport::default();
         let mut slips_m_s = self.slips(&near, &velocities);
         let mut model = self.model(&begin, &velocities);
         while report.programs < PROGRAMS {
@@ -112,10 +112,10 @@ impl Reference {
         near.iter().map(|&(particle, _)| across(velocities[particle])).collect()
     }
 
-    fn model(&self, begin: &[BodyMotion], velocities: &[Vector3<f64>]) -> Model {
+    fn model(&self, begin: &[BodyMotion], velocities: &[Vector3<f64>]) -> MomentumModel {
         let step_s = self.step_s;
         let now = self.moved(begin, velocities);
-        let mut model = Model { excess: Vec::new(), blocks: Vec::new() };
+        let mut model = MomentumModel { excess: Vec::new(), blocks: Vec::new() };
         for (particle, body) in self.assembly.bodies.iter().enumerate() {
             let change = velocities[particle] - begin[particle].velocity;
             model.excess.push((change - self.gravity_m_s2 * step_s) * body.mass_kg());
@@ -160,7 +160,7 @@ impl Reference {
         near: &[(usize, f64)],
         slips_m_s: &[f64],
         velocities: &[Vector3<f64>],
-        model: &Model,
+        model: &MomentumModel,
     ) -> Option<(Vec<Vector3<f64>>, Vec<(usize, Vector3<f64>)>)> {
         // In units of a particle's mass.
         let unit_kg = model.blocks[0].2[(0, 0)];

@@ -15,7 +15,7 @@
 use crate::experiments::ball_target::{FINE_S, TARGET_M};
 use crate::experiments::outcome::short;
 use crate::experiments::throwing::{FREEDOMS, Throw};
-use crate::experiments::{Check, Outcome, Watch};
+use crate::experiments::{Check, ExperimentOutcome, Watch};
 use nalgebra::Vector3;
 use rollwalk_physics::sensitivity::gauss_newton::{Evaluation, Options, minimise};
 use rollwalk_physics::sensitivity::parameter::Freedom;
@@ -39,7 +39,7 @@ pub const SLIGHT: f64 = 0.05;
 pub fn measure(
     ball: &Throw,
     minima: &[(f64, f64, f64)],
-    outcome: &mut Outcome,
+    outcome: &mut ExperimentOutcome,
     watch: &dyn Watch,
 ) -> Option<()> {
     let fine = Throw { stick_s: Some(ball.step_s), ..ball.clone().in_steps(FINE_S) };
@@ -48,7 +48,7 @@ pub fn measure(
     // Shifts that are known to be beyond the bound: 0.138 and 0.065.
     let tosses = [("two bounces", 0.14), ("one bounce", 0.07)];
     for (&(forward, upward, _), (bounces, known)) in minima.iter().zip(tosses) {
-        watch.say(&format!("minimum with {bounces}, k_n {STIFF_N_M}"));
+        watch.report(&format!("minimum with {bounces}, k_n {STIFF_N_M}"));
         let mut told = |what: &str, text: &str| {
             let what = format!("{what}, {bounces}");
             outcome.checks.push(Check::new(&what, "", "", text, None));
@@ -78,7 +78,7 @@ pub fn measure(
         }
         let mut from = at;
         for node_stiffness_n_m in SOFTER_N_M {
-            watch.say(&format!("minimum with {bounces}, k_n {node_stiffness_n_m}"));
+            watch.report(&format!("minimum with {bounces}, k_n {node_stiffness_n_m}"));
             let found = minimum(&with(node_stiffness_n_m), from, watch);
             if watch.interrupted() {
                 return None;
@@ -95,7 +95,7 @@ pub fn measure(
             outcome.checks.push(if node_stiffness_n_m == SOFTEST_N_M {
                 Check::at_most_known(&what, "slight", share, SLIGHT, (known, why))
             } else {
-                Check::told(&what, "", share)
+                Check::informative(&what, "", share)
             });
         }
     }

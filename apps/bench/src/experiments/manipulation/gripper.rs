@@ -1,7 +1,7 @@
 //! Gripper that moves and turns, and cubes that hang on it by springs.
 
 use crate::experiments::manipulation::{Effector, STEP_S};
-use crate::experiments::parts::{self, Link, Touching};
+use crate::experiments::parts::{self, Link, PointContact};
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::Plane;
 use rollwalk_physics::contact::Normal;
@@ -76,7 +76,7 @@ pub(crate) fn rest_m() -> f64 {
 /// Adds contacts between the corners of a cube and level ground.
 pub(crate) fn touch_ground(assembly: &mut Assembly, cube: usize) {
     let ground = Arc::new(Plane::level());
-    let touching = Touching { normal: NORMAL, coefficient: 0.5, step_s: STEP_S, ground };
+    let touching = PointContact { normal: NORMAL, coefficient: 0.5, step_s: STEP_S, ground };
     touching.add(assembly, cube, parts::corners(EDGE_M));
 }
 

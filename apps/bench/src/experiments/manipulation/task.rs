@@ -26,14 +26,14 @@ pub(crate) trait Effector {
 ///
 /// The parameters are the knots of all coordinates, except the knots at the beginning that are held at 0.
 #[derive(Clone, Debug)]
-pub(crate) struct Way {
+pub(crate) struct EffectorPath {
     steps: usize,
     curve: Arc<Curve>,
     /// Number of knots at the beginning that are held at 0.
     held: usize,
 }
 
-impl Way {
+impl EffectorPath {
     /// Creates a linear curve with a knot at every step.
     pub fn by_step(steps: usize) -> Self {
         Self::new(steps, steps, Degree::Linear, 1)
@@ -69,7 +69,7 @@ impl Way {
 /// Task of an effector.
 pub(crate) struct Task<'a> {
     pub effector: &'a dyn Effector,
-    pub way: Way,
+    pub way: EffectorPath,
     /// Creates the system in its initial state.
     pub begin: &'a dyn Fn() -> System,
     pub targets: &'a dyn Fn(&Rollout) -> Vec<Residual>,
@@ -90,7 +90,7 @@ pub(crate) struct Solution {
 
 /// Work for a task in the thesis.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Work {
+pub(crate) struct ThesisWork {
     pub iterations: f64,
     pub simulation_s: f64,
     pub optimisation_s: f64,
@@ -177,13 +177,13 @@ impl Solution {
 
     /// Checks of the iterations, bounded by `most`, and of the CPU times, bounded by those of the thesis. `of` is a prefix of
     /// the names.
-    pub fn checks(&self, of: &str, most: f64, thesis: Option<Work>) -> [Check; 3] {
+    pub fn checks(&self, of: &str, most: f64, thesis: Option<ThesisWork>) -> [Check; 3] {
         let iterations = thesis.map_or(String::new(), |work| work.iterations.to_string());
         let time = |what: &str, found: f64, bound: Option<f64>| {
             let what = format!("{of}{what}, CPU s");
             match bound {
                 Some(bound) => Check::at_most(&what, &bound.to_string(), found, bound),
-                None => Check::told(&what, "", found),
+                None => Check::informative(&what, "", found),
             }
         };
         let [simulation_s, optimisation_s] =
@@ -250,14 +250,14 @@ mod tests {
 
     #[test]
     fn ways_begin_at_rest_where_the_effector_is() {
-        let by_step = Way::by_step(4);
+        let by_step = EffectorPath::by_step(4);
         let parameters = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0];
         for step in 0..=4 {
             let at = by_step.at(&parameters, 2, step);
             let off = (at[0] - step as f64).abs() + (at[1] + step as f64).abs();
             assert!(off < 1e-12, "{step}: {at:?}");
         }
-        let smooth = Way::smooth(40, 4);
+        let smooth = EffectorPath::smooth(40, 4);
         assert_eq!(smooth.at(&parameters, 2, 0), [0.0, 0.0]);
         assert!(smooth.at(&parameters, 2, 1)[0] < 1e-3);
     }

@@ -41,7 +41,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let lines = vec![
         Line::styled(fit(&name, width), bold),
         link(view, width),
-        Line::from(fit(&doing(scene), width)),
+        Line::from(fit(&activity(scene), width)),
     ];
     frame.render_widget(Paragraph::new(lines), right);
 }
@@ -142,7 +142,7 @@ fn link(view: &View, width: usize) -> Line<'static> {
     }
 }
 
-fn doing(scene: &Scene) -> String {
+fn activity(scene: &Scene) -> String {
     let view = scene.view;
     let mut parts = vec![format!("speed {}", part(view.speed_64ths))];
     if let Some((_, speed)) = view.asked.filter(|&(_, speed)| speed != view.speed_64ths) {

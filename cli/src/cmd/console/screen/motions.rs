@@ -16,17 +16,17 @@ const NAME: usize = 18;
 
 /// Position of the robot on the motion graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum GraphPosition {
     Motion(usize),
     Between(Transition),
 }
 
-fn place(scene: &Scene, catalog: &Catalog) -> Option<Place> {
+fn graph_position(scene: &Scene, catalog: &Catalog) -> Option<GraphPosition> {
     let clip = usize::from(scene.view.status?.clip?);
     if clip < catalog.motions.len() {
-        return Some(Place::Motion(clip));
+        return Some(GraphPosition::Motion(clip));
     }
-    catalog.transitions.get(clip - catalog.motions.len()).copied().map(Place::Between)
+    catalog.transitions.get(clip - catalog.motions.len()).copied().map(GraphPosition::Between)
 }
 
 fn name_width(catalog: &Catalog) -> usize {
@@ -55,7 +55,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     };
     let (width, height) =
         (usize::from(area.width.saturating_sub(2)), usize::from(area.height.saturating_sub(2)));
-    let place = place(scene, catalog);
+    let place = graph_position(scene, catalog);
     let graph = head_width(catalog) + 2 * catalog.motions.len() <= width + 1;
     let keys = scene.names.keys();
     let mut lines = Vec::new();
@@ -69,8 +69,8 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     // The rows around the one that plays.
     let room = height.saturating_sub(lines.len() + 2).max(1);
     let middle = match place {
-        Some(Place::Motion(motion)) => motion,
-        Some(Place::Between(Transition { to, .. })) => to,
+        Some(GraphPosition::Motion(motion)) => motion,
+        Some(GraphPosition::Between(Transition { to, .. })) => to,
         None => 0,
     };
     let first = middle.saturating_sub(room / 2).min(catalog.motions.len().saturating_sub(room));
@@ -100,43 +100,43 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
-fn mark(place: Option<Place>, index: usize) -> (char, Style) {
+fn mark(place: Option<GraphPosition>, index: usize) -> (char, Style) {
     let bold = Style::new().add_modifier(Modifier::BOLD);
     match place {
-        Some(Place::Motion(motion)) if motion == index => {
+        Some(GraphPosition::Motion(motion)) if motion == index => {
             ('▶', bold.add_modifier(Modifier::REVERSED))
         }
-        Some(Place::Between(edge)) if edge.to == index => ('⇢', bold),
-        Some(Place::Between(edge)) if edge.from == index => ('·', bold),
+        Some(GraphPosition::Between(edge)) if edge.to == index => ('⇢', bold),
+        Some(GraphPosition::Between(edge)) if edge.from == index => ('·', bold),
         _ => (' ', Style::new()),
     }
 }
 
-fn cell(catalog: &Catalog, place: Option<Place>, from: usize, to: usize) -> Span<'static> {
+fn cell(catalog: &Catalog, place: Option<GraphPosition>, from: usize, to: usize) -> Span<'static> {
     let here = Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED);
     let edge = Transition { from, to };
-    if place == Some(Place::Between(edge)) {
+    if place == Some(GraphPosition::Between(edge)) {
         return Span::styled("▶ ", here);
     }
     if from == to {
-        let is_here = place == Some(Place::Motion(from));
+        let is_here = place == Some(GraphPosition::Motion(from));
         return if is_here { Span::styled("● ", here) } else { Span::raw("○ ") };
     }
     let joined = catalog.transitions.contains(&edge);
-    let reachable = joined && place == Some(Place::Motion(from));
+    let reachable = joined && place == Some(GraphPosition::Motion(from));
     let style = if reachable { Style::new().add_modifier(Modifier::BOLD) } else { Style::new() };
     Span::styled(if joined { "→ " } else { "  " }, style)
 }
 
 /// Name and progress of the current clip.
-fn now(scene: &Scene, catalog: &Catalog, place: Option<Place>, width: usize) -> String {
+fn now(scene: &Scene, catalog: &Catalog, place: Option<GraphPosition>, width: usize) -> String {
     let (Some(status), Some(place)) = (scene.view.status, place) else {
         return " nothing plays".into();
     };
     let name = status.clip.and_then(|clip| catalog.clip(clip)).unwrap_or_default();
     let frames = match place {
-        Place::Motion(motion) => catalog.motions.get(motion).map(|motion| motion.frames),
-        Place::Between(_) => None,
+        GraphPosition::Motion(motion) => catalog.motions.get(motion).map(|motion| motion.frames),
+        GraphPosition::Between(_) => None,
     };
     let Some(frames) = frames else {
         let seconds = f64::from(status.frame) / f64::from(RATE_HZ);

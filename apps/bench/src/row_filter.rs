@@ -5,13 +5,13 @@ use std::path::Path;
 
 /// Selection of rows.
 #[derive(clap::Args)]
-pub struct Only {
+pub struct RowFilter {
     /// Name of the row to run; if no row has this name, all rows whose names contain it [default: all rows].
     #[arg(long, value_name = "NAME")]
     only: Option<String>,
 }
 
-impl Only {
+impl RowFilter {
     /// Returns this option as command-line arguments.
     pub fn words(&self) -> Vec<String> {
         self.only.iter().flat_map(|only| ["--only".to_owned(), only.clone()]).collect()
@@ -48,13 +48,13 @@ fn name(file: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
-    use super::Only;
+    use super::RowFilter;
 
     const FILES: [&str; 3] =
         ["motions/roll.toml", "motions/x/walk_and_roll.toml", "motions/walk.toml"];
 
     fn choose(only: Option<&str>) -> miette::Result<Vec<&'static &'static str>> {
-        Only { only: only.map(str::to_owned) }.choose(&FILES, |file| file)
+        RowFilter { only: only.map(str::to_owned) }.choose(&FILES, |file| file)
     }
 
     #[test]

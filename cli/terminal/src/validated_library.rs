@@ -11,7 +11,7 @@ use rollwalk_robot::Robot;
 use std::path::Path;
 
 /// Validated motion library.
-pub struct Packed {
+pub struct ValidatedLibrary {
     /// Robot of the library.
     pub robot: Robot,
     /// Bytes of the file, with the signature if it has one.
@@ -19,7 +19,7 @@ pub struct Packed {
     index: Index,
 }
 
-impl Packed {
+impl ValidatedLibrary {
     /// Reads a library and validates it for the robot of `robot`, or else for the shipped robot with its configuration.
     ///
     /// # Errors

@@ -4,13 +4,13 @@ use rollwalk_protocol::tunnel::{Buses, Step, StepResult};
 
 /// Transmit queues of a controller that are known to be empty since its previous input.
 #[derive(Default)]
-pub struct Quiet {
+pub struct EmptyQueues {
     playing: Option<(u8, u16, f32)>,
     /// Buses with an empty transmit queue. Only an input can fill it.
     silent: Buses,
 }
 
-impl Quiet {
+impl EmptyQueues {
     /// Answer to a step that can be skipped; `None` if the step must be made.
     pub fn answer(&self, step: &Step) -> Option<StepResult> {
         let nothing = step.input.is_none() && step.free.without(self.silent).is_empty();

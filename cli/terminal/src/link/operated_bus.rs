@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Maximum time that [`Operated::receive`] listens, µs.
+/// Maximum time that [`OperatedBus::receive`] listens, µs.
 const LISTEN_US: u64 = 10_000;
 /// Interval between attempts to open a lost bus, µs.
 const REOPEN_US: u64 = 1_000_000;
@@ -23,18 +23,18 @@ const REOPEN_US: u64 = 1_000_000;
 const BUSY_US: u64 = 500;
 
 /// Operator on a bus.
-pub struct Operated<'a> {
+pub struct OperatedBus<'a> {
     link: &'a LinkArgs,
     bus: Option<LiveLink>,
     /// Operator: sends commands and tracks the state of the robot.
     pub operator: Operator,
     started: Instant,
     reopen_us: u64,
-    /// Frames received since the previous call of [`heard`](Self::heard); `None` before the first call.
+    /// Frames received since the previous call of [`heard`](Self::received_frames); `None` before the first call.
     heard: Option<Vec<Frame>>,
 }
 
-impl<'a> Operated<'a> {
+impl<'a> OperatedBus<'a> {
     /// Starts an operator on an open bus.
     pub fn new(link: &'a LinkArgs, bus: LiveLink, operator: Operator) -> Self {
         let (bus, started) = (Some(bus), Instant::now());
@@ -43,7 +43,7 @@ impl<'a> Operated<'a> {
 
     /// Frames received since the previous call, for data that the operator ignores. The first call returns none and starts the
     /// collection.
-    pub fn heard(&mut self) -> Vec<Frame> {
+    pub fn received_frames(&mut self) -> Vec<Frame> {
         self.heard.replace(Vec::new()).unwrap_or_default()
     }
 
@@ -71,7 +71,7 @@ impl<'a> Operated<'a> {
                 Err(LinkError::Busy) => {
                     self.operator.not_sent(frame);
                     let at_us = bus.now_us() + BUSY_US;
-                    return self.hear_until(at_us);
+                    return self.receive_until(at_us);
                 }
                 Err(error) => return self.lose(&error),
             }
@@ -86,7 +86,7 @@ impl<'a> Operated<'a> {
         match &self.bus {
             Some(bus) => {
                 let until_us = bus.now_us() + wait_us;
-                self.hear_until(until_us);
+                self.receive_until(until_us);
             }
             None => thread::sleep(Duration::from_micros(LISTEN_US)),
         }
@@ -100,7 +100,7 @@ impl<'a> Operated<'a> {
         }
     }
 
-    fn hear_until(&mut self, until_us: u64) {
+    fn receive_until(&mut self, until_us: u64) {
         let Some(bus) = &mut self.bus else { return };
         let mut until_us = until_us;
         loop {
@@ -137,30 +137,30 @@ fn us_since(start: Instant) -> u64 {
 }
 
 /// Prints the state in which an operator left the robot, and returns the exit code.
-pub fn farewell(view: &View) -> Exit {
+pub fn report_exit(view: &View) -> Exit {
     let Some(status) = view.status else {
-        output::say("left; the controller never answered");
+        output::print_line("left; the controller never answered");
         return Exit::NotDone;
     };
     let state = state_name(status.state);
     match status.state {
         State::Disarmed | State::Boot | State::SelfTest => {
-            output::say(format_args!("left; the robot is {state}"));
+            output::print_line(format_args!("left; the robot is {state}"));
             Exit::Ok
         }
         // Without a fault it becomes disarmed by itself.
         State::TorqueOff if status.faults.is_empty() => {
-            output::say("left; the robot is stopped, torque off");
+            output::print_line("left; the robot is stopped, torque off");
             Exit::Ok
         }
         State::TorqueOff | State::EStopped => {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "left; the robot is {state}: type `rollwalk clear` before arming it"
             ));
             Exit::Ok
         }
         _ => {
-            output::say(format_args!(
+            output::print_line(format_args!(
                 "left while the robot is {state}: without heartbeats the robot returns to SAFE and \
                  switches torque off; type `rollwalk clear` before arming it"
             ));
@@ -170,11 +170,11 @@ pub fn farewell(view: &View) -> Exit {
 }
 
 /// Prints the messages that follow the previously printed one.
-pub fn say_new(said: &mut Option<Message>, messages: &VecDeque<Message>) {
+pub fn print_new_messages(said: &mut Option<Message>, messages: &VecDeque<Message>) {
     let known = |message: &Message| said.as_ref() == Some(message);
     let next = messages.iter().rposition(known).map_or(0, |last| last + 1);
     for message in messages.iter().skip(next) {
-        output::say(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
+        output::print_line(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
     }
     *said = messages.back().cloned();
 }

@@ -7,26 +7,26 @@ use std::str::FromStr;
 
 /// Requested motion.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wanted {
+pub struct MotionRequest {
     motion: String,
     seconds: Option<f64>,
 }
 
-impl Wanted {
+impl MotionRequest {
     /// True if the request has a playing time.
     pub fn has_seconds(&self) -> bool {
         self.seconds.is_some()
     }
 }
 
-impl fmt::Display for Wanted {
+impl fmt::Display for MotionRequest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.motion)?;
         self.seconds.map_or(Ok(()), |seconds| write!(f, ":{seconds}"))
     }
 }
 
-impl FromStr for Wanted {
+impl FromStr for MotionRequest {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
         let (motion, seconds) = match text.rsplit_once(':') {
@@ -49,7 +49,7 @@ impl FromStr for Wanted {
 }
 
 /// A motion to be played.
-pub struct Chosen<'a> {
+pub struct SelectedMotion<'a> {
     pub code: u8,
     /// Requested playing time, s.
     pub seconds: Option<f64>,
@@ -57,7 +57,7 @@ pub struct Chosen<'a> {
     pub motion: Option<(usize, &'a CatalogMotion)>,
 }
 
-impl Chosen<'_> {
+impl SelectedMotion<'_> {
     pub fn name(&self) -> String {
         self.motion.map_or_else(|| format!("code {}", self.code), |(_, motion)| motion.name.clone())
     }
@@ -69,16 +69,16 @@ impl Chosen<'_> {
 /// # Errors
 /// Returns an error with the available motions if the requested one does not exist.
 pub fn choose<'a>(
-    wanted: &Wanted,
+    wanted: &MotionRequest,
     catalog: Option<&'a Catalog>,
     is_its_own: bool,
-) -> miette::Result<Chosen<'a>> {
-    let Wanted { motion: text, seconds } = wanted;
+) -> miette::Result<SelectedMotion<'a>> {
+    let MotionRequest { motion: text, seconds } = wanted;
     let motions = || catalog.into_iter().flat_map(|catalog| catalog.motions.iter().enumerate());
     if let Ok(code) = text.parse::<u8>() {
         let motion = motions().find(|(_, motion)| motion.code == Some(code));
         return match catalog.filter(|_| is_its_own && motion.is_none()) {
-            None => Ok(Chosen { code, seconds: *seconds, motion }),
+            None => Ok(SelectedMotion { code, seconds: *seconds, motion }),
             Some(catalog) => Err(miette!(
                 help = format!("give one of {}", codes(catalog)),
                 "the library of {} has no motion with code {code}",
@@ -94,7 +94,9 @@ pub fn choose<'a>(
     };
     let found = motions().find(|(_, motion)| motion.name == *text);
     match found.map(|found| (found, found.1.code)) {
-        Some((motion, Some(code))) => Ok(Chosen { code, seconds: *seconds, motion: Some(motion) }),
+        Some((motion, Some(code))) => {
+            Ok(SelectedMotion { code, seconds: *seconds, motion: Some(motion) })
+        }
         Some((_, None)) => Err(miette!(
             "`{text}` has no command code: it is played only on the way to other motions"
         )),
@@ -121,11 +123,11 @@ mod tests {
 
     #[test]
     fn motions_may_have_seconds() {
-        let wanted = |motion: &str, seconds| Wanted { motion: motion.into(), seconds };
+        let wanted = |motion: &str, seconds| MotionRequest { motion: motion.into(), seconds };
         assert_eq!("walk".parse(), Ok(wanted("walk", None)));
         assert_eq!("3:4.5".parse(), Ok(wanted("3", Some(4.5))));
         for wrong in ["walk:", "walk:-1", "walk:NaN", "walk:fast", ":3", ""] {
-            wrong.parse::<Wanted>().expect_err(wrong);
+            wrong.parse::<MotionRequest>().expect_err(wrong);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Changes given on the command line: `thigh=0.13`, `thigh+=0.01`, `xm540=MX-64AT`.
 
-use super::outcome::Swapped;
+use super::outcome::ServoChange;
 use miette::{Report, miette};
 use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::Designed;
@@ -9,7 +9,7 @@ use rollwalk_terminal::output;
 
 /// Parameter with its new value, or with the difference to its present value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Given {
+pub struct ParameterSetting {
     name: String,
     value: f64,
     is_change: bool,
@@ -19,7 +19,7 @@ pub struct Given {
 ///
 /// # Errors
 /// Returns an error if the text has none of these forms.
-pub fn parse(text: &str) -> Result<Given, String> {
+pub fn parse(text: &str) -> Result<ParameterSetting, String> {
     let (name, value) = text
         .split_once('=')
         .ok_or_else(|| format!("`{text}` has no `=`: give NAME=VALUE or NAME+=CHANGE"))?;
@@ -35,7 +35,7 @@ pub fn parse(text: &str) -> Result<Given, String> {
         Some(shorter) => (shorter, Some(1.0)),
         None => (name, None),
     };
-    Ok(Given {
+    Ok(ParameterSetting {
         name: name.trim().to_owned(),
         value: value * sign.unwrap_or(1.0),
         is_change: sign.is_some(),
@@ -46,10 +46,13 @@ pub fn parse(text: &str) -> Result<Given, String> {
 ///
 /// # Errors
 /// Returns an error if the design lacks a parameter, if one is given twice, or if a value is outside its bounds.
-pub fn values(designed: &Designed, given: &[Given]) -> miette::Result<Vec<(usize, f64)>> {
+pub fn values(
+    designed: &Designed,
+    given: &[ParameterSetting],
+) -> miette::Result<Vec<(usize, f64)>> {
     let parameters = &designed.file.parameters;
     let mut values: Vec<(usize, f64)> = Vec::new();
-    for Given { name, value, is_change } in given {
+    for ParameterSetting { name, value, is_change } in given {
         let Some(index) = parameters.iter().position(|of| of.name == *name) else {
             let known: Vec<&str> = parameters.iter().map(|of| of.name.as_str()).collect();
             let servo = match designed.model_of(name) {
@@ -101,8 +104,8 @@ pub fn with_servos(
     designed: &Designed,
     given: &[[String; 2]],
     catalog: &Catalog,
-) -> miette::Result<(Designed, Vec<Swapped>)> {
-    let (mut changed, mut swapped) = (designed.clone(), Vec::<Swapped>::new());
+) -> miette::Result<(Designed, Vec<ServoChange>)> {
+    let (mut changed, mut swapped) = (designed.clone(), Vec::<ServoChange>::new());
     for [actuator, name] in given {
         let Some(model) = designed.model_of(actuator) else {
             let nothing = designed.value_of(&speed_of(actuator)).err();
@@ -122,13 +125,13 @@ pub fn with_servos(
             return Err(miette!("actuator `{actuator}` is given twice"));
         }
         if let Some(warning) = designed.mass_unknown(actuator) {
-            output::say(warning);
+            output::print_line(warning);
         }
         changed = changed.with_servo(actuator, servo).map_err(|error| {
             Report::new(error)
                 .wrap_err(format!("with {name} as `{actuator}` the robot file breaks a rule"))
         })?;
-        swapped.push(Swapped {
+        swapped.push(ServoChange {
             actuator: actuator.clone(),
             before: model.to_owned(),
             after: name.clone(),
@@ -143,7 +146,8 @@ mod tests {
 
     #[test]
     fn parameters_have_values_or_changes() {
-        let given = |name: &str, value, is_change| Given { name: name.into(), value, is_change };
+        let given =
+            |name: &str, value, is_change| ParameterSetting { name: name.into(), value, is_change };
         assert_eq!(parse("thigh=0.13"), Ok(given("thigh", 0.13, false)));
         assert_eq!(parse("knee = -0.13"), Ok(given("knee", -0.13, false)));
         assert_eq!(parse("thigh+=0.01"), Ok(given("thigh", 0.01, true)));
