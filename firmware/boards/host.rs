@@ -3,7 +3,7 @@
 use crate::Core;
 use crate::link::{Link, Port};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{Gateway, Packet, BoardReport};
+use rollwalk_protocol::serial::{BoardReport, Gateway, Packet};
 use rollwalk_protocol::wire::{Node, ToController};
 
 /// Host at one of the ports `P`.

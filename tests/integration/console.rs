@@ -17,23 +17,23 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     on(&desk, &bus, &["flash", "legbot.rwl"]).succeeds();
 
     let mut console = start(&desk, &bus);
-    console.shows("DISARMED");
-    console.shows("rest");
+    console.wait_for_screen("DISARMED");
+    console.wait_for_screen("rest");
     console.press("a");
-    console.shows("READY");
+    console.wait_for_screen("READY");
     console.press("2");
-    console.shows("PLAYING");
+    console.wait_for_screen("PLAYING");
     console.press(" ");
-    console.shows("EMERGENCY STOP");
+    console.wait_for_screen("EMERGENCY STOP");
     console.press("c");
-    console.shows("DISARMED");
+    console.wait_for_screen("DISARMED");
     console.press("q");
     assert_eq!(console.ends(), Some(0));
 
     // Another, ended from outside: it leaves as by `q`, and the terminal is as it was.
     let before = stty(&console.device, &["-g"]);
     let mut console = start(&desk, &bus);
-    console.shows("DISARMED");
+    console.wait_for_screen("DISARMED");
     let during = stty(&console.device, &["-g"]);
     assert_ne!(before, during, "it takes the terminal");
     signal(&console.program, "TERM");
@@ -49,6 +49,6 @@ fn a_console_whose_terminal_is_gone_ends() {
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let _robot = Robot::start(&desk, &bus);
     let mut console = start(&desk, &bus);
-    console.shows("DISARMED");
+    console.wait_for_screen("DISARMED");
     assert_eq!(console.hang_up(), Some(5));
 }

@@ -53,7 +53,7 @@ fn ctrl_c_ends_the_tour_through_a_library() {
     desk.run(&["library", "build", "legbot.toml", "-o", library]).succeeds();
     let mut command = desk.command(&["simulate", library, "--cycles", "10000", "--json"]);
     let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
-    program.says("armed");
+    program.wait_for_words("armed");
     program.signal("INT");
     let outcome = program.ends();
     let said = &outcome.stderr;
@@ -120,7 +120,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     Robot::refuses(&desk, &["robots/test_leg.toml", "--bus", &bus])
         .fails(1, &["test_leg cannot stand on the ground: it has 1 feet and wheels", "--on stand"]);
     let robot = ["robots/agilebot.toml", "--world-log", "live.csv"];
-    let mut robot = Robot::heard(&desk, &robot, &bus, "said.txt");
+    let mut robot = Robot::start_logged(&desk, &robot, &bus, "said.txt");
     on(&desk, &bus, &["flash", "drive.rwl"]).succeeds();
     on(&desk, &bus, &["send", "--arm", "drive_1m"]).succeeds();
     robot.stop();

@@ -28,7 +28,7 @@ pub fn device() -> (String, TTYPort) {
 }
 
 /// Returns the received bytes; empty after a timeout, or if no program has the device open.
-fn heard(line: &mut TTYPort) -> Vec<u8> {
+fn received(line: &mut TTYPort) -> Vec<u8> {
     let mut bytes = [0; 512];
     match line.read(&mut bytes) {
         Ok(count) => bytes[..count].to_vec(),
@@ -46,7 +46,7 @@ pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     thread::spawn(move || {
         loop {
             // Bytes are lost while no program has the device open.
-            let _ = to.write_all(&heard(&mut from));
+            let _ = to.write_all(&received(&mut from));
         }
     });
 }
@@ -77,7 +77,7 @@ fn adapter(mut line: TTYPort, mut link: LiveLink) {
     let mut is_open = false;
     thread::spawn(move || {
         loop {
-            for message in heard(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
+            for message in received(&mut line).iter().filter_map(|&byte| reader.push(byte)) {
                 let answer = match message {
                     Message::Frame(frame) if is_open => {
                         link.send(&frame).map_or(Message::Error, |()| Message::Ok)

@@ -14,9 +14,9 @@ const COMMANDS: usize = 50;
 const LOAD: usize = 4;
 
 /// Busy programs; ended on drop.
-struct Busy(Vec<Child>);
+struct BusyPrograms(Vec<Child>);
 
-impl Busy {
+impl BusyPrograms {
     fn start() -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         let run = |_| Command::new("sh").args(["-c", "while :; do :; done"]).spawn();
@@ -24,7 +24,7 @@ impl Busy {
     }
 }
 
-impl Drop for Busy {
+impl Drop for BusyPrograms {
     fn drop(&mut self) {
         for program in &mut self.0 {
             let _ = program.kill();
@@ -36,7 +36,7 @@ impl Drop for Busy {
 /// Transfers the library, then plays repeatedly on a busy computer.
 fn play(desk: &Desk, bus: &str) {
     on(desk, bus, &["flash", "legbot.rwl"]).succeeds();
-    let _busy = Busy::start();
+    let _busy = BusyPrograms::start();
     let failures = (0..COMMANDS).filter_map(|number| {
         let outcome = on(desk, bus, &["send", "--arm", "rest"]);
         (outcome.code != 0).then(|| format!("{number}: {}", outcome.stderr))

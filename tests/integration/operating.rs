@@ -162,7 +162,7 @@ fn a_simulated_robot_prints_its_own_state_and_no_forged_one() {
     let desk = desk_with_library_file();
     let socket = desk.path("robot.sock");
     let bus = format!("sim:{}", socket.display());
-    let mut robot = Robot::heard(&desk, &["robots/legbot.toml"], &bus, "said.txt");
+    let mut robot = Robot::start_logged(&desk, &["robots/legbot.toml"], &bus, "said.txt");
     let mut forger = sim::connect(Some(&socket)).unwrap();
     for counter in 0..50 {
         let (faults, severity) = (FaultBits::default(), Severity::None);

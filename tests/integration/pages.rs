@@ -10,7 +10,7 @@ mod command;
 mod document;
 mod reader;
 
-use command::{misunderstood, unknown};
+use command::{invalid_commands, unknown};
 use document::{Document, documents};
 use reader::Reader;
 use std::panic::resume_unwind;
@@ -51,7 +51,7 @@ fn next<'d>(left: &Mutex<impl Iterator<Item = &'d Document>>) -> Option<&'d Docu
 
 #[test]
 fn every_command_of_the_documents_is_understood() {
-    let (faults, checked) = misunderstood(&documents());
+    let (faults, checked) = invalid_commands(&documents());
     assert!(faults.is_empty(), "{}", faults.join("\n"));
     println!("{checked} commands");
     assert!(checked > 80, "{checked} commands");
@@ -94,7 +94,7 @@ fn wrong_commands_of_a_document_are_named() {
     let text = "```sh\nrollwalk plan a.toml -o a.json   # fine\nrollwalk plan a.toml --ouptut a.json\n```\n\
                 ```sh not-run: hours\nrollwalk-sim a.toml --bsu sim\ncargo run --release -- demo --otu x\npython3 any --thing\n```\n\
                 ```sh later\nexport ROLLWALK_BUS=sim\nrollwalk discover\n```\n";
-    let (faults, checked) = misunderstood(&[Document::parse("docs/a.md", text)]);
+    let (faults, checked) = invalid_commands(&[Document::parse("docs/a.md", text)]);
     assert_eq!(checked, 2, "{faults:#?}");
     assert_eq!(faults.len(), 4, "{faults:#?}");
     for (fault, says) in faults.iter().zip([

@@ -45,7 +45,7 @@ fn a_problem_is_written_before_the_solve() {
     desk.edit("motions/turn_in_place.toml", "samples = 16", "samples = 400");
     let args = ["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v", "--dump", "it.json"];
     let program = Program::start(desk.command(&args).stderr(Stdio::piped()));
-    program.says("");
+    program.wait_for_words("");
     drop(program);
     assert!(!desk.path("plan.json").exists(), "the solve was killed at its beginning");
     let problem: Value = serde_json::from_slice(&desk.read("it.json")).unwrap();

@@ -28,7 +28,7 @@ fn record(desk: &Desk, bus: &str, name: &str) -> Program {
 }
 
 /// True if programs started from here receive SIGHUP when a terminal hangs up; under `nohup` they ignore it.
-fn hears_hang_ups() -> bool {
+fn receives_hang_ups() -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
@@ -42,7 +42,7 @@ fn a_recording_is_whole_however_the_monitor_ends() {
     let bus = format!("sim:{}", desk.path("robot.sock").display());
     let _robot = Robot::start(&desk, &bus);
     for name in ["INT", "TERM", "HUP", "KILL"] {
-        if name == "HUP" && !hears_hang_ups() {
+        if name == "HUP" && !receives_hang_ups() {
             continue;
         }
         let monitor = record(&desk, &bus, name);

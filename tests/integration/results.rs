@@ -222,7 +222,7 @@ fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
         desk.command(&["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v"]);
     let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     // The first iterations are on stderr once the handler is in place.
-    within("three iterations", || (program.says("").lines().count() >= 3).then_some(()));
+    within("three iterations", || (program.wait_for_words("").lines().count() >= 3).then_some(()));
     program.signal("INT");
     let outcome = program.ends_within(PLANNED);
     assert_eq!(outcome.code, 130, "{}", outcome.stderr);

@@ -59,7 +59,7 @@ impl Robot {
     }
 
     /// Starts a robot with these arguments, and writes its messages to a file of the desk.
-    pub fn heard(desk: &Desk, args: &[&str], bus: &str, said: &str) -> Self {
+    pub fn start_logged(desk: &Desk, args: &[&str], bus: &str, said: &str) -> Self {
         let file = File::create(desk.path(said)).expect("a file");
         let args = [args, &["--bus", bus]].concat();
         Self::spawn(desk, &args, file.into()).answering(desk, bus)

@@ -33,7 +33,7 @@ impl Studio {
         let mut command = desk.command(&["studio", "--no-open", "--bus", bus]);
         let said = File::create(desk.path(SAID)).expect("a file");
         let program = Program::start(command.stdout(Stdio::piped()).stderr(said));
-        let said = program.says("the studio is at http://");
+        let said = program.wait_for_words("the studio is at http://");
         let line = said.lines().next().expect("a line");
         let address = line.strip_prefix("the studio is at http://").expect("its address");
         Self { address: address.to_owned(), _program: program }
@@ -111,7 +111,7 @@ impl LinkBus for Page {
 }
 
 /// Waits until the studio has printed this.
-fn says(desk: &Desk, words: &str) {
+fn wait_for_words(desk: &Desk, words: &str) {
     let said = || desk.read_text(SAID).contains(words).then_some(());
     within(&format!("{words:?} in {SAID}"), said);
 }
@@ -134,7 +134,7 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     session.wait_for_state(State::Playing, LONG_US).expect("it plays");
     // The page crashes: heartbeats end, and the robot returns to SAFE by itself.
     drop(session);
-    says(&desk, "the page has left sim:");
+    wait_for_words(&desk, "the page has left sim:");
     // Once the robot takes that host for gone.
     let start = Instant::now();
     let mut session = loop {
@@ -157,7 +157,7 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     robot.stop();
     let error = session.run_for(LONG_US).expect_err("there is no bus");
     assert!(error.to_string().contains("the simulated robot"), "{error}");
-    says(&desk, "the other end closed the connection");
+    wait_for_words(&desk, "the other end closed the connection");
     let mut page = studio.page();
     let error = page.receive(LONG_US).expect_err("there is no robot");
     assert!(error.to_string().contains("no simulated robot at"), "{error}");

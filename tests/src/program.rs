@@ -47,12 +47,12 @@ pub fn run(command: &mut Command, bound: Duration) -> Outcome {
 pub struct Program {
     child: Child,
     name: String,
-    said: Arc<Said>,
+    said: Arc<ProgramOutput>,
 }
 
 /// Output of a program so far.
 #[derive(Default)]
-struct Said {
+struct ProgramOutput {
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -76,7 +76,7 @@ impl Program {
         let words: Vec<_> = words.map(|word| word.to_string_lossy()).collect();
         let name = format!("`{}`", words.join(" "));
         let mut child = command.spawn().unwrap_or_else(|error| panic!("{name}: {error}"));
-        let said = Arc::<Said>::default();
+        let said = Arc::<ProgramOutput>::default();
         if let Some(pipe) = child.stdout.take() {
             read(pipe, said.clone(), |state| &mut state.stdout);
         }
@@ -106,7 +106,7 @@ impl Program {
     /// # Panics
     /// Panics if the line does not appear within [`LONG`], or if the program ends first.
     #[track_caller]
-    pub fn says(&self, words: &str) -> String {
+    pub fn wait_for_words(&self, words: &str) -> String {
         let deadline = Instant::now() + LONG;
         let mut state = self.said.state.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -120,7 +120,7 @@ impl Program {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() || state.open == 0 {
                 drop(state);
-                panic!("{} does not say {words:?}:\n{}", self.name, self.shown());
+                panic!("{} does not say {words:?}:\n{}", self.name, self.output());
             }
             let waited = self.said.changed.wait_timeout(state, left);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
@@ -148,7 +148,7 @@ impl Program {
                 break status;
             }
             let is_late = Instant::now() >= deadline;
-            assert!(!is_late, "{} does not end in {bound:?}:\n{}", self.name, self.shown());
+            assert!(!is_late, "{} does not end in {bound:?}:\n{}", self.name, self.output());
             sleep(POLL);
         };
         let mut state = self.said.state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -167,7 +167,7 @@ impl Program {
     }
 
     /// Output so far.
-    fn shown(&self) -> String {
+    fn output(&self) -> String {
         let state = self.said.state.lock().unwrap_or_else(PoisonError::into_inner);
         let [stdout, stderr] = [&state.stdout, &state.stderr].map(|s| String::from_utf8_lossy(s));
         format!("stdout:\n{stdout}\nstderr:\n{stderr}")
@@ -182,7 +182,11 @@ impl Drop for Program {
 }
 
 /// Reads a pipe to its end, in a separate thread.
-fn read(mut pipe: impl Read + Send + 'static, said: Arc<Said>, of: fn(&mut State) -> &mut Vec<u8>) {
+fn read(
+    mut pipe: impl Read + Send + 'static,
+    said: Arc<ProgramOutput>,
+    of: fn(&mut State) -> &mut Vec<u8>,
+) {
     said.state.lock().unwrap_or_else(PoisonError::into_inner).open += 1;
     thread::spawn(move || {
         let mut bytes = [0; 4096];
@@ -212,8 +216,8 @@ mod tests {
     #[test]
     fn a_line_that_came_before_is_found_and_the_end_has_all_of_them() {
         let program = Program::start(&mut shell("echo one; echo two >&2; exec sleep 60"));
-        assert_eq!(program.says("two"), "two\n");
-        assert_eq!(program.says("one"), "one\n");
+        assert_eq!(program.wait_for_words("two"), "two\n");
+        assert_eq!(program.wait_for_words("one"), "one\n");
         program.signal("KILL");
         let Outcome { code, stdout, stderr } = program.ends();
         assert_eq!((code, stdout.as_str(), stderr.as_str()), (-1, "one\n", "two\n"));
@@ -223,13 +227,13 @@ mod tests {
     #[should_panic(expected = "does not end in 50ms:\nstdout:\nhere\n")]
     fn a_program_that_does_not_end_is_named_with_what_it_said() {
         let program = Program::start(&mut shell("echo here; exec sleep 60"));
-        program.says("here");
+        program.wait_for_words("here");
         program.ends_within(Duration::from_millis(50));
     }
 
     #[test]
     #[should_panic(expected = "`sh -c exit 0` does not say \"never\"")]
     fn a_line_that_cannot_come_is_not_waited_for() {
-        Program::start(&mut shell("exit 0")).says("never");
+        Program::start(&mut shell("exit 0")).wait_for_words("never");
     }
 }

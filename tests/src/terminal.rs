@@ -90,7 +90,7 @@ impl Terminal {
     /// # Panics
     /// Panics if they do not appear within [`LONG`].
     #[track_caller]
-    pub fn shows(&mut self, words: &str) {
+    pub fn wait_for_screen(&mut self, words: &str) {
         let start = Instant::now();
         // The screen as it is now, and not when it was looked at last.
         while self.read() && start.elapsed() < BACKLOG {}
@@ -146,6 +146,6 @@ mod tests {
     fn a_program_that_never_stops_printing_is_looked_at() {
         let mut command = Command::new("sh");
         command.args(["-c", "while echo working; do sleep 0.002; done"]);
-        Terminal::start(command).shows("working");
+        Terminal::start(command).wait_for_screen("working");
     }
 }

@@ -110,9 +110,9 @@ pub fn console(bus: &str, gamepad: &str) -> Terminal {
 }
 
 /// Program that runs beside the test; killed on drop.
-pub struct Beside(Child);
+pub struct BackgroundProgram(Child);
 
-impl Beside {
+impl BackgroundProgram {
     /// Starts a simulated robot and waits until it is ready.
     #[track_caller]
     pub fn robot(args: &[&str]) -> Self {
@@ -243,7 +243,7 @@ impl Beside {
     }
 }
 
-impl Drop for Beside {
+impl Drop for BackgroundProgram {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();

@@ -1,7 +1,7 @@
 //! Tests of the emulated Cortex-M4 board, whose UART is an SLCAN adapter to its link: with our tools directly, and as a Linux
 //! interface that is joined to `vcan0`.
 
-use crate::bench::{Beside, desk, flash, keep, rollwalk, run};
+use crate::bench::{BackgroundProgram, desk, flash, keep, rollwalk, run};
 use crate::on_vcan::play_stop_clear_and_play;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -63,20 +63,20 @@ fn join(what: &str) {
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
-    let (board, line) = Beside::board();
+    let (board, line) = BackgroundProgram::board();
     // QEMU drops output for a terminal that no program has open, and checks that only once a second.
     let mut held = OpenOptions::new().read(true).write(true).open(&line).expect("its UART");
     assert_eq!(ask(&mut held, 'V'), "V1010");
     stand_and_stop(&format!("slcan:{line}"));
 
-    let slcand = Beside::slcand(&line, "slcan0");
+    let slcand = BackgroundProgram::slcand(&line, "slcan0");
     wait_for("slcan0", true);
     run("ip", &["link", "set", "slcan0", "up"]);
     stand_and_stop("can:slcan0");
 
     // No loop: the kernel repeats a frame once.
     join("-A");
-    let candump = Beside::candump("vcan0", &desk().join(LOG));
+    let candump = BackgroundProgram::candump("vcan0", &desk().join(LOG));
     play_stop_clear_and_play();
     sleep(Duration::from_millis(200));
     drop(candump);

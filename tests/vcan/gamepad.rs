@@ -1,6 +1,6 @@
 //! Tests of the console with a virtual gamepad, from buttons to frames.
 
-use crate::bench::{Beside, console, desk, flash, log, states};
+use crate::bench::{BackgroundProgram, console, desk, flash, log, states};
 use evdev::uinput::VirtualDevice;
 use evdev::{
     AbsInfo, AbsoluteAxisCode, AbsoluteAxisEvent, AttributeSet, KeyCode, KeyEvent, UinputAbsSetup,
@@ -19,9 +19,9 @@ const PAUSE: KeyCode = KeyCode::BTN_NORTH;
 const CROSS: AbsoluteAxisCode = AbsoluteAxisCode::ABS_HAT0X;
 
 /// Virtual gamepad with the inputs that `gamepads/xbox.toml` expects.
-struct Pad(VirtualDevice);
+struct VirtualGamepad(VirtualDevice);
 
-impl Pad {
+impl VirtualGamepad {
     fn plug_in() -> Self {
         let mut keys = AttributeSet::<KeyCode>::new();
         let others =
@@ -64,59 +64,59 @@ impl Pad {
 }
 
 /// Plays motion 3, starting in the disarmed state with no button held.
-fn hold_and_play(pad: &mut Pad, console: &mut Terminal) {
+fn hold_and_play(pad: &mut VirtualGamepad, console: &mut Terminal) {
     pad.key(DEADMAN, true);
-    console.shows("deadman held");
+    console.wait_for_screen("deadman held");
     pad.press(START);
-    console.shows("READY");
+    console.wait_for_screen("READY");
     pad.play_3();
-    console.shows("PLAYING");
+    console.wait_for_screen("PLAYING");
 }
 
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     let bus = "can:vcan0";
-    let _robot = Beside::robot(&["--bus", bus]);
+    let _robot = BackgroundProgram::robot(&["--bus", bus]);
     flash(bus).succeeds();
     let frames = desk().join("gamepad.log");
-    let candump = Beside::candump("vcan0", &frames);
+    let candump = BackgroundProgram::candump("vcan0", &frames);
 
-    let mut pad = Pad::plug_in();
+    let mut pad = VirtualGamepad::plug_in();
     let mut console = console(bus, "auto");
-    console.shows("DISARMED");
-    console.shows("DEADMAN NOT HELD, gamepad xbox");
+    console.wait_for_screen("DISARMED");
+    console.wait_for_screen("DEADMAN NOT HELD, gamepad xbox");
     pad.press(START);
-    console.shows("hold BTN_TR first, because BTN_START moves the robot");
+    console.wait_for_screen("hold BTN_TR first, because BTN_START moves the robot");
     sleep(Duration::from_millis(500));
-    console.shows("DISARMED");
+    console.wait_for_screen("DISARMED");
 
     hold_and_play(&mut pad, &mut console);
     pad.key(DEADMAN, false);
-    console.shows("PAUSED");
+    console.wait_for_screen("PAUSED");
     // Holding it again moves nothing.
     pad.key(DEADMAN, true);
-    console.shows("deadman held");
+    console.wait_for_screen("deadman held");
     sleep(Duration::from_millis(500));
-    console.shows("PAUSED");
+    console.wait_for_screen("PAUSED");
     pad.press(PAUSE);
-    console.shows("PLAYING");
+    console.wait_for_screen("PLAYING");
     pad.key(DEADMAN, false);
-    console.shows("PAUSED");
+    console.wait_for_screen("PAUSED");
     pad.press(ESTOP);
-    console.shows("EMERGENCY STOP");
+    console.wait_for_screen("EMERGENCY STOP");
 
     pad.press(CLEAR);
-    console.shows("DISARMED");
+    console.wait_for_screen("DISARMED");
     hold_and_play(&mut pad, &mut console);
     // Its plug is pulled, and put in again.
     drop(pad);
-    console.shows("PAUSED");
-    let mut pad = Pad::plug_in();
+    console.wait_for_screen("PAUSED");
+    let mut pad = VirtualGamepad::plug_in();
     // It is looked for once a second; what is held when it is found does not count.
     sleep(Duration::from_millis(1500));
     pad.key(DEADMAN, true);
-    console.shows("deadman held");
+    console.wait_for_screen("deadman held");
     console.press("q");
     assert_eq!(console.ends(), Some(0));
     sleep(Duration::from_millis(100));

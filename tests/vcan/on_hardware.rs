@@ -1,7 +1,7 @@
 //! Tests on `can0` and `can1`: two emulated CAN cards of the virtual machine on one bus. Like real adapters, they have a
 //! driver, a bit rate and a transmit queue.
 
-use crate::bench::{Beside, desk, flash, library, log, rollwalk, run};
+use crate::bench::{BackgroundProgram, desk, flash, library, log, rollwalk, run};
 use rollwalk_tests::Outcome;
 use std::thread::sleep;
 use std::time::Duration;
@@ -49,9 +49,9 @@ fn a_transfer_goes_through_a_driver_s_short_queue() {
             &["link", "set", name, "up", "txqueuelen", "10", "type", "can", "bitrate", "1000000"],
         );
     }
-    let robot = Beside::robot(&["--bus", "can:can1@1000000"]);
+    let robot = BackgroundProgram::robot(&["--bus", "can:can1@1000000"]);
     let transfer = desk().join("hardware.log");
-    let candump = Beside::candump("can1", &transfer);
+    let candump = BackgroundProgram::candump("can1", &transfer);
     flash("can:can0").succeeds();
     rollwalk(&["send", "--arm", "stand", "--bus", "can:can0"]).succeeds();
     sleep(Duration::from_millis(100));

@@ -2,7 +2,7 @@
 
 mod drives;
 
-use crate::bench::{Beside, LONG, desk, flash, keep, log, rollwalk, run, states};
+use crate::bench::{BackgroundProgram, LONG, desk, flash, keep, log, rollwalk, run, states};
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_protocol::wire::State;
 use std::thread::sleep;
@@ -48,14 +48,14 @@ fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_sam
     let (link_log, lines) = (desk.join("link.log"), desk.join("monitor.jsonl"));
     let (log_of_ours, mcap) = (desk.join("monitor.log"), desk.join("monitor.mcap"));
     let candumps = [
-        Beside::candump("vcan0", &link_log),
-        Beside::candump("vcan1", &desk.join("actuators1.log")),
-        Beside::candump("vcan2", &desk.join("actuators2.log")),
+        BackgroundProgram::candump("vcan0", &link_log),
+        BackgroundProgram::candump("vcan1", &desk.join("actuators1.log")),
+        BackgroundProgram::candump("vcan2", &desk.join("actuators2.log")),
     ];
     let (ours, telemetry) = (log_of_ours.to_str().unwrap(), mcap.to_str().unwrap());
     let options = [&LINK[..], &["--log", ours, "--mcap", telemetry]].concat();
-    let monitor = Beside::monitor(&options, &lines);
-    let robot = Beside::robot(&[&LINK[..], &ACTUATORS].concat());
+    let monitor = BackgroundProgram::monitor(&options, &lines);
+    let robot = BackgroundProgram::robot(&[&LINK[..], &ACTUATORS].concat());
 
     play_stop_clear_and_play();
     on_link(&["gains", "show"]).succeeds();
@@ -82,8 +82,8 @@ fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_sam
 
     // The log, played again without a robot: the same states.
     let again = desk.join("replayed.log");
-    let candump = Beside::candump("vcan0", &again);
-    let monitor = Beside::monitor(&LINK, &desk.join("replayed.jsonl"));
+    let candump = BackgroundProgram::candump("vcan0", &again);
+    let monitor = BackgroundProgram::monitor(&LINK, &desk.join("replayed.jsonl"));
     run("canplayer", &["-I", link_log.to_str().unwrap(), "vcan0=vcan0"]);
     sleep(Duration::from_millis(200));
     assert_eq!(monitor.interrupt(), 0);
@@ -95,9 +95,9 @@ fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_sam
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn controller_and_motors_can_be_programs_of_their_own() {
-    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    let motors = BackgroundProgram::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
     let controller = [&["--only", "controller"][..], &LINK, &ACTUATORS].concat();
-    let controller = Beside::robot(&controller);
+    let controller = BackgroundProgram::robot(&controller);
     flash_and_play();
     assert_eq!(controller.interrupt(), 0);
     assert_eq!(motors.interrupt(), 0);
@@ -106,17 +106,17 @@ fn controller_and_motors_can_be_programs_of_their_own() {
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn motors_that_die_are_noticed_and_named() {
-    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    let motors = BackgroundProgram::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
     let controller = [&["--only", "controller"][..], &LINK, &ACTUATORS].concat();
-    let controller = Beside::robot(&controller);
+    let controller = BackgroundProgram::robot(&controller);
     flash(LINK[1]).succeeds();
-    let send = Beside::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
+    let send = BackgroundProgram::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
     sleep(Duration::from_secs(4));
     assert_eq!(motors.interrupt(), 0);
     send.outcome().fails(5, &["does not answer"]);
     on_link(&["doctor"]).succeeds_with(5, &["an actuator does not answer", "rollwalk clear"]);
     // It comes back: cleared, it plays again.
-    let motors = Beside::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
+    let motors = BackgroundProgram::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
     on_link(&["clear"]).succeeds();
     on_link(&["send", "--arm", "2"]).succeeds();
     drop((controller, motors));
@@ -125,9 +125,9 @@ fn motors_that_die_are_noticed_and_named() {
 #[test]
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_bus_that_goes_stops_the_robot_and_one_that_comes_back_serves_again() {
-    let robot = Beside::robot(&[&LINK[..], &ACTUATORS].concat());
+    let robot = BackgroundProgram::robot(&[&LINK[..], &ACTUATORS].concat());
     flash(LINK[1]).succeeds();
-    let send = Beside::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
+    let send = BackgroundProgram::rollwalk(&[&["send", "--arm", "4:30"][..], &LINK].concat());
     sleep(Duration::from_secs(4));
     run("ip", &["link", "set", "vcan2", "down"]);
     let outcome = send.outcome();
@@ -166,9 +166,9 @@ fn an_adapter_that_is_unplugged_in_a_transfer_is_said_and_the_robot_outlives_it(
     };
     plug();
     let transfer = desk().join("transfer.log");
-    let candump = Beside::candump("vcan5", &transfer);
-    let robot = Beside::robot(&["--bus", "can:vcan5"]);
-    let unplugged = Beside::flash("can:vcan5");
+    let candump = BackgroundProgram::candump("vcan5", &transfer);
+    let robot = BackgroundProgram::robot(&["--bus", "can:vcan5"]);
+    let unplugged = BackgroundProgram::flash("can:vcan5");
     let is_block = |entry: &LogEntry| entry.frame.standard_id() == Some(0x510);
     let start = Instant::now();
     while log(&transfer).iter().filter(|entry| is_block(entry)).count() < 300 {

@@ -40,7 +40,7 @@ enum Source {
 }
 
 /// Result of a measurement.
-pub struct Measured {
+pub struct Measurement {
     /// Tables and sentences, in Markdown.
     pub text: String,
     /// Command line that reproduces the measurement.
@@ -85,7 +85,7 @@ pub fn write(options: &Options) -> Result<(), String> {
 
 /// Returns the pages, from the help text of the benchmarks.
 fn pages(help: &str) -> Vec<Page> {
-    let benchmarks = reference::abouts(help).into_iter();
+    let benchmarks = reference::descriptions(help).into_iter();
     let benchmarks =
         benchmarks.map(|(name, title)| Page { name, title, source: Source::Benchmark });
     let replays = replay::Table::ALL.into_iter().map(|table| Page {
@@ -97,7 +97,7 @@ fn pages(help: &str) -> Vec<Page> {
 }
 
 /// Runs a benchmark. Its page consists of the Markdown that it writes and its charts, which are copied into the same folder.
-fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
+fn benchmark(program: &Path, name: &str) -> Result<Measurement, String> {
     let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
     let out = shell::target_folder().join("measured").join(name);
     if out.exists() {
@@ -134,7 +134,7 @@ fn benchmark(program: &Path, name: &str) -> Result<Measured, String> {
         let file = file.to_string_lossy();
         let _ = write!(text, "\n![{}]({file})\n", file.trim_end_matches(".svg"));
     }
-    Ok(Measured { text, command: format!("rollwalk bench {name}"), verdict: verdict.into() })
+    Ok(Measurement { text, command: format!("rollwalk bench {name}"), verdict: verdict.into() })
 }
 
 /// Commit, date, processor and compiler of a measurement.
@@ -168,14 +168,14 @@ fn processor(cpus: &str) -> Option<&str> {
     line.split_once(':').map(|(_, name)| name.trim())
 }
 
-fn written(page: &Page, measured: &Measured, origin: &Origin) -> String {
+fn written(page: &Page, measured: &Measurement, origin: &Origin) -> String {
     let mut text = format!("# {}\n\n", page.title);
     let _ = writeln!(text, "`cargo xtask measured {}` writes this page.\n", page.name);
     text.push_str(
         "| commit | date | processor | compiler | command | verdict |\n|---|---|---|---|---|---|\n",
     );
     let Origin { commit, date, processor, compiler } = origin;
-    let Measured { command, verdict, .. } = measured;
+    let Measurement { command, verdict, .. } = measured;
     let _ = writeln!(
         text,
         "| {commit} | {date} | {processor} | {compiler} | `{command}` | {verdict} |\n"
@@ -210,7 +210,7 @@ mod tests {
         };
         let page =
             Page { name: "samples".into(), title: "CPU time".into(), source: Source::Benchmark };
-        let measured = Measured {
+        let measured = Measurement {
             text: "a table\n\n".into(),
             command: "rollwalk bench samples".into(),
             verdict: "passed".into(),

@@ -69,7 +69,7 @@ pub fn output(command: &mut Command) -> Result<String, String> {
 ///
 /// # Errors
 /// Returns the error output if the command does not exit with 0.
-pub fn said(command: &mut Command) -> Result<String, String> {
+pub fn own_output(command: &mut Command) -> Result<String, String> {
     answer(command).map(|out| String::from_utf8_lossy(&out.stdout).into_owned())
 }
 
@@ -84,11 +84,11 @@ fn answer(command: &mut Command) -> Result<Output, String> {
     }
 }
 
-/// Runs a command like [`said`]; on success also copies the error output to the terminal.
+/// Runs a command like [`own_output`]; on success also copies the error output to the terminal.
 ///
 /// # Errors
 /// Returns the error output if the command does not exit with 0.
-pub fn noted(command: &mut Command) -> Result<String, String> {
+pub fn echoed_output(command: &mut Command) -> Result<String, String> {
     let out = answer(command)?;
     eprint!("{}", String::from_utf8_lossy(&out.stderr));
     Ok(String::from_utf8_lossy(&out.stdout).into_owned())

@@ -21,7 +21,7 @@ use rollwalk_protocol::actuators::{
 use rollwalk_protocol::can::Frame;
 
 /// Protocols with settings from the input.
-struct All {
+struct ProtocolSet {
     mit: Mit,
     odrive: Odrive,
     cybergear: CyberGear,
@@ -30,7 +30,7 @@ struct All {
     maestro: Maestro,
 }
 
-impl<'a> Arbitrary<'a> for All {
+impl<'a> Arbitrary<'a> for ProtocolSet {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
         let master = if u.arbitrary()? { AnswerId::Own } else { AnswerId::Master(u.arbitrary()?) };
         let version = if u.arbitrary()? { Version::V05 } else { Version::V06 };
@@ -173,7 +173,7 @@ fn send_example(orders: &[ActuatorCommand]) {
     }
 }
 
-fn tell(all: &All, orders: &[ActuatorCommand]) {
+fn encode_commands(all: &ProtocolSet, orders: &[ActuatorCommand]) {
     send_example(orders);
     let hears = |frame: &Frame| {
         assert_finite(Rollwalk.decode(frame));
@@ -234,7 +234,7 @@ fn check_profile(frame: &Frame) {
     }
 }
 
-fn hear(all: &All, id: u32, data: &[u8]) {
+fn decode_frame(all: &ProtocolSet, id: u32, data: &[u8]) {
     let frame = Frame::standard(id as u16 & 0x7FF, data).expect("11 bits and 8 bytes");
     check_profile(&frame);
     assert_finite(Rollwalk.decode(&frame));
@@ -253,7 +253,7 @@ fn hear(all: &All, id: u32, data: &[u8]) {
 }
 
 fn play(u: &mut Unstructured<'_>) -> Result<()> {
-    let all: All = u.arbitrary()?;
+    let all: ProtocolSet = u.arbitrary()?;
     let (mut line, mut other) = (ReceiveBuffer::default(), ReceiveBuffer::default());
     while !u.is_empty() {
         match u.arbitrary::<u8>()? % 4 {
@@ -262,16 +262,16 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
                 for _ in 0..u.arbitrary::<u8>()? % 32 {
                     orders.push(ActuatorCommand { id: u.arbitrary()?, command: command(u)? });
                 }
-                tell(&all, &orders);
+                encode_commands(&all, &orders);
             }
             1 => {
                 let id = u.arbitrary::<u8>()?;
-                tell(&all, &[ActuatorCommand { id, command: command(u)? }]);
+                encode_commands(&all, &[ActuatorCommand { id, command: command(u)? }]);
             }
             2 => {
                 let id = u.arbitrary::<u32>()?;
                 let len = usize::from(u.arbitrary::<u8>()? % 9).min(u.len());
-                hear(&all, id, u.bytes(len)?);
+                decode_frame(&all, id, u.bytes(len)?);
             }
             _ => {
                 let len = usize::from(u.arbitrary::<u8>()?).min(u.len());

@@ -4,7 +4,7 @@
 use rollwalk_protocol::actuators::dynamixel::packet::{Message, packet, take};
 use rollwalk_protocol::actuators::serial::ReceiveBuffer;
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::serial::{self, Gateway, Packet, BoardReport};
+use rollwalk_protocol::serial::{self, BoardReport, Gateway, Packet};
 use rollwalk_protocol::tunnel::{self, Answer, Buses, Hello, Input, Request, Step, StepResult};
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::isotp::{Output, Timing};

@@ -11,9 +11,9 @@ use rollwalk_protocol::wire::authentication::SessionRequest;
 use rollwalk_protocol::wire::{Action, ParameterAction, Request, Setpoint, State, Torque};
 
 use crate::authentication;
-use crate::stimuli::{Stimulus, act, assert_way_home};
 use crate::rig::Rig;
 use crate::robot::{self, CODE_DRIVE, CODE_STAND, CODE_WALK};
+use crate::stimuli::{Stimulus, act, assert_way_home};
 
 /// Maximum number of stimuli of an input; each takes at most ten simulated seconds.
 const DEEDS: usize = 80;

@@ -16,7 +16,7 @@ const TIMEOUT_US: u64 = 1_000_000;
 
 /// Effect of the bus on a frame.
 #[derive(Clone, Copy, PartialEq)]
-enum Fate {
+enum BusEffect {
     Carried,
     Lost,
     Repeated,
@@ -24,13 +24,13 @@ enum Fate {
     Held,
 }
 
-impl Fate {
+impl BusEffect {
     fn of(byte: u8) -> Self {
         match byte {
-            0 => Fate::Lost,
-            1 => Fate::Repeated,
-            2 => Fate::Held,
-            _ => Fate::Carried,
+            0 => BusEffect::Lost,
+            1 => BusEffect::Repeated,
+            2 => BusEffect::Held,
+            _ => BusEffect::Carried,
         }
     }
 }
@@ -51,7 +51,7 @@ fn carry(
     to: &mut End,
     now_us: &mut u64,
     message: &[u8],
-    mut fate: impl FnMut() -> Fate,
+    mut fate: impl FnMut() -> BusEffect,
 ) -> bool {
     from.send(message).expect("idle, and it has room");
     let mut received = false;
@@ -68,10 +68,10 @@ fn carry(
             assert!((1..=8).contains(&data.len()));
             let late = held[usize::from(back)].take();
             let now = match fate() {
-                Fate::Carried => vec![data],
-                Fate::Lost => vec![],
-                Fate::Repeated => vec![data.clone(), data],
-                Fate::Held => {
+                BusEffect::Carried => vec![data],
+                BusEffect::Lost => vec![],
+                BusEffect::Repeated => vec![data.clone(), data],
+                BusEffect::Held => {
                     held[usize::from(back)] = Some(data);
                     vec![]
                 }
@@ -132,8 +132,8 @@ fn hostile(u: &mut Unstructured<'_>) -> Result<()> {
     }
     let mut peer = End::new(Timing::default());
     let text = message(ROOM, 1);
-    assert!(carry(&mut us, &mut peer, &mut now_us, &text, || Fate::Carried));
-    assert!(carry(&mut peer, &mut us, &mut now_us, &text, || Fate::Carried));
+    assert!(carry(&mut us, &mut peer, &mut now_us, &text, || BusEffect::Carried));
+    assert!(carry(&mut peer, &mut us, &mut now_us, &text, || BusEffect::Carried));
     Ok(())
 }
 
@@ -146,8 +146,8 @@ fn bad_bus(u: &mut Unstructured<'_>) -> Result<()> {
         let mut fates = u.bytes(16.min(u.len()))?.iter();
         let mut sound = true;
         let received = carry(&mut a, &mut b, &mut now_us, &text, || {
-            let fate = fates.next().map_or(Fate::Carried, |&byte| Fate::of(byte));
-            sound &= fate == Fate::Carried;
+            let fate = fates.next().map_or(BusEffect::Carried, |&byte| BusEffect::of(byte));
+            sound &= fate == BusEffect::Carried;
             fate
         });
         assert!(received || !sound, "a sound bus lost a message");

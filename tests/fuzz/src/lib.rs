@@ -30,9 +30,6 @@ mod watched;
 pub mod wire;
 
 // The bench of the firmware's tests, as it is there.
-#[path = "../../../firmware/tests/integration/deeds.rs"]
-#[allow(missing_docs)]
-pub mod stimuli;
 #[path = "../../../firmware/tests/integration/drives.rs"]
 #[allow(missing_docs, dead_code)]
 pub mod drives;
@@ -45,6 +42,9 @@ pub mod rig;
 #[path = "../../../firmware/tests/integration/robot.rs"]
 #[allow(missing_docs)]
 pub mod robot;
+#[path = "../../../firmware/tests/integration/stimuli.rs"]
+#[allow(missing_docs)]
+pub mod stimuli;
 use rollwalk_firmware::store;
 
 #[doc(hidden)]

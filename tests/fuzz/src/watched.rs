@@ -6,7 +6,7 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rollwalk_firmware::store::MappedFlash;
 
-use crate::flash::nor::{NorSimulator, CutDamage};
+use crate::flash::nor::{CutDamage, NorSimulator};
 
 /// Flash with words of 8 bytes, and with units that are small enough for an input to reach all of them.
 pub type Cells = NorSimulator<8, 256>;
@@ -77,7 +77,8 @@ impl Watched {
     fn operate<T>(&mut self, operation: impl FnOnce(&mut Cells) -> T) -> T {
         let switches = &self.power.0;
         if let Some(cut) = switches.cut.borrow_mut().take() {
-            let (torn, fuel) = cut.map_or((CutDamage::Short, None), |(torn, fuel)| (torn, Some(fuel)));
+            let (torn, fuel) =
+                cut.map_or((CutDamage::Short, None), |(torn, fuel)| (torn, Some(fuel)));
             self.cells.arm(torn, fuel);
         }
         if let Some(rate) = switches.failing.take() {

@@ -36,7 +36,7 @@ fn command_line(program: Option<&str>) -> Option<clap::Command> {
 
 /// Checks a command against the command line of its program; `bus` is the bus that the document has exported. Returns true if
 /// the command is one of ours.
-fn understood(words: &[String], bus: Option<&str>) -> Result<bool, String> {
+fn check_command(words: &[String], bus: Option<&str>) -> Result<bool, String> {
     let from_source = ["cargo", "run", "--release", "--"].map(String::from);
     let mut words = match words.strip_prefix(&from_source) {
         Some(words) => [&["rollwalk".to_owned()], words].concat(),
@@ -61,7 +61,7 @@ fn understood(words: &[String], bus: Option<&str>) -> Result<bool, String> {
 }
 
 /// Returns the invalid commands of the documents, and the number of valid ones.
-pub fn misunderstood(documents: &[Document]) -> (Vec<String>, usize) {
+pub fn invalid_commands(documents: &[Document]) -> (Vec<String>, usize) {
     let (mut faults, mut checked) = (Vec::new(), 0);
     for document in documents {
         let mut bus = None;
@@ -79,7 +79,7 @@ pub fn misunderstood(documents: &[Document]) -> (Vec<String>, usize) {
                 {
                     bus = Some(value);
                 }
-                match words.and_then(|words| understood(&words, bus.as_deref())) {
+                match words.and_then(|words| check_command(&words, bus.as_deref())) {
                     Ok(is_ours) => checked += usize::from(is_ours),
                     Err(why) => {
                         faults.push(format!("{}:{line}: `{command}`: {why}", document.path));

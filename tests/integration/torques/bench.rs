@@ -24,7 +24,7 @@ const PWM_PERIOD_US: f32 = 20_000.0;
 
 /// Set-point as sent to a drive.
 #[derive(Clone, Copy, Debug)]
-pub struct Told {
+pub struct SentSetpoint {
     /// Motion that the controller played in that control period.
     pub playing: PlaybackPosition,
     pub channel: usize,
@@ -44,7 +44,7 @@ pub struct Bench {
     now_us: u64,
     next_tick: u64,
     /// Set-points of all drives since the start.
-    pub told: Vec<Told>,
+    pub told: Vec<SentSetpoint>,
 }
 
 struct Motor {
@@ -114,7 +114,7 @@ impl Bench {
                     let Some((sent, answer)) = motor.on_frame(self.now_us, &frame) else {
                         continue;
                     };
-                    self.note(playing, index, sent);
+                    self.record(playing, index, sent);
                     if let Some(answer) = answer {
                         self.core.controller_mut().on_actuator_frame(self.now_us, bus, &answer);
                     }
@@ -128,7 +128,7 @@ impl Bench {
                         continue;
                     }
                     let (sent, answer) = motor.on_packet(self.now_us, &packet);
-                    sent.into_iter().for_each(|sent| self.note(playing, index, sent));
+                    sent.into_iter().for_each(|sent| self.record(playing, index, sent));
                     // Of the servos behind one board each gives the board's answer.
                     answers.extend(answer.map(|answer| (answer.turn, answer.bytes)));
                 }
@@ -145,11 +145,11 @@ impl Bench {
         }
     }
 
-    fn note(&mut self, playing: Option<PlaybackPosition>, channel: usize, sent: DriveCommand) {
+    fn record(&mut self, playing: Option<PlaybackPosition>, channel: usize, sent: DriveCommand) {
         if let (Some(playing), DriveCommand::Setpoint { value, kp, kd, torque_nm }) =
             (playing, sent)
         {
-            self.told.push(Told { playing, channel, value, torque_nm, gains: [kp, kd] });
+            self.told.push(SentSetpoint { playing, channel, value, torque_nm, gains: [kp, kd] });
         }
     }
 }

@@ -2,7 +2,7 @@
 //! as on a bench with real drives.
 
 use super::{ACTUATORS, LINK, on_link};
-use crate::bench::{Beside, desk, log, rollwalk};
+use crate::bench::{BackgroundProgram, desk, log, rollwalk};
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_tests::checkout;
 use std::fs;
@@ -52,11 +52,14 @@ fn sent(frames: &[LogEntry], id: impl Fn(u16) -> bool) -> Vec<Vec<u8>> {
 fn armed_played_stopped_and_played_again(name: &str, wheel: Option<&str>) -> Vec<LogEntry> {
     let (robot, library) = leg(name, wheel);
     let [joints, wheels] = ["vcan1", "vcan2"].map(|bus| desk().join(format!("{name}_{bus}.log")));
-    let candumps = [Beside::candump("vcan1", &joints), Beside::candump("vcan2", &wheels)];
+    let candumps = [
+        BackgroundProgram::candump("vcan1", &joints),
+        BackgroundProgram::candump("vcan2", &wheels),
+    ];
     let motors = [&["--only", "motors"][..], &ACTUATORS].concat();
-    let motors = Beside::robot_of(&robot, &motors);
+    let motors = BackgroundProgram::robot_of(&robot, &motors);
     let controller = [&["--only", "controller"][..], &LINK, &ACTUATORS].concat();
-    let controller = Beside::robot_of(&robot, &controller);
+    let controller = BackgroundProgram::robot_of(&robot, &controller);
 
     assert!(on_link(&["discover", "--json"]).succeeds().contains("\"node\": 1"));
     let described_by = ["--robot", robot.to_str().unwrap()];

@@ -13,9 +13,9 @@ const MOTIONS: &str = "shipped/motions/agilebot_library.toml";
 const QEMU: &str = "qemu-system-arm";
 
 /// Measured cost of the demo on the emulated board.
-pub struct Figures(Value);
+pub struct BoardCost(Value);
 
-impl Figures {
+impl BoardCost {
     /// Value of the bench's report.
     ///
     /// # Errors
@@ -94,7 +94,7 @@ impl Bench {
         // The file is where the user is.
         let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
         image.arg(board).arg("--robot").arg(robot).arg("--out").arg(&path).current_dir(here);
-        shell::said(&mut image).map(|wiring| Module { path, wiring })
+        shell::own_output(&mut image).map(|wiring| Module { path, wiring })
     }
 
     /// Writes the module of a shipped robot, for images that are not for a particular robot.
@@ -126,7 +126,7 @@ impl Bench {
         {
             block.args(path.iter().flat_map(|path| [OsStr::new(option), path.as_os_str()]));
         }
-        shell::noted(&mut block)
+        shell::echoed_output(&mut block)
     }
 
     /// Builds the bench, and the demo's library with the command line.
@@ -148,22 +148,22 @@ impl Bench {
     ///
     /// # Errors
     /// Returns the first difference from the simulation, or an error if the bench fails.
-    pub fn replay(&self, image: &Path) -> Result<Figures, String> {
+    pub fn replay(&self, image: &Path) -> Result<BoardCost, String> {
         need_qemu()?;
         let mut replay = self.command("replay");
         replay.arg(image).arg("--out").arg(&self.out).args(self.library());
         let report = shell::output(replay.stderr(std::process::Stdio::inherit()))?;
-        serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
+        serde_json::from_str(&report).map(BoardCost).map_err(|error| format!("the bench: {error}"))
     }
 
     /// Measures the cost of keys on the emulated board.
     ///
     /// # Errors
     /// Returns an error if the image or the bench fails.
-    pub fn keys(&self, image: &Path) -> Result<Figures, String> {
+    pub fn keys(&self, image: &Path) -> Result<BoardCost, String> {
         need_qemu()?;
         let report = shell::output(self.command("keys").arg(image))?;
-        serde_json::from_str(&report).map(Figures).map_err(|error| format!("the bench: {error}"))
+        serde_json::from_str(&report).map(BoardCost).map_err(|error| format!("the bench: {error}"))
     }
 
     /// Runs the whole demo (`is_whole`) or a short scenario on the emulated board over its UART.
@@ -196,7 +196,7 @@ impl Bench {
         for (option, path) in [("--link-key", link), ("--signing-key", signing)] {
             uart.args(path.iter().flat_map(|path| [OsStr::new(option), path.as_os_str()]));
         }
-        shell::said(&mut uart).map(|said| print!("{said}"))
+        shell::own_output(&mut uart).map(|said| print!("{said}"))
     }
 
     /// Prints the report of a NUCLEO-G474RE on a serial port and transfers the demo's library.

@@ -14,7 +14,7 @@ const MAGIC: &[u8] = b"RW-KEYS1";
 /// Returns an error if the program does not have a blank block of this size.
 pub fn fill(image: &mut [u8], digits: &str) -> Result<(), String> {
     let block = bytes(digits).ok_or("the bench wrote no valid key block")?;
-    let place = place(image)?;
+    let place = block_range(image)?;
     let blank = image.get_mut(place).filter(|place| place.len() == block.len());
     let blank = blank.ok_or("the program has room for a key block of another version")?;
     let (magic, rest) = blank.split_at(MAGIC.len().min(blank.len()));
@@ -26,7 +26,7 @@ pub fn fill(image: &mut [u8], digits: &str) -> Result<(), String> {
 }
 
 /// Returns the position of the block in the file of a program.
-fn place(image: &[u8]) -> Result<Range<usize>, String> {
+fn block_range(image: &[u8]) -> Result<Range<usize>, String> {
     let file = object::File::parse(image).map_err(|error| format!("the image: {error}"))?;
     let found = file.symbols().find(|symbol| symbol.name() == Ok(SYMBOL));
     let place = found.and_then(|symbol| {

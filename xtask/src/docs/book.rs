@@ -69,7 +69,7 @@ pub struct Books<'a> {
 }
 
 /// Chapter as written into the book.
-pub struct Written {
+pub struct ChapterText {
     /// Markdown with rewritten links.
     pub text: String,
     /// Files of the checkout that the chapter links to and that are not chapters.
@@ -111,7 +111,7 @@ impl<'a> Books<'a> {
     ///
     /// # Errors
     /// Returns an error if a link leads to a document that is not in a book.
-    pub fn written(&self, book: &Book, chapter: &Chapter) -> Result<Written, String> {
+    pub fn written(&self, book: &Book, chapter: &Chapter) -> Result<ChapterText, String> {
         let Document { text, page } = &self.documents[&*chapter.path];
         let part = self.part(chapter);
         let apart = book.chapters.iter().filter(|one| {
@@ -162,7 +162,7 @@ impl<'a> Books<'a> {
             };
             edits.push((place, file));
         }
-        Ok(Written { text: edited(text, self.part(chapter), edits), files })
+        Ok(ChapterText { text: edited(text, self.part(chapter), edits), files })
     }
 
     /// Byte range of a chapter in its document.
@@ -299,7 +299,7 @@ mod tests {
             books.summary(users),
             "# Summary\n[L](index.md)\n- [Go](begin.md)\n- [R](rollwalk.md)\n- [A](a.md)\n"
         );
-        let of = |book: &Book| -> Vec<Written> {
+        let of = |book: &Book| -> Vec<ChapterText> {
             book.chapters.iter().map(|one| books.written(book, one).unwrap()).collect()
         };
         let written = of(users);

@@ -43,11 +43,11 @@ fn commands(program: &str, words: &mut Vec<String>, into: &mut String) -> Result
 
 /// Returns the subcommands that clap lists in a help text, except `help`.
 fn subcommands(help: &str) -> Vec<String> {
-    abouts(help).into_iter().map(|(name, _)| name).collect()
+    descriptions(help).into_iter().map(|(name, _)| name).collect()
 }
 
 /// Returns the subcommands that clap lists in a help text, except `help`, each with its description.
-pub fn abouts(help: &str) -> Vec<(String, String)> {
+pub fn descriptions(help: &str) -> Vec<(String, String)> {
     let mut found: Vec<(String, String)> = Vec::new();
     let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
     for line in lines.take_while(|line| !line.is_empty()) {

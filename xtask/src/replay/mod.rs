@@ -7,7 +7,7 @@ mod tracked;
 mod urdf;
 
 use crate::extent::Extent;
-use crate::measured::Measured;
+use crate::measured::Measurement;
 use crate::workspace;
 use crate::{mujoco, parallel, shell};
 use serde_json::{Map, Value, json};
@@ -92,7 +92,7 @@ pub fn check(extent: Extent) -> Result<(), String> {
 /// # Errors
 /// Returns an error if a motion has no plan, or if a program fails. If a program is missing, the error contains the command
 /// that installs it.
-pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measured, String> {
+pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measurement, String> {
     let mut replay = Replay::new()?;
     let results = match table {
         Table::Shipped => {
@@ -126,7 +126,7 @@ pub fn measure(table: Table, urdfs: &[PathBuf]) -> Result<Measured, String> {
     let page = shell::output(replay.python("document.py").arg(table.name()).args(results))?;
     let (verdict, text) = page.split_once('\n').unwrap_or((&page, ""));
     let command = format!("cargo xtask measured {}", table.name());
-    Ok(Measured { text: text.into(), command, verdict: verdict.into() })
+    Ok(Measurement { text: text.into(), command, verdict: verdict.into() })
 }
 
 /// Programs for replays, and the folder of their results.

@@ -90,7 +90,7 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
         if !matches!(found.status.code(), Some(0 | 3)) {
             return Err(format!("rollwalk retarget: {}", String::from_utf8_lossy(&found.stderr)));
         }
-        before(folder, motion)?;
+        write_uncorrected(folder, motion)?;
         let built = run(&["library", "build", "after/library.toml", "-o", "after.rwl"])?;
         refused = match built.status.success() {
             true => String::new(),
@@ -118,7 +118,7 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
 }
 
 /// Writes a copy of the retargeted library's folder, without corrections.
-fn before(folder: &Path, motion: &str) -> Result<(), String> {
+fn write_uncorrected(folder: &Path, motion: &str) -> Result<(), String> {
     let (before, after) = (folder.join("before"), folder.join("after"));
     fs::create_dir_all(&before).map_err(|error| format!("{}: {error}", before.display()))?;
     for name in ["library.toml", "robot.toml", &format!("{STAND}.json"), &format!("{motion}.json")]

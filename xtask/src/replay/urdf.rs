@@ -23,7 +23,7 @@ const GRAVITY_M_S2: f64 = 9.80665;
 /// # Errors
 /// Returns an error if the import fails, or if no plan of a motion is written.
 pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
-    let Planned { stem, robot, plans } = planned(replay, urdf)?;
+    let PlannedRobot { stem, robot, plans } = planned(replay, urdf)?;
     let json = format!("{stem}/results.json");
     let options = ["--feed-forward", "both", "--robot", &robot];
     // Exit code 1: some motion does not hold, which the table tells.
@@ -35,7 +35,7 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
 }
 
 /// Robot from a URDF, with plans next to its robot file.
-pub struct Planned {
+pub struct PlannedRobot {
     stem: String,
     robot: String,
     /// Plans of the motions, in order.
@@ -46,7 +46,7 @@ pub struct Planned {
 ///
 /// # Errors
 /// Returns an error if the import fails, or if no plan of a motion is written.
-pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
+pub fn planned(replay: &Replay, urdf: &Path) -> Result<PlannedRobot, String> {
     let run = |args: &[&str]| shell::output(&mut replay.rollwalk(args));
     let stem = urdf.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let folder = replay.out.join(&stem);
@@ -77,7 +77,7 @@ pub fn planned(replay: &Replay, urdf: &Path) -> Result<Planned, String> {
         }
         plans.push(PathBuf::from(plan));
     }
-    Ok(Planned { stem, robot, plans })
+    Ok(PlannedRobot { stem, robot, plans })
 }
 
 fn text(name: &str, gait: &str, duty: f64, period: f64, goal: [f64; 3], height_m: f64) -> String {

@@ -15,7 +15,7 @@ pub struct Run {
     start: Instant,
     begun: usize,
     rows: Vec<Row>,
-    beside: Vec<Beside>,
+    beside: Vec<ParallelStep>,
     failures: Vec<String>,
     /// Steps that ran in their brief form, with the checks left to `cargo xtask nightly`.
     left: Vec<(String, &'static str)>,
@@ -32,7 +32,7 @@ struct Row {
 const FAILED: &str = "FAILED";
 
 /// Step in a separate process.
-struct Beside {
+struct ParallelStep {
     name: String,
     log: PathBuf,
     /// Thread that waits for the process. Returns true on success, and the run time in seconds.
@@ -77,7 +77,7 @@ impl Run {
     /// Starts a step in a separate process, optionally in its brief form; its output is printed after it has ended.
     pub fn beside(&mut self, name: &str, title: &str, is_brief: bool) {
         self.begin(name, title);
-        match Beside::start(self.command, name, is_brief) {
+        match ParallelStep::start(self.command, name, is_brief) {
             Ok(beside) => {
                 eprintln!("== {name} runs in parallel with the next steps");
                 self.beside.push(beside);
@@ -120,7 +120,7 @@ impl Run {
     }
 
     /// Waits for the end of a parallel step and prints its output.
-    fn end(&mut self, Beside { name, log, waiter }: Beside) {
+    fn end(&mut self, ParallelStep { name, log, waiter }: ParallelStep) {
         let (passed, seconds) = waiter.join().expect("the waiting thread does not panic");
         eprintln!("\n== output of {name}, which ran in parallel");
         eprintln!("{}", String::from_utf8_lossy(&fs::read(&log).unwrap_or_default()));
@@ -160,7 +160,7 @@ impl Run {
     }
 }
 
-impl Beside {
+impl ParallelStep {
     fn start(command: &str, name: &str, is_brief: bool) -> Result<Self, String> {
         let failed =
             |error: std::io::Error| format!("cannot start a process for the step: {error}");
@@ -238,7 +238,7 @@ mod tests {
     fn a_failure_beside_others_is_accounted_for_before_they_end() {
         let beside = |name: &str, passed: bool, until: mpsc::Receiver<()>| {
             let ends = move || (until.recv().is_ok() && passed, 0.0);
-            Beside { name: name.into(), log: PathBuf::new(), waiter: thread::spawn(ends) }
+            ParallelStep { name: name.into(), log: PathBuf::new(), waiter: thread::spawn(ends) }
         };
         let ((goes_on, first), (fails, second)) = (mpsc::channel(), mpsc::channel());
         let mut run = Run::new("test", 2);

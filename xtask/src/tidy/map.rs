@@ -119,11 +119,15 @@ mod tests {
     use serde_json::json;
 
     /// Returns the violations of a map of two crates and a folder, with these dependencies in the manifest of `rollwalk-b`.
-    fn found(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
-        found_of(["rollwalk-a", "rollwalk-b"], map, dependencies)
+    fn violations_of_map(map: &str, dependencies: &serde_json::Value) -> Vec<String> {
+        violations_of_crates(["rollwalk-a", "rollwalk-b"], map, dependencies)
     }
 
-    fn found_of(names: [&str; 2], map: &str, dependencies: &serde_json::Value) -> Vec<String> {
+    fn violations_of_crates(
+        names: [&str; 2],
+        map: &str,
+        dependencies: &serde_json::Value,
+    ) -> Vec<String> {
         let files = [
             file("ARCHITECTURE.md", map),
             file("a/Cargo.toml", ""),
@@ -151,9 +155,9 @@ mod tests {
     #[test]
     fn a_map_of_what_there_is_is_fine() {
         let on = json!([{ "name": "rollwalk-a" }, { "name": "serde" }]);
-        assert_eq!(found(&[A, B, DOCS].concat(), &on), [""; 0]);
+        assert_eq!(violations_of_map(&[A, B, DOCS].concat(), &on), [""; 0]);
         let more = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-a", "kind": "dev" }]);
-        assert_eq!(found(&[A, B, DOCS].concat(), &more), [""; 0]);
+        assert_eq!(violations_of_map(&[A, B, DOCS].concat(), &more), [""; 0]);
     }
 
     #[test]
@@ -162,31 +166,34 @@ mod tests {
         let map = [A, &B.replace("| a |", "|  |")[..], DOCS].concat();
         let map =
             map.replace("rollwalk-a", "rollwalk-planner").replace("rollwalk-b", "rollwalk-physics");
-        let found = found_of(["rollwalk-planner", "rollwalk-physics"], &map, &on);
+        let found = violations_of_crates(["rollwalk-planner", "rollwalk-physics"], &map, &on);
         assert!(found[0].contains("must not depend on rollwalk-planner"), "{found:?}");
     }
 
     #[test]
     fn what_differs_is_named() {
         let on = json!([{ "name": "rollwalk-a" }]);
-        assert!(found(&[B, A, DOCS].concat(), &on)[0].contains("must not depend on rollwalk-a"));
         assert!(
-            found(&[A, B, DOCS].concat(), &json!([]))[0]
+            violations_of_map(&[B, A, DOCS].concat(), &on)[0]
+                .contains("must not depend on rollwalk-a")
+        );
+        assert!(
+            violations_of_map(&[A, B, DOCS].concat(), &json!([]))[0]
                 .contains("correct the dependencies of `rollwalk-b`")
         );
-        assert!(found(&[A, B].concat(), &on)[0].contains("lacks the folder `docs/`"));
-        let no_b = found(&[A, DOCS].concat(), &on);
+        assert!(violations_of_map(&[A, B].concat(), &on)[0].contains("lacks the folder `docs/`"));
+        let no_b = violations_of_map(&[A, DOCS].concat(), &on);
         assert!(no_b.iter().any(|one| one.contains("the map lacks `rollwalk-b`")), "{no_b:?}");
-        let moved = found(&[A, &B.replace("x/b/", "x/")[..], DOCS].concat(), &on);
+        let moved = violations_of_map(&[A, &B.replace("x/b/", "x/")[..], DOCS].concat(), &on);
         assert!(moved.iter().any(|one| one.contains("does not lie in `x/`")), "{moved:?}");
         let gone = "| `c/` | `rollwalk-c` |  | third |\n";
-        let gone = found(&[A, B, DOCS, gone].concat(), &on);
+        let gone = violations_of_map(&[A, B, DOCS, gone].concat(), &on);
         assert!(
             gone.iter()
                 .any(|one| one.contains("`rollwalk-c`, which is not a crate of this checkout"))
         );
         assert!(gone.iter().any(|one| one.contains("there is no `c/`")), "{gone:?}");
         let of_tests = json!([{ "name": "rollwalk-a" }, { "name": "rollwalk-b", "kind": "dev" }]);
-        assert_eq!(found(&[A, B, DOCS].concat(), &of_tests), [""; 0]);
+        assert_eq!(violations_of_map(&[A, B, DOCS].concat(), &of_tests), [""; 0]);
     }
 }

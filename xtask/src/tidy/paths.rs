@@ -52,7 +52,11 @@ pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec
                 let is_pattern = span.contains(|c: char| "*<>{} ".contains(c) || c.is_uppercase());
                 let is_ours =
                     folders.contains(folder) || SOURCES.iter().any(|end| span.ends_with(end));
-                if is_ours && !is_pattern && !exists(span) && !exists(&beside(&file.path, span)) {
+                if is_ours
+                    && !is_pattern
+                    && !exists(span)
+                    && !exists(&resolve_relative(&file.path, span))
+                {
                     found.push(format!("{}:{}: `{span}` does not exist", file.path, number + 1));
                 }
             }
@@ -62,7 +66,7 @@ pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec
 }
 
 /// Path of a file that a page names relative to its own folder.
-fn beside(page: &str, named: &str) -> String {
+fn resolve_relative(page: &str, named: &str) -> String {
     page.rsplit_once('/').map_or_else(String::new, |(folder, _)| format!("{folder}/{named}"))
 }
 

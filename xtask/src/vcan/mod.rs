@@ -11,20 +11,20 @@ mod guest;
 mod init;
 mod kernel;
 mod modules;
-mod place;
 mod script;
 mod status;
 mod suite;
+mod target;
 
 use crate::shell;
 use guest::Guest;
-use place::Place;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use target::Target;
 
 /// Interfaces for a command, up and with the kernel's default settings.
 const INTERFACES: [&str; 3] = ["vcan0", "vcan1", "vcan2"];
@@ -50,8 +50,8 @@ pub struct Options {
 }
 
 impl Options {
-    fn place(&self) -> Result<Place, String> {
-        if self.guest { Ok(Place::Guest) } else { place::decide() }
+    fn target(&self) -> Result<Target, String> {
+        if self.guest { Ok(Target::Guest) } else { target::decide() }
     }
 }
 
@@ -60,7 +60,7 @@ impl Options {
 /// # Errors
 /// Returns the failed tests. If a program is missing, the error contains the command that installs it.
 pub fn check() -> Result<(), String> {
-    suite::run(place::decide()?)
+    suite::run(target::decide()?)
 }
 
 /// Runs the command, or the full tests, on a machine with SocketCAN, and returns the exit status.
@@ -72,20 +72,20 @@ pub fn run(options: &Options) -> Result<ExitCode, String> {
         .map_err(|error| format!("cannot set a handler for Ctrl-C: {error}"))?;
     let command = &options.command;
     if command.is_empty() {
-        return suite::run(options.place()?).map(|()| ExitCode::SUCCESS);
+        return suite::run(options.target()?).map(|()| ExitCode::SUCCESS);
     }
     let results = options.results.as_deref().map(absolute).transpose()?;
     let timeout = Duration::from_secs(options.timeout);
-    let code = match options.place()? {
-        Place::Here => here(command, results.as_deref(), timeout)?,
-        Place::Guest => Guest::prepare()?.run(command, results.as_deref(), timeout)?,
+    let code = match options.target()? {
+        Target::Here => here(command, results.as_deref(), timeout)?,
+        Target::Guest => Guest::prepare()?.run(command, results.as_deref(), timeout)?,
     };
     Ok(ExitCode::from(code))
 }
 
 /// True if the tests run in a virtual machine, because this kernel has no vcan.
 pub fn in_virtual_machine() -> bool {
-    place::decide() == Ok(Place::Guest)
+    target::decide() == Ok(Target::Guest)
 }
 
 /// Runs a command on this machine.

@@ -1,7 +1,7 @@
 //! Tests of `tests/vcan/`, run on a machine with SocketCAN. Afterwards other programs read the logs of those tests on this
 //! machine.
 
-use super::{Place, RESULTS, guest::Guest, here};
+use super::{RESULTS, Target, guest::Guest, here};
 use crate::workspace::{self, Program};
 use crate::{board, cantools, debian, shell};
 use std::fs;
@@ -26,7 +26,7 @@ const ON_HARDWARE: [&str; 2] = ["gamepad::", "on_hardware::"];
 ///
 /// # Errors
 /// Returns the failed tests. If a program is missing, the error contains the command that installs it.
-pub fn run(place: Place) -> Result<(), String> {
+pub fn run(place: Target) -> Result<(), String> {
     debian::need(&PACKAGES).map_err(|install| {
         format!("the tests on CAN interfaces require packages. On Debian:\n\n    {install}")
     })?;
@@ -52,19 +52,19 @@ pub fn run(place: Place) -> Result<(), String> {
 
     let tests = workspace::find(&programs, "tests", "vcan", true)?;
     match place {
-        Place::Here => {
-            run_in(Place::Here, tests, &ON_VCAN, &results)?;
-            run_in(Place::Guest, tests, &ON_HARDWARE, &results)?;
+        Target::Here => {
+            run_in(Target::Here, tests, &ON_VCAN, &results)?;
+            run_in(Target::Guest, tests, &ON_HARDWARE, &results)?;
         }
-        Place::Guest => {
-            run_in(Place::Guest, tests, &[ON_VCAN, ON_HARDWARE].concat(), &results)?;
+        Target::Guest => {
+            run_in(Target::Guest, tests, &[ON_VCAN, ON_HARDWARE].concat(), &results)?;
         }
     }
     read_logs(tests, &results)
 }
 
 /// Runs the tests of some modules, one after the other.
-fn run_in(place: Place, tests: &Program, modules: &[&str], results: &Path) -> Result<(), String> {
+fn run_in(place: Target, tests: &Program, modules: &[&str], results: &Path) -> Result<(), String> {
     for module in modules {
         tests.tests(&["--ignored", module])?;
     }
@@ -73,8 +73,8 @@ fn run_in(place: Place, tests: &Program, modules: &[&str], results: &Path) -> Re
     let words = [&[program.as_ref()], modules, &options].concat();
     let command: Vec<String> = words.into_iter().map(String::from).collect();
     let code = match place {
-        Place::Here => here(&command, Some(results), TIMEOUT)?,
-        Place::Guest => Guest::prepare()?.run(&command, Some(results), TIMEOUT)?,
+        Target::Here => here(&command, Some(results), TIMEOUT)?,
+        Target::Guest => Guest::prepare()?.run(&command, Some(results), TIMEOUT)?,
     };
     if code == 0 {
         Ok(())

@@ -40,7 +40,7 @@ use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peripherals, peripherals};
 use heapless::Vec;
 use rollwalk_firmware::periods::Periods;
-use rollwalk_protocol::serial::{BusState, BoardReport, Reset};
+use rollwalk_protocol::serial::{BoardReport, BusState, Reset};
 use rollwalk_protocol::wire::{State, Torque};
 
 use can::Bus;

@@ -83,7 +83,8 @@ fn main() -> ! {
         // The loop stopped, perhaps with torque on. The operator shall look before it goes on.
         controller.estop(now_us);
     }
-    let report = BoardReport { config_hash: controller.config().hash(), reset, ..BoardReport::default() };
+    let report =
+        BoardReport { config_hash: controller.config().hash(), reset, ..BoardReport::default() };
     let board = Board {
         controller,
         actuators,

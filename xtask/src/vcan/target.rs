@@ -6,7 +6,7 @@ use std::fs;
 
 /// Machine that runs a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Target {
     Here,
     Guest,
 }
@@ -15,13 +15,13 @@ pub enum Place {
 ///
 /// # Errors
 /// Returns an error if another kind of interface has the name of a CAN interface.
-pub fn decide() -> Result<Place, String> {
+pub fn decide() -> Result<Target, String> {
     for name in INTERFACES {
         if !ready(name)? && !make(name) {
-            return Ok(Place::Guest);
+            return Ok(Target::Guest);
         }
     }
-    Ok(Place::Here)
+    Ok(Target::Here)
 }
 
 /// Returns true if the interface exists and is up.
