@@ -36,10 +36,10 @@
 //! use nalgebra::Vector3;
 //! use rollwalk_physics::sensitivity::parameter::{Freedom, Initial};
 //! use rollwalk_physics::sensitivity::{Recorder, Residual};
-//! use rollwalk_physics::{Assembly, Body, Motion, Settings, System};
+//! use rollwalk_physics::{Assembly, Body, BodyMotion, Settings, System};
 //!
 //! let mut assembly = Assembly::default();
-//! let ball = assembly.add_body(Body::Particle { mass_kg: 0.1 }, Motion::at(Vector3::z()));
+//! let ball = assembly.add_body(Body::Particle { mass_kg: 0.1 }, BodyMotion::at(Vector3::z()));
 //! let mut system = System::new(Settings::default(), assembly);
 //! let faster = Initial { bodies: vec![ball], freedom: Freedom::Velocity, axis: Vector3::x() };
 //!

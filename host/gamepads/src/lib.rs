@@ -10,7 +10,7 @@
 //!
 //! ```
 //! let mapping = rollwalk_gamepads::shipped_for("Xbox Wireless Controller").expect("it ships");
-//! let pad = rollwalk_gamepads::pad::Pad::new(mapping);
+//! let pad = rollwalk_gamepads::mapped_gamepad::MappedGamepad::new(mapping);
 //! // Until it is found, nothing moves.
 //! assert_eq!(pad.words(), "GAMEPAD GONE");
 //! ```

@@ -20,7 +20,6 @@
 //! | [`text`] | text of a robot file with changeable values |
 //!
 //! ```
-//! use rollwalk_design::parameter::Place;
 //! use rollwalk_design::text::RobotText;
 //!
 //! let text = std::fs::read_to_string("../../shipped/robots/agilebot.toml")?;
