@@ -21,9 +21,9 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
     try {
       const { value, binary } = await studio.engine.request("solver", body);
       download(file, binary ?? value.text);
-      studio.say(`Saved ${file}.`);
+      studio.notify(`Saved ${file}.`);
     } catch (error) {
-      if (!(error instanceof Cancelled)) studio.complain(error);
+      if (!(error instanceof Cancelled)) studio.showError(error);
     }
   };
   const share = async () => {
@@ -32,11 +32,11 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
       await navigator.clipboard.writeText(link);
       const isPublic = location.protocol.startsWith("http") && !["127.0.0.1", "localhost"].includes(location.hostname);
       const limit = isPublic ? "" : " The link works only on computers where this page has the same address. Send others the files or the animation instead.";
-      studio.say(`Copied a link of ${link.length} characters that contains the whole project. Nothing was sent.${limit}`);
+      studio.notify(`Copied a link of ${link.length} characters that contains the whole project. Nothing was sent.${limit}`);
     } catch {
       // No clipboard (not allowed, or an insecure page): the address bar is one as well.
       history.replaceState(null, "", await linkTo(studio.documents.now));
-      studio.say("The link is in the address bar and contains the whole project. Nothing was sent.");
+      studio.notify("The link is in the address bar and contains the whole project. Nothing was sent.");
     }
   };
   const planned = () => studio.shown === null;
@@ -75,10 +75,10 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
         disabled: planned() || !view || !canRecord || playback.held,
         act: () => {
           if (!view) return;
-          studio.say("Recording…");
+          studio.notify("Recording…");
           saveVideo(view.stage, playback, `${name()}.webm`).then(
-            () => studio.say(`Saved ${name()}.webm.`),
-            (error) => studio.complain(error),
+            () => studio.notify(`Saved ${name()}.webm.`),
+            (error) => studio.showError(error),
           );
         },
       },

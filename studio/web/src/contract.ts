@@ -5,7 +5,7 @@ export type Vec3 = [number, number, number];
 export type File = { path: string; text: string };
 
 /** Names of the files of a command line that the page shows first. */
-export type Desired = Record<"motion" | "library" | "robot" | "robot_in_motion" | "plan" | "urdf" | "side", string | null>;
+export type InitialFiles = Record<"motion" | "library" | "robot" | "robot_in_motion" | "plan" | "urdf" | "side", string | null>;
 
 /** Start of a solve; a plan file comes with the request, as bytes. */
 export type Start = "scratch" | "good" | "plan";
@@ -35,12 +35,12 @@ export type RequestBody =
   | { kind: "save"; path: string; text: string }
   | ({ kind: "robot"; now_us: number } & RobotRequest);
 
-export type Place = "simulated" | "serial" | "slcan" | "relay";
+export type ConnectionKind = "simulated" | "serial" | "slcan" | "relay";
 export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" | "clear" | "quit";
 
 /** Request to a robot at the other end of a link; bytes of the answer are to be sent to it. */
 export type RobotRequest =
-  | { robot: "connect"; place: Place; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
+  | { robot: "connect"; place: ConnectionKind; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
   | { robot: "tick"; attended: boolean; gamepad: GamepadSeen[] }
   | { robot: "wish"; intent: Intent }
   | { robot: "wish"; intent: "play"; code: number }
@@ -154,7 +154,7 @@ export type Parameter = {
 };
 
 /** A quantity that plans are judged by, and what it changes by with a small step of each parameter, the motion planned anew. */
-export type SlopesOf = { name: string; unit: string; value: number; /** Changes are not compared with less than this. */ little: number; slopes: { name: string; step: number; by_step: number }[] };
+export type QuantitySlopes = { name: string; unit: string; value: number; /** Changes are not compared with less than this. */ little: number; slopes: { name: string; step: number; by_step: number }[] };
 
 export type Scene = {
   name: string;
@@ -250,8 +250,8 @@ export type FramesHeader = {
   columns: { bodies: number; com: number; end_effectors: number; joints: number; wheels: number };
 };
 
-export type Opened = { scene: Scene; motion: MotionView; /** Paths of motion and robot as they were found. */ read: [string, string] };
-export type Planned = Opened & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
+export type OpenedDocuments = { scene: Scene; motion: MotionView; /** Paths of motion and robot as they were found. */ read: [string, string] };
+export type Planned = OpenedDocuments & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {
   /** Outcome of the first start, once it has found the request infeasible. */

@@ -16,7 +16,7 @@ import { LibraryBuild } from "./project/library.ts";
 import { Playback } from "./project/playback.ts";
 import { isDark, load, type Settings } from "./project/settings.ts";
 import { Studio } from "./project/studio.ts";
-import { Beside } from "./robot/beside.ts";
+import { PlanComparison } from "./robot/beside.ts";
 import { RobotLink, talksToRobots } from "./robot/link.ts";
 import { runPanel } from "./robot/panel.ts";
 import { emergencyStop, playByNumber } from "./robot/stop.ts";
@@ -60,7 +60,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   const library = new LibraryBuild(studio);
   shell.tab("Library", libraryPanel(studio, library, commands.examples));
   const link = new RobotLink(studio);
-  const beside = new Beside(studio, link);
+  const beside = new PlanComparison(studio, link);
   staleNote(shell.stale, studio, link);
   const run = shell.tab("Run", runPanel(studio, link, library, beside));
   run.hidden = true;
@@ -86,7 +86,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   run.hidden = !(await talksToRobots(engine));
   if (!run.hidden && RobotLink.takeLeft()) {
     shell.openTab("Run");
-    studio.say("The page was reloaded while a robot was connected. A robot with torque on returns to SAFE automatically, then turns torque off. Connect to see the state of the robot.");
+    studio.notify("The page was reloaded while a robot was connected. A robot with torque on returns to SAFE automatically, then turns torque off. Connect to see the state of the robot.");
   }
   keepSaved(studio);
   addEventListener("hashchange", () => void openLink(studio));

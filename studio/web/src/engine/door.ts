@@ -1,7 +1,7 @@
 // The border to the engine's WebAssembly (studio/src/door.rs): two exports, two imports, and memory. Memory grows in
 // calls, which detaches its buffer, so views of it are made anew after each.
 
-export type Answered = (json: string, binary: Uint8Array | null) => void;
+export type AnswerCallback = (json: string, binary: Uint8Array | null) => void;
 
 type Exports = {
   memory: WebAssembly.Memory;
@@ -14,7 +14,7 @@ export class Door {
   panic: string | undefined;
   readonly exports: Exports;
 
-  constructor(module: WebAssembly.Module, answered: Answered) {
+  constructor(module: WebAssembly.Module, answered: AnswerCallback) {
     const text = new TextDecoder();
     const page = {
       answer: (json: number, json_len: number, binary: number, binary_len: number) =>

@@ -1,13 +1,13 @@
 // A plan in a few facts: how fast it goes, and how near its motors come to their limits.
 
-import type { Shown } from "../project/studio.ts";
+import type { ShownPlan } from "../project/studio.ts";
 import { QUANTITIES } from "../timeline/quantities.ts";
 import { format } from "../ui/dom.ts";
 
 /** Peak load of a motor, as a share of its limit. */
 export type Peak = { of: string; motor: string; share: number; time_s: number };
 
-export function peaksOf({ frames, planned }: Shown): Peak[] {
+export function peaksOf({ frames, planned }: ShownPlan): Peak[] {
   const peaks: Peak[] = [];
   for (const [id, of] of [["joint_torque", "joint torque"], ["joint_speed", "joint speed"], ["wheel_speed", "wheel speed"]]) {
     const peak: Peak = { of, motor: "", share: 0, time_s: 0 };
@@ -22,7 +22,7 @@ export function peaksOf({ frames, planned }: Shown): Peak[] {
   return peaks;
 }
 
-export function factsOf(shown: Shown, peaks: Peak[]): string {
+export function factsOf(shown: ShownPlan, peaks: Peak[]): string {
   const { frames } = shown;
   const { duration_s } = frames.header;
   const [from, to] = [frames.com(frames.row(0)), frames.com(frames.at(duration_s))];

@@ -33,7 +33,7 @@ export function graphEditor(studio: Studio): HTMLElement {
       draw(studio, body, library, value);
     } catch (error) {
       if (key === asked) asked = "";
-      if (!(error instanceof Cancelled)) studio.complain(error);
+      if (!(error instanceof Cancelled)) studio.showError(error);
     }
   });
   return body;

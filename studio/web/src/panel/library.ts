@@ -16,7 +16,7 @@ export function libraryPanel(studio: Studio, library: LibraryBuild, examples: ()
       const { value } = await studio.engine.request("documents", { kind: "new_library", files: studio.documents.files(), motion: motionPath });
       studio.add(value.files);
     } catch (error) {
-      studio.complain(error);
+      studio.showError(error);
     }
   };
   const draw = () => {

@@ -44,7 +44,7 @@ function slider(studio: Studio, name: string, updates: (() => void)[], effects: 
   const path = () => studio.documents.robotPath;
   const digits = Math.max(0, Math.min(5, Math.ceil(-Math.log10(step))));
   const change = (value: number, how: { gesture: string | null; drag: boolean }) => {
-    foresee(studio, name, value);
+    predict(studio, name, value);
     studio.edit({ edit: "parameter", name, value }, { path: path(), ...how });
   };
   const range = h("input", { type: "range", min, max, step, "aria-label": `${label}, ${unit}` });
@@ -82,7 +82,7 @@ function slider(studio: Studio, name: string, updates: (() => void)[], effects: 
 }
 
 /** A parameter belongs to the robot file, whose view is here in the scene. */
-function foresee(studio: Studio, name: string, value: number) {
+function predict(studio: Studio, name: string, value: number) {
   if (!studio.scene) return;
   const parameters = studio.scene.parameters.map((one) => (one.name === name ? { ...one, value } : one));
   studio.scene = { ...studio.scene, parameters };

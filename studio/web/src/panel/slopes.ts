@@ -1,6 +1,6 @@
 // What each parameter of the robot does to the motion: how a quantity of the plan changes with a small step, beside the sliders.
 
-import type { SlopesOf } from "../contract.ts";
+import type { QuantitySlopes } from "../contract.ts";
 import { Cancelled } from "../engine/engine.ts";
 import type { Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
@@ -30,7 +30,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   const note = h("p", { class: "muted", "aria-live": "polite" });
   const choice = h("div", { hidden: true }, select, note);
   const element = h("div", { class: "slopes" }, h("label", { title: "Change of the plan for a small step of each parameter, with the motion planned again" }, box, " Show the effect of each parameter"), choice);
-  let found: { version: number; quantities: SlopesOf[] } | null = null;
+  let found: { version: number; quantities: QuantitySlopes[] } | null = null;
   let asked = -1;
   let failed = false;
   let made = 0;
@@ -83,9 +83,9 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
     const chosen = found?.quantities.find((one) => one.name === select.value);
     if (chosen) say(`${amount(chosen.value, chosen.unit)} now. Below: estimates for a small change of each parameter, with the motion planned again; bars compare the estimates.`);
   };
-  const options = (quantities: SlopesOf[]) => {
+  const options = (quantities: QuantitySlopes[]) => {
     const before = select.value || FIRST;
-    const option = (one: SlopesOf) => h("option", { value: one.name, text: MEANINGS[one.name] ?? one.name.replaceAll("_", " "), selected: one.name === before });
+    const option = (one: QuantitySlopes) => h("option", { value: one.name, text: MEANINGS[one.name] ?? one.name.replaceAll("_", " "), selected: one.name === before });
     replace(select, ...quantities.map(option));
     select.disabled = false;
     state();
@@ -115,11 +115,11 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
 }
 
 /** The largest change that any parameter makes. */
-function most(of: SlopesOf): number {
+function most(of: QuantitySlopes): number {
   return Math.max(1e-12, ...of.slopes.map(({ by_step }) => Math.abs(by_step)));
 }
 
-function words(of: SlopesOf, { step, by_step }: SlopesOf["slopes"][number], unit: string): string {
+function words(of: QuantitySlopes, { step, by_step }: QuantitySlopes["slopes"][number], unit: string): string {
   const share = of.value > of.little ? ` (${signed((by_step / of.value) * 100, 1)} %)` : "";
   return `+${Number(step.toPrecision(3))} ${unit}: ${signed(by_step, digits(of.value))} ${of.unit}${share}`;
 }

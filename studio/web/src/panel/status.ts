@@ -2,7 +2,7 @@
 
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
-import type { Shown, Studio } from "../project/studio.ts";
+import type { ShownPlan, Studio } from "../project/studio.ts";
 import type { RobotLink } from "../robot/link.ts";
 import { stateOf as robotStateOf } from "../robot/words.ts";
 import { factsOf, peaksOf, percent } from "./facts.ts";
@@ -97,7 +97,7 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
 /** Share of the tolerances up to which the optimiser accepts a plan. */
 const ACCEPTED_LEVEL = 0.2;
 
-function met(shown: Shown): boolean {
+function met(shown: ShownPlan): boolean {
   return shown.planned.solve.worst_level <= ACCEPTED_LEVEL;
 }
 

@@ -34,7 +34,7 @@ export function keepSaved(studio: Studio) {
         failed = false;
       } catch (error) {
         // Storage may be full or forbidden. That is said once; leaving asks in any case.
-        if (!failed) studio.say(`Unsaved changes will be lost when the page is closed: ${(error as Error).message}`);
+        if (!failed) studio.notify(`Unsaved changes will be lost when the page is closed: ${(error as Error).message}`);
         failed = true;
       }
     }
@@ -55,7 +55,7 @@ async function store(studio: Studio, text: string) {
 }
 
 /** History that this browser has stored. */
-export function keptHere(): History | null {
+export function storedHistory(): History | null {
   try {
     return unpacked(localStorage.getItem(KEY));
   } catch {

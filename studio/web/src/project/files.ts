@@ -73,16 +73,16 @@ export async function openFiles(studio: Studio, picked: File[]) {
     }
     // A plan is a start for the motion at hand, or for that which was opened with it; in a library it is a motion.
     if (plan && !replaces("library")) {
-      if (files.length === 1) await openWhatShips(studio, plan);
+      if (files.length === 1) await openShipped(studio, plan);
       studio.planFrom(plan.text);
     }
   } catch (error) {
-    studio.complain(error);
+    studio.showError(error);
   }
 }
 
 /** A plan has no robot or motion file in it. Those of a motion that ships are opened with it, unless they are open. */
-async function openWhatShips(studio: Studio, plan: Text) {
+async function openShipped(studio: Studio, plan: Text) {
   const { robot, motion } = JSON.parse(plan.text);
   if (studio.motion?.name === motion?.name && studio.scene?.name === robot?.name) return;
   const all = await listExamples(studio);
@@ -106,9 +106,9 @@ function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; war
       const { value } = await studio.engine.request("documents", { kind: "import", urdf, side: { path: side.path, text: now() ?? side.text } });
       studio.write(robot.path, value.files[1].text, null);
       remarkImport(studio, urdf, value);
-      studio.say(`Imported ${baseName(robot.path)} again. Undo (Ctrl+Z) restores the previous file.`);
+      studio.notify(`Imported ${baseName(robot.path)} again. Undo (Ctrl+Z) restores the previous file.`);
     } catch (error) {
-      studio.complain(error);
+      studio.showError(error);
     }
   };
   const { length } = imported.warnings;
@@ -130,7 +130,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
     }
     let handle = elsewhere ? undefined : handles.get(path);
     if (!handle && picker.showSaveFilePicker) {
-      studio.say(`Choose where to save ${name}, in the browser's window.`);
+      studio.notify(`Choose where to save ${name}, in the browser's window.`);
       handle = await picker.showSaveFilePicker({ suggestedName: name, types: SAVED });
       handles.set(path, handle);
     }
@@ -142,8 +142,8 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
       download(name, text);
     }
   } catch (error) {
-    if ((error as Error).name !== "AbortError") studio.complain(error);
-    studio.say("");
+    if ((error as Error).name !== "AbortError") studio.showError(error);
+    studio.notify("");
     return;
   }
   saved(studio, path);
@@ -152,7 +152,7 @@ export async function saveDocument(studio: Studio, path: string, elsewhere = fal
 function saved(studio: Studio, path: string) {
   studio.documents.markSaved(path);
   studio.events.emit("documents");
-  studio.say(`Saved ${baseName(path)}.`);
+  studio.notify(`Saved ${baseName(path)}.`);
 }
 
 export function download(name: string, content: string | Uint8Array) {

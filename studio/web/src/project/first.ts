@@ -1,7 +1,7 @@
 // What the page opens first: what its link holds, the files of the command line, what was open before, or an example.
 
-import type { Desired, Edit, File } from "../contract.ts";
-import { keptHere, unpacked } from "./autosave.ts";
+import type { InitialFiles, Edit, File } from "../contract.ts";
+import { storedHistory, unpacked } from "./autosave.ts";
 import { baseName, type History, kindOf } from "./documents.ts";
 import { example, FIRST } from "./examples.ts";
 import { given, importRobot } from "./files.ts";
@@ -9,18 +9,18 @@ import { fromLink } from "./share.ts";
 import type { Studio } from "./studio.ts";
 
 /** `edits`: what was kept, and whether the files are as they were then. */
-type Given = { files: File[]; desired: Desired; edits: { page: string; is_current: boolean } | null };
+type GivenFiles = { files: File[]; desired: InitialFiles; edits: { page: string; is_current: boolean } | null };
 
 export async function openFirst(studio: Studio) {
   if (await openLink(studio)) return;
   try {
-    const asked = await givenTo(studio);
-    const before = asked ? unpacked(asked.edits?.page ?? null) : keptHere();
-    if (asked && asked.files.length > 0) await openGiven(studio, asked, before);
+    const asked = await requestGivenFiles(studio);
+    const before = asked ? unpacked(asked.edits?.page ?? null) : storedHistory();
+    if (asked && asked.files.length > 0) await openGivenFiles(studio, asked, before);
     else if (before) await restore(studio, before);
     else await studio.openProject(await example(studio, FIRST));
   } catch (error) {
-    studio.complain(error);
+    studio.showError(error);
   }
 }
 
@@ -32,17 +32,17 @@ export async function openLink(studio: Studio): Promise<boolean> {
     await studio.openProject(snapshot);
     return true;
   } catch (error) {
-    studio.complain(new Error(`This link could not be opened: ${(error as Error).message}`));
+    studio.showError(new Error(`This link could not be opened: ${(error as Error).message}`));
     return false;
   }
 }
 
 /** The files of the command line; null of an engine without files of its own. */
-async function givenTo(studio: Studio): Promise<Given | null> {
+async function requestGivenFiles(studio: Studio): Promise<GivenFiles | null> {
   return studio.engine.hasFiles ? (await studio.engine.request("documents", { kind: "given" })).value : null;
 }
 
-async function openGiven(studio: Studio, { files, desired, edits }: Given, before: History | null) {
+async function openGivenFiles(studio: Studio, { files, desired, edits }: GivenFiles, before: History | null) {
   for (const file of files) given.add(file.path);
   const named = (path: string | null) => files.find((file) => file.path === path) ?? null;
   const [urdf, plan] = [named(desired.urdf), named(desired.plan)];
@@ -55,15 +55,15 @@ async function openGiven(studio: Studio, { files, desired, edits }: Given, befor
     else await openProject(studio, files.filter((file) => file !== plan), desired);
   }
   if (plan) studio.planFrom(plan.text);
-  if (hasEdits && !edits!.is_current) studio.say("Files have changed on disk since your last unsaved edits here. Undo (Ctrl+Z) restores your edits.");
+  if (hasEdits && !edits!.is_current) studio.notify("Files have changed on disk since your last unsaved edits here. Undo (Ctrl+Z) restores your edits.");
 }
 
-async function openProject(studio: Studio, files: File[], { motion, robot, robot_in_motion }: Desired) {
+async function openProject(studio: Studio, files: File[], { motion, robot, robot_in_motion }: InitialFiles) {
   const body = robot ?? files.find((file) => kindOf(file) === "robot")?.path;
   if (!motion && body) {
     const { value } = await studio.engine.request("documents", { kind: "begin", files, robot: body });
     await studio.openProject({ files: [...files, value.file], motion: value.file.path });
-    studio.say(`No motion was given: ${baseName(value.file.path)} is a first motion for the robot, not saved yet.`);
+    studio.notify(`No motion was given: ${baseName(value.file.path)} is a first motion for the robot, not saved yet.`);
     return;
   }
   // A file with faults is opened to be mended.
@@ -72,7 +72,7 @@ async function openProject(studio: Studio, files: File[], { motion, robot, robot
   await studio.openProject({ files, motion: path });
   if (text === null) return;
   await studio.rewrite(path, text);
-  studio.say(`${baseName(path)} names another robot; the studio now plans the motion for ${baseName(robot!)}, as requested. Save the motion to keep this change.`);
+  studio.notify(`${baseName(path)} names another robot; the studio now plans the motion for ${baseName(robot!)}, as requested. Save the motion to keep this change.`);
 }
 
 /** The text of a motion file that names the robot that was asked for. */
@@ -85,5 +85,5 @@ async function named(studio: Studio, files: File[], motion: string, robot: strin
 async function restore(studio: Studio, before: History) {
   studio.documents.restore(before);
   await studio.newProject();
-  if (studio.documents.anyChanged) studio.say("Restored the previous project, with unsaved edits.");
+  if (studio.documents.anyChanged) studio.notify("Restored the previous project, with unsaved edits.");
 }

@@ -2,7 +2,7 @@
 
 import type { Edit, MotionView, Scene } from "../contract.ts";
 
-export function foresee(edit: Edit, motion: MotionView, scene: Scene): { motion: MotionView; scene: Scene } {
+export function predict(edit: Edit, motion: MotionView, scene: Scene): { motion: MotionView; scene: Scene } {
   const next: MotionView = { ...motion };
   switch (edit.edit) {
     case "number":

@@ -45,7 +45,7 @@ export class LibraryBuild {
       const { value, binary } = await studio.engine.request("library", { kind: "library", files: studio.documents.files(), library }, { progress });
       this.built = { name: baseName(library).replace(/\.toml$/, ".rwl"), identity: value.identity, nodes: value.nodes, edges: value.edges, failures: value.failures, bytes: binary };
     } catch (error) {
-      if (!(error instanceof Cancelled)) studio.complain(error);
+      if (!(error instanceof Cancelled)) studio.showError(error);
     }
     this.building = null;
     // A library is built once in a while: its worker and memory are given back.

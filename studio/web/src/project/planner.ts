@@ -11,13 +11,13 @@ const DRAG_ITERATIONS = 2;
 const PATIENCE_MS = 500;
 
 /** `plan` is the text of a plan file to start from. */
-export type Wish = { snapshot: Snapshot; version: number; drag: boolean; from: Start; plan?: Uint8Array };
+export type PlanRequest = { snapshot: Snapshot; version: number; drag: boolean; from: Start; plan?: Uint8Array };
 
 export type Outcome = {
-  planned(wish: Wish, planned: Planned, frames: Float32Array): void;
+  planned(request: PlanRequest, planned: Planned, frames: Float32Array): void;
   /** The good plan with its multipliers, as bytes. */
-  kept(wish: Wish, solution: Uint8Array): void;
-  failed(wish: Wish, error: Error): void;
+  kept(request: PlanRequest, solution: Uint8Array): void;
+  failed(request: PlanRequest, error: Error): void;
   /** The engine broke, was started again, and is asked once more. */
   restarted(error: Broken): void;
   progress(progress: Progress | null): void;
@@ -25,8 +25,8 @@ export type Outcome = {
 };
 
 export class Planner {
-  #wish: Wish | null = null;
-  #running: { wish: Wish; since: number } | null = null;
+  #request: PlanRequest | null = null;
+  #running: { request: PlanRequest; since: number } | null = null;
   #good: Uint8Array | null = null;
   #fresh = false;
   #restarts = 0;
@@ -40,21 +40,21 @@ export class Planner {
     return this.#running !== null;
   }
 
-  ask(wish: Wish) {
+  ask(request: PlanRequest) {
     // A drag step must not take the place of the plan in full, nor a warm start that of a cold one.
-    const from = this.#wish?.from === "scratch" ? "scratch" : wish.from;
-    this.#wish = { ...wish, from };
+    const from = this.#request?.from === "scratch" ? "scratch" : request.from;
+    this.#request = { ...request, from };
     const running = this.#running;
     if (!running) void this.#run();
-    else if (!running.wish.drag) {
+    else if (!running.request.drag) {
       const left = PATIENCE_MS - (performance.now() - running.since);
-      setTimeout(() => this.#running === running && this.#wish && this.engine.cancel("solver"), Math.max(0, left));
+      setTimeout(() => this.#running === running && this.#request && this.engine.cancel("solver"), Math.max(0, left));
     }
   }
 
   /** Ends the solve that is under way; the plan that is shown stays. */
   cancel() {
-    this.#wish = null;
+    this.#request = null;
     this.engine.cancel("solver");
   }
 
@@ -64,16 +64,16 @@ export class Planner {
   }
 
   async #run() {
-    while (this.#wish) {
-      const wish = this.#wish;
-      this.#wish = null;
-      this.#running = { wish, since: performance.now() };
+    while (this.#request) {
+      const request = this.#request;
+      this.#request = null;
+      this.#running = { request, since: performance.now() };
       this.outcome.activity();
       try {
-        await this.#plan(wish);
+        await this.#plan(request);
         this.#restarts = 0;
       } catch (error) {
-        this.#recover(wish, error as Error);
+        this.#recover(request, error as Error);
       }
       this.#running = null;
       this.outcome.progress(null);
@@ -81,42 +81,42 @@ export class Planner {
     this.outcome.activity();
   }
 
-  async #plan(wish: Wish) {
+  async #plan(request: PlanRequest) {
     const resumed = this.#fresh ? this.#good : null;
-    if (resumed && wish.from === "good") await this.engine.request("solver", { kind: "resume" }, { binary: resumed });
+    if (resumed && request.from === "good") await this.engine.request("solver", { kind: "resume" }, { binary: resumed });
     this.#fresh = false;
     const { value, binary } = await this.engine.request(
       "solver",
       {
         kind: "plan",
-        files: wish.snapshot.files.map((file) => ({ ...file })),
-        motion: wish.snapshot.motion,
-        from: wish.from,
-        iterations: wish.drag ? DRAG_ITERATIONS : null,
+        files: request.snapshot.files.map((file) => ({ ...file })),
+        motion: request.snapshot.motion,
+        from: request.from,
+        iterations: request.drag ? DRAG_ITERATIONS : null,
         frames_hz: FRAMES_HZ,
       },
-      { progress: (progress) => this.outcome.progress(progress), binary: wish.plan },
+      { progress: (progress) => this.outcome.progress(progress), binary: request.plan },
     );
     if (!binary) throw new Refused("The engine sent no frames.", "");
     const frames = new Float32Array(binary.buffer, binary.byteOffset, binary.byteLength / 4);
-    this.outcome.planned(wish, value, frames);
-    if (value.good && !wish.drag) this.#keep(wish);
+    this.outcome.planned(request, value, frames);
+    if (value.good && !request.drag) this.#keep(request);
   }
 
   /** Keeps the good solution here as well, in case its worker has to be ended. */
-  #keep(wish: Wish) {
+  #keep(request: PlanRequest) {
     const keep = ({ binary }: { binary: Uint8Array | null }) => {
       this.#good = binary;
-      if (binary) this.outcome.kept(wish, binary);
+      if (binary) this.outcome.kept(request, binary);
     };
     // Without it the next worker starts from nothing, which takes longer and is no error.
     this.engine.request("solver", { kind: "solution" }).then(keep, () => {});
   }
 
-  #recover(wish: Wish, error: Error) {
+  #recover(request: PlanRequest, error: Error) {
     if (error instanceof Cancelled) {
       this.#fresh = true;
-      if (!this.#wish) this.outcome.failed(wish, error);
+      if (!this.#request) this.outcome.failed(request, error);
       return;
     }
     if (error instanceof Broken) {
@@ -124,12 +124,12 @@ export class Planner {
       // A solution that breaks a new engine as well must not do so for ever.
       if (++this.#restarts === 2) this.#good = null;
       if (this.#restarts <= 2) {
-        this.#wish ??= { ...wish, from: this.#good ? wish.from : "scratch" };
+        this.#request ??= { ...request, from: this.#good ? request.from : "scratch" };
         this.outcome.restarted(error);
         return;
       }
     }
     if (!(error instanceof Faults || error instanceof Refused || error instanceof Broken)) console.error(error);
-    this.outcome.failed(wish, error);
+    this.outcome.failed(request, error);
   }
 }

@@ -39,13 +39,13 @@ export class Playback {
   setFrames(header: FramesHeader | null) {
     this.header = header;
     if (!header || (!header.period && this.time_s > header.duration_s)) this.time_s = 0;
-    this.#tell();
+    this.#emit();
   }
 
   seek(time_s: number) {
     const end = this.header?.period && this.playing ? Infinity : this.duration_s;
     this.time_s = Math.max(0, Math.min(time_s, end));
-    this.#tell();
+    this.#emit();
   }
 
   step(frames: number) {
@@ -58,7 +58,7 @@ export class Playback {
     if (held === this.held) return;
     this.held = held;
     this.pause();
-    this.#tell();
+    this.#emit();
   }
 
   toggle() {
@@ -73,13 +73,13 @@ export class Playback {
     this.playing = true;
     this.#last_ms = performance.now();
     requestAnimationFrame((now) => this.#tick(now));
-    this.#tell();
+    this.#emit();
   }
 
   pause() {
     if (!this.playing) return;
     this.playing = false;
-    this.#tell();
+    this.#emit();
   }
 
   #tick(now_ms: number) {
@@ -94,11 +94,11 @@ export class Playback {
     } else if (!this.header.period && this.time_s >= this.duration_s) {
       this.time_s %= this.duration_s;
     }
-    this.#tell();
+    this.#emit();
     if (this.playing) requestAnimationFrame((now) => this.#tick(now));
   }
 
-  #tell() {
+  #emit() {
     for (const listener of this.#listeners) listener();
   }
 }

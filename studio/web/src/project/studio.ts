@@ -4,17 +4,17 @@ import type { Edit, Fault, File, MotionView, Planned, Progress, Scene } from "..
 import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
 import { Documents, type Snapshot } from "./documents.ts";
 import { Events } from "./events.ts";
-import { foresee } from "./foresee.ts";
+import { predict } from "./foresee.ts";
 import { Frames } from "./frames.ts";
-import { Planner, type Wish } from "./planner.ts";
+import { Planner, type PlanRequest } from "./planner.ts";
 import { Selection } from "./selection.ts";
 
 export type Name = "documents" | "plan" | "kept" | "activity" | "selection";
 /** `of`: the texts that the plan is of. */
-export type Shown = { planned: Planned; frames: Frames; version: number; drag: boolean; of: string };
+export type ShownPlan = { planned: Planned; frames: Frames; version: number; drag: boolean; of: string };
 export type Problem = { message: string; help: string };
 /** The last good plan with its multipliers, and the documents that it is of. */
-export type Kept = { snapshot: Snapshot; version: number; solution: Uint8Array };
+export type StoredPlan = { snapshot: Snapshot; version: number; solution: Uint8Array };
 /** Points that the user should check, and an action once the file in question has changed. */
 export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
@@ -29,8 +29,8 @@ export class Studio {
   settled = 0;
   scene: Scene | null = null;
   motion: MotionView | null = null;
-  shown: Shown | null = null;
-  kept: Kept | null = null;
+  shown: ShownPlan | null = null;
+  kept: StoredPlan | null = null;
   faults: Fault[] = [];
   problem: Problem | null = null;
   /** Something that went well, said once: "saved walk.toml". */
@@ -50,12 +50,12 @@ export class Studio {
 
   constructor(readonly engine: Engine) {
     this.#planner = new Planner(engine, {
-      planned: (wish, planned, frames) => this.#planned(wish, planned, frames),
+      planned: (request, planned, frames) => this.#planned(request, planned, frames),
       kept: ({ snapshot, version }, solution) => {
         this.kept = { snapshot, version, solution };
         this.events.emit("kept");
       },
-      failed: (wish, error) => this.#failed(wish, error),
+      failed: (request, error) => this.#failed(request, error),
       restarted: (error) => this.#restarted(error),
       progress: (progress) => {
         // What is in the way stays to be seen while numbers that work are sought.
@@ -101,7 +101,7 @@ export class Studio {
   /** Changes a document: shown at once, planned as soon as the engine has the text. */
   edit(edit: Edit, { path = this.documents.motionPath, gesture = null as string | null, drag = false } = {}) {
     if (this.motion && this.scene && path === this.documents.motionPath) {
-      const next = foresee(edit, this.motion, this.scene);
+      const next = predict(edit, this.motion, this.scene);
       this.motion = next.motion;
       this.scene = next.scene;
     }
@@ -158,7 +158,7 @@ export class Studio {
     this.#planner.cancel();
   }
 
-  say(notice: string) {
+  notify(notice: string) {
     this.notice = notice;
     this.events.emit("activity");
   }
@@ -168,7 +168,7 @@ export class Studio {
     this.events.emit("activity");
   }
 
-  complain(error: unknown) {
+  showError(error: unknown) {
     if (error instanceof Cancelled) return;
     if (error instanceof Faults) this.faults = error.faults;
     else if (error instanceof Broken) this.problem = { message: `The engine stopped repeatedly: ${error.message}`, help: "Your documents are kept. Undo the last change, or save your documents and report this error." };
@@ -209,12 +209,12 @@ export class Studio {
 
   #restarted(error: Broken) {
     console.warn(error.message);
-    this.say("The engine stopped and was restarted. Nothing is lost.");
+    this.notify("The engine stopped and was restarted. Nothing is lost.");
   }
 
   /** An edit that the engine does not make is a problem of the edit, not a fault of the documents. */
   #refuse(error: unknown) {
-    if (!(error instanceof Faults)) return this.complain(error);
+    if (!(error instanceof Faults)) return this.showError(error);
     const [{ message, label, help }] = error.faults;
     this.problem = { message: label ? `${message}: ${label}` : message, help };
     this.events.emit("activity");
@@ -281,7 +281,7 @@ export class Studio {
       await this.#adopt(value.read[1]);
       return true;
     } catch (error) {
-      if (version === this.version) this.complain(error);
+      if (version === this.version) this.showError(error);
       return false;
     }
   }
@@ -294,28 +294,28 @@ export class Studio {
     this.documents.adopt({ path: robot, text: value.text });
   }
 
-  #planned(wish: Wish, planned: Planned, frames: Float32Array) {
+  #planned(request: PlanRequest, planned: Planned, frames: Float32Array) {
     this.shown = {
       planned,
       frames: new Frames(planned.frames, frames, planned.scene.end_effectors),
-      version: wish.version,
-      drag: wish.drag,
-      of: this.#planOf(wish.snapshot),
+      version: request.version,
+      drag: request.drag,
+      of: this.#planOf(request.snapshot),
     };
     this.faults = [];
-    if (wish.version === this.version) {
+    if (request.version === this.version) {
       this.scene = planned.scene;
       this.motion = planned.motion;
-      if (!wish.drag) this.settled = wish.version;
+      if (!request.drag) this.settled = request.version;
       this.events.emit("documents");
     }
     this.events.emit("plan", "activity");
   }
 
-  #failed(wish: Wish, error: Error) {
+  #failed(request: PlanRequest, error: Error) {
     if (error instanceof Cancelled) this.notice = "Planning was stopped. The picture shows the previous plan.";
-    else this.complain(error);
-    if (!wish.drag && wish.version === this.version && !(error instanceof Broken)) this.settled = wish.version;
+    else this.showError(error);
+    if (!request.drag && request.version === this.version && !(error instanceof Broken)) this.settled = request.version;
     this.events.emit("plan", "activity");
   }
 }

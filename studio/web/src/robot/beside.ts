@@ -4,27 +4,27 @@
 import type { RobotView } from "../contract.ts";
 import type { Snapshot } from "../project/documents.ts";
 import type { Row } from "../project/frames.ts";
-import type { Shown, Studio } from "../project/studio.ts";
+import type { ShownPlan, Studio } from "../project/studio.ts";
 import { format } from "../ui/dom.ts";
 import type { RobotLink } from "./link.ts";
 
 /** Comparison of the open plan with a library, by the engine. */
-type Compared = { name: string; clip: number | null; why: string };
+type ClipComparison = { name: string; clip: number | null; why: string };
 
 /** Joints at a moment: the one that is farthest from the plan, and how far any has been since the motion began. */
-export type Apart = { joint: string; rad: number; most_rad: number };
+export type JointDeviation = { joint: string; rad: number; most_rad: number };
 
-export class Beside {
-  compared: Compared | null = null;
-  apart: Apart | null = null;
-  #of: { shown: Shown; library: Uint8Array; documents: Snapshot } | null = null;
+export class PlanComparison {
+  compared: ClipComparison | null = null;
+  apart: JointDeviation | null = null;
+  #of: { shown: ShownPlan; library: Uint8Array; documents: Snapshot } | null = null;
 
   constructor(
     private readonly studio: Studio,
     private readonly link: RobotLink,
   ) {
-    link.onChange(() => this.#look());
-    studio.events.on(["plan", "documents"], () => this.#look());
+    link.onChange(() => this.#update());
+    studio.events.on(["plan", "documents"], () => this.#update());
   }
 
   /** The plan's row at the robot's time, while the robot plays it. */
@@ -34,12 +34,12 @@ export class Beside {
     return playing && shown && playing.clip === this.compared?.clip ? shown.frames.at(within(shown, playing.time_s)) : null;
   }
 
-  #shown(): Shown | null {
+  #shown(): ShownPlan | null {
     const { studio } = this;
     return studio.shown && !studio.stale && !studio.shown.drag ? studio.shown : null;
   }
 
-  #look() {
+  #update() {
     const shown = this.#shown();
     const { view } = this.link;
     const library = this.link.library?.identity === view?.library ? this.link.library?.bytes : null;
@@ -52,7 +52,7 @@ export class Beside {
     this.#measure(shown, view);
   }
 
-  async #compare(shown: Shown, library: Uint8Array) {
+  async #compare(shown: ShownPlan, library: Uint8Array) {
     const { documents, engine } = this.studio;
     const of = { shown, library, documents: documents.now };
     [this.#of, this.compared, this.apart] = [of, null, null];
@@ -79,13 +79,13 @@ export class Beside {
   }
 
   /** Compares each joint with the plan at the time when the joint was heard, which differs from joint to joint. */
-  #measure({ frames, planned }: Shown, view: RobotView) {
+  #measure({ frames, planned }: ShownPlan, view: RobotView) {
     const { playing } = view;
     if (!playing || playing.clip !== this.compared?.clip) {
       this.apart = null;
       return;
     }
-    const apart: Apart = { joint: "", rad: 0, most_rad: this.apart?.most_rad ?? 0 };
+    const apart: JointDeviation = { joint: "", rad: 0, most_rad: this.apart?.most_rad ?? 0 };
     for (const channel of view.channels) {
       const joint = planned.scene.joints.findIndex((one) => one.name === channel.name);
       if (joint < 0) continue;
@@ -99,7 +99,7 @@ export class Beside {
 }
 
 /** A time within a motion: of a periodic one in its first cycle. */
-function within({ frames }: Pick<Shown, "frames">, time_s: number): number {
+function within({ frames }: Pick<ShownPlan, "frames">, time_s: number): number {
   const { duration_s, period } = frames.header;
   if (period) return ((time_s % duration_s) + duration_s) % duration_s;
   return Math.max(0, Math.min(time_s, duration_s));

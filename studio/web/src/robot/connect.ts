@@ -1,8 +1,8 @@
 // Where the robot is, and with what it is steered: what is asked before a connection, and holds as long as that does.
 
-import type { Place } from "../contract.ts";
+import type { ConnectionKind } from "../contract.ts";
 import { h } from "../ui/dom.ts";
-import type { Wanted } from "./link.ts";
+import type { ConnectionSettings } from "./link.ts";
 import { placeOptions } from "./places.ts";
 
 const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
@@ -10,7 +10,7 @@ const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
 const LAST_NODE = 14;
 
 /** `before`: the place that was chosen last, if any was. */
-export function connectFields(before: Place | null): { element: HTMLElement; wanted(): Promise<Wanted>; lock(locked: boolean): void } {
+export function connectFields(before: ConnectionKind | null): { element: HTMLElement; wanted(): Promise<ConnectionSettings>; lock(locked: boolean): void } {
   const place = h("select", { id: "place", "aria-label": "Connection to the robot" }, ...placeOptions(before));
   const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));
   const baud = h("select", { "aria-label": "Baud rate", hidden: true }, ...bauds);
@@ -37,7 +37,7 @@ export function connectFields(before: Place | null): { element: HTMLElement; wan
     ),
     async wanted() {
       return {
-        place: place.value as Place,
+        place: place.value as ConnectionKind,
         baud: Number(baud.value),
         node: node.valueAsNumber,
         gamepad: gamepad.checked,

@@ -3,17 +3,17 @@
 // to SAFE by itself.
 
 import workerSource from "robot-worker-source";
-import type { Place, RobotRequest, RobotView } from "../contract.ts";
+import type { ConnectionKind, RobotRequest, RobotView } from "../contract.ts";
 import { Broken, type Engine } from "../engine/engine.ts";
 import { keep, kept } from "../project/settings.ts";
 import type { Studio } from "../project/studio.ts";
 import { watchGamepad } from "./gamepad.ts";
-import { type ToPage, type ToWorker, unpacked, type Way } from "./messages.ts";
+import { type ToPage, type ToWorker, unpacked, type RobotTransport } from "./messages.ts";
 import { relayAddress } from "./places.ts";
 import type { Port } from "./port.ts";
 import { choosePort, openSerial, type SerialPort } from "./serial.ts";
 
-export type Wanted = { place: Place; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
+export type ConnectionSettings = { place: ConnectionKind; baud: number; node: number; gamepad: boolean; /** The text of a key file. */ key: string | null };
 export type Library = { bytes: Uint8Array; /** Identity of the library, as robots report it. */ identity: string };
 /** Keys of values that the browser keeps until the tab is closed. */
 const PLACE = "rollwalk-robot-place";
@@ -26,7 +26,7 @@ export class RobotLink {
   trouble = "";
   connecting = false;
   /** Current or last place of the robot; survives a reload. */
-  place = kept(PLACE) as Place | null;
+  place = kept(PLACE) as ConnectionKind | null;
   /** The library that the page has sent last. */
   library: Library | null = null;
   #worker: Worker | null = null;
@@ -64,7 +64,7 @@ export class RobotLink {
     this.#listeners.push(listener);
   }
 
-  async connect({ place, baud, node, gamepad, key }: Wanted) {
+  async connect({ place, baud, node, gamepad, key }: ConnectionSettings) {
     const { documents, engine } = this.studio;
     const file = documents.robotPath;
     if (this.#worker || this.connecting || !file) return;
@@ -72,13 +72,13 @@ export class RobotLink {
     this.trouble = "";
     this.place = place;
     keep(PLACE, place);
-    this.#tell();
+    this.#emit();
     try {
       const way = await this.#way(place, baud);
       const secret = key === null ? null : { text: key, nonce: [...crypto.getRandomValues(new Uint32Array(2))] as [number, number] };
       const connect: RobotRequest = { robot: "connect", place, files: documents.files(), file, node, gamepad, key: secret };
       this.#worker = new Worker(this.#source, { name: "robot" });
-      this.#worker.onmessage = ({ data }) => this.#heard(data);
+      this.#worker.onmessage = ({ data }) => this.#onMessage(data);
       this.#worker.onerror = (event) => this.#end(event.message || "the worker could not be started");
       this.#post({ kind: "start", engine: engine.source, way, connect });
       if (gamepad) this.#unwatch = watchGamepad((seen) => this.#post({ kind: "gamepad", seen }));
@@ -99,8 +99,8 @@ export class RobotLink {
   }
 
   /** An order of a person; what goes wrong with it is said. */
-  wish(wanted: RobotRequest, binary?: Uint8Array) {
-    this.ask(wanted, binary).catch((error) => this.studio.complain(error));
+  send(wanted: RobotRequest, binary?: Uint8Array) {
+    this.ask(wanted, binary).catch((error) => this.studio.showError(error));
   }
 
   /** Motions of the robot have the names that they have in a library, if it is the one in use. */
@@ -112,10 +112,10 @@ export class RobotLink {
 
   flash(library: Library) {
     this.library = library;
-    this.wish({ robot: "flash" }, library.bytes);
+    this.send({ robot: "flash" }, library.bytes);
   }
 
-  async #way(place: Place, baud: number): Promise<Way> {
+  async #way(place: ConnectionKind, baud: number): Promise<RobotTransport> {
     if (place === "simulated") return { kind: "engine" };
     if (place === "relay") return { kind: "relay", address: relayAddress() };
     this.#chosen = { port: await choosePort(), baud };
@@ -141,16 +141,16 @@ export class RobotLink {
     this.#worker?.postMessage(message);
   }
 
-  #heard(message: ToPage) {
+  #onMessage(message: ToPage) {
     if (message.kind === "started") {
       this.connecting = false;
       this.#since_ms = performance.now();
       // A simulated robot ends with its page.
       if (this.place !== "simulated") keep(CONNECTED, "yes");
-      this.#tell();
+      this.#emit();
     } else if (message.kind === "view") {
       this.view = message.view;
-      this.#tell();
+      this.#emit();
       // Only now: the answer says that the page does its work, not that messages reach it.
       this.#post({ kind: "seen" });
     } else if (message.kind === "send") this.#port?.send(message.bytes);
@@ -178,10 +178,10 @@ export class RobotLink {
     // What was under way when the connection ended says nothing new.
     for (const { resolve } of this.#waiting.values()) resolve();
     this.#waiting.clear();
-    this.#tell();
+    this.#emit();
   }
 
-  #tell() {
+  #emit() {
     for (const listener of this.#listeners) listener();
   }
 }

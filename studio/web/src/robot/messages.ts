@@ -5,10 +5,10 @@ import { Broken, Cancelled, Faults, Refused, type Source } from "../engine/engin
 import type { SerialInfo } from "./serial.ts";
 
 /** Connection of the worker to the robot: in its engine, behind a relay, or at a serial port. */
-export type Way = { kind: "engine" } | { kind: "relay"; address: string } | { kind: "serial"; info: SerialInfo; baud: number };
+export type RobotTransport = { kind: "engine" } | { kind: "relay"; address: string } | { kind: "serial"; info: SerialInfo; baud: number };
 
 export type ToWorker =
-  | { kind: "start"; engine: Source; way: Way; connect: RobotRequest }
+  | { kind: "start"; engine: Source; way: RobotTransport; connect: RobotRequest }
   | { kind: "ask"; id: number; wanted: RobotRequest; binary?: Uint8Array }
   /** The page has shown a view, so it is alive. */
   | { kind: "seen" }

@@ -4,7 +4,7 @@ import type { RobotView } from "../contract.ts";
 import type { LibraryBuild } from "../project/library.ts";
 import type { Studio } from "../project/studio.ts";
 import { format, h, prose, replace } from "../ui/dom.ts";
-import type { Beside } from "./beside.ts";
+import type { PlanComparison } from "./beside.ts";
 import { connectFields } from "./connect.ts";
 import { holdButton } from "./hold.ts";
 import type { RobotLink } from "./link.ts";
@@ -15,10 +15,10 @@ const FULL_SPEED = 64;
 /** Shortest time between two texts about the plan beside the robot: faster changes cannot be read. */
 const READ_MS = 200;
 
-export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: Beside): HTMLElement {
+export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: PlanComparison): HTMLElement {
   const fields = connectFields(link.place);
   const connect = button("Connect", async () => link.connect(await fields.wanted()));
-  const leave = button("Disconnect", () => link.wish({ robot: "wish", intent: "quit" }));
+  const leave = button("Disconnect", () => link.send({ robot: "wish", intent: "quit" }));
   const trouble = h("p", { class: "note", role: "alert" });
   const flash = button("", () => {
     const { bytes, identity } = library.built ?? {};
@@ -27,13 +27,13 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
   });
   flash.classList.add("flash");
   const flashNote = h("p", { class: "muted" });
-  const arm = holdButton("Hold to arm", () => link.wish({ robot: "wish", intent: "arm" }));
-  const disarm = button("Disarm", () => link.wish({ robot: "wish", intent: "disarm" }));
-  const clear = button("Clear faults", () => link.wish({ robot: "wish", intent: "clear" }));
-  const pause = button("Pause", () => link.wish({ robot: "wish", intent: "pause_or_resume" }));
-  const home = button("Return to SAFE", () => link.wish({ robot: "wish", intent: "return" }));
+  const arm = holdButton("Hold to arm", () => link.send({ robot: "wish", intent: "arm" }));
+  const disarm = button("Disarm", () => link.send({ robot: "wish", intent: "disarm" }));
+  const clear = button("Clear faults", () => link.send({ robot: "wish", intent: "clear" }));
+  const pause = button("Pause", () => link.send({ robot: "wish", intent: "pause_or_resume" }));
+  const home = button("Return to SAFE", () => link.send({ robot: "wish", intent: "return" }));
   const speed = h("input", { type: "range", min: 1, max: FULL_SPEED, value: FULL_SPEED, "aria-label": "Speed" });
-  speed.addEventListener("input", () => link.wish({ robot: "wish", intent: "speed", sixty_fourths: Number(speed.value) }));
+  speed.addEventListener("input", () => link.send({ robot: "wish", intent: "speed", sixty_fourths: Number(speed.value) }));
   const percent = h("output", {});
   const besideNote = h("p", { class: "muted beside" });
   const motions = h("div", { class: "row motions" });
@@ -111,7 +111,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     replace(
       motions,
       ...list.map((one) => {
-        const play = button(one.name, () => link.wish({ robot: "wish", intent: "play", code: one.code! }));
+        const play = button(one.name, () => link.send({ robot: "wish", intent: "play", code: one.code! }));
         play.prepend(h("kbd", { text: String(one.code) }));
         play.disabled = !can;
         play.setAttribute("aria-pressed", String(view?.playing?.name === one.name));

@@ -1,6 +1,6 @@
 // Where a robot can be, as far as this page and its browser can reach.
 
-import type { Place } from "../contract.ts";
+import type { ConnectionKind } from "../contract.ts";
 import { h } from "../ui/dom.ts";
 import { hasSerial } from "./serial.ts";
 
@@ -19,8 +19,8 @@ export function relayAddress(): string {
 }
 
 /** Chosen is where the robot was before; else the bus that the page was served for. */
-export function placeOptions(before: Place | null): HTMLElement[] {
-  const all: [Place, string, boolean][] = [
+export function placeOptions(before: ConnectionKind | null): HTMLElement[] {
+  const all: [ConnectionKind, string, boolean][] = [
     ["simulated", "Simulated in this page", true],
     ["serial", hasSerial ? "Serial port" : "Serial port (needs Chromium, https or localhost)", hasSerial],
     ["slcan", hasSerial ? "CAN adapter (SLCAN)" : "CAN adapter (needs Chromium, https or localhost)", hasSerial],

@@ -5,10 +5,10 @@ export interface Port {
   close(): Promise<void>;
 }
 
-export type Heard = { bytes(bytes: Uint8Array): void; lost(why: string): void };
+export type PortEvents = { bytes(bytes: Uint8Array): void; lost(why: string): void };
 
 /** A bus of the computer where `rollwalk studio` runs. */
-export function openRelay(address: string, heard: Heard): Promise<Port> {
+export function openRelay(address: string, heard: PortEvents): Promise<Port> {
   const socket = new WebSocket(address);
   socket.binaryType = "arraybuffer";
   let closed = false;

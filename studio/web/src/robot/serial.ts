@@ -1,7 +1,7 @@
 // A serial port of this computer. It is chosen in the page, by a click; the worker then finds it among the ports that the page may
 // use, so that bytes do not pass through the page. (A port's streams can be handed over to a worker, but the page goes on pumping them.)
 
-import type { Heard, Port } from "./port.ts";
+import type { PortEvents, Port } from "./port.ts";
 
 /** Web Serial, of which TypeScript's library knows nothing yet. */
 export type SerialPort = {
@@ -29,7 +29,7 @@ export async function findPort({ usbVendorId, usbProductId }: SerialInfo): Promi
   return found.length === 1 ? found[0] : null;
 }
 
-export async function openSerial(port: SerialPort, baud: number, heard: Heard): Promise<Port> {
+export async function openSerial(port: SerialPort, baud: number, heard: PortEvents): Promise<Port> {
   await port.open({ baudRate: baud });
   const reader = port.readable.getReader();
   const writer = port.writable.getWriter();

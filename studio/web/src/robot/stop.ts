@@ -86,7 +86,7 @@ export function playByNumber(link: RobotLink) {
       const code = Number(event.key);
       if (!motionsOf(link.view).some((one) => one.code === code)) return;
       event.stopPropagation();
-      link.wish({ robot: "wish", intent: "play", code });
+      link.send({ robot: "wish", intent: "play", code });
     },
     { capture: true },
   );

@@ -1,6 +1,6 @@
 // What the page says of a robot, from its views.
 
-import type { Place, RobotView } from "../contract.ts";
+import type { ConnectionKind, RobotView } from "../contract.ts";
 import { format } from "../ui/dom.ts";
 
 /** A robot that has not answered for so long is said to be silent, with what may be the cause. */
@@ -8,7 +8,7 @@ const SILENT_MS = 5_000;
 /** Messages are also said beside the state for so long, s. */
 const LATEST_S = 6;
 
-export function stateOf(view: RobotView, place: Place | null): string {
+export function stateOf(view: RobotView, place: ConnectionKind | null): string {
   const which = place === "simulated" ? "The simulated robot" : "The robot";
   if (!view.contact) return `${which} does not answer${view.state === null ? " yet" : ""}.`;
   const playing = view.playing ? `: ${view.playing.name}` : "";

@@ -9,7 +9,7 @@ import { Door } from "../engine/door.ts";
 import type { Source } from "../engine/engine.ts";
 import { type Channel, type Events, LaneOfRequests } from "../engine/lane.ts";
 import { openSocket } from "../engine/socket.ts";
-import { packed, type ToPage, type ToWorker, type Way } from "./messages.ts";
+import { packed, type ToPage, type ToWorker, type RobotTransport } from "./messages.ts";
 import { openRelay, type Port } from "./port.ts";
 import { findPort, openSerial } from "./serial.ts";
 
@@ -47,7 +47,7 @@ class Connection {
     return this.#simulated ? 1000 * (this.#view?.time_s ?? 0) : performance.now();
   }
 
-  async start(way: Way, connect: RobotRequest) {
+  async start(way: RobotTransport, connect: RobotRequest) {
     this.#simulated = way.kind === "engine";
     this.#heard_ms = this.#now_ms();
     try {
@@ -60,7 +60,7 @@ class Connection {
     }
   }
 
-  heard(message: ToWorker) {
+  onMessage(message: ToWorker) {
     // Bytes of a port and looks at a gamepad come by themselves, also from a page that shows nothing any more.
     if (message.kind === "seen" || message.kind === "ask") this.#heard_ms = this.#now_ms();
     if (message.kind === "seen") this.#unseen = false;
@@ -71,7 +71,7 @@ class Connection {
     } else if (message.kind === "ask") void this.#obey(message.id, message.wanted, message.binary);
   }
 
-  async #open(way: Way): Promise<Port> {
+  async #open(way: RobotTransport): Promise<Port> {
     const heard = { bytes: (bytes: Uint8Array) => this.#take(bytes), lost: (why: string) => void this.#end(why) };
     if (way.kind === "engine") return { send() {}, async close() {} };
     if (way.kind === "relay") return openRelay(way.address, heard);
@@ -167,5 +167,5 @@ worker.onmessage = ({ data }) => {
   if (data.kind === "start") {
     connection = new Connection(data.engine);
     void connection.start(data.way, data.connect);
-  } else connection?.heard(data);
+  } else connection?.onMessage(data);
 };

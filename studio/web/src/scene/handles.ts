@@ -9,7 +9,7 @@ import type { Palette } from "./palette.ts";
 import type { Stage } from "./stage.ts";
 
 export type Grip = { kind: "target"; index: number } | { kind: "goal" };
-export type Moved = { forward_m: number; left_m: number; up_m: number };
+export type HandleMove = { forward_m: number; left_m: number; up_m: number };
 
 /** `reach_m`: how far from its place the marker can be grasped. */
 type Handle = { grip: Grip; object: Group; at: Vector3; vertical: boolean; reach_m: number };
@@ -24,7 +24,7 @@ export class Handles {
     private readonly stage: Stage,
     private readonly told: {
       begin(grip: Grip): void;
-      moved(grip: Grip, to: Moved, upwards: boolean): void;
+      moved(grip: Grip, to: HandleMove, upwards: boolean): void;
       end(): void;
     },
   ) {

@@ -19,7 +19,7 @@ import type { Row } from "../project/frames.ts";
 import { dispose, lineGeometry } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
-export type Look = "solid" | "ghost" | "beside";
+export type Appearance = "solid" | "ghost" | "beside";
 /** Opacity of edges and of bodies. A ghost beside a live robot must differ from it at a glance. */
 const OPACITY = { solid: [0.55, 1], ghost: [0.16, 0.1], beside: [0.6, 0.3] } as const;
 
@@ -30,7 +30,7 @@ export class Robot {
   #materials = new Map<string, MeshLambertMaterial>();
   #edges: LineBasicMaterial;
 
-  constructor(scene: Scene, palette: Palette, look: Look, shadows: boolean) {
+  constructor(scene: Scene, palette: Palette, look: Appearance, shadows: boolean) {
     this.#edges = new LineBasicMaterial({
       color: palette.edge,
       transparent: true,
@@ -83,7 +83,7 @@ export class Robot {
     dispose(this.group);
   }
 
-  #object(shape: Shape, clearance: boolean, palette: Palette, look: Look, shadows: boolean): Object3D {
+  #object(shape: Shape, clearance: boolean, palette: Palette, look: Appearance, shadows: boolean): Object3D {
     const geometry = geometryOf(shape);
     if (clearance) {
       const room = new Mesh(geometry, this.#material("clearance", palette.accent, 0.14));

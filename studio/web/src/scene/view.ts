@@ -8,7 +8,7 @@ import type { Studio } from "../project/studio.ts";
 import { PlanGhost } from "./beside.ts";
 import { Cameras } from "./cameras.ts";
 import { Ground } from "./ground.ts";
-import { type Grip, Handles, type Moved } from "./handles.ts";
+import { type Grip, Handles, type HandleMove } from "./handles.ts";
 import { Overlays } from "./overlays.ts";
 import { DARK, LIGHT, type Palette } from "./palette.ts";
 import { Paths } from "./paths.ts";
@@ -35,9 +35,9 @@ export class View {
   #paths: Paths | null = null;
   #built = "";
   #gesture: string | null = null;
-  #from: Moved = { forward_m: 0, left_m: 0, up_m: 0 };
+  #from: HandleMove = { forward_m: 0, left_m: 0, up_m: 0 };
   /** The last step of a drag. */
-  #last: { grip: Grip; to: Moved; upwards: boolean } | null = null;
+  #last: { grip: Grip; to: HandleMove; upwards: boolean } | null = null;
   /** Poses of a connected robot. */
   #live: Float32Array | null = null;
   #planGhost: PlanGhost;
@@ -238,7 +238,7 @@ export class View {
     this.#from = { forward_m: com[0], left_m: com[1], up_m: 0 };
   }
 
-  #moved(grip: Grip, to: Moved, upwards: boolean, drag: boolean) {
+  #moved(grip: Grip, to: HandleMove, upwards: boolean, drag: boolean) {
     this.#last = { grip, to, upwards };
     const gesture = this.#gesture;
     const { motion } = this.studio;
@@ -280,7 +280,7 @@ function round(value: number): number {
 }
 
 /** A drag changes what the target prescribes; on the ground plane a free component becomes prescribed, height only upwards. */
-function placed(target: Target, to: Moved, upwards: boolean): Target {
+function placed(target: Target, to: HandleMove, upwards: boolean): Target {
   if (upwards) return { ...target, up_m: round(to.up_m) };
   const next = { ...target };
   const both = (target.forward_m ?? null) === null && (target.left_m ?? null) === null;

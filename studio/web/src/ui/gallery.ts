@@ -15,7 +15,7 @@ export async function openGallery(studio: Studio) {
     examples = await listExamples(studio);
   } catch (error) {
     box.close();
-    studio.complain(error);
+    studio.showError(error);
     return;
   }
   const open = async (one: Example) => {
@@ -23,9 +23,9 @@ export async function openGallery(studio: Studio) {
     try {
       const unsaved = studio.documents.anyChanged;
       await studio.openProject(await example(studio, one.path));
-      if (unsaved) studio.say("Undo (Ctrl+Z) restores the previous project, which has unsaved changes.");
+      if (unsaved) studio.notify("Undo (Ctrl+Z) restores the previous project, which has unsaved changes.");
     } catch (error) {
-      studio.complain(error);
+      studio.showError(error);
     }
   };
   const draw = () => {
