@@ -504,7 +504,7 @@ mod tests {
         }
     }
 
-    fn heard(state: State, faults: FaultBits, joints: u8) -> Traffic {
+    fn traffic_in(state: State, faults: FaultBits, joints: u8) -> Traffic {
         let node = Node::new(1).unwrap();
         let mut heard = Traffic { span_us: 1_000_000, ..Traffic::default() };
         let severity = Severity::None;
@@ -550,14 +550,14 @@ mod tests {
 
     #[test]
     fn a_robot_that_is_well_is_told_so() {
-        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
+        let text = diagnose(&traffic_in(State::Disarmed, FaultBits::default(), 2), Some(&hello()));
         assert!(text.contains("arm the robot: rollwalk send --arm"), "{text}");
         assert!(!text.contains("Wrong"), "{text}");
     }
 
     #[test]
     fn a_controller_that_was_not_asked_is_not_called_silent() {
-        let heard = heard(State::Disarmed, FaultBits::default(), 2);
+        let heard = traffic_in(State::Disarmed, FaultBits::default(), 2);
         let found = Observations { transferring: true, ..findings(&heard, None) }.diagnose();
         assert!(found[0].what.contains("another program is transferring data"), "{found:?}");
         assert!(!found.iter().any(|f| f.what.contains("does not answer")), "{found:?}");
@@ -567,7 +567,7 @@ mod tests {
     fn every_fault_has_a_cause_and_a_cure() {
         for &fault in Fault::ALL {
             let faults = FaultBits::default().with(fault);
-            let text = diagnose(&heard(State::TorqueOff, faults, 2), Some(&hello()));
+            let text = diagnose(&traffic_in(State::TorqueOff, faults, 2), Some(&hello()));
             assert!(
                 text.contains(&format!("docs/faults.md, {} {fault:?}", fault.code())),
                 "{text}"
@@ -583,7 +583,7 @@ mod tests {
         let node = Node::new(1).unwrap();
         let told = |value| {
             let fault = Fault::Tilt;
-            let mut heard = heard(State::TorqueOff, FaultBits::default().with(fault), 2);
+            let mut heard = traffic_in(State::TorqueOff, FaultBits::default().with(fault), 2);
             let report = FaultReport { counter: 0, fault, channel: None, value };
             heard.take(1, &report.encode(node));
             diagnose(&heard, Some(&hello()))
@@ -600,7 +600,7 @@ mod tests {
     fn servos_that_do_not_always_answer_are_named() {
         let node = Node::new(1).unwrap();
         let told = |missed: u8| {
-            let mut heard = heard(State::Disarmed, FaultBits::default(), 2);
+            let mut heard = traffic_in(State::Disarmed, FaultBits::default(), 2);
             for n in 0..39 {
                 let status = if n < missed { ActuatorStatus::UNANSWERED } else { 0 };
                 let joint = JointTelemetry {
@@ -622,9 +622,9 @@ mod tests {
 
     #[test]
     fn who_is_silent_is_named() {
-        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 1), Some(&hello()));
+        let text = diagnose(&traffic_in(State::Disarmed, FaultBits::default(), 1), Some(&hello()));
         assert!(text.contains("no position from channel 1:"), "{text}");
-        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
+        let text = diagnose(&traffic_in(State::Disarmed, FaultBits::default(), 0), Some(&hello()));
         assert!(text.contains("no position from any actuator:"), "{text}");
         let text = diagnose(&Traffic::default(), None);
         assert!(text.contains("there are no frames on the bus"), "{text}");
@@ -653,11 +653,11 @@ mod tests {
     #[test]
     fn a_serial_line_is_diagnosed_in_its_own_words() {
         let node = Node::new(1).unwrap();
-        let mut gone = heard(State::EStopped, FaultBits::default().with(Fault::BusOff), 2);
+        let mut gone = traffic_in(State::EStopped, FaultBits::default().with(Fault::BusOff), 2);
         let report = FaultReport { counter: 0, fault: Fault::BusOff, channel: None, value: 0.0 };
         gone.take(1, &report.encode(node));
-        let all_silent = heard(State::Disarmed, FaultBits::default(), 0);
-        let one_silent = heard(State::Disarmed, FaultBits::default(), 1);
+        let all_silent = traffic_in(State::Disarmed, FaultBits::default(), 0);
+        let one_silent = traffic_in(State::Disarmed, FaultBits::default(), 1);
         let joint = |channel, bits| JointTelemetry {
             channel,
             position_rad: 0.0,
@@ -665,14 +665,14 @@ mod tests {
             torque_nm: 0.0,
             status: ActuatorStatus(bits),
         };
-        let mut same_id = heard(State::Disarmed, FaultBits::default(), 1);
+        let mut same_id = traffic_in(State::Disarmed, FaultBits::default(), 1);
         for n in 0..40 {
             let bits = if n % 4 == 0 { ActuatorStatus::UNANSWERED } else { 0 };
             same_id.take(1, &joint(0, bits).encode(node));
         }
-        let mut brown_out = heard(State::Disarmed, FaultBits::default(), 2);
+        let mut brown_out = traffic_in(State::Disarmed, FaultBits::default(), 2);
         brown_out.take(1, &joint(1, ActuatorStatus::BAD_VOLTAGE).encode(node));
-        let mut hot = heard(State::Disarmed, FaultBits::default(), 2);
+        let mut hot = traffic_in(State::Disarmed, FaultBits::default(), 2);
         hot.take(1, &joint(1, ActuatorStatus::OVERHEATED).encode(node));
         for (heard, expected) in [
             (
@@ -709,7 +709,7 @@ mod tests {
     #[test]
     fn another_controller_on_the_bus_is_named() {
         let mut traffic = Traffic { span_us: 1_000_000, ..Traffic::default() };
-        let of_one = heard(State::Disarmed, FaultBits::default(), 0);
+        let of_one = traffic_in(State::Disarmed, FaultBits::default(), 0);
         let status = of_one.status.unwrap();
         traffic.take(3, &status.encode(Node::new(1).unwrap()));
         let text = diagnose(&traffic, None);
@@ -719,14 +719,14 @@ mod tests {
 
     #[test]
     fn a_robot_that_nobody_holds_and_another_robot_are_noticed() {
-        let (heard_ready, ours) = (heard(State::Ready, FaultBits::default(), 2), hello());
+        let (heard_ready, ours) = (traffic_in(State::Ready, FaultBits::default(), 2), hello());
         let nobody = findings(&heard_ready, Some(&ours));
         let told = text(&nobody);
         assert!(told.contains("no host sends heartbeats"), "{told}");
         let told = text(&Observations { has_host: true, ..nobody });
         assert!(!told.contains("no host"), "{told}");
         let other = Hello { config_hash: 8, ..hello() };
-        let text = diagnose(&heard(State::Disarmed, FaultBits::default(), 2), Some(&other));
+        let text = diagnose(&traffic_in(State::Disarmed, FaultBits::default(), 2), Some(&other));
         assert!(text.contains("this is another robot"), "{text}");
     }
 }

@@ -149,7 +149,7 @@ mod tests {
     }
 
     /// Bus on which these frames arrive, 50 ms apart.
-    fn heard(frames: impl IntoIterator<Item = Frame>) -> Wire {
+    fn bus_with(frames: impl IntoIterator<Item = Frame>) -> Wire {
         let mut wire = Wire::silent();
         for (at, frame) in (0..).zip(frames) {
             wire.schedule_frame(50_000 * at, frame);
@@ -162,12 +162,12 @@ mod tests {
         let other = Node::new(2).unwrap();
         let ours = |seq| heartbeat(seq, node());
         let has_host = |mut wire: Wire| find_host(&mut wire, node()).unwrap().has_host();
-        assert!(has_host(heard([ours(7), ours(8)])));
-        assert!(has_host(heard((0..9).map(|seq| heartbeat(seq, Node::BROADCAST)))));
-        assert!(!has_host(heard((0..9).map(|seq| heartbeat(seq, other)))));
+        assert!(has_host(bus_with([ours(7), ours(8)])));
+        assert!(has_host(bus_with((0..9).map(|seq| heartbeat(seq, Node::BROADCAST)))));
+        assert!(!has_host(bus_with((0..9).map(|seq| heartbeat(seq, other)))));
         // What a host that is gone has left in a queue, and a frame that a bridge repeats.
-        assert!(!has_host(heard([ours(7)])));
-        assert!(!has_host(heard([ours(7); 9])));
+        assert!(!has_host(bus_with([ours(7)])));
+        assert!(!has_host(bus_with([ours(7); 9])));
     }
 
     #[test]
@@ -175,7 +175,7 @@ mod tests {
         let mut silent = Wire::silent();
         assert!(!find_host(&mut silent, node()).unwrap().has_host());
         assert!(silent.now_us() > 1000 * u64::from(HOST_TIMEOUT_MS));
-        let mut wire = heard((0..9).map(|seq| heartbeat(seq, node())));
+        let mut wire = bus_with((0..9).map(|seq| heartbeat(seq, node())));
         find_host(&mut wire, node()).unwrap();
         assert_eq!(wire.now_us(), 50_000);
     }
@@ -183,15 +183,15 @@ mod tests {
     #[test]
     fn a_pause_is_half_a_second_without_a_transport_frame() {
         let block = Frame::standard(0x510, &[0x21, 1, 2, 3]).unwrap();
-        let mut wire = heard([block; 9]);
+        let mut wire = bus_with([block; 9]);
         let listener = find_pause(&mut wire, nothing_yet(), PAUSE_TIMEOUT_US).unwrap();
         assert!(listener.may_ask(wire.now_us()));
         assert_eq!(wire.now_us(), 8 * 50_000 + PAUSE_US);
-        let mut busy = heard((0..40).map(|_| block));
+        let mut busy = bus_with((0..40).map(|_| block));
         let listener = find_pause(&mut busy, nothing_yet(), 1_000_000).unwrap();
         assert!(!listener.may_ask(busy.now_us()));
         assert_eq!(busy.now_us(), 1_000_000);
-        let mut calm = heard([Wire::status(State::Ready)]);
+        let mut calm = bus_with([Wire::status(State::Ready)]);
         let listener = find_pause(&mut calm, nothing_yet(), PAUSE_TIMEOUT_US).unwrap();
         assert!(listener.has_controller());
         assert_eq!(calm.now_us(), PAUSE_US);

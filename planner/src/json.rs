@@ -297,7 +297,7 @@ mod tests {
     #[derive(Debug, Deserialize)]
     #[serde(deny_unknown_fields)]
     #[expect(dead_code, reason = "read from files only")]
-    struct Thing {
+    struct Example {
         format: String,
         version: u32,
         sizes_m: Vec<[f64; 3]>,
@@ -312,14 +312,14 @@ mod tests {
         "shape": {"kind": "ball", "radius_m": 1}, "named": {"7": true}, "count": 5, "note": null}"#;
 
     fn refused(text: &str) -> String {
-        let error = FORMAT.read::<Thing>("x.json", text).unwrap_err();
+        let error = FORMAT.read::<Example>("x.json", text).unwrap_err();
         assert_eq!(error.help().unwrap().to_string(), FORMAT.help);
         error.to_string()
     }
 
     #[test]
     fn every_slip_is_told_in_words_of_the_file() {
-        FORMAT.read::<Thing>("x.json", GOOD).unwrap();
+        FORMAT.read::<Example>("x.json", GOOD).unwrap();
         for (from, to, expected) in [
             (
                 "[1, 2, 3]",

@@ -212,7 +212,7 @@ mod tests {
     }
 
     /// Packets until silence: end in µs, sender, bytes.
-    fn heard(line: &mut SerialLine) -> Vec<(u64, LineSender, Vec<u8>)> {
+    fn received(line: &mut SerialLine) -> Vec<(u64, LineSender, Vec<u8>)> {
         let mut all = Vec::new();
         while let Some(at) = line.next_event() {
             all.extend(line.advance(at).map(|heard| (heard.at.as_us(), heard.from, heard.bytes)));
@@ -234,7 +234,7 @@ mod tests {
         // 130 + 20 + 20, then 50 + 40.
         let expected =
             [(170, LineSender::Servo(3), vec![5; 2]), (260, LineSender::Servo(7), vec![6; 4])];
-        assert_eq!(heard(&mut line), expected);
+        assert_eq!(received(&mut line), expected);
         let statistics = LineStatistics { packets: 3, busy: us(90), collisions: 0 };
         assert_eq!(line.statistics(), statistics);
     }
@@ -244,17 +244,17 @@ mod tests {
         let mut line = SerialLine::new(1_000_000);
         let three = || (0..3).map(|turn| (turn, answer(turn, &[turn as u8], 0)));
         line.answer(us(0), three().filter(|(turn, _)| *turn != 1));
-        assert_eq!(heard(&mut line).len(), 1);
+        assert_eq!(received(&mut line).len(), 1);
         line.answer(us(100), three());
         line.silence(1);
-        assert_eq!(heard(&mut line).len(), 1);
+        assert_eq!(received(&mut line).len(), 1);
     }
 
     #[test]
     fn an_adapter_answers_once_for_all_behind_it() {
         let mut line = SerialLine::new(500_000);
         line.answer(us(0), (0..4).map(|channel| (channel, answer(0, &[0, 0], 0))));
-        assert_eq!(heard(&mut line).len(), 1);
+        assert_eq!(received(&mut line).len(), 1);
     }
 
     #[test]
@@ -276,7 +276,7 @@ mod tests {
         line.send(us(25), &[0x77; 4]);
         let first = (40, LineSender::Servo(0), vec![0x11, 0x11, !0x11, !0x11]);
         let second = (65, LineSender::Controller, vec![!0x77, !0x77, 0x77, 0x77]);
-        assert_eq!(heard(&mut line), [first, second], "and the next servo has heard no end");
+        assert_eq!(received(&mut line), [first, second], "and the next servo has heard no end");
         assert_eq!(line.statistics().collisions, 2);
     }
 

@@ -57,7 +57,7 @@ const RELEASED: GamepadRequest =
     GamepadRequest::Intent(Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
 const HELD: GamepadRequest = GamepadRequest::Intent(Intent::Deadman(Deadman::Held));
 
-fn found() -> Event {
+fn connection() -> Event {
     Event::Found { name: "pad".into(), buttons: Vec::new(), axes: vec![(5, 0.0), (1, 0.0)] }
 }
 
@@ -99,7 +99,7 @@ fn requests(
 #[test]
 fn a_recorded_session_arms_plays_and_stops() {
     let mut pad = pad();
-    let start = requests(&mut pad, [found()]);
+    let start = requests(&mut pad, [connection()]);
     assert_eq!(start[0], RELEASED);
     let session = recorded(
         "\
@@ -155,7 +155,7 @@ EV_KEY BTN_TL 1
 #[test]
 fn a_stick_sets_the_speed_beyond_its_dead_zone() {
     let mut pad = pad();
-    requests(&mut pad, [found()]);
+    requests(&mut pad, [connection()]);
     let mut speed = |value| {
         let requests = requests(&mut pad, [Event::Axis { axis: 1, value }]);
         match requests[..] {
@@ -187,7 +187,7 @@ fn what_is_pressed_when_it_is_found_counts_after_it_was_let_go() {
 fn a_gamepad_that_is_gone_or_silent_holds_nothing() {
     let mut pad = pad();
     let trigger = |value| Event::Axis { axis: 5, value };
-    requests(&mut pad, [found(), trigger(1.0)]);
+    requests(&mut pad, [connection(), trigger(1.0)]);
     let gone = requests(&mut pad, [Event::Gone("unplugged".into())]);
     assert_eq!(
         gone,
@@ -195,7 +195,7 @@ fn a_gamepad_that_is_gone_or_silent_holds_nothing() {
     );
     assert_eq!(requests(&mut pad, [trigger(0.0), trigger(1.0)]), []);
     assert_eq!(requests(&mut pad, [Event::Gone("still".into())]), []);
-    requests(&mut pad, [found(), trigger(1.0)]);
+    requests(&mut pad, [connection(), trigger(1.0)]);
     assert_eq!(pad.tick(4_900_000), []);
     assert_eq!(pad.tick(5_000_000)[0], RELEASED);
     assert_eq!(pad.tick(6_000_000), []);
@@ -231,7 +231,7 @@ fn a_button_that_must_be_held_arms_no_sooner() {
     let start = |down| Event::Button { number: 0x13b, down };
     let trigger = |value| Event::Axis { axis: 5, value };
     let mut pad = pad().arming_after(1_000_000);
-    requests(&mut pad, [found(), trigger(1.0), start(true)]);
+    requests(&mut pad, [connection(), trigger(1.0), start(true)]);
     assert_eq!(pad.tick(999_999), []);
     assert_eq!(pad.tick(1_000_000), [GamepadRequest::Intent(Intent::Arm)]);
     assert_eq!(pad.tick(3_000_000), [], "once");
@@ -239,7 +239,7 @@ fn a_button_that_must_be_held_arms_no_sooner() {
     for between in [start(false), trigger(0.0), Event::Gone("unplugged".into())] {
         requests(&mut pad, [start(false), trigger(0.0), trigger(1.0), start(true), between]);
         assert_eq!(pad.tick(2_000_000), []);
-        requests(&mut pad, [found()]);
+        requests(&mut pad, [connection()]);
     }
 }
 

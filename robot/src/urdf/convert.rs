@@ -122,7 +122,7 @@ impl<'a> Conversion<'a, '_> {
     /// Feet and wheels of the side file that have a place on the robot.
     fn tips(&self) -> Vec<Tip> {
         let tip = |end: &'a EndEffectorSide| {
-            let (body, body_from_link) = self.place(self.link_of(end)?)?;
+            let (body, body_from_link) = self.body_and_pose(self.link_of(end)?)?;
             let center = Point3::from(Vector3::from(end.center_m.unwrap_or_default()));
             let center_m = (body_from_link * center).coords;
             Some(Tip { body, center_m, radius_m: end.radius_m })
@@ -137,7 +137,7 @@ impl<'a> Conversion<'a, '_> {
     }
 
     /// Body of a link and the link's pose in it, if the robot has it.
-    fn place(&self, link: &str) -> Option<(usize, Isometry3<f64>)> {
+    fn body_and_pose(&self, link: &str) -> Option<(usize, Isometry3<f64>)> {
         self.link_index.get(link).and_then(|&link| self.bodies.places[link])
     }
 
@@ -239,7 +239,7 @@ impl<'a> Conversion<'a, '_> {
         limbs: &[usize],
     ) -> Option<DraftEnd> {
         let name = self.link_of(end)?;
-        let Some((body, body_from_link)) = self.place(name) else {
+        let Some((body, body_from_link)) = self.body_and_pose(name) else {
             let known = self.bodies.bodies.iter().flat_map(|body| &body.links);
             let known: Vec<_> = known.map(|&link| self.urdf.links[link].name.as_str()).collect();
             let message = format!("end effector `{}`: the robot has no link `{name}`", end.name);

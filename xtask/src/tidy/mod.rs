@@ -6,6 +6,7 @@ mod comments;
 mod links;
 mod map;
 mod module_docs;
+mod names;
 mod pages;
 mod paths;
 mod prose;
@@ -32,6 +33,7 @@ pub fn check(root: &Path) -> Result<(), String> {
     violations.extend(circles::violations(&files));
     violations.extend(prose::violations(&files));
     violations.extend(comments::violations(&files));
+    violations.extend(names::violations(&files));
     violations.extend(pages::violations(&files));
     violations.extend(subject::violations());
     let (dead, links) = links::violations(&files, |path| root.join(path).exists());

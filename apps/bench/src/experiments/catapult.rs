@@ -144,7 +144,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let first = {
         let mut system = new();
         for step in 1..=STEPS {
-            handles.place(&mut system, &way.at(&found, handles.coordinates(), step));
+            handles.set_coordinates(&mut system, &way.at(&found, handles.coordinates(), step));
             system.step(STEP_S).ok()?;
         }
         system.motions()[bunny].position

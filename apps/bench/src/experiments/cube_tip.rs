@@ -104,7 +104,7 @@ fn off_mm(motion: &BodyMotion) -> f64 {
 fn later(gripper: &Gripper, parameters: &[f64]) -> Option<BodyMotion> {
     let mut system = system();
     for pose in parameters.chunks(gripper.coordinates()) {
-        gripper.place(&mut system, pose);
+        gripper.set_coordinates(&mut system, pose);
         system.step(STEP_S).ok()?;
     }
     for _ in 0..AFTER {

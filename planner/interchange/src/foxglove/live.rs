@@ -89,7 +89,7 @@ impl<M: Schema> Channel<M> {
 
     /// Sends a message to all subscribers, with its time since 1970.
     pub fn log(&self, message: &M, time_s: f64) {
-        if !self.shared.sessions().values().any(|session| session.wants(self.id)) {
+        if !self.shared.sessions().values().any(|session| session.is_subscribed(self.id)) {
             return;
         }
         let payload = serde_json::to_vec(message).unwrap_or_default();

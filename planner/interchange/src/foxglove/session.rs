@@ -103,7 +103,7 @@ impl Session {
                     let is_taken = self.subscriptions.values().any(|taken| *taken == id);
                     let why = if !(1..=self.channels).contains(&channel_id) {
                         format!("there is no channel {channel_id}")
-                    } else if is_taken || self.wants(channel_id) {
+                    } else if is_taken || self.is_subscribed(channel_id) {
                         format!("subscription {id} or one to channel {channel_id} exists already")
                     } else {
                         self.subscriptions.insert(channel_id, id);
@@ -128,7 +128,7 @@ impl Session {
     }
 
     /// True if the client has subscribed to a channel.
-    pub fn wants(&self, channel: usize) -> bool {
+    pub fn is_subscribed(&self, channel: usize) -> bool {
         self.subscriptions.contains_key(&channel)
     }
 
@@ -200,7 +200,7 @@ mod tests {
         texts(&mut session);
         session.publish(1, 1, b"nobody");
         session.on_text(r#"{"op":"subscribe","subscriptions":[{"id":258,"channelId":1}]}"#);
-        assert!(session.wants(1) && !session.wants(2));
+        assert!(session.is_subscribed(1) && !session.is_subscribed(2));
         session.publish(2, 2, b"not this one");
         session.publish(1, 772, b"{}");
         let data = [1, 2, 1, 0, 0, 4, 3, 0, 0, 0, 0, 0, 0, b'{', b'}'];

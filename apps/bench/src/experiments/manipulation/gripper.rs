@@ -55,7 +55,7 @@ impl Effector for Gripper {
         Pose::of_knot(self.hold, curve, knot)
     }
 
-    fn place(&self, system: &mut System, coordinates: &[f64]) {
+    fn set_coordinates(&self, system: &mut System, coordinates: &[f64]) {
         let [shift, turn] =
             [0, 3].map(|first| Vector3::from_column_slice(&coordinates[first..first + 3]));
         let hold = system.force_mut::<Hold>(self.hold).expect("the gripper's hold");

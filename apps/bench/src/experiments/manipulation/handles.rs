@@ -44,7 +44,7 @@ impl Effector for Handles {
         self.anchors.iter().flat_map(of).collect()
     }
 
-    fn place(&self, system: &mut System, coordinates: &[f64]) {
+    fn set_coordinates(&self, system: &mut System, coordinates: &[f64]) {
         let shifts = coordinates.chunks(3).map(Vector3::from_column_slice);
         for ((&anchor, begin), shift) in self.anchors.iter().zip(&self.begins).zip(shifts) {
             let anchor = system.force_mut::<Anchor>(anchor).expect("a handle's anchor");

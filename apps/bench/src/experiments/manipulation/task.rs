@@ -19,7 +19,7 @@ pub(crate) trait Effector {
     /// Parameters of all coordinates at a knot of their curve.
     fn knot(&self, curve: &Arc<Curve>, knot: usize) -> Vec<Box<dyn Parameter>>;
 
-    fn place(&self, system: &mut System, coordinates: &[f64]);
+    fn set_coordinates(&self, system: &mut System, coordinates: &[f64]);
 }
 
 /// Curves of an effector's coordinates, which begin at 0.
@@ -103,7 +103,7 @@ impl Task<'_> {
 
     fn follow(&self, system: &mut System, parameters: &[f64], step: usize) {
         let coordinates = self.way.at(parameters, self.effector.coordinates(), step);
-        self.effector.place(system, &coordinates);
+        self.effector.set_coordinates(system, &coordinates);
     }
 
     pub fn rollout(&self, parameters: &[f64]) -> Option<Rollout> {
