@@ -21,7 +21,7 @@ impl Parts {
     /// Divides flash into regions.
     ///
     /// The last three erase units are for parameters, and the three before them for the boot counter. Images without a link key
-    /// reserve its units too, so that libraries stay where they are when an image with a link key follows.
+    /// reserve the units of the boot counter too, so an update to an image with a link key keeps the libraries.
     pub const fn of(start: u32, size: u32, unit: u32) -> Self {
         let few = 3 * unit;
         let end = start + size;

@@ -61,7 +61,7 @@ impl Body {
         self.ground.as_ref()
     }
 
-    /// Mutable world of a robot on the ground, to report the current clip and to take travels; `None` on a stand.
+    /// Mutable world of a robot on the ground, with its current clip and its travels; `None` on a stand.
     pub fn ground_mut(&mut self) -> Option<&mut Grounded> {
         self.ground.as_mut()
     }

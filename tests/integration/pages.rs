@@ -1,10 +1,11 @@
 //! Tests of the commands in the documents. All shell commands must match the command line of their program. They are run in
 //! order, in a folder for each document, with the files that they create.
 //!
-//! The text behind the fence of a block decides, which readers do not see. ```` ```sh ```` runs. ```` ```sh not-run: REASON
-//! ```` is for commands that need hardware, hours or another program; they are only checked against the command line. ````
-//! ```toml NAME.toml ```` is a file that later commands of the document use. A line with the comment `# refused: WORDS` must
-//! fail with these words in its message. Each section has its own terminals.
+//! The info string of a code block selects the treatment; the rendered page does not show it. Blocks of ```` ```sh ```` run.
+//! Blocks of ```` ```sh not-run: REASON ```` contain commands that need hardware, hours or another program. The test only
+//! checks them against the command line. A block of ```` ```toml NAME.toml ```` is a file that later commands of the document
+//! use. A command with the comment `# refused: WORDS` must fail with these words in its message. Each section has its own
+//! terminals.
 
 mod command;
 mod document;

@@ -241,8 +241,8 @@ impl FeasibilitySearch<'_, '_> {
         Ok(None)
     }
 
-    /// Moves a feasible value back towards the requested one. Stores in the culprit the nearest tested value from which a cold
-    /// start finds a plan too.
+    /// Moves a feasible value in steps towards the requested one. Stores in the culprit a value near the requested one
+    /// whose plan from a cold start is consistent too.
     fn follow(
         &mut self,
         culprit: &mut Culprit,

@@ -207,7 +207,7 @@ impl Board {
         self.host.pass_on(self.controller, now_us);
     }
 
-    /// Cancels frames that wait on the actuator buses when torque has just been switched off, because they are older than that.
+    /// Cancels frames that wait on the actuator buses when torque has just been switched off, because they were queued before.
     fn watch_torque(&mut self) {
         let torque = self.controller.state().torque();
         if torque == Torque::Off && self.torque != Torque::Off {

@@ -51,8 +51,8 @@ fn is_inequality(row: &Row) -> bool {
     matches!(row.role, Role::Inequality { .. })
 }
 
-/// Columns of each front, in the order of elimination. Each slot's non-local columns follow the local columns that they couple;
-/// the placement is last. No row contains local columns of two slots.
+/// Columns of each front, in the order of elimination. The local columns of a slot are eliminated before the non-local columns
+/// that they couple; the placement is last. No row contains local columns of two slots.
 pub(super) fn groups(
     rows: &Rows,
     counts: &[bool],
@@ -89,8 +89,8 @@ pub(super) fn groups(
     groups
 }
 
-/// Flags of local columns: those of local variables. If a contributing inequality couples local columns of several slots, only
-/// those of one slot remain local. Few inequalities contribute.
+/// Flags of the columns of local variables. A contributing inequality may couple local columns of several slots; then only the
+/// columns of one slot remain local. Few inequalities contribute, so most columns remain local.
 fn local_columns<'a, I: Iterator<Item = (usize, usize, usize)>>(
     rows: &'a Rows,
     counts: &'a [bool],
