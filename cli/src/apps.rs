@@ -49,7 +49,7 @@ impl App {
             format!("install it from the source folder of Rollwalk: {}", self.install(&this));
         let why = match error.kind() {
             io::ErrorKind::NotFound => {
-                format!("which is neither beside {} nor on the path", this.display())
+                format!("which is neither beside {} nor in a folder of PATH", this.display())
             }
             _ => format!("but {} cannot be run: {error}", path.display()),
         };

@@ -3,7 +3,7 @@
 use rollwalk_firmware::Settings;
 use rollwalk_firmware::load::{BusLoad, BusProblem, examine};
 use rollwalk_protocol::actuators::Watchdog;
-use rollwalk_protocol::actuators::bus::Protocol;
+use rollwalk_protocol::actuators::bus::{MAX_BUSES, Protocol};
 use rollwalk_protocol::actuators::dynamixel::Dynamixel;
 use rollwalk_protocol::actuators::traffic::MAX_LOAD;
 use rollwalk_robot::{InvalidRobot, Robot};
@@ -107,7 +107,7 @@ impl BusLoads {
             let why = match row.problem {
                 None => continue,
                 Some(BusProblem::NoSuchBus) => {
-                    "controllers do not have a bus with this number".to_owned()
+                    format!("controllers have buses 0 to {} only", MAX_BUSES - 1)
                 }
                 Some(BusProblem::Overload(overload)) => format!("{overload}; {}", lighter(row)),
                 Some(BusProblem::TooSeldom { needed_hz }) => {

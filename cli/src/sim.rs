@@ -148,8 +148,8 @@ impl Keys {
             None if cli.only == Some(Part::Controller) => {
                 return Err(miette!(
                     help = "set HOME or XDG_STATE_HOME to a persistent folder",
-                    "there is no folder for the boot count, without which a real robot would \
-                     accept a recorded session after a restart"
+                    "there is no folder for the boot count, and without this count the controller \
+                     would accept a recorded session after a restart"
                 ));
             }
             None => {
@@ -277,8 +277,8 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             return Err(miette!(
                 help = "run rollwalk-sim twice: with --only motors --actuators pty:/tmp/servos, \
                         then with --only controller --actuators tty:/tmp/servos",
-                "a serial line has one end for each program, but both ends would be in this \
-                 program"
+                "controller and motors of one program cannot share a serial line, because each end \
+                 of the line belongs to one program"
             ));
         }
         (None, Some(bus)) => {

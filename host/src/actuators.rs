@@ -132,48 +132,48 @@ pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
     let (name, advice) = match (kind, fault) {
         (Some(BusKind::Can), Fault::BusNoAck) => (
             "no drive acknowledges on a CAN bus",
-            "check motor power, the cable to the first drive and the bit rate; clear, then arm",
+            "check motor power, the cable to the first drive and the bit rate; clear the fault, then arm",
         ),
         (Some(BusKind::Can), Fault::BusPassive) => (
             "a CAN bus is error-passive",
-            "check termination (60 Ω between CAN_H and CAN_L) and bit rates; clear, then arm",
+            "check termination (60 Ω between CAN_H and CAN_L) and bit rates; clear the fault, then arm",
         ),
         (Some(BusKind::Can), Fault::BusOff) => (
             "a CAN bus is off",
-            "switch motor power off and check for a short between CAN_H and CAN_L; clear, then arm",
+            "switch motor power off and check for a short between CAN_H and CAN_L; clear the fault, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::BusOff) => (
             "the serial adapter of the servos is gone",
-            "plug the adapter in again and end other programs that use it; clear, then arm",
+            "plug the adapter in again and end other programs that use it; clear the fault, then arm",
         ),
         (Some(BusKind::PulseBoard), Fault::BusOff) => (
             "the serial line to the servo board is gone",
-            "plug the servo board in again and end other programs that use it; clear, then arm",
+            "plug the servo board in again and end other programs that use it; clear the fault, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::BusNoAck | Fault::BusPassive) => (
             "the serial line of the servos is disturbed",
-            "check adapter, data wire and baud rate; clear, then arm",
+            "check adapter, data wire and baud rate; clear the fault, then arm",
         ),
         (Some(BusKind::PulseBoard), Fault::BusNoAck | Fault::BusPassive) => (
             "the serial line to the servo board is disturbed",
-            "check cable, ground and baud rate; clear, then arm",
+            "check cable, ground and baud rate; clear the fault, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::ActuatorSilent) => (
             "a servo does not answer",
-            "check the servo supply, this servo's plug, its ID and its baud rate; clear, then arm",
+            "check the servo supply, this servo's plug, its ID and its baud rate; clear the fault, then arm",
         ),
         (Some(BusKind::PulseBoard), Fault::ActuatorSilent) => (
             "the servo board does not answer",
-            "check the board's supply, its cable, device number and baud rate; clear, then arm",
+            "check the board's supply, its cable, device number and baud rate; clear the fault, then arm",
         ),
         (Some(BusKind::ServoLine), Fault::ActuatorFault) => (
             "a servo reports a fault, or its torque went off",
             "check the supply voltage under load and let the servo cool; switch servos off and on, \
-             clear, then arm",
+             clear the fault, then arm",
         ),
         (None, Fault::BusOff) => (
             "an actuator bus is lost",
-            "switch motor power off, check the bus and its adapter; clear, then arm",
+            "switch motor power off, check the bus and its adapter; clear the fault, then arm",
         ),
         _ => (of_any.name, of_any.advice),
     };

@@ -58,7 +58,7 @@ pub struct Transition {
 pub enum NameFault {
     /// Name with characters that a terminal interprets or hides, or with a space at an end.
     #[error(
-        "the name of motion {motion}, \"{}\", has invisible characters, or a space at an end",
+        "the name of motion {motion}, \"{}\", has invisible characters, or a space at the start or end",
         Printable(name)
     )]
     Unclear {

@@ -69,7 +69,7 @@ pub fn advice(state: State, faults: FaultBits, kind: Option<BusKind>) -> &'stati
         State::Returning => "wait: the robot returns to SAFE or halts, then torque is switched off",
         State::Damped => "wait: the robot sinks down, then torque is switched off",
         State::TorqueOff => "wait until the robot is disarmed automatically, then arm",
-        State::EStopped => "clear, then arm",
+        State::EStopped => "clear the stop, then arm",
         State::Streaming => "steer, or return to SAFE",
     }
 }

@@ -33,7 +33,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
     match result {
         CommandResult::Ok => "the request was not refused",
         CommandResult::UnknownCode => "no motion of the active library has this code",
-        CommandResult::WrongState => "this is not allowed in the present state of the robot",
+        CommandResult::WrongState => "the present state of the robot does not allow this command",
         CommandResult::Expired => {
             "the command arrived too late, because this computer or the bus is busy; try again"
         }
@@ -45,7 +45,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "the library of the controller was built for another robot; flash one for this robot"
         }
         CommandResult::PoseUnknown => {
-            "an actuator does not report its position, or is outside its limits"
+            "an actuator does not report its position, or its joint is outside the limits"
         }
         CommandResult::OutOfOrder => {
             "commands of another program, perhaps one that has ended, arrived at the same time; \
@@ -86,7 +86,7 @@ pub fn command_refusal_in(
             "the robot has stopped with torque off; clear the stop first".to_owned()
         }
         (CommandResult::WrongState, Some(state), _) => {
-            format!("this is not allowed while the robot is {}", state_name(state))
+            format!("the command is not allowed while the robot is {}", state_name(state))
         }
         (CommandResult::FaultPresent | CommandResult::PoseUnknown, _, Some(report)) => {
             let FaultReport { fault, channel, value, .. } = report;
@@ -145,12 +145,18 @@ pub fn transfer_refusal(reply: &Reply) -> String {
             "the robot is not disarmed: disarm it first, or clear it if it has stopped"
         }
         TransferResult::TooLong => "the library is larger than the memory of the controller",
-        TransferResult::OutOfOrder => "a block of the library before this one is missing",
-        TransferResult::BadCrc => "the stored data differs from the sent data",
+        TransferResult::OutOfOrder => {
+            "an earlier block of the library is missing; transfer the library again"
+        }
+        TransferResult::BadCrc => {
+            "the stored data differs from the sent data; transfer the library again"
+        }
         TransferResult::NotBegun => "the controller was restarted during the transfer; try again",
-        TransferResult::Incomplete => "a block of the library is missing",
+        TransferResult::Incomplete => {
+            "a block of the library is missing; transfer the library again"
+        }
         TransferResult::NotFinished => {
-            "the controller stores another library than the one to activate"
+            "the controller stores another library than the one to activate; transfer the library again"
         }
         TransferResult::StoreFailed => "the memory of the controller cannot be written",
         TransferResult::UnknownRequest => {

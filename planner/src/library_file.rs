@@ -125,8 +125,7 @@ impl LibraryFile {
                 if joined != flags {
                     let name = &self.motions[index].name;
                     let message = format!(
-                        "transition `{}`: where it {does} `{name}`, its feet in stance differ from \
-                         those of that motion",
+                        "transition `{}`: where it {does} `{name}`, other feet are in stance than in `{name}`",
                         transition.motion.name
                     );
                     let marks = |stance: Option<&Vec<bool>>| -> String {

@@ -125,50 +125,50 @@ faults! {
     ConfigMismatch = 1: "library for another robot",
         "flash a library that was built from this robot's file";
     /// The host's heartbeat stopped.
-    HostLost = 2: "heartbeat lost", "find out why heartbeats did not arrive; clear, then arm",
+    HostLost = 2: "heartbeat lost", "find out why heartbeats did not arrive; clear the fault, then arm",
         value Measured("s", "since the last heartbeat");
     /// An actuator does not answer.
     ActuatorSilent = 3: "an actuator does not answer",
-        "check motor power and this actuator's cable; clear, then arm",
+        "check motor power and this actuator's cable; clear the fault, then arm",
         channel "longest silent", value Measured("s", "since its last feedback");
     /// An actuator reports a fault, or dropped its torque.
     ActuatorFault = 4: "an actuator reports a fault",
-        "read the drive's error code, and let the drive cool; clear, then arm",
+        "read the drive's error code, and let the drive cool; clear the fault, then arm",
         channel "first with a fault", value Flags("status byte");
     /// A joint does not follow its set-point.
     TrackingError = 5: "a joint or wheel does not follow",
-        "free the joint, and check its torque limit and gain; clear, then arm",
+        "free the joint, and check its torque limit and gain; clear the fault, then arm",
         channel "furthest from its setpoint", value Measured("rad", "from its setpoint");
     /// A measured position is outside its limits.
     OutOfLimits = 6: "a joint is outside its limits",
         "turn the joint back into its range by hand, then arm",
         channel "first outside its limits", value Measured("rad", "measured");
     /// The body is tilted further than its motion requires.
-    Tilt = 7: "the body is tilted", "set the robot upright with torque off; clear, then arm",
+    Tilt = 7: "the body is tilted", "set the robot upright with torque off; clear the fault, then arm",
         value MeasuredUnless("rad", "beyond the tilt of its motion", "the IMU is silent");
     /// Streamed set-points came too late.
     SetpointTimeout = 8: "streamed setpoints came too late",
-        "find out what delays the host or the link; clear, then arm",
+        "find out what delays the host or the link; clear the fault, then arm",
         value Measured("s", "since the last frame of setpoints");
     /// Frames on an actuator bus lack an acknowledgement.
     BusNoAck = 9: "no node acknowledges on an actuator bus",
-        "check motor power and the actuator bus; clear, then arm", value Number("bus");
+        "check motor power and the actuator bus; clear the fault, then arm", value Number("bus");
     /// An actuator bus is error-passive.
     BusPassive = 10: "a bus is error-passive",
-        "check termination and bit rates of the actuator bus; clear, then arm", value Number("bus");
+        "check termination and bit rates of the actuator bus; clear the fault, then arm", value Number("bus");
     /// An actuator bus is off.
-    BusOff = 11: "a bus is off", "switch motor power off, and repair the bus; clear, then arm",
+    BusOff = 11: "a bus is off", "switch motor power off, and repair the bus; clear the fault, then arm",
         value Number("bus");
     /// An emergency stop was received.
     EStop = 12: "emergency stop", "find out why the emergency stop was pressed, and inspect the \
-        robot; clear, then arm";
+        robot; clear the fault, then arm";
     /// The control loop missed its deadline.
     Overrun = 13: "the control loop missed its time",
-        "find out what delays the control loop; clear, then arm",
+        "find out what delays the control loop; clear the fault, then arm",
         value Measured("s", "from one tick to the next");
     /// The library changed or cannot be read during playback.
     LibraryUnreadable = 14: "the library cannot be read",
-        "flash the library again; clear, then arm";
+        "flash the library again; clear the fault, then arm";
     /// Configuration or settings cannot be used.
     Internal = 15: "internal error", "build the firmware again, because its configuration is \
         unusable";

@@ -238,7 +238,7 @@ impl Session {
         let mut watch = |state: &Progress| progress(&Answer::progress(state, &project.motion.name));
         let Project { robot, motion, .. } = &project;
         let solution = replan_solution(&plan, robot, motion, &Options::default(), &mut watch);
-        let help = "open the robot and the motion of the plan the motion first";
+        let help = "open the robot and the motion of the plan, or plan the motion from scratch";
         let solution = solution.map_err(|why| error(why.to_string(), help))?;
         Ok(self.planned(&documents, &project, solution, true, frames_hz))
     }

@@ -45,7 +45,7 @@ fn what_speaks_against_a_robot_is_warned_of() {
         "warning: joint `front_left_knee` needs",
         "of `torque_max_nm` 0.5",
         "links `body` and `front_left_thigh` are 10.5 mm apart",
-        "at least 20.0 mm are needed",
+        "expected at least 20.0 mm",
     ] {
         assert!(outcome.stderr.contains(words), "{words} is missing in\n{}", outcome.stderr);
     }

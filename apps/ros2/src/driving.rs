@@ -69,8 +69,8 @@ impl NodePilot {
         let has = operator.hello().and_then(|hello| hello.library);
         if has != Some(self.library) {
             return Err(
-                "the library of the controller differs from --library, so the SAFE pose may be \
-                another one"
+                "the library of the controller differs from --library, so its SAFE pose may differ: \
+                 flash the given library, or give the library of the controller"
                     .into(),
             );
         }

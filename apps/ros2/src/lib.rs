@@ -123,7 +123,9 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     let prepared = prepared.filter(|prepared| {
         let goes = prepared.check_goes();
         if let Err(why) = &goes {
-            output::print_line(format_args!("no ~/drive and no cmd_vel: {why}\n  {GIVE_GAIT}"));
+            output::print_line(format_args!(
+                "~/drive and cmd_vel are not available: {why}\n  {GIVE_GAIT}"
+            ));
         }
         goes.is_ok()
     });

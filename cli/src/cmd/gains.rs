@@ -212,12 +212,12 @@ fn read(session: &mut LiveSession, catalog: Option<&Catalog>) -> Result<GainsOut
         });
     }
     let origin = match session.parameter_origin()? {
-        ParameterOrigin::Configuration => "the robot file: nothing was saved",
-        ParameterOrigin::Saved => "what was saved",
+        ParameterOrigin::Configuration => "the robot file, because no values are saved",
+        ParameterOrigin::Saved => "the saved values",
         ParameterOrigin::OtherConfiguration => {
-            "the robot file: what was saved is for another configuration"
+            "the robot file, because the saved values are for another configuration"
         }
-        ParameterOrigin::OutOfRange => "the robot file: a saved value is not allowed any more",
+        ParameterOrigin::OutOfRange => "the robot file, because a saved value is out of range",
     };
     let feed_forward = value(session, Parameter::FeedForward, 0)?;
     Ok(GainsOutput { origin: origin.to_owned(), feed_forward, channels })

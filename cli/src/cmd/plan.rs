@@ -304,7 +304,7 @@ impl<'a> PlanResult<'a> {
         let status = match written {
             Some(_) if interrupted => {
                 format!(
-                    "converged; interrupted while trying more than {} samples",
+                    "converged with {} samples; the solve with more samples was interrupted",
                     plan.samples.len()
                 )
             }
@@ -366,9 +366,9 @@ fn beginning(solve: &SolveSummary, is_given: bool) -> String {
         StartKind::Standing => "standing",
         StartKind::Sinusoid => "a random swing",
         StartKind::Warm => "the warm start",
-        StartKind::Coarse => "its plan with fewer samples",
+        StartKind::Coarse => "the plan with fewer samples",
         StartKind::Neighbour if !solve.refinements.is_empty() => {
-            return "its plan with fewer samples".to_owned();
+            return "the plan with fewer samples".to_owned();
         }
         StartKind::Neighbour if is_given => return "the given plan".to_owned(),
         StartKind::Neighbour => return "the plan of an easier motion".to_owned(),

@@ -202,17 +202,17 @@ impl StandingReport {
             let so = if near.distance_m < 0.0 {
                 "motions do not keep them apart"
             } else {
-                "motions may bring them equally close"
+                "motions keep no larger distance"
             };
             warnings.push(format!(
-                "links `{first}` and `{second}` {apart} in the nominal pose; at least {margin_mm:.1} mm are needed, and {so}: check `shapes`, `nominal_rad` or `clearance_margin_m`"
+                "links `{first}` and `{second}` {apart} in the nominal pose, so {so}; expected at least {margin_mm:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`"
             ));
         }
         for Height { link, height_m, least_m } in &self.heights {
             if height_m < least_m {
                 warnings.push(format!(
-                    "link `{link}` is {:.1} mm above the ground; at least {:.1} mm are needed, and \
-                     motions may bring it equally low: check its `shapes`, which must end above \
+                    "link `{link}` is {:.1} mm above the ground in the nominal pose, so motions keep no \
+                     larger height; expected at least {:.1} mm: check its `shapes`, which must end above \
                      the contact",
                     1e3 * height_m,
                     1e3 * least_m

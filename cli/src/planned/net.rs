@@ -28,8 +28,9 @@ pub fn undone_goals(plans: &Plans) -> Vec<String> {
             let (wanted, left) = (way.values()[of], net[of]);
             if !(0.95..=1.05).contains(&(left / wanted)) {
                 found.push(format!(
-                    "{}: from SAFE to SAFE, its {} = {wanted:.3} becomes {left:.3}, because the \
-                     transitions shift the body back over the fixed contacts",
+                    "{}: {} is {wanted:.3} in the plan, but {left:.3} from SAFE to SAFE, because the \
+                     transitions shift the body back over the fixed contacts: let feet step or \
+                     wheels roll",
                     plan.motion.name, NAMES[of]
                 ));
             }

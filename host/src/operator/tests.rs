@@ -625,7 +625,7 @@ fn lost_frames_faults_and_silence_are_told() {
     let fault =
         FaultView { fault: Fault::HostLost, present: true, channel: None, value: Some(0.3) };
     assert_eq!(view.faults, [fault]);
-    assert!(view.advice.contains("clear, then arm"));
+    assert!(view.advice.contains("clear the fault, then arm"));
     desk.pass(600_000);
     assert!(desk.last_words().starts_with("no contact"), "{}", desk.last_words());
     assert!(!desk.operator.view(desk.now_us).link.contact);

@@ -225,7 +225,7 @@ impl<B: LinkBus> Exchange<B> {
                     .into()
             }
             (None, None, Some(other)) => {
-                format!("controller {other} is on this bus; to reach that one, give --node {other}")
+                format!("controller {other} is on this bus; to use it, give --node {other}")
             }
             (None, None, None) => "check its power, and that it is on this bus".into(),
         };

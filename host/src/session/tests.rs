@@ -182,7 +182,7 @@ fn another_controller_on_the_bus_is_named() {
     let error = Session::connect(&mut wire, Node::new(3).unwrap()).err().unwrap();
     assert_eq!(
         error.to_string(),
-        "controller 3 does not answer (heartbeat): controller 1 is on this bus; to reach that one, give --node 1"
+        "controller 3 does not answer (heartbeat): controller 1 is on this bus; to use it, give --node 1"
     );
 }
 

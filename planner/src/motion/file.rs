@@ -141,7 +141,7 @@ pub(crate) fn name(table: &Table<'_>) -> Option<String> {
     if !is_plain_name(&name) {
         let help = "write visible characters only, without a space at the start or end";
         let problem = format_args!("is \"{}\"", Printable(&name));
-        table.fault("name", problem, "invisible character, or space at an end", help);
+        table.fault("name", problem, "invisible character, or space at the start or end", help);
         return None;
     }
     if let Some(problem) = names::problem(&name) {
@@ -320,7 +320,7 @@ fn check_rest(root: &Table<'_>, motion: &Motion) {
     if !ends.into_iter().flatten().flatten().all(|&stance| stance) {
         let help = "begin and end every row with #, because the motion starts and ends at rest, or set \
              ends = \"periodic\"";
-        root.fault("footfalls", "have a foot in the air at an end", "not at rest", help);
+        root.fault("footfalls", "have a foot in the air at the start or end", "not at rest", help);
     }
 }
 

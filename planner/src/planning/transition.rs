@@ -46,8 +46,7 @@ pub enum TransitionError {
     },
     /// Stance feet at an end of the transition differ from those of the motion there.
     #[error(
-        "transition `{name}`: where it joins `{motion}`, its feet in stance differ from those of \
-         that motion; make the first and last mark of each row in its footfalls agree with the \
+        "transition `{name}`: where it joins `{motion}`, other feet are in stance than in `{motion}`; make the first and last mark of each row in its footfalls agree with the \
          joined motions"
     )]
     OtherFeetDown {

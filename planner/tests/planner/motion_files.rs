@@ -410,7 +410,7 @@ fn a_library_is_checked_against_its_motions() {
     assert_faults(
         library.check_motions("l.toml", LIBRARY, &motions),
         &[
-            (via, "`stand to walk`: where it enters `walk`, its feet in stance differ", "agree"),
+            (via, "`stand to walk`: where it enters `walk`, other feet are in stance", "agree"),
             (line("[[transition]]"), "`walk to turn_in_place`", "agree"),
             (line("[[transition]]") + 6, "`turn_in_place to walk`", "agree"),
         ],

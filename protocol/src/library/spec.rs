@@ -136,7 +136,7 @@ pub enum EncodeError {
         len: usize,
     },
     /// A name has a space at an end, or characters that terminals hide or interpret.
-    #[error("motion {motion}: its name has invisible characters, or a space at an end")]
+    #[error("motion {motion}: its name has invisible characters, or a space at the start or end")]
     UnclearName {
         /// Index of the motion.
         motion: usize,

@@ -175,8 +175,7 @@ impl<'d> Table<'d> {
         } else if !is_plain_name(name) {
             (
                 format!("is \"{}\"", Excerpt::start_of(name)),
-                "invisible character, or space at an \
-                end",
+                "invisible character, or space at the start or end",
             )
         } else if let Some(problem) = names::problem(name) {
             (

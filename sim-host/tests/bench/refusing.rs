@@ -115,7 +115,10 @@ fn refused(session: &mut Session<Rig>, code: u8) -> (CommandResult, String) {
 fn what_keeps_a_robot_from_being_armed_is_said() {
     let mut session = armed();
     let why = session.arm().unwrap_err().to_string();
-    assert_eq!(why, "the controller refused to arm: this is not allowed while the robot is ready");
+    assert_eq!(
+        why,
+        "the controller refused to arm: the command is not allowed while the robot is ready"
+    );
     session.estop().unwrap();
     let why = session.arm().unwrap_err().to_string();
     let expected = "the controller refused to arm: the robot is stopped by an emergency stop; clear the stop first";

@@ -138,7 +138,7 @@ fn a_controller_that_is_not_there_is_named() {
     assert!(matches!(error, SessionError::Silent { node: 7, what: "heartbeat", .. }));
     assert_eq!(
         error.to_string(),
-        "controller 7 does not answer (heartbeat): controller 1 is on this bus; to reach that one, give --node 1"
+        "controller 7 does not answer (heartbeat): controller 1 is on this bus; to use it, give --node 1"
     );
 }
 

@@ -98,7 +98,7 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "sdf",
         source: "Fig. 4.6",
-        about: "solids on a grid: errors by spacing; a string and a cloth that fall on one",
+        about: "solids on a grid: errors by spacing, and the fall of a string and a cloth",
         run: sdf::run,
     },
     Experiment {

@@ -193,7 +193,8 @@ impl<'a> App<'a> {
                 "the controller has no library: quit, and flash one with `rollwalk flash LIB.rwl`";
             self.operated.operator.notify(now_us, Weight::Warning, text);
         } else if other {
-            let text = "the library of the controller differs from --library";
+            let text = "the library of the controller differs from --library, so the names come from the \
+                 cache of this computer: leave out --library, or flash the library";
             self.operated.operator.notify(now_us, Weight::Warning, text);
         }
         self.operated.operator.set_catalog(names.catalog.clone());

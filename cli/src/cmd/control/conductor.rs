@@ -303,7 +303,9 @@ impl<'p> Conductor<'p> {
         self.tally.untracked += u64::from(untracked.is_some());
         if untracked != self.why {
             if let Some(why) = untracked.filter(|_| self.phase == Phase::Playing) {
-                let text = format!("not tracked, setpoints follow the plan in open loop: {why}");
+                let text = format!(
+                    "the robot is not tracked, so setpoints follow the plan in open loop: {why}"
+                );
                 operator.notify(now_us, Weight::Warning, text);
             }
             self.why = untracked;

@@ -85,7 +85,7 @@ fn on_ground(world: &World) -> String {
 }
 
 const GROUND_LEGEND: &str = "\
-ahead, left     distance of the centre of mass in the initial heading; turned: about the vertical
+ahead, left     displacement of the centre of mass in the initial heading; turned: change of heading
 goals           largest error relative to a goal of the plan
 tilt, slid      largest tilt of the body; total distance that feet and wheels slid
 force, work     largest force on one foot or wheel; mechanical work of the motors";

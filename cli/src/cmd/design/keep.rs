@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     if given.len() == designed.original().len() {
         return Err(miette!(
             help = "add parameters to the design file, or use `rollwalk design edit`",
-            "all parameters are given, so none is left to follow"
+            "all parameters are set, so none is left to compensate"
         ));
     }
     let folder = args.folder.open(&designed)?;

@@ -200,8 +200,9 @@ impl<'a> App<'a> {
         let [forward, left, turn] = self.steered.pilot.tally().velocity;
         let Steering { forward_m_s, left_m_s, turn_rad_s } = steering;
         let line = format!(
-            "{:7.1} s: after {time_s:.1} s steered {forward_m_s:.2} m/s {left_m_s:.2} m/s {turn_rad_s:.2} rad/s, planned \
-             {forward:.3} m/s {left:.3} m/s {turn:.3} rad/s, {} frames ahead",
+            "{:7.1} s: after {time_s:.1} s steered forward {forward_m_s:.2} m/s, left {left_m_s:.2} m/s, \
+             turn {turn_rad_s:.2} rad/s; planned forward {forward:.3} m/s, left {left:.3} m/s, turn \
+             {turn:.3} rad/s; {} frames ahead",
             now_us as f64 * 1e-6,
             self.operated.operator.streamed_ahead()
         );
@@ -218,8 +219,8 @@ impl<'a> App<'a> {
         let library = operator.hello().and_then(|hello| hello.library);
         if library.is_some_and(|id| id != self.catalog.library) && !self.is_other {
             self.is_other = true;
-            let text = "the library of the controller differs from the given library: the SAFE pose may \
-                 be another one";
+            let text = "the library of the controller differs from the given library, so its SAFE pose may \
+                 differ: flash the given library, or give the library of the controller";
             operator.notify(now_us, Weight::Warning, text);
         }
         self.operated.send();
@@ -321,10 +322,10 @@ impl<'a> App<'a> {
             _ => "nothing was planned; ".to_owned(),
         };
         let Some(status) = view.status else {
-            words += "left; the controller never answered";
+            words += "the controller never answered";
             return DriveResult { words, exit: Exit::NotDone };
         };
-        words += &format!("left; the robot is {}", state_name(status.state));
+        words += &format!("the robot is {}", state_name(status.state));
         if has_to_be_cleared(&status) {
             words += ": type `rollwalk clear` before arming it";
         }

@@ -155,7 +155,7 @@ fn gaps(fit: &Fit) -> impl Iterator<Item = String> {
                 rounded(of.fitted, 0.0)
             )),
             QuantityVerdict::Vague => Some(format!(
-                "{run} hardly determines {name}, and has a low weight because of its deviation"
+                "{run} hardly determines {name}: the standard deviation is large, so this run has a low weight"
             )),
             QuantityVerdict::Changed | QuantityVerdict::Agrees => None,
         }
@@ -226,15 +226,15 @@ fn warning(fit: &Fit) -> Option<String> {
     match &fit.compared {
         None => fits(&fit.found.predicted).into_iter().find(|of| is_worse(of.before, of.after)).map(|of| {
             format!(
-                "{} are predicted worse than before at the end of the run, which was not fitted: \
-                 use the fitted values for this run only",
+                "the fitted values predict {} worse than the robot file does, at the end of the \
+                 run, which was not fitted: use these values for this run only",
                 of.signal
             )
         }),
         Some(all) => compared(all).into_iter().find(|of| is_worse(of.before, of.together)).map(|of| {
             format!(
-                "{} of {run} are simulated worse with the values of all runs than with those of \
-                 the file: the runs are inconsistent",
+                "the values fitted to all runs predict {} of {run} worse than the robot file does: \
+                 the runs are inconsistent, so fit each run alone",
                 of.signal
             )
         }),
@@ -308,7 +308,7 @@ mod tests {
         assert!(text.contains("do not contain errors of the model"), "{text}");
         assert!(text.contains("record two or more other motions"), "{text}");
         assert!(!text.contains("between runs") && !text.contains("alone"), "{text}");
-        assert!(text.contains("predicted worse than before"), "{text}");
+        assert!(text.contains("worse than the robot file does"), "{text}");
         let found = json_of(&one);
         let expected = json!({
             "name": "friction", "unit": "", "before": 0.8, "fitted": 0.3, "deviation": 0.01,
@@ -369,7 +369,7 @@ mod tests {
         // The robot falls with them.
         two.fits[1].compared.as_mut().unwrap()[2] = None;
         let text = describe(&two);
-        assert!(text.contains("of b.csv are simulated worse"), "{text}");
+        assert!(text.contains("of b.csv worse than the robot file does"), "{text}");
         assert!(text.contains("falls"), "{text}");
     }
 }

@@ -139,30 +139,30 @@ fn us_since(start: Instant) -> u64 {
 /// Prints the state in which an operator left the robot, and returns the exit code.
 pub fn report_exit(view: &View) -> Exit {
     let Some(status) = view.status else {
-        output::print_line("left; the controller never answered");
+        output::print_line("the controller never answered");
         return Exit::NotDone;
     };
     let state = state_name(status.state);
     match status.state {
         State::Disarmed | State::Boot | State::SelfTest => {
-            output::print_line(format_args!("left; the robot is {state}"));
+            output::print_line(format_args!("the robot is {state}"));
             Exit::Ok
         }
         // Without a fault it becomes disarmed by itself.
         State::TorqueOff if status.faults.is_empty() => {
-            output::print_line("left; the robot is stopped, torque off");
+            output::print_line("the robot is stopped, torque is off");
             Exit::Ok
         }
         State::TorqueOff | State::EStopped => {
             output::print_line(format_args!(
-                "left; the robot is {state}: type `rollwalk clear` before arming it"
+                "the robot is {state}: type `rollwalk clear` before arming it"
             ));
             Exit::Ok
         }
         _ => {
             output::print_line(format_args!(
-                "left while the robot is {state}: without heartbeats the robot returns to SAFE and \
-                 switches torque off; type `rollwalk clear` before arming it"
+                "the program ends while the robot is {state}: without heartbeats the robot returns \
+                 to SAFE and switches torque off; type `rollwalk clear` before arming it"
             ));
             Exit::NotDone
         }

@@ -165,7 +165,10 @@ impl EndState<'_> {
                 let axis = heading * Vector3::new(0.0, cos, sin);
                 to_contact = axis.cross(&(heading * Vector3::x())) * foot.radius_m;
                 let tilt_and_yaw = format!("{:?}", [here.tilt_rad, here.yaw_rad]);
-                let expected = format!("those of the axis {:?}, {meaning}", mount.axis.as_slice());
+                let expected = format!(
+                    "tilt and yaw of the wheel axis {:?}, {meaning}",
+                    mount.axis.as_slice()
+                );
                 let near = (axis - mount.axis).amax() <= AGREEMENT;
                 at.of("(tilt_rad, yaw_rad)").holds(near, tilt_and_yaw, expected)?;
             }

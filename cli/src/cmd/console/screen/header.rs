@@ -116,7 +116,7 @@ fn has_faulty_servo(view: &View) -> bool {
 fn link(view: &View, width: usize) -> Line<'static> {
     let bad = Style::new().fg(Color::Red).add_modifier(Modifier::BOLD);
     if let Some(why) = &view.bus_lost {
-        return Line::styled(fit(&format!(" BUS LOST, trying again: {why}"), width), bad);
+        return Line::styled(fit(&format!(" BUS LOST, reconnecting: {why}"), width), bad);
     }
     let age_s = view.link.status_age_us.map(|us| us as f64 * 1e-6);
     let complaint = view.complaint.as_deref();

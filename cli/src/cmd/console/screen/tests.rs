@@ -160,7 +160,7 @@ fn a_fault_on_the_way_to_safe() {
         fault(Fault::HostLost, None, Some(0.31)),
         fault(Fault::TrackingError, Some(2), Some(-0.91)),
     ];
-    view.advice = "see why heartbeats did not arrive; clear, then arm";
+    view.advice = "see why heartbeats did not arrive; clear the fault, then arm";
     view.deadman_held = Some(false);
     view.messages.push_back(Message {
         number: 2,
