@@ -12,33 +12,34 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Convert a URDF or an MJCF model to a robot file; a side file adds what they lack.
+/// Convert a URDF or an MJCF model to a robot file. A side file adds the data that they lack.
 ///
-/// Without a side file it prints the joints, links that look like feet and wheels, and a standing pose.
-/// `--template` writes them to a first side file, to be checked and completed.
+/// Without `-o` the command prints joints, likely feet and wheels, and a standing pose. `--template` writes them to a first
+/// side file, to be checked and completed. With `--with` the values of another side file replace guesses.
 #[derive(clap::Args)]
 #[command(after_long_help = "\
 Examples:
-  rollwalk robot import a1.urdf                                      what is in it?
-  rollwalk robot import a1.urdf --template a1.side.toml              a side file to fill in
+  rollwalk robot import a1.urdf                                      joints, feet, wheels
+  rollwalk robot import a1.urdf --template a1.side.toml              a side file to complete
+  rollwalk robot import a1.urdf --with axes.toml --template a1.side.toml    with given axes
   rollwalk robot import a1.urdf --with a1.side.toml -o a1.toml
   rollwalk robot import go1.xml --template go1.side.toml             a model of MuJoCo
 
 Side files are described in docs/urdf-import.md, robot files in docs/robot-files.md.")]
 pub struct Args {
-    /// The URDF (XML, xacro expanded), or the MJCF model (XML, without <include>).
+    /// URDF (XML, xacro expanded) or MJCF model (XML, without <include>).
     #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     urdf: PathBuf,
-    /// The side file; `--template` writes one to begin with.
-    #[arg(long, value_name = "SIDE.toml", requires = "output", conflicts_with = "template")]
+    /// Side file. With `--template` its values replace guesses; an axis alone, such as `forward = "+y"`, is enough there.
+    #[arg(long, value_name = "SIDE.toml", requires = "result")]
     with: Option<PathBuf>,
     /// Robot file to write.
-    #[arg(short, long, value_name = "ROBOT.toml", requires = "with")]
+    #[arg(short, long, value_name = "ROBOT.toml", requires = "with", conflicts_with = "template", group = "result")]
     output: Option<PathBuf>,
-    /// Write a first side file here, which must not exist yet.
-    #[arg(long, value_name = "SIDE.toml")]
+    /// First side file to write. The file must not exist yet.
+    #[arg(long, value_name = "SIDE.toml", group = "result")]
     template: Option<PathBuf>,
-    /// Print what was found or made as JSON.
+    /// Print the result as JSON.
     #[arg(long)]
     json: bool,
 }
@@ -84,7 +85,14 @@ fn import(urdf: Text<'_>, side: &Path, output: &Path, json: bool) -> miette::Res
 }
 
 fn print_survey(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
-    let survey = urdf::survey(urdf).map_err(Report::new)?;
+    let survey = match &args.with {
+        Some(path) => {
+            let text = files::read_text(path, Kind::Side)?;
+            urdf::survey_with(urdf, Text { name: &path.to_string_lossy(), text: &text })
+        }
+        None => urdf::survey(urdf),
+    };
+    let survey = survey.map_err(Report::new)?;
     if let Some(path) = &args.template {
         // An existing side file may have been completed by the user.
         if path.exists() {
@@ -116,12 +124,14 @@ fn print_survey(urdf: Text<'_>, args: &Args) -> miette::Result<Exit> {
 
 fn survey_text(survey: &Survey) -> String {
     let mut text = format!(
-        "{}: {:.3} kg, {} links, {} joints that are not fixed, root `{}`\n\n",
+        "{}: {:.3} kg, {} links, {} joints that are not fixed, root `{}` with {} forward and {} up\n\n",
         survey.name,
         survey.mass_kg,
         survey.links.len(),
         survey.joints.len(),
         survey.root,
+        survey.axes[0],
+        survey.axes[1],
     );
     let mut joints = Table::new(["joint", "type", "min", "max", "proposal"]);
     for joint in &survey.joints {

@@ -1,6 +1,6 @@
-//! The tree with everything rigid merged: fixed joints, locked joints and wheels become part of the
-//! body that carries them. Masses add with parallel axes and rotation; frames are those of the body's
-//! first link, the root's turned so that x is forward and z up.
+//! Tree of rigid bodies: fixed joints, locked joints and wheels become part of the body that carries them.
+//!
+//! A body has the frame of its first link. That of the root is turned so that x is forward and z up.
 
 use super::model::{Kind, Urdf};
 use super::notes::Notes;
@@ -9,29 +9,32 @@ use crate::file::parts::{MassProperties, sum};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::collections::{HashMap, HashSet};
 
-/// Mass of a body for which the URDF gives none, as a share of the robot's.
+/// Mass of a body without `<inertial>`, as a fraction of the robot's mass.
 const EMPTY_MASS_SHARE: f64 = 1e-6;
-/// Radius of gyration given to a body that has none in some direction, m.
+/// Radius of gyration that replaces one of (nearly) 0, m.
 const GYRATION_MIN_M: f64 = 1e-3;
-/// Radius of gyration below which a body counts as having none, m.
+/// Radius of gyration that counts as 0, m.
 const GYRATION_NONE_M: f64 = 1e-4;
+/// Fraction of the largest moment by which the sum of the two others exceeds it at least. Exports round, and MuJoCo refuses
+/// a sum that is smaller.
+const SLACK: f64 = 1e-3;
 
 /// Links that move as one rigid body.
 #[derive(Debug)]
 pub(super) struct Body {
-    /// URDF links of the body; the first one names it and gives its frame.
+    /// Links of the body. The first one names it and gives its frame.
     pub links: Vec<usize>,
     pub mass: MassProperties,
 }
 
-/// A joint between two bodies.
+/// Joint between two bodies.
 #[derive(Debug)]
 pub(super) struct Moving {
-    /// The URDF joint.
+    /// Index into [`Urdf::joints`].
     pub joint: usize,
     pub parent: usize,
     pub child: usize,
-    /// Pose of the joint frame, and of the child's, in the parent's at angle 0.
+    /// Pose of the joint frame in the parent body. At angle 0 it is that of the child.
     pub parent_from_joint: Isometry3<f64>,
 }
 
@@ -41,16 +44,31 @@ pub(super) struct Bodies {
     pub bodies: Vec<Body>,
     /// Parents first; joint `i` carries body `i + 1`.
     pub moving: Vec<Moving>,
-    /// Body of every URDF link and pose of the link in it; none for links that are left out.
+    /// Body of each link and pose of the link in it; `None` for dropped links.
     pub places: Vec<Option<(usize, Isometry3<f64>)>>,
 }
 
-/// Joints that become rigid beside fixed ones, and the root's orientation.
+impl Bodies {
+    /// Number of joints that leave each body.
+    pub fn children(&self) -> Vec<usize> {
+        let mut children = vec![0; self.bodies.len()];
+        self.moving.iter().for_each(|moving| children[moving.parent] += 1);
+        children
+    }
+
+    /// Bodies at the ends of limbs, in the order of limbs.
+    pub fn leaves(&self) -> Vec<usize> {
+        let children = self.children();
+        (1..self.bodies.len()).filter(|&body| children[body] == 0).collect()
+    }
+}
+
+/// Joints that become rigid in addition to fixed ones, and the orientation of the root.
 #[derive(Debug, Default)]
 pub(super) struct Rigid {
     /// Locked joints with their angle, or distance in m.
     pub locked: HashMap<usize, f64>,
-    /// Joints whose child is a wheel.
+    /// Axles: joints whose child is a wheel.
     pub wheels: HashSet<usize>,
     /// Rotation from root link axes to x forward, y left, z up.
     pub body_from_root: UnitQuaternion<f64>,
@@ -131,12 +149,12 @@ fn masses(
             let what = if links.len() > 1 { "and what is fixed to it have" } else { "has" };
             notes.warn(
                 &first.span,
-                format_args!("link `{}` {what} no mass: taken as {mass_kg:.1e} kg; give it an <inertial> if it is real", first.name),
+                format_args!("link `{}` {what} no mass: taken as {mass_kg:.1e} kg; give it an <inertial> if it has a mass", first.name),
             );
             let inertia_kg_m2 = Matrix3::from_diagonal_element(mass_kg * 1e-4);
             MassProperties { mass_kg, com_m: Vector3::zeros(), inertia_kg_m2 }
         } else {
-            // Of several links the sum may be sound where one is not.
+            // The sum over several links may hide an impossible inertia of one of them.
             for link in links.iter().filter(|_| links.len() > 1).map(|&link| &urdf.links[link]) {
                 let moments = link.mass.map(|mass| mass.inertia_kg_m2.symmetric_eigenvalues());
                 let (least, most) = moments.map_or((0.0, 0.0), |of| (of.min(), of.max()));
@@ -144,7 +162,7 @@ fn masses(
                     notes.warn(
                         &link.span,
                         format_args!(
-                            "link `{}`: a moment of inertia is {least:.3e} kg·m²: all are above 0; check its sign",
+                            "link `{}`: a moment of inertia is {least:.3e} kg·m², and must be above 0: check its sign",
                             link.name
                         ),
                     );
@@ -164,7 +182,7 @@ fn masses(
     bodies.collect()
 }
 
-/// Mass properties moved into another frame.
+/// Moves mass properties into another frame.
 fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
     let turn = Rotation3::from(pose.rotation);
     MassProperties {
@@ -174,10 +192,10 @@ fn placed(mass: MassProperties, pose: &Isometry3<f64>) -> MassProperties {
     }
 }
 
-/// The nearest inertia that a rigid body can have, and a note of the change.
+/// Nearest inertia that a rigid body can have with some slack, and a description of the change.
 ///
-/// Moments of (nearly) 0 are raised to m·(1 mm)². A moment above the sum of the others gives a third of
-/// the excess to each of them: the smallest change of the tensor that keeps its axes.
+/// Moments of (nearly) 0 are raised to m·(1 mm)². The largest moment loses a third of its excess over the sum of the others,
+/// less the slack, and each of these gains a third. This is the smallest change of the tensor that keeps its axes.
 fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<String>) {
     let symmetric = (inertia + inertia.transpose()) * 0.5;
     let eigen = symmetric.symmetric_eigen();
@@ -192,11 +210,14 @@ fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<Strin
     }
     let large = moments.imax();
     let excess = 2.0 * moments[large] - moments.sum();
-    // Rounding of rotations and of decimals in files is no mistake of the author, but must go.
-    if excess > 0.0 {
-        moments.add_scalar_mut(excess / 3.0);
-        moments[large] -= 2.0 * excess / 3.0;
-        if excess > 1e-6 * moments[large] {
+    let short = excess + SLACK * moments[large];
+    if short > 0.0 {
+        // After the change the sum of the others exceeds the largest moment by the slack.
+        let change = short / (3.0 + SLACK);
+        moments.add_scalar_mut(change);
+        moments[large] -= 2.0 * change;
+        // Flat plates and rounded decimals are not errors of the author.
+        if excess > 1e-6 * written[large] {
             reasons.push("break the triangle inequality");
         }
     }
@@ -228,10 +249,13 @@ mod tests {
 
     #[test]
     fn impossible_inertias_are_changed_as_little_as_possible() {
-        // The projection onto x + y ≥ z: a third of the excess 0.3 to each.
+        // The projection onto x + y ≥ (1 + slack) z: a third of the excess 0.3 to each, and the slack.
         let (repaired, reason) =
             physical(1.0, &Matrix3::from_diagonal(&Vector3::new(0.1, 0.1, 0.5)));
-        assert!((repaired.diagonal() - Vector3::new(0.2, 0.2, 0.4)).amax() < 1e-15);
+        let change = (0.3 + 0.5 * SLACK) / (3.0 + SLACK);
+        let expected = Vector3::new(0.1 + change, 0.1 + change, 0.5 - change);
+        assert!((repaired.diagonal() - expected).amax() < 1e-15);
+        assert!((repaired.trace() - (2.0 + SLACK) * repaired[(2, 2)]).abs() < 1e-15);
         assert!(reason.unwrap().contains("1.000e-1, 1.000e-1, 5.000e-1"));
         let (point, reason) = physical(2.0, &Matrix3::zeros());
         assert!((point.diagonal() - Vector3::repeat(2e-6)).amax() < 1e-20);

@@ -1,4 +1,4 @@
-//! Reading one XML element: attributes to numbers, `<origin>`, `<inertial>`, shapes, `<link>`, `<joint>`.
+//! Reader of the XML elements of a URDF: numbers, `<origin>`, `<inertial>`, shapes, `<link>`, `<joint>`.
 
 use super::model::{Joint, Kind, Limit, Link, Shape, Solid};
 use super::notes::Notes;
@@ -9,17 +9,17 @@ use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternio
 use roxmltree::Node;
 
 const EXPAND: &str =
-    "macros must be expanded first: `xacro robot.urdf.xacro > robot.urdf` (ROS package xacro)";
+    "expand the macros first: `xacro robot.urdf.xacro > robot.urdf` (ROS package xacro)";
 
-/// Most bytes of an attribute with numbers, which is read once for every element that it holds for.
+/// Maximum length of an attribute with numbers, bytes. A default is read once for each element that inherits it.
 pub(super) const NUMBERS_MAX: usize = 1000;
 
-/// Readers of elements; they note faults.
+/// Reader that notes faults.
 pub(super) struct Reader<'n, 't> {
     pub notes: &'n mut Notes<'t>,
 }
 
-/// The start tag of an element.
+/// Place of the start tag of an element.
 pub(super) fn tag(node: Node<'_, '_>) -> Span {
     let range = node.range();
     let text = &node.document().input_text()[range.clone()];
@@ -27,7 +27,7 @@ pub(super) fn tag(node: Node<'_, '_>) -> Span {
     range.start..range.start + end
 }
 
-/// `link `x`` for the element of a link or joint, the tag for others.
+/// Name of an element in messages: ``link `x` `` in a link or joint, the tag elsewhere.
 fn called(node: Node<'_, '_>) -> String {
     let tag = node.tag_name().name();
     let owner = node.ancestors().find(|up| matches!(up.tag_name().name(), "link" | "joint"));
@@ -87,7 +87,7 @@ impl Reader<'_, '_> {
         value
     }
 
-    /// `N` numbers of an attribute, if it is there; faults if they are not that.
+    /// `N` numbers of an attribute; notes a fault if the text is anything else.
     fn numbers<const N: usize>(&mut self, node: Node<'_, '_>, name: &str) -> Option<[f64; N]> {
         let attribute = node.attribute_node(name)?;
         let written = attribute.value();
@@ -119,7 +119,7 @@ impl Reader<'_, '_> {
         self.numbers::<1>(node, name).map(|[number]| number)
     }
 
-    /// The pose of `<origin>`; the identity without one.
+    /// Pose of `<origin>`; the identity without one.
     fn origin(&mut self, node: Node<'_, '_>) -> Isometry3<f64> {
         let Some(origin) = child(node, "origin") else { return Isometry3::identity() };
         let xyz = self.numbers::<3>(origin, "xyz").unwrap_or_default();
@@ -183,7 +183,7 @@ impl Reader<'_, '_> {
                 ("izz", 2, 2),
             ];
             for (name, row, column) in names {
-                // Absent moments are 0, as for other readers; rules check the physics later.
+                // Absent moments are 0, as in other readers. Rules check the physics later.
                 let value = self.number(inertia, name).unwrap_or(0.0);
                 tensor[(row, column)] = value;
                 tensor[(column, row)] = value;
@@ -195,7 +195,7 @@ impl Reader<'_, '_> {
         (mass_kg > 0.0).then_some(MassProperties { mass_kg, com_m, inertia_kg_m2 })
     }
 
-    /// The geometry of a `<collision>` or `<visual>`; none of a size that no solid has.
+    /// Geometry of a `<collision>` or `<visual>`; `None` for sizes that no solid has.
     fn shape(&mut self, node: Node<'_, '_>, collision: bool) -> Option<Shape> {
         let geometry = child(node, "geometry")?;
         let mut length =
@@ -261,6 +261,7 @@ impl Reader<'_, '_> {
             mimics,
             has_motor: limit.effort.is_some(),
             limit,
+            home: None,
         })
     }
 
@@ -270,7 +271,7 @@ impl Reader<'_, '_> {
             if matches!(kind, Kind::Revolute | Kind::Continuous | Kind::Prismatic) {
                 self.notes.warn(
                     &tag(node),
-                    format!("joint `{name}` has no <axis>: it is [1, 0, 0], as URDF says"),
+                    format!("joint `{name}` has no <axis>: taken as [1, 0, 0], the default of URDF; write <axis xyz=\"…\"/>"),
                 );
             }
             return Some(Vector3::x_axis());

@@ -1,4 +1,4 @@
-//! Ranges of joints: limits from the side file, else from the URDF, and the standing angle within them.
+//! Ranges of joints: limits and standing angle from the side file, else from the URDF.
 
 use super::bodies::Bodies;
 use super::model::{Joint, Kind, Urdf};
@@ -7,14 +7,61 @@ use super::notes::Notes;
 use super::side::{JointSide, Side};
 use super::toml_text::{key, show};
 use crate::document::Document;
+use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-/// Limit of a joint that turns without end: below 2π also when written with twelve digits.
-pub(super) const TURN_RAD: f64 = std::f64::consts::TAU - 1e-6;
+/// Limit of an endless joint. It is below 2π even when written with twelve digits.
+pub(super) const TURN_RAD: f64 = TAU - 1e-6;
 
-/// Limits that are rather degrees than radians, in absolute value: three turns and less are some joint's, and files without
-/// limits have more.
+/// Absolute values of limits that look like degrees. Real joints have three turns at most, and placeholders are larger.
 const DEGREES: RangeInclusive<f64> = 19.0..=360.0;
+
+/// True for a limited joint that turns.
+fn is_limited(joint: &&Joint) -> bool {
+    joint.kind == Kind::Revolute && joint.limit.lower.is_some_and(|l| Some(l) != joint.limit.upper)
+}
+
+/// True if a limit of a joint is in the range of degrees.
+fn looks_like_degrees(joint: &Joint) -> bool {
+    let limits = [joint.limit.lower, joint.limit.upper];
+    joint.kind == Kind::Revolute
+        && limits.into_iter().flatten().any(|limit| DEGREES.contains(&limit.abs()))
+}
+
+/// True if most limits of a file look like degrees.
+pub(super) fn in_degrees(joints: &[Joint]) -> bool {
+    let limited = || joints.iter().filter(is_limited);
+    2 * limited().filter(|joint| looks_like_degrees(joint)).count() > limited().count()
+}
+
+/// True if the limits of a joint look like degrees. Those of a joint that may be endless do only if most limits of the file
+/// do.
+pub(super) fn has_degrees(urdf: &Urdf, joint: &Joint) -> bool {
+    if looks_like_degrees(joint) {
+        !joint.is_endless() || urdf.in_degrees
+    } else {
+        is_limited(&joint) && urdf.in_degrees
+    }
+}
+
+/// Limits of a turning joint for a pose: the limits of the file in rad, within a turn.
+pub(super) fn position_limits(urdf: &Urdf, joint: &Joint) -> [f64; 2] {
+    let limits = (joint.kind != Kind::Continuous).then_some(joint.limit);
+    let [lower, upper] = match limits.map(|limit| (limit.lower, limit.upper)) {
+        None | Some((None, None)) => [-TURN_RAD, TURN_RAD],
+        Some((lower, upper)) => [lower.unwrap_or(0.0), upper.unwrap_or(0.0)],
+    };
+    let [lower, upper] = match has_degrees(urdf, joint) {
+        true => [lower, upper].map(f64::to_radians),
+        false => [lower, upper],
+    };
+    let (min, max) = (lower.min(upper), lower.max(upper));
+    // Limits a whole turn away are those of the same angles.
+    let turns = (0.5 * (min + max) / TAU).round() * TAU;
+    let [min, max] =
+        if min > TURN_RAD || max < -TURN_RAD { [min - turns, max - turns] } else { [min, max] };
+    [min, max].map(|limit| limit.clamp(-TURN_RAD, TURN_RAD))
+}
 
 /// Limits of a joint and its angle in the standing pose, rad.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,14 +72,14 @@ pub(super) struct Range {
 }
 
 /// Ranges of all joints in the order of [`Bodies::moving`]; zero where there is a fault.
-pub(super) fn ranges(
-    urdf: &Urdf,
+pub(super) fn ranges<'a>(
+    urdf: &'a Urdf,
     side: &Side,
-    document: &Document<'_>,
+    document: &'a Document<'a>,
     bodies: &Bodies,
     notes: &mut Notes<'_>,
 ) -> Vec<Range> {
-    let mut reader = Reader { document, notes, endless: Vec::new(), degrees: Vec::new() };
+    let mut reader = Reader { urdf, document, notes, endless: Vec::new(), degrees: Vec::new() };
     let mut unposed = Vec::new();
     let mut ranges = Vec::new();
     for moving in &bodies.moving {
@@ -43,8 +90,10 @@ pub(super) fn ranges(
             continue;
         };
         let nominal_rad = given.and_then(|given| given.nominal_rad).unwrap_or_else(|| {
-            let nearest = 0.0_f64.clamp(min_rad, max_rad);
-            unposed.push((joint, nearest));
+            let nearest = joint.home.unwrap_or(0.0).clamp(min_rad, max_rad);
+            if joint.home.is_none() {
+                unposed.push((joint, nearest));
+            }
             nearest
         });
         ranges.push(Range { min_rad, max_rad, nominal_rad });
@@ -53,17 +102,18 @@ pub(super) fn ranges(
     if let Some((first, _)) = unposed.first() {
         let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
         let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();
-        notes.warn(&first.span, format_args!("joint {names}: no `nominal_rad` in the side file: taken as {} rad, next to 0 within the limits", shown.join(", ")));
+        notes.warn(&first.span, format_args!("joint {names}: no `nominal_rad` in the side file: taken as {} rad, nearest to 0 within the limits; give it under [joint]", shown.join(", ")));
     }
     ranges
 }
 
 struct Reader<'a, 'n, 't> {
+    urdf: &'a Urdf,
     document: &'a Document<'a>,
     notes: &'n mut Notes<'t>,
     /// Joints without limits within a turn.
     endless: Vec<&'a Joint>,
-    /// Joints with limits that would be right in degrees.
+    /// Joints with limits in degrees.
     degrees: Vec<&'a Joint>,
 }
 
@@ -83,9 +133,7 @@ impl<'a> Reader<'a, '_, '_> {
             }
             (lower, upper) = (upper, lower);
         }
-        if min.is_none() && DEGREES.contains(&lower.abs())
-            || max.is_none() && DEGREES.contains(&upper.abs())
-        {
+        if (min.is_none() || max.is_none()) && has_degrees(self.urdf, joint) {
             self.degrees.push(joint);
         } else if min.is_none() && lower <= -TURN_RAD || max.is_none() && upper >= TURN_RAD {
             self.endless.push(joint);
@@ -97,11 +145,11 @@ impl<'a> Reader<'a, '_, '_> {
         }
         if self.degrees.last().is_some_and(|last| std::ptr::eq(*last, joint)) {
             let message = format!(
-                "joint `{}` cannot move: its limits are {lower} and {upper} rad, beyond a turn",
+                "joint `{}` cannot move: its limits are {lower} and {upper} rad, beyond a turn, and look like degrees",
                 joint.name
             );
             let help = format!(
-                "a URDF has radians; as degrees they are {:.4} and {:.4} rad",
+                "a URDF has radians; as degrees they are {:.4} and {:.4} rad: convert the file, or give those under [joint] of the side file",
                 lower.to_radians(),
                 upper.to_radians()
             );
@@ -132,11 +180,11 @@ impl<'a> Reader<'a, '_, '_> {
             let names = some_names(self.degrees.iter().map(|joint| &joint.name));
             let of = |limit: Option<f64>| limit.unwrap_or_default();
             let (lower, upper) = (of(first.limit.lower), of(first.limit.upper));
-            self.notes.warn(&first.span, format_args!("joint {names}: position limits of many turns, {lower} to {upper} rad, taken within ±2π: a URDF has radians; as degrees they are {:.3} to {:.3} rad", lower.to_radians(), upper.to_radians()));
+            self.notes.warn(&first.span, format_args!("joint {names}: position limits of many turns, {lower} to {upper} rad, look like degrees; taken within ±2π: a URDF has radians; as degrees they are {:.3} to {:.3} rad; convert the file, or give those in the side file", lower.to_radians(), upper.to_radians()));
         }
         if let Some(first) = self.endless.first() {
             let names = some_names(self.endless.iter().map(|joint| &joint.name));
-            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file where the robot is narrower"));
+            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file if the range is smaller"));
         }
     }
 }

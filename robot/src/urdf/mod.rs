@@ -1,13 +1,17 @@
-//! Import of URDF and MJCF: either, and a side file with what both lack, become the text of a robot file.
+//! Import of URDF and MJCF: a model and a side file become the text of a robot file (`docs/urdf-import.md`).
 //!
-//! Text in, text and warnings out. Six steps: `xml` reads the URDF, or `mjcf` a model of MuJoCo, as a `model`, `tree` makes a
-//! tree of it, `side` reads the side file, `bodies` merges what is rigid, `convert` drafts the robot file and `emit` writes it.
-//! The result passes every rule of robot files. [`survey`] lists the contents of a URDF and writes a first side file. Described
-//! in `docs/urdf-import.md`.
+//! [`import`] has six steps. `xml` reads a URDF, or `mjcf` a model of MuJoCo, as a `model`. `tree` makes a tree of it, `side`
+//! reads the side file, `bodies` merges rigid parts, `convert` drafts the robot file and `emit` writes it. The result passes
+//! every rule of robot files.
+//!
+//! [`survey`] lists the contents of a model and proposes a side file: `draft_side` collects the guesses of `guess`, `stance`
+//! finds a standing pose, `remarks` warns and `template` writes.
 
 mod bodies;
 mod convert;
 mod draft;
+mod draft_side;
+mod dropped;
 mod elements;
 mod emit;
 mod guess;
@@ -18,6 +22,7 @@ mod model;
 mod motors;
 mod names;
 mod notes;
+mod remarks;
 mod rigid;
 mod scan;
 mod shapes;
@@ -29,7 +34,7 @@ mod toml_text;
 mod tree;
 mod xml;
 
-pub use survey::{Survey, SurveyEnd, SurveyJoint, survey};
+pub use survey::{Survey, SurveyEnd, SurveyJoint, survey, survey_with};
 pub use xml::TEXT_MAX;
 
 use crate::document::{Document, DocumentError};
@@ -38,27 +43,27 @@ use draft::Origin;
 use emit::Emitted;
 use notes::Notes;
 
-/// A robot made from a URDF.
+/// Robot from a URDF.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The robot file.
+    /// Text of the robot file.
     pub toml: String,
-    /// The robot in it.
+    /// Robot of this file.
     pub robot: Robot,
-    /// Changes and assumptions, each with its place.
+    /// Warnings about changes and assumptions, each with its place.
     pub warnings: Vec<String>,
 }
 
-/// A file name and its text.
+/// File name and text.
 #[derive(Clone, Copy, Debug)]
 pub struct Text<'t> {
-    /// The name, for messages.
+    /// Name in messages.
     pub name: &'t str,
-    /// The content.
+    /// Content.
     pub text: &'t str,
 }
 
-/// Makes a robot file of a URDF with the help of a side file.
+/// Converts a URDF and a side file to a robot file.
 ///
 /// # Errors
 /// All faults of the URDF or of the side file, each with its place and a help line.
@@ -86,7 +91,7 @@ pub fn import(urdf: Text<'_>, side: Text<'_>) -> Result<Imported, DocumentError>
     }
 }
 
-/// Attributes the faults of the robot file to the items of URDF and side file that they come from.
+/// Attributes faults of the robot file to their sources in URDF and side file.
 fn attribute(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, side: &Document<'_>) {
     for fault in error.faults() {
         let holds =

@@ -1,15 +1,14 @@
-//! Links and joints of a robot as URDF describes them, each with its place in the text; names are not resolved yet.
+//! Links and joints of a robot in the terms of URDF, with their places in the text. Names are not resolved yet.
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;
 use nalgebra::{Isometry3, Unit, Vector3};
 
-/// Most links, and most joints: humanoids with hands have a few hundred. What is done with them takes time with the square
-/// of their number.
+/// Maximum number of links, and of joints. Humanoids with hands have a few hundred. The time of the import grows with the
+/// square of these numbers.
 pub(super) const ITEMS_MAX: usize = 2000;
 
-/// Most joints that move: ten times as many as a controller has channels. Poses and loads take time with the cube of their
-/// number.
+/// Maximum number of moving joints, ten times the channels of a controller. The time for poses and loads grows with its cube.
 pub(super) const MOVING_MAX: usize = 256;
 
 /// Contents of a URDF file.
@@ -18,6 +17,10 @@ pub(super) struct Urdf {
     pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
+    /// True if the file lists its motors. A joint that is not among them is then passive.
+    pub lists_motors: bool,
+    /// True if most limits look like degrees.
+    pub in_degrees: bool,
 }
 
 /// A `<link>`.
@@ -45,7 +48,7 @@ pub(super) enum Solid {
     Sphere {
         radius_m: f64,
     },
-    /// Along z of the shape.
+    /// Its axis is z of the shape.
     Cylinder {
         radius_m: f64,
         length_m: f64,
@@ -53,11 +56,11 @@ pub(super) enum Solid {
     Box {
         size_m: Vector3<f64>,
     },
-    /// Mesh in a file of its own, which is not read.
+    /// Mesh in a separate file, which the import does not read.
     Mesh,
 }
 
-/// The types of `<joint>`.
+/// Type of a `<joint>`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Revolute,
@@ -78,11 +81,13 @@ pub(super) struct Joint {
     pub child: String,
     pub parent_from_joint: Isometry3<f64>,
     pub axis: Unit<Vector3<f64>>,
-    /// The joint that this one follows.
+    /// Joint that this one follows.
     pub mimics: Option<String>,
-    /// True if the file describes a motor: a torque, or an actuator of a MuJoCo model.
+    /// True if the file describes a motor: an `effort`, or an actuator of a MuJoCo model.
     pub has_motor: bool,
     pub limit: Limit,
+    /// Position in the keyframe `home` of a MuJoCo model, rad or m.
+    pub home: Option<f64>,
 }
 
 /// A `<limit>`; absent attributes are `None`.
@@ -92,6 +97,36 @@ pub(super) struct Limit {
     pub upper: Option<f64>,
     pub velocity: Option<f64>,
     pub effort: Option<f64>,
-    /// Inertia of the rotor at the joint, kg·m²; of MJCF alone.
+    /// Inertia of the rotor at the joint, kg·m². URDF has none.
     pub armature_kg_m2: Option<f64>,
 }
+
+impl Joint {
+    /// True for a joint that turns about an axis.
+    pub fn turns(&self) -> bool {
+        matches!(self.kind, Kind::Revolute | Kind::Continuous)
+    }
+
+    /// True for a turning joint without limits, or with equal limits of two turns and more in both directions.
+    pub fn is_endless(&self) -> bool {
+        let beyond = match (self.limit.lower, self.limit.upper) {
+            (None, None) => true,
+            (Some(lower), Some(upper)) => {
+                let [least, most] = [lower.abs().min(upper.abs()), lower.abs().max(upper.abs())];
+                lower < 0.0 && upper > 0.0 && least >= ENDLESS_RAD && most <= 1.01 * least
+            }
+            _ => false,
+        };
+        self.kind == Kind::Continuous || self.kind == Kind::Revolute && beyond
+    }
+
+    /// True if all four limits are 0, as exporters leave them blank.
+    pub fn has_blank_limits(&self) -> bool {
+        let Limit { lower, upper, velocity, effort, .. } = self.limit;
+        self.kind == Kind::Revolute
+            && [lower, upper, velocity, effort].iter().all(|of| *of == Some(0.0))
+    }
+}
+
+/// Absolute value of limits from which a joint counts as endless: two turns. Limits in degrees are rarely symmetric.
+const ENDLESS_RAD: f64 = 4.0 * std::f64::consts::PI;

@@ -1,4 +1,4 @@
-//! The side file, which adds what a URDF lacks. Format: `docs/urdf-import.md`.
+//! Side file, which adds the data that a URDF lacks. Format: `docs/urdf-import.md`.
 
 use crate::contact::KINDS;
 use crate::document::{Document, Span, Table, alternatives};
@@ -10,6 +10,9 @@ use rollwalk_protocol::actuators::bus::MAX_BUSES;
 pub(super) struct Side {
     pub name: Option<String>,
     pub root: Option<(String, Span)>,
+    /// Given axes of the root, as indices into [`AXES`].
+    pub forward: Option<usize>,
+    pub up: Option<usize>,
     pub body_from_root: UnitQuaternion<f64>,
     pub locks: Vec<Lock>,
     pub actuators: Vec<ActuatorSide>,
@@ -17,16 +20,16 @@ pub(super) struct Side {
     pub end_effectors: Vec<EndEffectorSide>,
 }
 
-/// An entry of `[lock]`.
+/// Entry of `[lock]`.
 #[derive(Debug)]
 pub(super) struct Lock {
     pub joint: String,
     pub span: Span,
-    /// rad, or m.
+    /// Position, rad or m.
     pub position: f64,
 }
 
-/// `[actuator.NAME]`: absent values come from the URDF or from a default.
+/// Table `[actuator.NAME]`. Absent values come from the URDF or from a default.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ActuatorSide {
     pub name: String,
@@ -36,7 +39,7 @@ pub(super) struct ActuatorSide {
     pub numbers: [Option<f64>; NUMBERS.len()],
 }
 
-/// The numbers of an actuator, as robot files spell them; the last two are optional there too.
+/// Numbers of an actuator in the spelling of robot files. The last two are optional there too.
 pub(super) const NUMBERS: [&str; 7] = [
     "speed_max_rad_s",
     "torque_max_nm",
@@ -47,14 +50,14 @@ pub(super) const NUMBERS: [&str; 7] = [
     "no_load_speed_rad_s",
 ];
 
-/// A motor: the actuator's name and its address, where given.
+/// Name of an actuator and address of a motor, if given.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MotorSide {
     pub actuator: Option<(String, Span)>,
     pub address: Option<(u32, u32)>,
 }
 
-/// `[joint.NAME]`.
+/// Table `[joint.NAME]`.
 #[derive(Debug)]
 pub(super) struct JointSide {
     pub joint: String,
@@ -65,7 +68,7 @@ pub(super) struct JointSide {
     pub motor: MotorSide,
 }
 
-/// `[[end_effector]]`.
+/// Table `[[end_effector]]`.
 #[derive(Debug)]
 pub(super) struct EndEffectorSide {
     pub name: String,
@@ -77,17 +80,17 @@ pub(super) struct EndEffectorSide {
     pub radius_m: f64,
     pub friction: f64,
     pub axis: Option<Vector3<f64>>,
-    /// The numbers of its kind of contact, as robot files spell them.
+    /// Numbers of its kind of contact in the spelling of robot files.
     pub numbers: Vec<(&'static str, f64)>,
     pub motor: MotorSide,
 }
 
-/// Reads all tables; `None` if any of them has a fault.
+/// Reads all tables. Returns `None` if any of them has a fault.
 pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     let root = document.root();
     let name = root.given("name", Table::name);
     let base = root.given("root", named);
-    let body_from_root = axes(&root);
+    let axes = axes(&root);
     let locks = root.given("lock", Table::table).map_or_else(Vec::new, |table| {
         let entries = table.named_numbers().into_iter();
         entries
@@ -114,10 +117,13 @@ pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     if !document.is_clean() {
         return None;
     }
+    let (forward, up) = axes?;
     Some(Side {
         name,
         root: base,
-        body_from_root: body_from_root?,
+        forward,
+        up,
+        body_from_root: turn(forward.unwrap_or(0), up.unwrap_or(4)),
         locks,
         actuators,
         joints,
@@ -125,23 +131,23 @@ pub(super) fn read(document: &Document<'_>) -> Option<Side> {
     })
 }
 
-/// A name with its place.
+/// Name with its place.
 fn named(table: &Table<'_>, key: &'static str) -> Option<(String, Span)> {
     Some((table.string(key)?, table.span_of(key)))
 }
 
-/// The turn from root axes to x forward, z up, from `forward` and `up`.
-fn axes(root: &Table<'_>) -> Option<UnitQuaternion<f64>> {
-    const WORDS: [&str; 6] = ["+x", "-x", "+y", "-y", "+z", "-z"];
-    let direction = |key, default| {
-        let index = if root.has(key) { root.choice(key, &WORDS)? } else { default };
-        let mut axis = Vector3::zeros();
-        axis[index / 2] = if index % 2 == 0 { 1.0 } else { -1.0 };
-        Some(axis)
+/// Words for the axes of the root link.
+pub(super) const AXES: [&str; 6] = ["+x", "-x", "+y", "-y", "+z", "-z"];
+
+/// Reads `forward` and `up` as indices into [`AXES`].
+fn axes(root: &Table<'_>) -> Option<(Option<usize>, Option<usize>)> {
+    let read = |key| match root.has(key) {
+        true => root.choice(key, &AXES).map(Some),
+        false => Some(None),
     };
-    let (forward, up) = (direction("forward", 0), direction("up", 4));
+    let (forward, up) = (read("forward"), read("up"));
     let (forward, up) = (forward?, up?);
-    if forward.dot(&up) != 0.0 {
+    if forward.unwrap_or(0) / 2 == up.unwrap_or(4) / 2 {
         root.fault(
             "forward",
             "is along `up`",
@@ -150,9 +156,20 @@ fn axes(root: &Table<'_>) -> Option<UnitQuaternion<f64>> {
         );
         return None;
     }
+    Some((forward, up))
+}
+
+/// Rotation from root axes to x forward, z up. The arguments are indices into [`AXES`], of different axes.
+pub(super) fn turn(forward: usize, up: usize) -> UnitQuaternion<f64> {
+    let [forward, up] = [forward, up].map(direction);
     let rows = [forward, up.cross(&forward), up].map(|axis| axis.transpose());
     let turn = Rotation3::from_matrix_unchecked(Matrix3::from_rows(&rows));
-    Some(UnitQuaternion::from_rotation_matrix(&turn))
+    UnitQuaternion::from_rotation_matrix(&turn)
+}
+
+/// Direction of an index into [`AXES`].
+pub(super) fn direction(axis: usize) -> Vector3<f64> {
+    Vector3::ith(axis / 2, if axis % 2 == 0 { 1.0 } else { -1.0 })
 }
 
 fn actuator(name: &str, table: &Table<'_>) -> ActuatorSide {

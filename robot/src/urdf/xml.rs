@@ -1,10 +1,10 @@
-//! XML text of a URDF or of a model of MuJoCo to links and joints. Does not read the files of meshes, and ignores
-//! tags without mass, geometry or joints (gazebo, transmission, material, sensor).
+//! Reader of the XML text of a URDF or MJCF file. It ignores mesh files, and elements without mass, geometry or joints.
 //!
-//! Not `urdf-rs`: its errors have no position and it stops at the first, accepts NaN, and does not
-//! tell an absent limit from 0.
+//! Crate `urdf-rs` reports a single error without its position, accepts NaN, and cannot distinguish an absent limit from 0.
 
+use super::dropped;
 use super::elements::Reader;
+use super::joints::in_degrees;
 use super::mjcf;
 use super::model::{ITEMS_MAX, Urdf};
 use super::notes::Notes;
@@ -12,11 +12,11 @@ use super::scan::scan;
 use crate::document::{DocumentError, Fault};
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
-/// Largest text, bytes: meshes lie in files of their own, so that real ones stay far below.
+/// Maximum length of the text, bytes. Files of real robots are far smaller, because meshes are separate files.
 pub const TEXT_MAX: usize = 16 << 20;
-/// Most nodes of the XML tree.
+/// Maximum number of nodes of the XML tree.
 const NODES_MAX: u32 = 1 << 18;
-/// Namespace of prefixes that the file uses without declaring them.
+/// Namespace of undeclared prefixes.
 const UNDECLARED: &str = "urn:undeclared";
 
 fn parse(text: &str) -> Result<Document<'_>, Error> {
@@ -26,15 +26,15 @@ fn parse(text: &str) -> Result<Document<'_>, Error> {
     )
 }
 
-/// A text within the bounds of what the parser takes time and memory for, in which every XML prefix is declared: other URDF
-/// readers accept undeclared ones. Keeps line numbers.
+/// Bounds the parser's time and memory, and declares all prefixes, because other URDF readers accept undeclared ones. Keeps
+/// line numbers.
 pub(super) fn checked(file_name: &str, text: &str) -> Result<String, DocumentError> {
     if text.len() > TEXT_MAX {
         let message = format!("the file has {} bytes", text.len());
         let help =
             format!("a URDF file has at most {TEXT_MAX}; meshes belong in files of their own");
         let fault = Fault::new(text, 0..0, message, "too large", help);
-        // The text itself would be printed as the place of the fault.
+        // A fault with the text would print all of it.
         return Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"));
     }
     let found = scan(text)
@@ -91,7 +91,9 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
             _ => {}
         }
     }
+    urdf.in_degrees = in_degrees(&urdf.joints);
     reader.notes.check()?;
+    dropped::warn(root, reader.notes);
     if urdf.links.is_empty() {
         reader.fault(root, "the robot has no <link>", "give at least one link with an <inertial>");
     }
@@ -99,7 +101,7 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
     Ok(urdf)
 }
 
-/// True if an element is a macro or its call. A declared but unused prefix does not matter: expanded files keep it.
+/// True for a macro or its call. Expanded files still declare the prefix.
 fn is_xacro(node: Node<'_, '_>) -> bool {
     let prefix = node.is_element() && {
         let written = &node.document().input_text()[node.range()];

@@ -1,7 +1,10 @@
-//! `<body>`: links and joints, the joints of an actuator with its limits, and what equalities couple.
+//! `<body>`: links and joints. Actuators and equalities, by the joint that they act on.
 
+use super::dropped::{has_spring, warn_springs};
+use super::home::Home;
 use super::model::FromGeoms;
 use super::numbers::{Element, Reader, called};
+use crate::document::Span;
 use crate::file::parts::sum;
 use crate::urdf::elements::tag;
 use crate::urdf::model::{ITEMS_MAX, Joint, Kind, Limit, Link, Solid, Urdf};
@@ -9,10 +12,10 @@ use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
 
-/// The world as a link, where a joint or a fixed body needs it.
+/// Name of the world's link, which exists if a joint or a fixed body needs it.
 const WORLD: &str = "world";
 
-/// A body that is still to be read, with its place in the link that carries it.
+/// Unread body with its place in the link that carries it.
 struct Open<'a, 'i> {
     of: Element<'a, 'i>,
     /// Parent link; `None` in the world.
@@ -20,7 +23,7 @@ struct Open<'a, 'i> {
     parent_from_here: Isometry3<f64>,
 }
 
-/// Something in a body, with the frame that it is in.
+/// Element in a body, with the frame that it is in.
 type Item<'a, 'i> = (Element<'a, 'i>, Isometry3<f64>);
 
 /// Data of actuators and equalities, by the name of the joint.
@@ -29,8 +32,15 @@ struct Drives<'a> {
     driven: HashSet<&'a str>,
     /// Largest torque or force, N·m or N.
     effort: HashMap<&'a str, f64>,
-    /// The joint that one follows.
+    /// Joint that another one follows.
     follows: HashMap<&'a str, String>,
+}
+
+/// Data of joints that the reader collects over all bodies.
+struct Joints {
+    home: Home,
+    /// Joints with a spring.
+    springs: Vec<(String, Span)>,
 }
 
 /// Links and joints of a model.
@@ -38,6 +48,8 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
     let name = root.attribute("model").unwrap_or("robot").to_owned();
     let mut urdf = Urdf { name, ..Urdf::default() };
     let drives = drives(root, reader);
+    urdf.lists_motors = !drives.driven.is_empty();
+    let mut joints = Joints { home: Home::read(root, reader), springs: Vec::new() };
     let mut open = Vec::new();
     for world in root.children().filter(|node| node.has_tag_name("worldbody")) {
         let items = items(reader, Element { node: world, class: None });
@@ -52,7 +64,7 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
             break;
         }
         let node = next.of.node;
-        let mut inner = body(next, &drives, reader, &mut urdf);
+        let mut inner = body(next, &drives, &mut joints, reader, &mut urdf);
         if urdf.joints.len() > ITEMS_MAX {
             let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
             reader.fault(node, "the model has too many joints", &help);
@@ -61,10 +73,12 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
         inner.reverse();
         open.extend(inner);
     }
+    joints.home.check(&mut urdf, reader);
+    warn_springs(&joints.springs, reader);
     urdf
 }
 
-/// Elements in a body or the world itself, through `<frame>`s, in the order of the file.
+/// Elements in a body or in the world, inside and outside of `<frame>`, in the order of the file.
 fn items<'a, 'i>(
     reader: &mut Reader<'_, '_, '_, 'a, 'i>,
     of: Element<'a, 'i>,
@@ -93,10 +107,11 @@ fn items<'a, 'i>(
     found
 }
 
-/// Adds a body and its joints; the bodies in it.
+/// Adds a body and its joints. Returns the bodies in it.
 fn body<'a, 'i>(
     open: Open<'a, 'i>,
     drives: &Drives<'_>,
+    found: &mut Joints,
     reader: &mut Reader<'_, '_, '_, 'a, 'i>,
     urdf: &mut Urdf,
 ) -> Vec<Open<'a, 'i>> {
@@ -111,6 +126,9 @@ fn body<'a, 'i>(
         of.node.has_tag_name("freejoint")
             || of.node.has_tag_name("joint") && of.node.attribute("type") == Some("free")
     };
+    if items.iter().any(|(of, _)| is_free(of)) {
+        found.home.take(7);
+    }
     let joints: Vec<_> =
         items.iter().filter(|(of, _)| of.node.has_tag_name("joint") && !is_free(of)).collect();
     let mut anchor = Vector3::zeros();
@@ -146,7 +164,7 @@ fn body<'a, 'i>(
         let default_name = || format!("{child}_joint");
         let name = joint.node.attribute("name").map_or_else(default_name, str::to_owned);
         let ends = Ends { name, parent, child, parent_from_joint };
-        urdf.joints.extend(read_joint(reader, *joint, body_from_joint, ends, drives));
+        urdf.joints.extend(read_joint(reader, *joint, body_from_joint, ends, drives, found));
     }
     if let (Some(parent), true) = (parent, joints.is_empty()) {
         urdf.joints.push(Joint {
@@ -160,6 +178,7 @@ fn body<'a, 'i>(
             mimics: None,
             has_motor: false,
             limit: Limit::default(),
+            home: None,
         });
     }
 
@@ -208,7 +227,7 @@ fn body<'a, 'i>(
     inner
 }
 
-/// A joint's name and place.
+/// Name and place of a joint.
 struct Ends {
     name: String,
     parent: String,
@@ -222,6 +241,7 @@ fn read_joint<'a, 'i>(
     body_from_joint: &Isometry3<f64>,
     ends: Ends,
     drives: &Drives<'_>,
+    found: &mut Joints,
 ) -> Option<Joint> {
     let Ends { name, parent, child, parent_from_joint } = ends;
     let written = reader.word(of, "type").unwrap_or("hinge");
@@ -248,8 +268,14 @@ fn read_joint<'a, 'i>(
         if turns { reader.angle(value) } else { value }
     };
     let reference = reader.number(of, "ref").unwrap_or_default();
-    // Angles count from where the body is as written.
+    // The body is where the file puts it at the angle 0.
     let ends = range.map(|range| range.map(|end| scaled(reader, end - reference)));
+    // Keyframes are in radians whatever the unit of the file.
+    let home = found.home.take(if kind == Kind::Floating { 4 } else { 1 });
+    let home = home.map(|home| home - scaled(reader, reference)).filter(|_| kind != Kind::Floating);
+    if has_spring(reader, of) {
+        found.springs.push((name.clone(), tag(of.node)));
+    }
     let own = reader.range(of, "actuatorfrcrange", "actuatorfrclimited");
     let own = own.map(|[low, high]| low.abs().max(high.abs()));
     let effort = own.into_iter().chain(drives.effort.get(&*name).copied()).reduce(f64::min);
@@ -270,11 +296,12 @@ fn read_joint<'a, 'i>(
         mimics: drives.follows.get(&*name).cloned(),
         has_motor: own.is_some() || drives.driven.contains(&*name),
         limit,
+        home,
         name,
     })
 }
 
-/// Limits of actuators, and joints that follow others.
+/// Reads actuators, and equalities of joints.
 fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Drives<'a> {
     let mut drives =
         Drives { driven: HashSet::new(), effort: HashMap::new(), follows: HashMap::new() };

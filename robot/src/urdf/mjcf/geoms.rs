@@ -1,4 +1,4 @@
-//! `<geom>`: a solid of a link, and its mass where that follows from it. `<inertial>`.
+//! `<geom>`: a solid of a link, and its mass if the model has none. `<inertial>`.
 
 use super::numbers::{Element, Reader, along, called};
 use crate::file::parts::MassProperties;
@@ -7,17 +7,17 @@ use crate::urdf::model::{Shape, Solid};
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Translation3, Unit, Vector3};
 use std::f64::consts::PI;
 
-/// Density of a geom that gives none, kg/m³.
+/// Default density of a geom, kg/m³.
 const DENSITY_KG_M3: f64 = 1000.0;
 
-/// A solid with its mass.
+/// Solid with its mass.
 pub struct Geom {
     pub shape: Shape,
-    /// Mass, centre and inertia in link axes; none of a mesh.
+    /// Mass, centre and inertia in link axes; `None` for a mesh.
     pub mass: Option<MassProperties>,
 }
 
-/// Forms of geoms along their z axis, with half lengths as MJCF has them, m.
+/// Form of a geom, with half lengths along its axes, m.
 enum Form {
     Sphere(f64),
     Capsule { radius_m: f64, half_m: f64 },
@@ -28,10 +28,10 @@ enum Form {
 }
 
 impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
-    /// A solid in a link; none of planes and height fields, and of sizes that no solid has.
+    /// Reads a solid of a link; `None` for planes, height fields and impossible sizes.
     pub fn geom(&mut self, of: Element<'a, 'i>, link_from_here: &Isometry3<f64>) -> Option<Geom> {
         let kind = self.word(of, "type").unwrap_or("sphere");
-        // A mesh is also what a simple form was fitted to.
+        // A geom with a mesh is the simple form that MuJoCo fits to it.
         let kind = if self.word(of, "mesh").is_some() { "mesh" } else { kind };
         let mut size = self.numbers(of, "size", 1, 3).unwrap_or_default();
         let mut pose = self.pose(of);
@@ -66,7 +66,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         let link_from_shape = link_from_here * pose;
         let solid = match form {
             Form::Sphere(radius_m) => Solid::Sphere { radius_m },
-            // Shapes are drawn in by the radius at their ends, so that this is the capsule again.
+            // The shape of a cylinder is a capsule that ends with it.
             Form::Capsule { radius_m, half_m } => {
                 Solid::Cylinder { radius_m, length_m: 2.0 * (half_m + radius_m) }
             }
@@ -85,7 +85,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         Some(Geom { shape: Shape { link_from_shape, solid, collision }, mass })
     }
 
-    /// Mass and moments of inertia about its centre, kg and kg·m², of a geom whose group counts.
+    /// Mass, kg, and moments of inertia about the centre, kg·m², of a geom whose group counts.
     fn mass(&mut self, of: Element<'a, 'i>, form: &Form) -> Option<(f64, Vector3<f64>)> {
         let group = self.number(of, "group").unwrap_or_default();
         let [first, last] = self.model.groups;
@@ -98,7 +98,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         (mass_kg > 0.0).then(|| (mass_kg, per_kg * mass_kg))
     }
 
-    /// Refuses geoms whose mass lies in their surface.
+    /// Refuses geoms with the mass in their surface.
     pub fn check_shell(&mut self, of: Element<'a, 'i>) {
         if self.word(of, "shellinertia") == Some("true") {
             let message = format!("{}: `shellinertia` is not read", called(of.node));
@@ -125,7 +125,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         mass
     }
 
-    /// An `<inertial>`; none without mass.
+    /// Reads an `<inertial>`; `None` without mass.
     pub fn inertial(
         &mut self,
         of: Element<'a, 'i>,
@@ -140,7 +140,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         };
         let mut pose = self.pose(of);
         let inertia = if let Some([xx, yy, zz, xy, xz, yz]) = self.fixed::<6>(of, "fullinertia") {
-            // It is in the axes of the body, whatever orientation is written beside it.
+            // MuJoCo refers it to the axes of the body and ignores the orientation beside it.
             pose.rotation = nalgebra::UnitQuaternion::identity();
             Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
         } else {
@@ -194,7 +194,7 @@ mod tests {
     use crate::urdf::notes::Notes;
     use nalgebra::Rotation3;
 
-    /// MuJoCo 3 raises principal moments to a lower bound, and replaces those that no body can have by their mean.
+    /// MuJoCo 3 raises principal moments to a lower bound, and replaces impossible ones by their mean.
     #[test]
     fn moments_are_settled_as_in_mujoco() {
         let settled = |compiler: &str, moments: [f64; 3]| {
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// Means of squares over points that fill the form evenly.
+    /// Compares with means of squares over points that fill the form evenly.
     #[test]
     fn moments_are_those_of_points_inside() {
         let half = Vector3::new(0.3, 0.2, 0.5);

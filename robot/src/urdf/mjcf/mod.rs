@@ -1,11 +1,13 @@
 //! MJCF, the models of MuJoCo, as the links and joints of a URDF: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
-//! `model` has the settings and classes of defaults, `numbers` reads attributes and poses, `geoms` solids and their masses,
-//! `bodies` the tree. As in URDF a link's frame is that of its joint, so that a body is moved to the anchor of its joint.
-//! Meshes and included files are not read.
+//! `model` has the settings and classes of defaults. `numbers` reads attributes and poses, `geoms` solids and their masses,
+//! `bodies` the tree, `home` the standing pose. `dropped` names elements that robot files lack. As in URDF, the frame of a
+//! link is that of its joint: the reader moves a body to the anchor of its joint. It reads neither meshes nor included files.
 
 mod bodies;
+mod dropped;
 mod geoms;
+mod home;
 mod model;
 mod numbers;
 
@@ -16,13 +18,13 @@ use model::Model;
 use numbers::Reader;
 use roxmltree::Node;
 
-/// Most classes of defaults: models have a few dozen.
+/// Maximum number of classes of defaults. Models have a few dozen.
 const CLASSES_MAX: usize = 1000;
-/// Lists whose elements are read.
-const READ: [&str; 3] = ["worldbody", "actuator", "equality"];
-/// Most elements of a list: ten for each of the most bodies.
+/// Lists that the reader uses.
+const READ: [&str; 4] = ["worldbody", "actuator", "equality", "tendon"];
+/// Maximum number of elements of a list: ten for each body.
 const ELEMENTS_MAX: usize = 20_000;
-/// Elements that stand for others, which MuJoCo puts in their place.
+/// Elements that MuJoCo replaces by others.
 const MACROS: [&str; 5] = ["include", "attach", "replicate", "composite", "flexcomp"];
 const SAVE: &str = "have MuJoCo write the whole model: \
                     `mujoco.mj_saveLastXML(\"whole.xml\", mujoco.MjModel.from_xml_path(\"robot.xml\"))`";
@@ -58,6 +60,7 @@ pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, Do
     }
     reader.notes.check()?;
     let urdf = bodies::read(root, &mut reader);
+    dropped::warn(root, &mut reader);
     reader.notes.check()?;
     if urdf.links.is_empty() {
         reader.fault(root, "the model has no <body>", "a robot is a <body> of <worldbody>");

@@ -3,14 +3,14 @@
 use roxmltree::{Attribute, Node};
 use std::collections::HashMap;
 
-/// Class of elements that name none.
+/// Name of the default class.
 const MAIN: &str = "main";
-/// Elements of actuators have their defaults in common.
+/// Elements of actuators, which share their defaults.
 const ACTUATORS: [&str; 5] = ["general", "motor", "position", "velocity", "intvelocity"];
-/// Longest chain of classes that is followed.
+/// Maximum depth of nested classes.
 const DEPTH_MAX: usize = 16;
 
-/// Condition under which masses follow from geoms.
+/// Bodies whose masses the geoms determine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromGeoms {
     Never,
@@ -19,7 +19,7 @@ pub enum FromGeoms {
     Always,
 }
 
-/// A class of defaults.
+/// Class of defaults.
 struct Class<'a, 'i> {
     parent: Option<&'a str>,
     nodes: Vec<Node<'a, 'i>>,
@@ -28,7 +28,7 @@ struct Class<'a, 'i> {
 }
 
 impl Class<'_, '_> {
-    /// Lists the attributes: those of the last `<default>` first, and of the first element in it.
+    /// Lists the attributes. The last `<default>` and the first element in it take precedence.
     fn list(&mut self) {
         for element in self.nodes.iter().rev().flat_map(|node| node.children()) {
             let tag = shared(element.tag_name().name());
@@ -39,35 +39,35 @@ impl Class<'_, '_> {
     }
 }
 
-/// The element whose defaults hold for a tag.
+/// Element whose defaults hold for a tag.
 fn shared(tag: &str) -> &str {
     if ACTUATORS.contains(&tag) { ACTUATORS[0] } else { tag }
 }
 
 /// Settings and defaults of a model.
 pub struct Model<'a, 'i> {
-    /// Angles are in degrees.
+    /// True if angles are in degrees.
     pub degrees: bool,
-    /// Axes of Euler angles: small letters turn with the body, capital ones do not.
+    /// Axes of Euler angles. Axes with small letters turn with the body.
     pub euler: &'a str,
     pub from_geoms: FromGeoms,
-    /// A range is a limit unless it is said not to be.
+    /// True if a range is a limit by default.
     pub autolimits: bool,
-    /// Groups of geoms from which masses follow.
+    /// First and last group of geoms that have mass.
     pub groups: [f64; 2],
     /// Least mass of a body, kg, and least principal moment of inertia, kg·m².
     pub bounds: [f64; 2],
-    /// Moments of inertia that no body can have become equal.
+    /// True if impossible moments of inertia become equal.
     pub balances: bool,
-    /// The `<compiler>` that asks for global coordinates.
+    /// `<compiler>` with global coordinates.
     pub global: Option<Node<'a, 'i>>,
-    /// The `<compiler>` that scales all masses.
+    /// `<compiler>` that scales all masses.
     pub scaled: Option<Node<'a, 'i>>,
     classes: HashMap<&'a str, Class<'a, 'i>>,
 }
 
 impl<'a, 'i> Model<'a, 'i> {
-    /// Settings and defaults of the model below `root`.
+    /// Reads settings and defaults of the model below `root`.
     pub fn new(root: Node<'a, 'i>) -> Self {
         let mut model = Self {
             degrees: true,
@@ -128,7 +128,7 @@ impl<'a, 'i> Model<'a, 'i> {
         }
     }
 
-    /// Adds a class and those inside it.
+    /// Adds a class and the classes in it.
     fn add_classes(&mut self, outermost: Node<'a, 'i>) {
         let mut open = vec![(outermost, None)];
         while let Some((node, parent)) = open.pop() {
@@ -145,14 +145,14 @@ impl<'a, 'i> Model<'a, 'i> {
         name == MAIN || self.classes.contains_key(name)
     }
 
-    /// Names of all classes, in the order of letters.
+    /// Names of all classes in alphabetical order.
     pub fn classes(&self) -> Vec<&'a str> {
         let mut names: Vec<_> = self.classes.keys().copied().collect();
         names.sort_unstable();
         names
     }
 
-    /// An attribute of an element, else that of its class, which is its own or that of the bodies around it.
+    /// Attribute of an element, else of its class. The default class is that of the bodies around it.
     pub fn attribute(
         &self,
         node: Node<'a, 'i>,

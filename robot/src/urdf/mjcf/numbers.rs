@@ -1,4 +1,4 @@
-//! Attributes of elements, with the defaults of their class, as words, numbers and poses.
+//! Attributes of elements as words, numbers and poses, with the defaults of their class.
 
 use super::model::Model;
 use crate::document::alternatives;
@@ -9,20 +9,20 @@ use nalgebra::{
 };
 use roxmltree::Node;
 
-/// An element, and the class of the bodies around it.
+/// Element with the class of the bodies around it.
 #[derive(Clone, Copy)]
 pub struct Element<'a, 'i> {
     pub node: Node<'a, 'i>,
     pub class: Option<&'a str>,
 }
 
-/// Reads attributes and notes faults.
+/// Reader of attributes, which notes faults.
 pub struct Reader<'r, 'n, 't, 'a, 'i> {
     pub notes: &'n mut Notes<'t>,
     pub model: &'r Model<'a, 'i>,
 }
 
-/// An element in messages: its tag, and its name if it has one.
+/// Name of an element in messages: its tag, and its name or that of the body around it.
 pub fn called(node: Node<'_, '_>) -> String {
     let kind = node.tag_name().name();
     match node.attribute("name") {
@@ -43,7 +43,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         self.model.attribute(of.node, of.class, name).map(|attribute| attribute.value())
     }
 
-    /// Notes a class that does not exist.
+    /// Notes a fault if the class does not exist.
     pub fn check_class(&mut self, node: Node<'a, 'i>, attribute: &str) {
         let Some(class) = node.attribute(attribute) else { return };
         if !self.notes.is_full() && !self.model.has_class(class) {
@@ -52,7 +52,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         }
     }
 
-    /// Finite numbers of an attribute, if it is there; a fault if there are fewer than `least` or more than `most`.
+    /// Finite numbers of an attribute. Notes a fault unless there are `least` to `most`.
     pub fn numbers(
         &mut self,
         of: Element<'a, 'i>,
@@ -96,12 +96,12 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         self.fixed(of, name).map(|[number]| number)
     }
 
-    /// An angle of the file in rad.
+    /// Converts an angle of the file to rad.
     pub fn angle(&self, written: f64) -> f64 {
         if self.model.degrees { written.to_radians() } else { written }
     }
 
-    /// Limits of `name`, if they are limits: `limited` says so, or they are there.
+    /// Limits of `name`; `None` if attribute `limited` or the settings of the model disable them.
     pub fn range(&mut self, of: Element<'a, 'i>, name: &str, limited: &str) -> Option<[f64; 2]> {
         let range = self.fixed::<2>(of, name)?;
         let holds = match self.word(of, limited) {
@@ -112,7 +112,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         holds.then_some(range)
     }
 
-    /// Pose of an element in the frame of its parent element: `pos` and its orientation.
+    /// Pose of an element in the frame of its parent element.
     pub fn pose(&mut self, of: Element<'a, 'i>) -> Isometry3<f64> {
         let at = self.vector(of, "pos").unwrap_or_default();
         Isometry3::from_parts(Translation3::from(at), self.orientation(of))
@@ -135,7 +135,11 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         };
         if turned.is_none() {
             let message = format!("{}: its orientation is none", called(of.node));
-            self.fault(of.node, message, "axes and quaternions must not be 0, nor axes parallel");
+            self.fault(
+                of.node,
+                message,
+                "give a quaternion or axes of a length above 0, and axes that are not parallel",
+            );
         }
         turned.unwrap_or_default()
     }
@@ -156,7 +160,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
     }
 }
 
-/// The shortest turn of z to an axis.
+/// Shortest rotation from z to an axis.
 pub fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     let opposite = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     UnitQuaternion::rotation_between_axis(&Vector3::z_axis(), axis).unwrap_or(opposite)

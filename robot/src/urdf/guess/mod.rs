@@ -1,0 +1,177 @@
+//! Guesses about a URDF from its mechanics: joints to lock, wheels, feet, heading. They go into the template of the side
+//! file, for a person to check.
+//!
+//! `axles` finds wheels among the endless joints at the ends of limbs, `soles` the contact of each other end, and `ground`
+//! the ends that reach the ground together. `heading` finds the axes that point forward and up. Names decide nothing alone.
+
+mod axles;
+mod ground;
+mod heading;
+mod soles;
+
+pub(super) use axles::{across, axles};
+pub(super) use ground::size_m;
+pub(super) use heading::{Axes, Heading, forward, up};
+
+use super::bodies::{Bodies, Rigid};
+use super::convert::locked_position;
+use super::model::{Joint, Kind, Urdf};
+use super::stance::Tip;
+use super::tree::{Graph, Tree};
+use crate::rules::ITEMS_MAX;
+use nalgebra::{Point3, Vector3};
+
+/// Guessed foot or wheel.
+#[derive(Debug)]
+pub(super) struct End {
+    /// Joint of the wheel; `None` for a foot.
+    pub axle: Option<usize>,
+    /// Link of the foot or wheel.
+    pub link: usize,
+    /// Centre in that link.
+    pub center_in_link_m: Vector3<f64>,
+    pub radius_m: f64,
+    /// True if the radius comes from a shape of the URDF.
+    pub measured: bool,
+    pub kind: EndKind,
+    pub tip: Tip,
+}
+
+/// Kind of contact of a guessed foot or wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum EndKind {
+    Foot,
+    DrivenWheel,
+    FreeWheel,
+    /// Wheel that no joint turns, with its axis in the link.
+    WeldedWheel(Vector3<f64>),
+}
+
+impl EndKind {
+    /// Kind of contact in the spelling of robot files.
+    pub fn contact(self) -> &'static str {
+        match self {
+            Self::Foot => "point_foot",
+            Self::DrivenWheel => "actuated_wheel",
+            Self::FreeWheel => "passive_wheel",
+            Self::WeldedWheel(_) => "welded_wheel",
+        }
+    }
+}
+
+/// Joints that robot files cannot have, with their locked position.
+pub(super) fn locks(urdf: &Urdf, tree: &Tree) -> Vec<(usize, f64)> {
+    let locked = |&index: &usize| {
+        let joint = &urdf.joints[index];
+        let limit = joint.limit;
+        let stuck =
+            joint.kind == Kind::Revolute && limit.lower.is_some() && limit.lower == limit.upper;
+        let foreign = matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating);
+        let follows = joint.mimics.is_some() && joint.kind != Kind::Fixed;
+        (stuck || foreign || follows).then(|| (index, locked_position(joint)))
+    };
+    tree.order.iter().filter_map(locked).collect()
+}
+
+/// Joints without a motor in a file that lists its motors, except axles.
+pub(super) fn passive(urdf: &Urdf, bodies: &Bodies, axles: &[usize]) -> Vec<usize> {
+    let joints = bodies.moving.iter().map(|moving| moving.joint);
+    let is_passive = |joint: &usize| {
+        urdf.lists_motors && !urdf.joints[*joint].has_motor && !axles.contains(joint)
+    };
+    joints.filter(is_passive).collect()
+}
+
+/// True if a wheel has no motor: the file lists others, or gives a torque to other wheels alone.
+pub(super) fn lacks_motor(urdf: &Urdf, axles: &[usize], joint: &Joint) -> bool {
+    let others = axles.iter().any(|&axle| urdf.joints[axle].has_motor);
+    !joint.has_motor && (urdf.lists_motors || others)
+}
+
+/// Feet and wheels that reach the ground together, in the order of limbs.
+pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -> Vec<End> {
+    // In the order of links, whatever that of the set.
+    let mut axles: Vec<usize> = rigid.wheels.iter().copied().collect();
+    axles.sort_by_key(|&axle| graph.ends[axle].1);
+    let mut on_body = vec![Vec::new(); bodies.bodies.len()];
+    for &axle in &axles {
+        if let Some((body, _)) = bodies.places[graph.ends[axle].1] {
+            on_body[body].push(axle);
+        }
+    }
+    let size_m = size_m(bodies);
+    let children = bodies.children();
+    let posed = soles::Posed::new(urdf, bodies, size_m);
+    let mut ends = Vec::new();
+    for index in 0..bodies.bodies.len() {
+        let before = ends.len();
+        let wheels = on_body[index].iter();
+        ends.extend(wheels.filter_map(|&axle| wheel(urdf, graph, bodies, &axles, axle, size_m)));
+        if ends.len() > before || children[index] > 0 && index > 0 {
+            continue;
+        }
+        let links = bodies.bodies[index].links.iter().copied();
+        let welded: Vec<_> = links.filter_map(|link| welded_wheel(urdf, bodies, link)).collect();
+        if !welded.is_empty() {
+            ends.extend(welded);
+        } else if index > 0 {
+            ends.extend(soles::foot(&posed, index));
+        }
+    }
+    let mut ends = ground::together(urdf, bodies, ends);
+    // A robot file has at most this number.
+    ends.truncate(ITEMS_MAX);
+    ends
+}
+
+fn wheel(
+    urdf: &Urdf,
+    graph: &Graph,
+    bodies: &Bodies,
+    axles: &[usize],
+    axle: usize,
+    size_m: f64,
+) -> Option<End> {
+    let joint = &urdf.joints[axle];
+    let disc = axles::disc(urdf, graph, axle, size_m);
+    let words = ["caster", "passive", "free"];
+    let link = graph.ends[axle].1;
+    let called = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
+    let kind = match called || lacks_motor(urdf, axles, joint) {
+        true => EndKind::FreeWheel,
+        false => EndKind::DrivenWheel,
+    };
+    end(bodies, link, Some(axle), disc.center_m, disc.radius_m, disc.measured, kind)
+}
+
+/// Link with the name of a wheel and a cylinder that no joint turns.
+fn welded_wheel(urdf: &Urdf, bodies: &Bodies, link: usize) -> Option<End> {
+    let wheel = &urdf.links[link];
+    let (radius_m, pose) = wheel.shapes.iter().find_map(|shape| match shape.solid {
+        super::model::Solid::Cylinder { radius_m, .. } => Some((radius_m, shape.link_from_shape)),
+        _ => None,
+    })?;
+    let kind = EndKind::WeldedWheel(pose.rotation * Vector3::z());
+    has(&wheel.name, &axles::WHEELS)
+        .then(|| end(bodies, link, None, pose.translation.vector, radius_m, true, kind))?
+}
+
+fn end(
+    bodies: &Bodies,
+    link: usize,
+    axle: Option<usize>,
+    center_in_link_m: Vector3<f64>,
+    radius_m: f64,
+    measured: bool,
+    kind: EndKind,
+) -> Option<End> {
+    let (body, body_from_link) = bodies.places[link]?;
+    let center_m = (body_from_link * Point3::from(center_in_link_m)).coords;
+    let tip = Tip { body, center_m, radius_m };
+    Some(End { axle, link, center_in_link_m, radius_m, measured, kind, tip })
+}
+
+fn has(name: &str, words: &[&str]) -> bool {
+    let name = name.to_ascii_lowercase();
+    words.iter().any(|word| name.contains(word))
+}

@@ -1,0 +1,77 @@
+//! Elements that constrain or drive the robot and that robot files lack. A warning names them.
+
+use super::numbers::{Element, Reader};
+use crate::document::Span;
+use crate::urdf::elements::tag;
+use crate::urdf::names::some_names;
+use roxmltree::Node;
+
+/// Attributes by which an actuator acts on something other than a joint.
+const OTHER_TARGETS: [&str; 5] = ["tendon", "site", "body", "cranksite", "slidersite"];
+/// Attributes that name the two sides of an equality.
+const SIDES: [&str; 8] =
+    ["body1", "site1", "joint1", "tendon1", "body2", "site2", "joint2", "tendon2"];
+
+/// Warns of loops, tendons and actuators that the import drops, one line for each kind.
+pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) {
+    let inside = |list: &'static str| {
+        let lists = root.children().filter(move |node| node.has_tag_name(list));
+        lists.flat_map(|list| list.children()).filter(|node| node.is_element())
+    };
+    for (list, kinds, effect) in [
+        (
+            "equality",
+            &["connect", "weld", "tendon", "flex"][..],
+            "robot files have no closed loops, so the linkage moves freely: lock its passive joints under [lock] of the side file",
+        ),
+        (
+            "tendon",
+            &["fixed", "spatial"],
+            "robot files have no tendons, so the joints move independently: lock those without a motor under [lock] of the side file",
+        ),
+    ] {
+        for kind in kinds {
+            let found: Vec<_> = inside(list).filter(|node| node.has_tag_name(*kind)).collect();
+            let Some(first) = found.first() else { continue };
+            let names: Vec<_> = found.iter().map(|node| name(*node)).collect();
+            let what = some_names(names.iter());
+            reader
+                .notes
+                .warn(&tag(*first), format_args!("<{kind}> {what} is not imported; {effect}"));
+        }
+    }
+    let other =
+        |node: &Node<'_, '_>| OTHER_TARGETS.iter().any(|target| node.has_attribute(*target));
+    let found: Vec<_> = inside("actuator").filter(other).collect();
+    if let Some(first) = found.first() {
+        let names: Vec<_> = found.iter().map(|node| name(*node)).collect();
+        let what = some_names(names.iter());
+        reader.notes.warn(&tag(*first), format_args!(
+            "<actuator> {what} acts on no joint and is not imported; replace it by a motor at a joint, or lock the joints that it drives"
+        ));
+    }
+}
+
+/// Name of an element, else its two sides, else its tag.
+fn name(node: Node<'_, '_>) -> String {
+    if let Some(name) = node.attribute("name") {
+        return name.to_owned();
+    }
+    let sides: Vec<_> = SIDES.iter().filter_map(|side| node.attribute(*side)).collect();
+    if sides.is_empty() { node.tag_name().name().to_owned() } else { sides.join(" – ") }
+}
+
+/// Warns of springs of joints, which robot files lack.
+pub fn warn_springs(springs: &[(String, Span)], reader: &mut Reader<'_, '_, '_, '_, '_>) {
+    if let Some((_, span)) = springs.first() {
+        let names = some_names(springs.iter().map(|(name, _)| name));
+        reader.notes.warn(span, format_args!(
+            "joint {names}: `stiffness` is not imported, because robot files have no springs; lock the joint if the spring alone holds it"
+        ));
+    }
+}
+
+/// True if a joint has a spring.
+pub fn has_spring<'a, 'i>(reader: &mut Reader<'_, '_, '_, 'a, 'i>, of: Element<'a, 'i>) -> bool {
+    reader.numbers(of, "stiffness", 1, 3).is_some_and(|stiffness| stiffness[0] > 0.0)
+}

@@ -1,0 +1,139 @@
+//! Warnings of the survey about its guesses.
+
+use super::draft_side::Draft;
+use super::guess::{self, EndKind};
+use super::joints::has_degrees;
+use super::model::{Kind, Urdf};
+use super::names::some_names;
+use super::notes::Notes;
+use super::side::AXES;
+use super::stance::Stance;
+use super::tree::Graph;
+use rollwalk_protocol::config::MAX_CHANNELS;
+
+/// Warns of guesses that a person has to check.
+pub(super) fn warn(
+    urdf: &Urdf,
+    graph: &Graph,
+    draft: &Draft,
+    stance: &Stance,
+    notes: &mut Notes<'_>,
+) {
+    let mut remarks = Remarks { urdf, draft, notes };
+    remarks.axes();
+    remarks.limits();
+    remarks.locks();
+    remarks.wheels(graph);
+    remarks.ends(stance);
+}
+
+struct Remarks<'a, 'n, 't> {
+    urdf: &'a Urdf,
+    draft: &'a Draft,
+    notes: &'n mut Notes<'t>,
+}
+
+impl Remarks<'_, '_, '_> {
+    /// Warns about joints, with their names before the text.
+    fn joints(&mut self, joints: &[usize], text: &str) {
+        let Some(&first) = joints.first() else { return };
+        let names: Vec<_> = joints.iter().map(|&joint| &self.urdf.joints[joint].name).collect();
+        let names = some_names(names.into_iter());
+        self.notes.warn(&self.urdf.joints[first].span, format_args!("joint {names}: {text}"));
+    }
+
+    fn axes(&mut self) {
+        let heading = self.draft.heading;
+        let [forward, up] = [heading.axes.forward, heading.axes.up].map(|axis| AXES[axis]);
+        if let Some(because) = heading.because {
+            self.notes.warn(&(0..0), format_args!(
+                "by {because}, {forward} of the root link points forward and {up} up: the template has `forward = \"{forward}\"` and `up = \"{up}\"`; check both"
+            ));
+        }
+        if heading.contradicts {
+            let other = if forward.ends_with('x') { "+y" } else { "+x" };
+            self.notes.warn(&(0..0), format_args!(
+                "knees or wheels turn about {forward} of the root link, which points forward by the names of limbs: check `forward` in the side file; knees alone suggest `forward = \"{other}\"`"
+            ));
+        }
+    }
+
+    fn limits(&mut self) {
+        let joints: Vec<usize> = self.draft.bodies.moving.iter().map(|m| m.joint).collect();
+        let degrees: Vec<usize> = joints
+            .into_iter()
+            .filter(|&joint| has_degrees(self.urdf, &self.urdf.joints[joint]))
+            .collect();
+        if let Some(&first) = degrees.first() {
+            let limit = self.urdf.joints[first].limit;
+            let [lower, upper] = [limit.lower, limit.upper].map(Option::unwrap_or_default);
+            let text = format!(
+                "limits {lower} to {upper} look like degrees, and a URDF has radians: the template has {:.3} to {:.3} rad; convert the file",
+                lower.to_radians(),
+                upper.to_radians()
+            );
+            self.joints(&degrees, &text);
+        }
+    }
+
+    fn locks(&mut self) {
+        let locked = |is: &dyn Fn(&super::model::Joint) -> bool| -> Vec<usize> {
+            let locks = self.draft.locks.iter().map(|(joint, _)| *joint);
+            locks.filter(|&joint| is(&self.urdf.joints[joint])).collect()
+        };
+        let follow = locked(&|joint| joint.mimics.is_some());
+        let blank = locked(&|joint| joint.has_blank_limits());
+        let slide = locked(&|joint| {
+            matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating)
+                && joint.mimics.is_none()
+        });
+        self.joints(&follow, "follows another joint (<mimic>, or <joint> of an equality): locked in the template, because joints of a robot file move independently");
+        self.joints(&blank, "all limits are 0, as exporters leave them blank: locked in the template; write the limits of the joint into the model, or remove it from [lock] and give `position_min_rad` and `position_max_rad`");
+        self.joints(&slide, "does not turn about an axis: locked in the template, because joints of a robot file do");
+        let (passive, idle) = (self.draft.passive.clone(), self.draft.idle.clone());
+        self.joints(&passive, "passive, because the model has actuators for other joints only: locked in the template; remove it from [lock] to give it a motor");
+        let text = format!(
+            "locked in the template, because the robot has {} channels, and a controller and a library have at most {MAX_CHANNELS}; choose under [lock]",
+            self.draft.channels
+        );
+        self.joints(&idle, &text);
+    }
+
+    fn wheels(&mut self, graph: &Graph) {
+        let of_kind = |kind: EndKind, is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            let ends = self.draft.ends.iter().filter(|end| end.kind == kind);
+            ends.filter_map(|end| end.axle).filter(|&axle| is(axle)).collect()
+        };
+        let urdf = self.urdf;
+        let motorless =
+            |axle: usize| guess::lacks_motor(urdf, &self.draft.axles, &urdf.joints[axle]);
+        let free = of_kind(EndKind::FreeWheel, &motorless);
+        let others = urdf.joints.iter().any(|joint| joint.has_motor);
+        let bare = |axle: usize| others && !urdf.joints[axle].has_motor;
+        let driven = of_kind(EndKind::DrivenWheel, &bare);
+        self.joints(&free, "the wheel is passive, because the model has motors for others only: `contact = \"actuated_wheel\"` in the side file makes it driven");
+        self.joints(&driven, "the wheel is taken as driven, though the model gives its joint no motor (no <limit> with `effort`): `contact = \"passive_wheel\"` in the side file makes it passive");
+        for axle in self.draft.ends.iter().filter_map(|end| end.axle) {
+            let Some(across) = guess::across(urdf, graph, axle) else { continue };
+            let (joint, link) = (&urdf.joints[across.joint], &urdf.links[across.link]);
+            self.notes.warn(&link.span, format_args!(
+                "link `{}`: its cylinder lies across the axis of joint `{}`: turn one of them by 90°; the template takes the radius of the cylinder, {} m",
+                link.name, joint.name, across.radius_m
+            ));
+        }
+    }
+
+    fn ends(&mut self, stance: &Stance) {
+        for &(missed, above_m) in &stance.missed {
+            let link = &self.urdf.links[self.draft.ends[missed].link];
+            self.notes.warn(&link.span, format_args!(
+                "link `{}` is {:.0} mm above the ground in the proposed pose: set `nominal_rad` of its joints",
+                link.name,
+                1e3 * above_m
+            ));
+        }
+        if self.draft.ends.is_empty() {
+            self.notes.warn(&(0..0), "nothing looks like a foot or a wheel: the template stands the robot on a point below its body; give [[end_effector]] tables");
+        }
+    }
+}
