@@ -15,9 +15,12 @@ const EMPTY_MASS_SHARE: f64 = 1e-6;
 const GYRATION_MIN_M: f64 = 1e-3;
 /// Radius of gyration that counts as 0, m.
 const GYRATION_NONE_M: f64 = 1e-4;
-/// Fraction of the largest moment by which the sum of the two others exceeds it at least. Exports round, and MuJoCo refuses
-/// a sum that is smaller.
+/// Fraction of the largest moment by which the sum of the two others exceeds it after a repair.
 const SLACK: f64 = 1e-3;
+/// The same for a flat plate, which is not repaired. Exports round, and MuJoCo refuses a sum that is smaller.
+const ROUNDING: f64 = 1e-8;
+/// Maximum number of changes of an inertia. With two equal moments one change is not enough.
+const REPAIRS: usize = 20;
 
 /// Links that move as one rigid body.
 #[derive(Debug)]
@@ -208,18 +211,24 @@ fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<Strin
             reasons.push("are not all above 0");
         }
     }
-    let large = moments.imax();
-    let excess = 2.0 * moments[large] - moments.sum();
-    let short = excess + SLACK * moments[large];
-    if short > 0.0 {
+    let excess = 2.0 * moments.max() - moments.sum();
+    // Decimals in files are rounded.
+    let is_broken = excess > 1e-6 * moments.max();
+    if is_broken {
+        reasons.push("break the triangle inequality");
+    }
+    let slack = if is_broken { SLACK } else { ROUNDING };
+    for _ in 0..REPAIRS {
+        let large = moments.imax();
+        let short = 2.0 * moments[large] - moments.sum() + slack * moments[large];
+        // Rounding of the last change is no reason for another one.
+        if short <= 1e-3 * slack * moments[large] {
+            break;
+        }
         // After the change the sum of the others exceeds the largest moment by the slack.
-        let change = short / (3.0 + SLACK);
+        let change = short / (3.0 + slack);
         moments.add_scalar_mut(change);
         moments[large] -= 2.0 * change;
-        // Flat plates and rounded decimals are not errors of the author.
-        if excess > 1e-6 * written[large] {
-            reasons.push("break the triangle inequality");
-        }
     }
     if moments == written {
         return (symmetric, None);

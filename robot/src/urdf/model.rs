@@ -48,7 +48,7 @@ pub(super) enum Solid {
     Sphere {
         radius_m: f64,
     },
-    /// Its axis is z of the shape.
+    /// Cylinder about z of the shape.
     Cylinder {
         radius_m: f64,
         length_m: f64,

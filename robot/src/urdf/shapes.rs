@@ -1,9 +1,10 @@
-//! Collision geometry to shapes for clearance: capsules, and boxes of the body.
+//! Shapes for clearance from collision geometry: capsules, and boxes of the body.
 //!
-//! A solid becomes the capsule along its longest direction, with the radius of its cross-section, its ends drawn in
-//! by that radius; where it is not longer than wide, the sphere of its volume. Boxes of the body stay boxes.
+//! A solid becomes the capsule of its length and cross-section, or the sphere of its volume if it is not longer than wide.
+//! Boxes of the body stay boxes.
 
 use super::bodies::Bodies;
+use super::guess::size_m;
 use super::model::{Link, Solid, Urdf};
 use super::names::some_names;
 use super::notes::Notes;
@@ -14,17 +15,20 @@ use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
 use std::collections::HashSet;
 use std::f64::consts::PI;
 
-/// Solids smaller than this in all directions only stand for a link, m.
+/// Size below which a solid is a placeholder, m.
 const PLACEHOLDER_M: f64 = 0.005;
-/// Most shapes of a body: as robot files allow.
+/// Maximum number of shapes of a body in robot files.
 const SHAPES_MAX: usize = 16;
-/// Room around a foot or wheel within which a shape is part of it, as a share of its radius.
+/// Distance around a foot or wheel within which a shape is part of it, as a fraction of its radius.
 const PART_OF_TIP: f64 = 0.1;
-
-/// Most that a leg leans, as a multiple of the height by which a point of it lies above its foot: 60°.
+/// Size of the box of an inertia above which the inertia is wrong, as a multiple of the robot's size.
+const BOX_MAX: f64 = 5.0;
+/// Largest radius of a capsule in robot files, m.
+const RADIUS_MAX_M: f64 = 1.0;
+/// Reciprocal cosine of the largest lean of a leg, 60°, at which its foot still touches the ground first.
 const LEAN: f64 = 2.0;
 
-/// Shapes of all bodies; notes where meshes are replaced.
+/// Shapes of all bodies. Notes the meshes that a box replaces.
 pub(super) fn shapes(
     urdf: &Urdf,
     bodies: &Bodies,
@@ -32,7 +36,10 @@ pub(super) fn shapes(
     tips: &[Tip],
     notes: &mut Notes<'_>,
 ) -> Vec<Vec<Shape>> {
-    let mut meshes = Vec::new();
+    let robot_m = size_m(bodies);
+    // A robot of one link has no size.
+    let largest_m = if robot_m > 0.0 { BOX_MAX * robot_m } else { f64::INFINITY };
+    let (mut meshes, mut shapeless) = (Vec::new(), Vec::new());
     let all = bodies.bodies.iter().enumerate().map(|(index, body)| {
         let tips: Vec<_> = tips.iter().filter(|tip| tip.body == index).collect();
         let mut shapes = Vec::new();
@@ -46,7 +53,10 @@ pub(super) fn shapes(
             }
             shapes.extend(of_solids(link, body_from_link, index == 0));
             if link.shapes.iter().any(|shape| shape.collision && shape.solid == Solid::Mesh) {
-                let guess = of_inertia(link, body_from_link, index == 0);
+                let guess = of_inertia(link, body_from_link, index == 0, largest_m);
+                if guess.is_none() {
+                    shapeless.push(link);
+                }
                 shapes.extend(guess.and_then(|shape| {
                     tips.iter().try_fold(shape, |shape, tip| behind(shape, tip))
                 }));
@@ -59,6 +69,10 @@ pub(super) fn shapes(
     if let Some(first) = meshes.first() {
         let names = some_names(meshes.iter().map(|link| &link.name));
         notes.warn(&first.span, format_args!("link {names}: collision meshes are not read: their shape is that of a box with the mass and inertia of the link; check `shapes` in the robot file"));
+    }
+    if let Some(first) = shapeless.first() {
+        let names = some_names(shapeless.iter().map(|link| &link.name));
+        notes.warn(&first.span, format_args!("link {names}: no shape, because the link has no inertia or that of a box larger than the robot: correct its <inertial>, or give `shapes` in the robot file"));
     }
     all
 }
@@ -84,21 +98,36 @@ fn of_solids(
     })
 }
 
-/// Shape of a link whose mesh is not read, from its inertia.
-fn of_inertia(link: &Link, body_from_link: &Isometry3<f64>, root: bool) -> Option<Shape> {
+/// Shape of a link with a mesh, from its inertia.
+fn of_inertia(
+    link: &Link,
+    body_from_link: &Isometry3<f64>,
+    root: bool,
+    largest_m: f64,
+) -> Option<Shape> {
     let (link_from_box, size_m) = inertia_box(link.mass.as_ref()?)?;
-    cuboid(&(body_from_link * link_from_box), size_m, root)
+    if size_m.max() > largest_m {
+        return None;
+    }
+    let shape = cuboid(&(body_from_link * link_from_box), size_m, root);
+    shape.filter(
+        |shape| !matches!(shape, Shape::Capsule { radius_m, .. } if *radius_m > RADIUS_MAX_M),
+    )
 }
 
-/// Shortens a guessed shape so that the foot or wheel of its body touches the ground first: a shin that reaches below its foot
-/// would drag. `None` for a shape at the foot, which is the foot.
+/// Keeps the part of a guessed shape between the joint of its body, at the origin, and a foot or wheel, which then touches the
+/// ground first. Returns `None` for a shape at the foot or beyond it.
 fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else {
         return Some(shape);
     };
     let mut ends = [from_in_link_m, to_in_link_m];
-    ends.sort_by(|a, b| (b - tip.center_m).norm().total_cmp(&(a - tip.center_m).norm()));
+    let along_limb = |end: &Vector3<f64>| end.dot(&tip.center_m);
+    ends.sort_by(|a, b| along_limb(a).total_cmp(&along_limb(b)));
     let [far, near] = ends;
+    if tip.center_m.norm() > tip.radius_m && along_limb(&far) > tip.center_m.norm_squared() {
+        return None;
+    }
     let above_m = (far - tip.center_m).norm();
     if above_m <= tip.radius_m {
         return None;
@@ -113,7 +142,7 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     Some(Shape::Capsule { from_in_link_m: far, to_in_link_m, radius_m })
 }
 
-/// The capsule with ends at ± `half` in the frame of `pose`.
+/// Capsule with ends at ± `half` in the frame of `pose`.
 fn capsule(pose: &Isometry3<f64>, half: &Vector3<f64>, radius_m: f64) -> Shape {
     let end = |sign: f64| (pose * Point3::from(half * sign)).coords;
     Shape::Capsule { from_in_link_m: end(-1.0), to_in_link_m: end(1.0), radius_m }
@@ -124,7 +153,7 @@ fn cuboid(pose: &Isometry3<f64>, size_m: Vector3<f64>, root: bool) -> Option<Sha
         return None;
     }
     if root {
-        // The box along the axes of the body that holds it.
+        // Its bounding box along the axes of the body.
         let size_m = pose.rotation.to_rotation_matrix().matrix().abs() * size_m;
         return Some(Shape::Box { center_in_link_m: pose.translation.vector, size_m });
     }
@@ -134,7 +163,7 @@ fn cuboid(pose: &Isometry3<f64>, size_m: Vector3<f64>, root: bool) -> Option<Sha
     Some(rod(pose, longest, size_m[longest], 0.5 * across.norm(), size_m.product()))
 }
 
-/// A solid along an axis of `pose`, with the radius of its cross-section.
+/// Solid along an axis of `pose`, with the radius of its cross-section.
 fn rod(pose: &Isometry3<f64>, axis: usize, length_m: f64, radius_m: f64, volume_m3: f64) -> Shape {
     let half_m = 0.5 * length_m - radius_m;
     if half_m > 0.0 {
@@ -144,7 +173,7 @@ fn rod(pose: &Isometry3<f64>, axis: usize, length_m: f64, radius_m: f64, volume_
     }
 }
 
-/// The homogeneous box of a mass and its inertia: pose in the link and size.
+/// Homogeneous box with the mass and inertia of a link: pose in the link, and size.
 fn inertia_box(mass: &MassProperties) -> Option<(Isometry3<f64>, Vector3<f64>)> {
     let eigen = mass.inertia_kg_m2.symmetric_eigen();
     let moments = eigen.eigenvalues;
@@ -158,7 +187,7 @@ fn inertia_box(mass: &MassProperties) -> Option<(Isometry3<f64>, Vector3<f64>)> 
     (size_m.max() > 0.0).then(|| (Isometry3::from_parts(mass.com_m.into(), turn), size_m))
 }
 
-/// Leaves out shapes that are inside another or part of a foot or wheel, and the smallest of too many.
+/// Drops shapes inside another one or part of a foot or wheel, and the smallest of too many.
 fn thinned(mut shapes: Vec<Shape>, tips: &[&Tip]) -> Vec<Shape> {
     let size = |shape: &Shape| match shape {
         Shape::Capsule { radius_m, .. } => *radius_m,

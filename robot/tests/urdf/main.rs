@@ -1,14 +1,17 @@
 //! Integration tests of the URDF import: masses and geometry against an independent computation, pitfalls of URDF, malicious
 //! input.
 
+mod ends;
 mod faults;
 mod hostile;
 mod large;
+mod made;
 mod mjcf;
 mod oracle;
 mod physics;
 mod repairs;
 mod shapes;
+mod stances;
 mod surveys;
 
 use rollwalk_robot::document::DocumentError;

@@ -144,3 +144,75 @@ fn deep_and_broken_models_end() {
     assert!(surveyed(&text.replace("<worldbody>", &format!("{nested}<worldbody>"))).is_ok());
     assert!(surveyed("<mujoco").is_err());
 }
+
+/// MJCF quadruped with motors for its legs, a rod at each thigh, and more elements.
+fn linked(more: &str, joint: &str) -> String {
+    let mut legs = String::new();
+    let mut motors = String::new();
+    for (leg, x, y) in [("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1)]
+    {
+        legs += &format!(
+            "<body name=\"{leg}_thigh\" pos=\"{x} {y} 0\"><joint name=\"{leg}_hip\" axis=\"0 1 0\" range=\"-90 90\"/>\
+             <geom type=\"capsule\" size=\"0.02\" fromto=\"0 0 0 0 0 -0.2\"/>\
+             <body name=\"{leg}_rod\" pos=\"0.03 0 0\"><joint name=\"{leg}_pin\" axis=\"0 1 0\" {joint}/>\
+             <geom type=\"capsule\" size=\"0.005\" fromto=\"0 0 0 0 0 -0.2\"/></body>\
+             <body name=\"{leg}_shank\" pos=\"0 0 -0.2\"><joint name=\"{leg}_knee\" axis=\"0 1 0\" range=\"-150 -20\"/>\
+             <geom type=\"capsule\" size=\"0.02\" fromto=\"0 0 0 0 0 -0.2\"/></body></body>"
+        );
+        motors += &format!(
+            "<motor joint=\"{leg}_hip\" ctrlrange=\"-9 9\"/><motor joint=\"{leg}_knee\" ctrlrange=\"-9 9\"/>"
+        );
+    }
+    trunk(&legs).replace("</mujoco>", &format!("<actuator>{motors}</actuator>{more}</mujoco>"))
+}
+
+#[test]
+fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
+    let connect =
+        "<equality><connect body1=\"fl_rod\" body2=\"fl_shank\" anchor=\"0 0 -0.2\"/></equality>";
+    let weld = "<equality><weld name=\"glue\" body1=\"fl_rod\" body2=\"fl_shank\"/></equality>";
+    let tendon =
+        "<tendon><fixed name=\"belt\"><joint joint=\"fl_hip\" coef=\"1\"/></fixed></tendon>";
+    for (more, joint, words) in [
+        (connect, "", ["<connect> `fl_rod – fl_shank`", "[lock]"]),
+        (weld, "", ["<weld> `glue`", "[lock]"]),
+        (tendon, "", ["<fixed> `belt`", "no tendons"]),
+        ("", "stiffness=\"5\"", ["`fl_pin`", "`stiffness` is not imported"]),
+        (
+            "<actuator><motor name=\"pull\" tendon=\"belt\"/></actuator>",
+            "",
+            ["<actuator> `pull`", "no joint"],
+        ),
+    ] {
+        let survey = surveyed(&linked(more, joint)).unwrap();
+        let has = |words: &[&str]| {
+            survey.warnings.iter().any(|warning| words.iter().all(|word| warning.contains(word)))
+        };
+        assert!(has(&words), "{words:?}: {:?}", survey.warnings);
+        assert!(has(&["`fl_pin`", "passive", "[lock]"]), "{:?}", survey.warnings);
+        assert_eq!(survey.end_effectors.len(), 4);
+        assert!(survey.end_effectors.iter().all(|end| end.link.ends_with("_shank")));
+        assert!(survey.template.contains("fl_pin = 0.0"), "{}", survey.template);
+    }
+}
+
+#[test]
+fn the_keyframe_home_is_the_standing_pose() {
+    let home = |legs: &str| {
+        format!("<keyframe><key name=\"home\" qpos=\"0 0 0.3 1 0 0 0 {legs}\"/></keyframe>")
+    };
+    // Thigh, rod and shank of each leg, in the order of the bodies.
+    let standing = surveyed(&linked(&home(&"0.7 0 -1.4 ".repeat(4)), "")).unwrap();
+    let nominal = |survey: &Survey, name: &str| {
+        let joint = survey.joints.iter().find(|joint| joint.name == name).unwrap();
+        joint.proposal.clone()
+    };
+    assert_eq!(nominal(&standing, "rr_hip"), "nominal 0.700 rad");
+    assert_eq!(nominal(&standing, "rr_knee"), "nominal -1.400 rad");
+    // The front of this robot lies.
+    let lying = "1.5 0 -2.5 1.5 0 -2.5 0.7 0 -1.4 0.7 0 -1.4";
+    let survey = surveyed(&linked(&home(lying), "")).unwrap();
+    assert_ne!(nominal(&survey, "fl_hip"), "nominal 1.500 rad");
+    let short = surveyed(&linked(&home("0.7 0"), "")).unwrap();
+    assert!(short.warnings.iter().any(|w| w.contains("`qpos` has 9 numbers, the joints have 19")));
+}

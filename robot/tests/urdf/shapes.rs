@@ -1,5 +1,6 @@
 //! Tests that collision geometry of a URDF becomes shapes for clearance.
 
+use super::made::{CORNERS, Made};
 use super::{SIDE, URDF, edited, good};
 use nalgebra::Vector3;
 use rollwalk_robot::Robot;
@@ -70,4 +71,51 @@ fn meshes_become_the_box_of_their_inertia_with_a_warning() {
     for (end, sign) in [(ends[0].min(ends[1]), -1.0), (ends[0].max(ends[1]), 1.0)] {
         assert!((end - sign * (half - radius)).abs() < 2e-4, "{ends:?}");
     }
+}
+
+/// Legs of a quadruped whose shank has a mesh with its centre of mass beyond the foot.
+#[test]
+fn the_shape_of_a_mesh_is_between_joint_and_foot() {
+    let mesh = "<collision><geometry><mesh filename=\"shank.stl\"/></geometry></collision>";
+    for com_z_m in [-0.15, -0.2, -0.23, -0.28] {
+        let mut made = Made::trunk();
+        for (name, x, y) in CORNERS {
+            made.leg(name, "trunk", [x, y, 0.0]);
+        }
+        let shank = "_shank\"><inertial><origin xyz=\"0 0 -0.1\"/><mass value=\"0.2\"/>\
+                     <inertia ixx=\"0.0008\" ixy=\"0\" ixz=\"0\" iyy=\"0.0008\" iyz=\"0\" izz=\"0.0008\"/></inertial>";
+        assert_eq!(made.text.matches(shank).count(), 4);
+        let heavy = shank
+            .replace("-0.1", &com_z_m.to_string())
+            .replace("izz=\"0.0008\"", "izz=\"0.00002\"");
+        made.text = made.text.replace(shank, &format!("{heavy}{mesh}"));
+        let (_, robot) = super::made::imported(&made.urdf());
+        for end in &robot.end_effectors {
+            let foot_m = end.center_in_link_m.z - end.radius_m;
+            for shape in &robot.links[end.link].shapes {
+                let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else {
+                    panic!()
+                };
+                let low_m = from_in_link_m.z.min(to_in_link_m.z) - radius_m;
+                assert!(low_m > foot_m, "{com_z_m}: {low_m} {foot_m}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_inertia_larger_than_the_robot_gives_no_shape() {
+    let mesh = with_collision("left_thigh", "<geometry><mesh filename=\"a.stl\"/></geometry>");
+    let huge = edited(
+        &mesh,
+        "<origin xyz=\"0 0.01 -0.09\"/>\n      <mass value=\"0.6\"/>\n      <inertia ixx=\"0.002\" ixy=\"0\" ixz=\"0\" iyy=\"0.002\"",
+        "<origin xyz=\"0 0.01 -0.09\"/>\n      <mass value=\"0.6\"/>\n      <inertia ixx=\"2000\" ixy=\"0\" ixz=\"0\" iyy=\"2000\"",
+    );
+    let made = good(&huge, SIDE);
+    assert!(shapes(&made.robot, "left_thigh").is_empty());
+    assert!(
+        made.warnings.iter().any(|w| w.contains("`left_thigh`: no shape")),
+        "{:?}",
+        made.warnings
+    );
 }

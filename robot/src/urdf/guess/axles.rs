@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 /// Parts of names of wheels.
 pub(super) const WHEELS: [&str; 4] = ["wheel", "tire", "tyre", "whl"];
 /// Vertical component of an axis above which it is no axle.
-const UPRIGHT: f64 = 0.7;
+pub(super) const UPRIGHT: f64 = 0.7;
 /// Distance of the centre of mass from the axle, as a fraction of the radius of gyration, up to which a body is centred.
 const CENTRED: f64 = 0.3;
 /// Distance of the centre of a round shape from the axle, as a fraction of its radius.

@@ -15,7 +15,7 @@ pub(super) use heading::{Axes, Heading, forward, up};
 
 use super::bodies::{Bodies, Rigid};
 use super::convert::locked_position;
-use super::model::{Joint, Kind, Urdf};
+use super::model::{Joint, Kind, Solid, Urdf};
 use super::stance::Tip;
 use super::tree::{Graph, Tree};
 use crate::rules::ITEMS_MAX;
@@ -111,7 +111,7 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
             continue;
         }
         let links = bodies.bodies[index].links.iter().copied();
-        let welded: Vec<_> = links.filter_map(|link| welded_wheel(urdf, bodies, link)).collect();
+        let welded: Vec<_> = links.filter_map(|link| welded_wheel(&posed, link)).collect();
         if !welded.is_empty() {
             ends.extend(welded);
         } else if index > 0 {
@@ -144,16 +144,23 @@ fn wheel(
     end(bodies, link, Some(axle), disc.center_m, disc.radius_m, disc.measured, kind)
 }
 
-/// Link with the name of a wheel and a cylinder that no joint turns.
-fn welded_wheel(urdf: &Urdf, bodies: &Bodies, link: usize) -> Option<End> {
-    let wheel = &urdf.links[link];
+/// Link with the name of a wheel and a disc about a horizontal axis that no joint turns.
+fn welded_wheel(posed: &soles::Posed<'_>, link: usize) -> Option<End> {
+    let wheel = &posed.urdf.links[link];
     let (radius_m, pose) = wheel.shapes.iter().find_map(|shape| match shape.solid {
-        super::model::Solid::Cylinder { radius_m, .. } => Some((radius_m, shape.link_from_shape)),
+        Solid::Cylinder { radius_m, length_m } if length_m < 2.0 * radius_m => {
+            Some((radius_m, shape.link_from_shape))
+        }
         _ => None,
     })?;
-    let kind = EndKind::WeldedWheel(pose.rotation * Vector3::z());
-    has(&wheel.name, &axles::WHEELS)
-        .then(|| end(bodies, link, None, pose.translation.vector, radius_m, true, kind))?
+    let axis = pose.rotation * Vector3::z();
+    let (body, body_from_link) = posed.bodies.places[link]?;
+    let in_root: Vector3<f64> = posed.poses[body].rotation * (body_from_link.rotation * axis);
+    if in_root.z.abs() > axles::UPRIGHT || !has(&wheel.name, &axles::WHEELS) {
+        return None;
+    }
+    let kind = EndKind::WeldedWheel(axis);
+    end(posed.bodies, link, None, pose.translation.vector, radius_m, true, kind)
 }
 
 fn end(

@@ -47,10 +47,10 @@ impl Pad {
 
 /// Robot with all joints next to 0.
 pub(super) struct Posed<'a> {
-    urdf: &'a Urdf,
-    bodies: &'a Bodies,
+    pub urdf: &'a Urdf,
+    pub bodies: &'a Bodies,
     turns: Vec<Turn>,
-    poses: Vec<Isometry3<f64>>,
+    pub poses: Vec<Isometry3<f64>>,
     /// Number of joints that leave each body.
     children: Vec<usize>,
     size_m: f64,
