@@ -30,7 +30,7 @@ pub struct OperatedBus<'a> {
     pub operator: Operator,
     started: Instant,
     reopen_us: u64,
-    /// Frames received since the previous call of [`heard`](Self::received_frames); `None` before the first call.
+    /// Frames received since the previous call of [`received_frames`](Self::received_frames); `None` before the first call.
     heard: Option<Vec<Frame>>,
 }
 
