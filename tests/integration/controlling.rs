@@ -46,7 +46,7 @@ fn in_real_time_a_robot_walks_in_closed_loop_and_is_disarmed() {
             && said.contains("the state of the robot is estimated"),
         "{said}"
     );
-    assert!(said.contains("left; the robot is disarmed") && said.contains(PLANNING), "{said}");
+    assert!(said.contains("the robot is disarmed") && said.contains(PLANNING), "{said}");
     controlled.succeeds();
     drop(robot);
 }

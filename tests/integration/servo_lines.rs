@@ -148,7 +148,7 @@ fn a_line_of_servos_is_no_bus_of_frames() {
     says(&with(ROBOT, "tty:/dev/ttyNONE"), &["no device `/dev/ttyNONE`"]);
     says(
         &[ROBOT, "--bus", "sim:x.sock", "--actuators", "tty:/dev/ttyNONE"],
-        &["one end for each program", "--only motors --actuators pty:"],
+        &["cannot share a serial line", "--only motors --actuators pty:"],
     );
     on(&desk, "tty:/dev/ttyUSB0", &["discover"])
         .fails(1, &["a serial line of servos", "serial:DEVICE"]);

@@ -267,7 +267,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
     let rest = rest.replace("gait = \"trot\"\nduty = 0.8", &air.replace("..", "..##"));
     assert_faults(
         Motion::from_toml("m.toml", &rest, &agilebot()),
-        &[(footfalls, "a foot in the air at an end", "begin and end every row with #")],
+        &[(footfalls, "a foot in the air at the start or end", "begin and end every row with #")],
     );
 }
 
