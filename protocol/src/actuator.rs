@@ -356,7 +356,8 @@ impl ActuatorStatus {
     pub const BAD_VOLTAGE: u8 = 1 << 5;
     /// Position sensor or other hardware failed: torque is off.
     pub const HARDWARE: u8 = 1 << 6;
-    /// A serial servo left a query unanswered since the previous telemetry. Set in telemetry only.
+    /// The feedback is too old to arm the robot, or a serial servo left a query unanswered since the previous telemetry. Set in
+    /// telemetry only.
     pub const UNANSWERED: u8 = 1 << 7;
     /// Mask of the states in which the actuator cannot follow commands.
     pub const FAULTS: u8 = Self::TIMED_OUT | Self::OVERHEATED | Self::BAD_VOLTAGE | Self::HARDWARE;

@@ -134,10 +134,12 @@ impl Actuators {
     }
 
     /// Returns the actuator that has been silent longest, and its silence in ticks.
+    ///
+    /// Of several, the first one: on a serial line a silent servo silences all servos after it.
     pub fn most_silent(&self) -> Option<(usize, u16)> {
         let mut most = None;
         for (channel, actuator) in self.list.iter().enumerate() {
-            if most.is_none_or(|(_, ticks)| actuator.silent_ticks >= ticks) {
+            if most.is_none_or(|(_, ticks)| actuator.silent_ticks > ticks) {
                 most = Some((channel, actuator.silent_ticks));
             }
         }
@@ -149,9 +151,11 @@ impl Actuators {
         self.list.iter().all(|a| a.known_off)
     }
 
-    /// Returns true if an actuator on a serial line has missed an answer since the previous call.
-    pub fn take_unanswered(&mut self, channel: usize) -> bool {
-        self.list.get_mut(channel).is_some_and(Actuator::take_unanswered)
+    /// Returns true if an actuator's feedback is older than `oldest_ticks`, or if an actuator on a serial line has missed an
+    /// answer since the previous call.
+    pub fn take_unanswered(&mut self, channel: usize, oldest_ticks: u16) -> bool {
+        let actuator = self.list.get_mut(channel);
+        actuator.is_some_and(|a| a.take_unanswered() || a.silent_ticks > oldest_ticks)
     }
 
     /// Latest feedback of an actuator.

@@ -445,9 +445,10 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     }
 
     fn telemetry(&mut self, channel: u8) -> Option<JointTelemetry> {
+        let oldest_ticks = self.motion.patience_ticks(&self.setup);
         let actuators = &mut self.motion.actuators;
         let mut feedback = actuators.feedback(usize::from(channel))?;
-        if actuators.take_unanswered(usize::from(channel)) {
+        if actuators.take_unanswered(usize::from(channel), oldest_ticks) {
             feedback.status.0 |= ActuatorStatus::UNANSWERED;
         }
         Some(JointTelemetry {

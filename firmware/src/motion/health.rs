@@ -9,7 +9,7 @@ use crate::safety::EventSet;
 
 impl Motion {
     /// Age of feedback beyond which it counts as missing, ticks.
-    fn patience_ticks(&self, setup: &Setup) -> u16 {
+    pub fn patience_ticks(&self, setup: &Setup) -> u16 {
         match self.stage {
             // While torque is off the actuators are queried at a low rate, and when enabling starts the
             // last answer may be one query interval old.

@@ -152,6 +152,46 @@ fn a_refused_request_to_arm_is_followed_by_the_reason() {
     }
 }
 
+/// The telemetry of an actuator is marked as unanswered while its feedback is too old to arm the robot. A host thereby knows the
+/// actuator without a request to arm.
+#[test]
+fn telemetry_of_an_actuator_that_prevents_arming_is_marked() {
+    let mut rig = Rig::booted();
+    let marked = |rig: &mut Rig| {
+        let from = rig.heard.len();
+        rig.run(60);
+        let joints = rig.heard[from..].iter().filter_map(|(_, m)| match m {
+            FromController::JointTelemetry(joint) => Some(*joint),
+            _ => None,
+        });
+        let silent = joints.filter(|joint| joint.status.is_unanswered());
+        let mut channels: Vec<_> = silent.map(|joint| joint.channel).collect();
+        channels.dedup();
+        channels
+    };
+    assert_eq!(marked(&mut rig), []);
+    rig.servos[1].powered = false;
+    rig.run(30);
+    assert_eq!(marked(&mut rig), [1]);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
+    rig.servos[1].powered = true;
+    rig.run(30);
+    assert_eq!(marked(&mut rig), []);
+    rig.arm();
+    assert_eq!(marked(&mut rig), []);
+}
+
+/// Report of actuators that fall silent together names the first, which on a serial line silences the others.
+#[test]
+fn of_actuators_that_fall_silent_together_the_first_is_reported() {
+    let mut rig = Rig::booted();
+    rig.servos[1].powered = false;
+    rig.servos[2].powered = false;
+    rig.run(60);
+    assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::PoseUnknown);
+    assert_eq!(report(&rig).channel, Some(1));
+}
+
 /// Torque was off while the host was absent, so no clear is required.
 #[test]
 fn a_host_that_was_away_while_torque_was_off_may_arm() {

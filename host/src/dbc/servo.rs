@@ -152,7 +152,7 @@ fn measured(layout: Layout) -> Layout {
 
 /// Adds the telemetry fields of an actuator.
 pub(super) fn telemetry(layout: Layout) -> Layout {
-    let text = "No answer on the serial line; the other values are older";
+    let text = "No answer; the other values are older";
     reported(layout, &[(ActuatorStatus::UNANSWERED, "unanswered", text)])
 }
 
