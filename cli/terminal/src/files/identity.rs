@@ -1,9 +1,12 @@
-//! Identities of the files that this run has read, so that no output overwrites an input, even under another name.
+//! Identities of the files that this run has read, so that no output overwrites an input, even under another name, and
+//! detection of keys, which no output overwrites either.
 
 use super::FileError;
 use crate::kind::Kind;
+use rollwalk_host::key_file;
 use same_file::Handle;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -73,4 +76,17 @@ pub fn check_output(output: &Path) -> Result<(), FileError> {
             kind: *kind,
         }),
     }
+}
+
+/// Number of bytes at the start of a file that are searched for a key.
+const KEY_START: u64 = 4096;
+
+/// True if a file contains a link key or a key in PEM.
+pub(super) fn is_key(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(KEY_START).read_to_end(&mut start));
+    let text = String::from_utf8_lossy(&start);
+    let is_pem =
+        |line: &str| line.starts_with("-----BEGIN ") && line.trim_end().ends_with("KEY-----");
+    read.is_ok() && (text.trim_start().starts_with(key_file::LINK) || text.lines().any(is_pem))
 }

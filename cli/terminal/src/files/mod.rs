@@ -4,13 +4,15 @@
 //! and [`Series`] are files that grow during a run. Errors name the file and the remedy.
 
 mod identity;
+mod keys;
 mod read;
 mod series;
 mod write;
 
+pub use keys::{write_pair, write_secret};
 pub use read::{PathSource, read, read_by, read_text, text};
 pub use series::{Lines, Rotation, RotationArgs, Series};
-pub use write::{Output, cannot_write, make_folder, save, write, write_pair, write_secret};
+pub use write::{Output, cannot_write, make_folder, save, write};
 
 use crate::kind::Kind;
 use miette::Diagnostic;

@@ -2,11 +2,10 @@
 
 use super::{FileError, folder, identity};
 use crate::output;
-use miette::{Report, miette};
-use rollwalk_host::key_file;
+use miette::Report;
 use same_file::Handle;
 use std::fs::{self, File, OpenOptions, Permissions};
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
@@ -40,8 +39,6 @@ enum Destination {
 
 /// Extensions of files that users write.
 const SOURCES: [&str; 3] = ["toml", "urdf", "xacro"];
-/// Number of bytes at the start of a file that are searched for a key.
-const KEY_START: u64 = 4096;
 /// Timeout of a pipe without a reader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -77,7 +74,7 @@ impl Output {
         let place = match fs::metadata(path) {
             Ok(found) if found.is_file() => {
                 identity::check_output(path)?;
-                if is_key(path) {
+                if identity::is_key(path) {
                     return Err(FileError::OverKey { output: path.to_owned() });
                 }
                 // Without truncating it: is it writable?
@@ -211,16 +208,6 @@ pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
     attempt().map_err(|reason| cannot_write(path, reason))
 }
 
-/// True if a file contains a link key or a key in PEM.
-fn is_key(path: &Path) -> bool {
-    let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(KEY_START).read_to_end(&mut start));
-    let text = String::from_utf8_lossy(&start);
-    let is_pem =
-        |line: &str| line.starts_with("-----BEGIN ") && line.trim_end().ends_with("KEY-----");
-    read.is_ok() && (text.trim_start().starts_with(key_file::LINK) || text.lines().any(is_pem))
-}
-
 /// True if the path is standard output, such as `/dev/stdout`.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
@@ -238,73 +225,6 @@ fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
         let seconds = patience.as_secs();
         Err(io::Error::other(format!("no program opened the pipe for reading within {seconds} s")))
     })
-}
-
-/// Creates a file that only its owner can read.
-///
-/// # Errors
-/// Returns an error if the file exists, or if the operating system refuses.
-pub fn write_secret(path: &Path, content: &str) -> miette::Result<()> {
-    if path == Path::new("-") {
-        return Err(miette!("a key cannot be written to standard output (`-`): give a file name"));
-    }
-    let file = secret_in(folder(path)).and_then(|file| filled(file, content.as_bytes()));
-    keep_new(file.map_err(|reason| cannot_write(path, reason))?, path)
-}
-
-/// Writes the two files of a key pair, the secret one readable only by its owner. If either file exists or cannot be written,
-/// neither is written.
-///
-/// # Errors
-/// Returns the errors of [`write_secret`].
-pub fn write_pair(secret: (&Path, &str), public: (&Path, &str)) -> miette::Result<()> {
-    let ((path, content), (public, public_content)) = (secret, public);
-    refuse_existing(public)?;
-    let other =
-        temporary_in(folder(public)).and_then(|file| filled(file, public_content.as_bytes()));
-    let other = other.map_err(|reason| cannot_write(public, reason))?;
-    write_secret(path, content)?;
-    keep_new(other, public).inspect_err(|_| {
-        // A key without its other half would be in the way of the next attempt.
-        let _ = fs::remove_file(path);
-    })
-}
-
-/// Renames a temporary file to `path`, unless a file exists there.
-fn keep_new(file: NamedTempFile, path: &Path) -> miette::Result<()> {
-    file.persist_noclobber(path).map(drop).map_err(|error| match error.error.kind() {
-        io::ErrorKind::AlreadyExists => key_exists(path),
-        _ => cannot_write(path, error.error),
-    })
-}
-
-/// Writes the content into a file and syncs it to the disk.
-fn filled(mut file: NamedTempFile, content: &[u8]) -> io::Result<NamedTempFile> {
-    file.as_file_mut().write_all(content)?;
-    file.as_file().sync_all()?;
-    Ok(file)
-}
-
-/// Creates a temporary file that only its owner can read.
-fn secret_in(folder: &Path) -> io::Result<NamedTempFile> {
-    let made = tempfile::Builder::new().prefix(".rollwalk-").tempfile_in(folder);
-    made.map_err(|error| io::Error::from(error.kind()))
-}
-
-/// Refuses to create a key where a file exists.
-///
-/// # Errors
-/// Returns an error if a file exists at `path`.
-fn refuse_existing(path: &Path) -> miette::Result<()> {
-    if path.symlink_metadata().is_ok() { Err(key_exists(path)) } else { Ok(()) }
-}
-
-fn key_exists(path: &Path) -> Report {
-    miette!(
-        help = "give another file name, or remove the existing key if no robot uses it any more",
-        "cannot write {}: the file exists, and keys are never overwritten",
-        path.display()
-    )
 }
 
 /// Creates a folder if it is missing, and checks that files can be written into it. The parent folder must exist.
@@ -367,7 +287,7 @@ fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io
 }
 
 /// Creates a temporary file with the permissions of a new file. Errors omit its random name.
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+pub(super) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rollwalk-");
     // Those of the umask are taken off; by itself a temporary file would be private to its user.
@@ -394,6 +314,7 @@ mod tests {
     use super::*;
     use crate::files::read;
     use crate::kind::Kind;
+    use rollwalk_host::key_file;
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
@@ -469,36 +390,6 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_of_keys_is_whole_or_not_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        let missing = folder.path().join("none/owner.pub.pem");
-        write_pair((&at("owner.pem"), "secret"), (&missing, "public")).unwrap_err();
-        assert!(names(folder.path()).is_empty());
-        fs::write(at("other.pub.pem"), "theirs").unwrap();
-        write_pair((&at("other.pem"), "secret"), (&at("other.pub.pem"), "public")).unwrap_err();
-        assert_eq!(names(folder.path()), ["other.pub.pem"]);
-        fs::write(at("mine.pem"), "mine").unwrap();
-        write_pair((&at("mine.pem"), "secret"), (&at("mine.pub.pem"), "public")).unwrap_err();
-        assert_eq!(fs::read_to_string(at("mine.pem")).unwrap(), "mine");
-        assert!(!at("mine.pub.pem").exists());
-        // The second file fails after the first has its name.
-        let taken = secret_in(folder.path()).unwrap();
-        keep_new(taken, &at("mine.pem")).unwrap_err();
-        write_pair((&at("good.pem"), "secret"), (&at("good.pub.pem"), "public")).unwrap();
-        assert_eq!(fs::read_to_string(at("good.pub.pem")).unwrap(), "public");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let mode = |name| fs::metadata(at(name)).unwrap().permissions().mode() & 0o777;
-            assert_eq!(mode("good.pem"), 0o600);
-        }
-        let mut left = names(folder.path());
-        left.sort();
-        assert_eq!(left, ["good.pem", "good.pub.pem", "mine.pem", "other.pub.pem"]);
-    }
-
-    #[test]
     fn an_output_is_never_an_input() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -535,13 +426,6 @@ mod tests {
         );
         Output::of_source(&path).unwrap().write(b"imported").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"imported");
-    }
-
-    #[test]
-    fn a_secret_is_never_printed() {
-        let error = write_secret(Path::new("-"), "secret").unwrap_err().to_string();
-        assert!(error.contains("a key cannot be written to standard output"), "{error}");
-        assert!(!Path::new("-").exists());
     }
 
     #[test]
