@@ -50,8 +50,10 @@ fn exits(path: &str) -> &'static [Exit] {
         "plan" | "report" | "simulate" | "retarget" | "library build" => &[Exit::DoesNotHold],
         "design edit" | "design keep" | "design optimise" => &[Exit::DoesNotHold],
         "bench" => &[Exit::DoesNotHold, Exit::OutOfBounds],
-        "control" | "discover" | "flash" | "send" | "gains" | "doctor" | "console" | "drive"
-        | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => &[Exit::NotDone],
+        "control" | "discover" | "flash" | "send" | "monitor" | "gains" | "doctor" | "console"
+        | "drive" | "estop" | "clear" | "disarm" | "pause" | "resume" | "return" => {
+            &[Exit::NotDone]
+        }
         _ => &[],
     }
 }
@@ -86,6 +88,7 @@ mod tests {
         assert_eq!(codes(&["robot", "check"]), ["0", "1", "2", "130"]);
         assert_eq!(codes(&["keys", "new"]), ["0", "1", "2", "130"]);
         assert_eq!(codes(&["estop"]), ["0", "1", "2", "5", "130"]);
+        assert_eq!(codes(&["monitor"]), ["0", "1", "2", "5", "130"]);
         assert_eq!(codes(&["plan"]), ["0", "1", "2", "3", "130"]);
         assert_eq!(codes(&["demo"]), ["0", "1", "2", "3", "4", "130"]);
         // A command above others has theirs.

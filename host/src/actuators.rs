@@ -4,11 +4,18 @@
 //! names a cause that this kind of bus can have. A serial line, for example, has no termination, and CAN has no adapter that
 //! servos share.
 
+mod words;
+
+pub use words::{FaultWords, event_words, fault_names_on, fault_words};
+
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::actuators::bus::{Buses, Protocol};
 use rollwalk_protocol::config::RobotConfig;
-use rollwalk_protocol::faults::{Event, Fault, FaultBits};
+use rollwalk_protocol::faults::Fault;
 use serde::{Deserialize, Serialize};
+
+/// Actuators of an unknown robot.
+pub(crate) static UNKNOWN: Actuators = Actuators { buses: Vec::new(), channels: Vec::new() };
 
 /// Kind of an actuator bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,15 +62,15 @@ pub struct Actuators {
 
 impl Actuators {
     /// Creates the description from the configuration of a robot. `models` are the actuators' models, one for each channel.
-    pub fn new<'a>(
+    pub fn new(
         config: &RobotConfig,
         buses: &Buses,
-        models: impl IntoIterator<Item = &'a str>,
+        models: impl IntoIterator<Item = String>,
     ) -> Self {
         let channels = config.channels.iter().zip(models).map(|(channel, model)| ChannelActuator {
             bus: channel.bus,
             id: channel.id,
-            model: model.to_owned(),
+            model,
         });
         let last = config.channels.iter().map(|channel| usize::from(channel.bus) + 1).max();
         let buses = (0..last.unwrap_or(0).max(buses.len())).map(|number| {
@@ -111,101 +118,24 @@ impl Actuators {
         of_bus.or(of_channel).or_else(|| self.kind())
     }
 
+    /// Silent servo for whose answer a servo on a serial line waits; `None` if it waits for none.
+    ///
+    /// The servos of a line answer in the order of their channels, each after the end of the answer before. A silent servo
+    /// therefore silences all servos after it.
+    pub fn waits_for(&self, channel: u8, is_silent: impl Fn(u8) -> bool) -> Option<u8> {
+        let (number, bus) = self.bus_of(channel)?;
+        if bus.kind != BusKind::ServoLine {
+            return None;
+        }
+        let line: Vec<u8> = self.on_bus(number).collect();
+        let after = line.iter().rposition(|&other| !is_silent(other)).map_or(0, |last| last + 1);
+        line.get(after).copied().filter(|&first| first < channel)
+    }
+
     /// Limits of a channel's servo; `None` if its data sheet is unknown.
     pub fn limits(&self, channel: u8) -> Option<ServoLimits> {
         limits(&self.channels.get(usize::from(channel))?.model)
     }
-}
-
-/// Name of a fault and the first step against it, for a kind of bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FaultWords {
-    /// Short description.
-    pub name: &'static str,
-    /// First step against the fault.
-    pub advice: &'static str,
-}
-
-/// Describes a fault on a kind of bus; `None` stands for an unknown kind.
-pub fn fault_words(fault: Fault, kind: Option<BusKind>) -> FaultWords {
-    let of_any = fault.description();
-    let (name, advice) = match (kind, fault) {
-        (Some(BusKind::Can), Fault::BusNoAck) => (
-            "no drive acknowledges on a CAN bus",
-            "check motor power, the cable to the first drive and the bit rate; clear the fault, then arm",
-        ),
-        (Some(BusKind::Can), Fault::BusPassive) => (
-            "a CAN bus is error-passive",
-            "check termination (60 Ω between CAN_H and CAN_L) and bit rates; clear the fault, then arm",
-        ),
-        (Some(BusKind::Can), Fault::BusOff) => (
-            "a CAN bus is off",
-            "switch motor power off and check for a short between CAN_H and CAN_L; clear the fault, then arm",
-        ),
-        (Some(BusKind::ServoLine), Fault::BusOff) => (
-            "the serial adapter of the servos is gone",
-            "plug the adapter in again and end other programs that use it; clear the fault, then arm",
-        ),
-        (Some(BusKind::PulseBoard), Fault::BusOff) => (
-            "the serial line to the servo board is gone",
-            "plug the servo board in again and end other programs that use it; clear the fault, then arm",
-        ),
-        (Some(BusKind::ServoLine), Fault::BusNoAck | Fault::BusPassive) => (
-            "the serial line of the servos is disturbed",
-            "check adapter, data wire and baud rate; clear the fault, then arm",
-        ),
-        (Some(BusKind::PulseBoard), Fault::BusNoAck | Fault::BusPassive) => (
-            "the serial line to the servo board is disturbed",
-            "check cable, ground and baud rate; clear the fault, then arm",
-        ),
-        (Some(BusKind::ServoLine), Fault::ActuatorSilent) => (
-            "a servo does not answer",
-            "check the servo supply, this servo's plug, its ID and its baud rate; clear the fault, then arm",
-        ),
-        (Some(BusKind::PulseBoard), Fault::ActuatorSilent) => (
-            "the servo board does not answer",
-            "check the board's supply, its cable, device number and baud rate; clear the fault, then arm",
-        ),
-        (Some(BusKind::ServoLine), Fault::ActuatorFault) => (
-            "a servo reports a fault, or its torque went off",
-            "check the supply voltage under load and let the servo cool; switch servos off and on, \
-             clear the fault, then arm",
-        ),
-        (None, Fault::BusOff) => (
-            "an actuator bus is lost",
-            "switch motor power off, check the bus and its adapter; clear the fault, then arm",
-        ),
-        _ => (of_any.name, of_any.advice),
-    };
-    FaultWords { name, advice }
-}
-
-/// Names of faults on the buses of a robot, separated by commas; `no fault` for an empty set.
-pub fn fault_names_on(faults: FaultBits, actuators: &Actuators) -> String {
-    let names = faults.iter().map(|fault| fault_words(fault, actuators.kind()).name);
-    let names: Vec<_> = names.collect();
-    if names.is_empty() { "no fault".to_owned() } else { names.join(", ") }
-}
-
-/// Clause for an event on a kind of bus; `None` if [`Event::description`] fits every kind.
-pub fn event_words(event: Event, kind: Option<BusKind>) -> Option<&'static str> {
-    Some(match (kind?, event) {
-        (BusKind::Can, Event::BusOff) => "a CAN bus went off",
-        (BusKind::ServoLine, Event::BusOff) => "the serial adapter of the servos was lost",
-        (BusKind::PulseBoard, Event::BusOff) => "the serial line to the servo board was lost",
-        (BusKind::ServoLine, Event::FeedbackLost) => "a servo did not answer",
-        (BusKind::PulseBoard, Event::FeedbackLost) => "the servo board did not answer",
-        (BusKind::ServoLine, Event::ActuatorFault) => {
-            "a servo reported a fault, or its torque went off"
-        }
-        (BusKind::ServoLine, Event::NotAcknowledged | Event::BusPassive) => {
-            "the serial line of the servos was disturbed"
-        }
-        (BusKind::PulseBoard, Event::NotAcknowledged | Event::BusPassive) => {
-            "the serial line to the servo board was disturbed"
-        }
-        _ => return None,
-    })
 }
 
 /// Limits of a servo, from its data sheet.
@@ -274,6 +204,7 @@ pub fn new_faults(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rollwalk_protocol::faults::Event;
 
     /// Terms that only apply to CAN.
     const OF_CAN: [&str; 7] =
@@ -328,6 +259,25 @@ mod tests {
         let one = Actuators { buses: mixed.buses.clone(), channels: vec![of(1)] };
         assert_eq!(one.kind(), Some(BusKind::ServoLine));
         assert_eq!(Actuators::default().kind(), None);
+    }
+
+    #[test]
+    fn servos_after_a_silent_one_wait_for_its_answer() {
+        let bus = |kind| ActuatorBus { kind, protocol: "x".into(), bit_rate: 1_000_000 };
+        let of = |bus| ChannelActuator { bus, id: 1, model: "XL330-M288-T".into() };
+        let robot = Actuators {
+            buses: vec![bus(BusKind::Can), bus(BusKind::ServoLine)],
+            channels: vec![of(0), of(1), of(1), of(1), of(1)],
+        };
+        let waits = |silent: &'static [u8]| -> Vec<_> {
+            (0..5).map(|channel| robot.waits_for(channel, |of| silent.contains(&of))).collect()
+        };
+        assert_eq!(waits(&[2, 3, 4]), [None, None, None, Some(2), Some(2)]);
+        assert_eq!(waits(&[4]), [None; 5]);
+        // A servo before one that answers is silent by itself.
+        assert_eq!(waits(&[2]), [None; 5]);
+        assert_eq!(waits(&[1, 3, 4]), [None, None, None, None, Some(3)]);
+        assert_eq!(waits(&[0, 1, 2, 3, 4]), [None, None, Some(1), Some(1), Some(1)]);
     }
 
     #[test]

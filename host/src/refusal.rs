@@ -1,8 +1,9 @@
 //! Descriptions of the codes with which a controller refuses requests.
 
-use crate::actuators::fault_words;
+use crate::actuators::{UNKNOWN, fault_words};
 use crate::authentication::NoSession;
-use crate::describe::{fault_report, state_name};
+use crate::catalog::{Catalog, channel_name};
+use crate::describe::{fault_report_on, state_name};
 use rollwalk_protocol::wire::transport::{Reply, TransferResult, UNSIGNED};
 use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State};
 
@@ -48,7 +49,7 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
             "an actuator does not report its position, or its joint is outside the limits"
         }
         CommandResult::OutOfOrder => {
-            "commands of another program, perhaps one that has ended, arrived at the same time; \
+            "commands of another program, perhaps one that has report_failure, arrived at the same time; \
              try again"
         }
         CommandResult::UnknownKind => {
@@ -72,11 +73,12 @@ pub fn command_refusal(result: CommandResult) -> &'static str {
 }
 
 /// Reason as in [`command_refusal`]. Includes the controller's state after the command, and the fault that it reported with its
-/// answer, if known.
+/// answer, if known. With a catalog, the fault is described in the terms of the robot's bus, and its channel has a name.
 pub fn command_refusal_in(
     result: CommandResult,
     state: Option<State>,
     fault: Option<FaultReport>,
+    catalog: Option<&Catalog>,
 ) -> String {
     match (result, state, fault) {
         (CommandResult::WrongState, Some(State::EStopped), _) => {
@@ -90,9 +92,12 @@ pub fn command_refusal_in(
         }
         (CommandResult::FaultPresent | CommandResult::PoseUnknown, _, Some(report)) => {
             let FaultReport { fault, channel, value, .. } = report;
-            let channel = channel.map(|channel| format!("channel {channel}"));
-            let found = fault_report(fault, channel, Some(value));
-            format!("{found}; {}", fault_words(fault, None).advice)
+            let names = catalog.map_or(&[][..], |catalog| &catalog.channels);
+            let actuators = catalog.map_or(&UNKNOWN, |catalog| &catalog.actuators);
+            let name = channel.map(|channel| channel_name(names, channel));
+            let found = fault_report_on(fault, channel, name, Some(value), actuators);
+            let kind = actuators.kind_for(fault, channel, Some(value));
+            format!("{found}; {}", fault_words(fault, kind).advice)
         }
         _ => command_refusal(result).to_owned(),
     }
@@ -122,10 +127,11 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
             Some(_) => "torque is on; disarm first",
         },
         ParameterResult::StoreFailed => {
-            "the controller cannot store parameters: its memory is missing or defective"
+            "the controller cannot store parameters: its memory is missing or defective \
+             (rollwalk-sim has one only with --library)"
         }
         ParameterResult::OutOfOrder => {
-            "requests of another program, perhaps one that has ended, arrived at the same time; \
+            "requests of another program, perhaps one that has report_failure, arrived at the same time; \
              try again"
         }
         ParameterResult::UnknownRequest => {
@@ -247,7 +253,7 @@ mod tests {
     #[test]
     fn the_fault_behind_a_refusal_is_named() {
         let report = |fault, channel, value| FaultReport { counter: 0, fault, channel, value };
-        let told = |fault| command_refusal_in(CommandResult::PoseUnknown, None, fault);
+        let told = |fault| command_refusal_in(CommandResult::PoseUnknown, None, fault, None);
         let silent = told(Some(report(Fault::ActuatorSilent, Some(3), 0.0)));
         assert!(silent.contains("channel 3"), "{silent}");
         assert!(silent.contains(Fault::ActuatorSilent.description().name), "{silent}");
@@ -255,7 +261,8 @@ mod tests {
         assert_eq!(told(None), command_refusal(CommandResult::PoseUnknown));
         // A fault has nothing to do with a code that there is not.
         let unrelated = Some(report(Fault::HostLost, None, 0.0));
-        let told = command_refusal_in(CommandResult::UnknownCode, Some(State::Ready), unrelated);
+        let told =
+            command_refusal_in(CommandResult::UnknownCode, Some(State::Ready), unrelated, None);
         assert_eq!(told, command_refusal(CommandResult::UnknownCode));
     }
 

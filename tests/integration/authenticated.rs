@@ -39,6 +39,12 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     }
     on(&desk, &bus, &["estop"]).succeeds();
     with_key(&["clear"]).succeeds();
+    // The verdict depends on the key.
+    let arm = ["rollwalk send --arm MOTION --link-key FILE"];
+    on(&desk, &bus, &["doctor"]).succeeds_with(0, &arm);
+    let refused = on(&desk, &bus, &["doctor", "--link-key", "other.key"]);
+    assert!(!refused.stdout.contains("arm the robot"), "{}", refused.stdout);
+    refused.succeeds_with(5, &["another link key", "it cannot be armed"]);
 
     // Numbers of sessions begin with the count of boots, which outlives the process: what was recorded is no session of the next
     // one.

@@ -1,6 +1,7 @@
 //! Tests of bad input of each kind on the command line. The exit code is 1, stdout is empty, no file is written, and the
 //! message contains file, location and valid input.
 
+use crate::simulated::Robot;
 use crate::{desk, desk_with_shipped_files};
 use rollwalk_tests::program::{self, PLAYED};
 use rollwalk_tests::{Desk, Outcome};
@@ -257,6 +258,11 @@ fn a_library_of_another_robot_is_refused() {
     built_library(&desk);
     desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/creature3.toml"])
         .fails(1, &["built for another robot", "build the library again"]);
+    // The simulator has no option `--robot`, and its hint names none.
+    let args = ["robots/creature3.toml", "--bus", "sim:none.sock", "--library", "a.rwl"];
+    let refused = Robot::refuses(&desk, &args);
+    assert!(!refused.stderr.contains("--robot"), "{}", refused.stderr);
+    refused.fails(1, &["built for another robot", "start rollwalk-sim with the robot file"]);
     // The same robot with a stiffer servo is another one: gains are part of its configuration.
     desk.edit("robots/agilebot.toml", "kp_nm_rad = 80.0", "kp_nm_rad = 81.0");
     desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/agilebot.toml"])

@@ -222,6 +222,22 @@ fn a_robot_that_another_program_disarms_is_held_until_it_is_down() {
 }
 
 #[test]
+fn after_a_killed_host_doctor_advises_to_wait_and_clear() {
+    let desk = desk_with_library_file();
+    let (_robot, bus) = robot(&desk);
+    let mut link = listener(&desk);
+    let host = start(&desk, &bus, &["send", "--arm", "rest:60"]);
+    wait_for(&mut link, State::Playing);
+    host.signal("KILL");
+    let doctor = on(&desk, &bus, &["doctor"]);
+    assert!(!doctor.stdout.contains("console"), "{}", doctor.stdout);
+    let next = format!("then type rollwalk clear --bus {bus}");
+    doctor.succeeds_with(5, &["heartbeat lost", &next]);
+    wait_for(&mut link, State::TorqueOff);
+    on(&desk, &bus, &["clear"]).succeeds();
+}
+
+#[test]
 fn a_motion_that_never_begins_beside_a_host_is_5() {
     let desk = desk_with_library_file();
     desk.edit("rest.toml", "at_rest", "periodic");

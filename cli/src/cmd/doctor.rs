@@ -2,18 +2,19 @@
 
 use crate::system;
 use miette::miette;
-use rollwalk_bus::link::LinkBus;
+use rollwalk_bus::link::{LinkBus, LinkError};
+use rollwalk_host::authentication::Peer;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::doctor::{Finding, Gravity, Observations, Traffic};
+use rollwalk_host::doctor::{Finding, Observations, Gravity, LinkKeyCheck, Traffic};
 use rollwalk_host::listener::{self, Listener};
-use rollwalk_host::session::{History, Session};
+use rollwalk_host::session::{History, Session, SessionError};
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::{Interruptible, LinkArgs};
+use rollwalk_terminal::link::{Interruptible, LinkArgs, report_lost_bus};
 use rollwalk_terminal::output::Table;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
@@ -111,28 +112,41 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         Ok(config.hash())
     });
     let expected = expected.transpose()?;
+    let peer = args.link.peer()?;
     let mut link = args.link.open()?;
-    let (heard, samples, listener) = listen(args, &mut link)?;
+    let (heard, samples, listener) = match listen(args, &mut link) {
+        Ok(heard) => heard,
+        Err(error) => return Err(report_lost_bus(&args.link.bus, &error).into()),
+    };
     let has_host = listener.has_host();
     let transferring = !may_ask(&mut link, listener);
-    let (hello, history) = if transferring { (None, None) } else { ask(args, &mut link) };
+    let asked =
+        if transferring { ControllerAnswers::default() } else { ask(&peer, has_host, &mut link) };
+    let ControllerAnswers { hello, history, refused, key } = asked;
     let complaint = link.fault_and_remedy();
     if interrupt::requested() {
         return Ok(Exit::Interrupted);
     }
-    let catalog = args.names.look_up(hello.as_ref())?;
+    let names = names(args, expected, hello.as_ref());
+    let catalog = names.look_up(hello.as_ref())?;
+    let robot = hello.map(|hello| names.robot(hello.config_hash)).transpose()?.flatten();
+    let config = robot.map(|(robot, _)| robot.controller_config()).transpose();
+    let config = config.map_err(|error| miette!("{error}"))?;
     let bus = args.link.bus.to_string();
     let bitrate = link.bitrate().unwrap_or(BITRATE);
     let findings = Observations {
         heard: &heard,
         has_host,
         hello: hello.as_ref(),
+        refused: refused.as_deref(),
+        key,
         transferring,
         history: history.as_ref(),
         complaint: complaint.as_deref(),
         bitrate,
         expected_config: expected,
         catalog: catalog.as_ref(),
+        config: config.as_ref(),
         bus: &bus,
     };
     let report = report(&findings, history.as_ref(), &heard, &samples, bitrate);
@@ -150,12 +164,11 @@ fn exit_code(findings: &[Finding]) -> Exit {
 }
 
 /// Listens to the bus. Returns its traffic, one frame of each identifier, and the listener that detects other hosts.
-fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<Frame>, Listener)> {
-    output::print_line(format_args!(
-        "listening to {} for {} s",
-        args.link.bus,
-        LISTEN_US / 1_000_000
-    ));
+fn listen(
+    args: &Args,
+    bus: &mut Interruptible,
+) -> Result<(Traffic, Vec<Frame>, Listener), LinkError> {
+    output::print_line(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut traffic, mut samples) = (Traffic::default(), Vec::<Frame>::new());
     let mut listener = Listener::new(start_us, args.link.node);
@@ -170,7 +183,7 @@ fn listen(args: &Args, bus: &mut Interruptible) -> miette::Result<(Traffic, Vec<
             }
             Ok(None) => break,
             Err(_) if interrupt::requested() => break,
-            Err(error) => return Err(miette!("{error}")),
+            Err(error) => return Err(error),
         }
     }
     traffic.span_us = bus.now_us() - start_us;
@@ -184,10 +197,40 @@ fn may_ask(bus: &mut Interruptible, listener: Listener) -> bool {
         .is_ok_and(|listener| listener.may_ask(bus.now_us()))
 }
 
-/// Requests the controller's identity and log.
-fn ask(args: &Args, bus: &mut Interruptible) -> (Option<Hello>, Option<History>) {
-    let Ok(mut session) = Session::visit(bus, args.link.node) else { return (None, None) };
-    (Some(*session.hello()), session.history().ok())
+/// Sources of names: those that the user named, or else the expected robot if the controller's firmware was built for it.
+fn names(args: &Args, expected: Option<u32>, hello: Option<&Hello>) -> NamesArgs {
+    let NamesArgs { library, robot } = args.names.clone();
+    let is_it = expected.is_some() && expected == hello.map(|hello| hello.config_hash);
+    let robot = robot.or_else(|| args.expected.clone().filter(|_| is_it));
+    NamesArgs { library, robot }
+}
+
+/// Answers of the controller.
+#[derive(Default)]
+struct ControllerAnswers {
+    hello: Option<Hello>,
+    history: Option<History>,
+    /// Reason why the controller's identity cannot be used.
+    refused: Option<String>,
+    key: LinkKeyCheck,
+}
+
+/// Requests the controller's identity and log, and checks the link key. A controller with another host offers no session here,
+/// because that host may be about to begin one.
+fn ask(peer: &Peer, has_host: bool, bus: &mut Interruptible) -> ControllerAnswers {
+    let node = peer.node;
+    let (hello, history) = match Session::visit(&mut *bus, node) {
+        Ok(mut session) => (Some(*session.hello()), session.history().ok()),
+        Err(error @ SessionError::ProtocolMismatch { .. }) => {
+            return ControllerAnswers {
+                refused: Some(error.to_string()),
+                ..ControllerAnswers::default()
+            };
+        }
+        Err(_) => return ControllerAnswers::default(),
+    };
+    let key = if has_host { LinkKeyCheck::Unknown } else { LinkKeyCheck::of(bus, peer) };
+    ControllerAnswers { hello, history, refused: None, key }
 }
 
 fn report(
@@ -274,4 +317,45 @@ fn text(report: &DoctorOutput) -> String {
         lines.extend([String::new(), table.render()]);
     }
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use std::path::Path;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn args(more: &[&str]) -> Args {
+        Line::parse_from([&["doctor", "--bus", "sim", "--expect", "pup.toml"], more].concat()).args
+    }
+
+    fn hello(config_hash: u32) -> Hello {
+        Hello {
+            major: 2,
+            minor: 0,
+            schema_hash: 0,
+            config_hash,
+            format_major: 1,
+            format_minor: 1,
+            library: None,
+            max_block: 512,
+            channels: 2,
+        }
+    }
+
+    /// Before a library is flashed, the expected robot file is the only source of names.
+    #[test]
+    fn the_expected_robot_names_the_channels_of_its_controller() {
+        let robot = |args: &Args, hash| names(args, Some(7), Some(&hello(hash))).robot;
+        assert_eq!(robot(&args(&[]), 7).as_deref(), Some(Path::new("pup.toml")));
+        assert_eq!(robot(&args(&[]), 8), None, "names of another robot would be wrong");
+        let named = args(&["--robot", "own.toml"]);
+        assert_eq!(robot(&named, 7).as_deref(), Some(Path::new("own.toml")));
+    }
 }

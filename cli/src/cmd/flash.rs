@@ -7,8 +7,8 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, RejectReason};
 use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
-use rollwalk_terminal::link::{LinkArgs, names, report_failure};
-use rollwalk_terminal::validated_library::ValidatedLibrary;
+use rollwalk_terminal::link::{LinkArgs, report_failure, names, report_refusal};
+use rollwalk_terminal::validated_library::{ValidatedLibrary, robot_of};
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -58,14 +58,16 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut session = args.link.connect()?;
     let (ours, theirs) = (packed.library().index().config_hash(), session.hello().config_hash);
     if ours != theirs {
-        return Err(miette!(
+        let report = miette!(
             help = "build the firmware for this robot, or build the library from the robot file \
                     that the firmware was built for",
-            "{} is for {} (configuration {ours:08x}), but the controller is for configuration \
-             {theirs:08x}",
+            "{} is for {} (configuration {ours:08x}), but the controller is for {} (configuration \
+             {theirs:08x})",
             args.library.display(),
             packed.robot.name,
-        ));
+            robot_of(theirs).map_or_else(|| "another robot".to_owned(), |robot| robot.name),
+        );
+        return Err(report_refusal(&report).into());
     }
     let start = Instant::now();
     let signer = signing::signer(&packed.file);

@@ -4,7 +4,8 @@ use rollwalk_host::actuators::Actuators;
 use rollwalk_host::describe::condition;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
-use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure};
+use rollwalk_terminal::link::names::NamesArgs;
+use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure, report_failure_on};
 use rollwalk_terminal::{Exit, interrupt, output};
 use std::thread;
 use std::time::Duration;
@@ -48,13 +49,16 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
         Order::Resume => session.resume(),
         Order::Return => session.return_to_safe(),
     };
+    // Looked up after the command, which should not wait.
+    let robot = NamesArgs::default().look_up(Some(session.hello()))?;
     if let Err(error) = outcome {
-        return Ok(report_failure(&args.link, &error));
+        return Ok(report_failure_on(&args.link, &error, robot.as_ref()));
     }
     // The last status may be older than the order; it is printed even without a newer one.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
-        output::print(&format!("the robot is {}", condition(&status, &Actuators::default())))?;
+        let actuators = robot.map_or_else(Actuators::default, |robot| robot.actuators);
+        output::print(&format!("the robot is {}", condition(&status, &actuators)))?;
     }
     Ok(Exit::Ok)
 }

@@ -35,7 +35,9 @@ impl Memory {
         // In this order: what has been read is no output for any other purpose.
         let output = Output::of_source(path)?;
         let found = path.exists();
-        let packed = found.then(|| ValidatedLibrary::read(path, Some(robot))).transpose()?;
+        let other_robot =
+            "start rollwalk-sim with the robot file of the library, or give another --library file";
+        let packed = found.then(|| ValidatedLibrary::of_robot(path, robot, other_robot)).transpose()?;
         if let (Some(packed), Some(key)) = (&packed, key)
             && let Err(why) = signing::check(&packed.file, key)
         {

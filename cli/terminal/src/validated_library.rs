@@ -20,30 +20,24 @@ pub struct ValidatedLibrary {
 }
 
 impl ValidatedLibrary {
-    /// Reads a library and validates it for the robot of `robot`, or else for the shipped robot with its configuration.
+    /// Reads a library and validates it for the robot of `robot`, or else for the shipped robot with its configuration. For a
+    /// program with the option `--robot`.
     ///
     /// # Errors
     /// Returns an error if a file is missing or wrong, or if the robot of the library is unknown.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
-        let file = files::read(path, Kind::Packed)?;
-        // What a library is built from is text.
-        if let Ok(text) = std::str::from_utf8(&file) {
-            Kind::Packed.expect(path, text)?;
-        }
+        let other_robot = "give the robot file that the library was built for: --robot ROBOT.toml";
         if let Some(robot) = robot {
-            let robot = Source::Disk.robot(robot)?;
-            return match check(&file, &robot)? {
-                Ok(index) => Self { robot, file, index }.named(path),
-                Err(reject) => Err(rejected(path, &reject)),
-            };
+            return Self::of_robot(path, robot, other_robot);
         }
+        let file = file(path)?;
         // One robot after the other while the library only says that it is for another one.
         for shipped in shipped::robots() {
             let robot = Source::Shipped.robot(shipped)?;
             match check(&file, &robot)? {
                 Err(Reject { why: RejectReason::WrongRobot { .. }, .. }) => {}
                 Ok(index) => return Self { robot, file, index }.named(path),
-                Err(reject) => return Err(rejected(path, &reject)),
+                Err(reject) => return Err(rejected(path, &reject, other_robot)),
             }
         }
         Err(miette!(
@@ -51,6 +45,20 @@ impl ValidatedLibrary {
             "{} is for a robot that does not ship with rollwalk",
             path.display()
         ))
+    }
+
+    /// Reads a library and validates it for the robot of `robot`. `other_robot` is the help if the library is for another robot,
+    /// with an option or argument of the running program.
+    ///
+    /// # Errors
+    /// Returns an error if a file is missing or wrong.
+    pub fn of_robot(path: &Path, robot: &Path, other_robot: &str) -> miette::Result<Self> {
+        let file = file(path)?;
+        let robot = Source::Disk.robot(robot)?;
+        match check(&file, &robot)? {
+            Ok(index) => Self { robot, file, index }.named(path),
+            Err(reject) => Err(rejected(path, &reject, other_robot)),
+        }
     }
 
     /// Returns the library if its motion names are printable, distinct and not confusable.
@@ -94,25 +102,31 @@ pub fn channel_names(robot: &Robot) -> Vec<String> {
 /// Actuators of a robot and their buses; empty if the robot breaks the rules of robot files.
 pub fn actuators(robot: &Robot) -> Actuators {
     let models = robot.channels().map(|channel| channel.actuator().model.clone());
-    let models: Vec<_> = models.collect();
     let config = robot.controller_config();
     config.map_or_else(
         |_| Actuators::default(),
-        |config| {
-            Actuators::new(&config, &robot.controller_buses(), models.iter().map(String::as_str))
-        },
+        |config| Actuators::new(&config, &robot.controller_buses(), models),
     )
 }
 
-/// Report of a file that a controller would reject, with the remedy.
-fn rejected(path: &Path, reject: &Reject) -> miette::Report {
+/// Bytes of a library file.
+fn file(path: &Path) -> miette::Result<Vec<u8>> {
+    let file = files::read(path, Kind::Packed)?;
+    // What a library is built from is text.
+    if let Ok(text) = std::str::from_utf8(&file) {
+        Kind::Packed.expect(path, text)?;
+    }
+    Ok(file)
+}
+
+/// Report of a file that a controller would reject, with the remedy. `other_robot` is the remedy if the library is for another
+/// robot.
+fn rejected(path: &Path, reject: &Reject, other_robot: &str) -> miette::Report {
     let help = match reject.why {
         RejectReason::NotALibrary => {
             "give a file that `rollwalk library build` wrote, such as LIB.rwl".to_owned()
         }
-        RejectReason::WrongRobot { .. } => {
-            "give the robot file that the library was built for: --robot ROBOT.toml".to_owned()
-        }
+        RejectReason::WrongRobot { .. } => other_robot.to_owned(),
         _ => format!(
             "copy the damaged or incomplete file again, or build it: rollwalk library build \
              LIBRARY.toml -o {}",
@@ -151,7 +165,7 @@ mod tests {
     fn a_damaged_library_is_refused_with_what_to_do() {
         let why = RejectReason::Corrupted { stored: 1, computed: 2 };
         let reject = Reject { section: Section::Footer, offset: 18_361, why };
-        let report = rejected(Path::new("walk.rwl"), &reject);
+        let report = rejected(Path::new("walk.rwl"), &reject, "");
         assert!(report.to_string().starts_with("walk.rwl: footer at byte 18361"), "{report}");
         let help = report.help().unwrap().to_string();
         assert!(

@@ -1,7 +1,8 @@
 //! Errors of a session, described for the operator.
 
-use crate::actuators::Actuators;
+use crate::actuators::{Actuators, UNKNOWN};
 use crate::authentication::NoSession;
+use crate::catalog::Catalog;
 use crate::describe::condition;
 use crate::refusal::{command_refusal_in, parameter_refusal, session_refusal, transfer_refusal};
 use rollwalk_bus::link::LinkError;
@@ -82,7 +83,7 @@ pub enum SessionError {
         why: NoSession,
     },
     /// Refused command.
-    #[error("the controller refused to {what}: {}", command_refusal_in(*result, *state, *fault))]
+    #[error("{}", refused(what, *result, *state, *fault, None))]
     Refused {
         /// Description of the request.
         what: &'static str,
@@ -121,7 +122,7 @@ pub enum SessionError {
         found: Option<u32>,
     },
     /// State from which the robot does not reach the expected one.
-    #[error("waited for {waited_for}, but the robot is {}", condition(status, &Actuators::default()))]
+    #[error("{}", went_elsewhere(waited_for, status, &UNKNOWN))]
     WentElsewhere {
         /// Description of the expected state.
         waited_for: String,
@@ -129,7 +130,7 @@ pub enum SessionError {
         status: Status,
     },
     /// Expected state not reached before the timeout.
-    #[error("waited {waited_s} s for {waited_for}, but the robot is still {}", condition(status, &Actuators::default()))]
+    #[error("{}", took_too_long(waited_for, *waited_s, status, &UNKNOWN))]
     TookTooLong {
         /// Description of the expected state.
         waited_for: String,
@@ -138,4 +139,114 @@ pub enum SessionError {
         /// Latest status.
         status: Status,
     },
+}
+
+impl SessionError {
+    /// Description for a known robot: faults in the terms of its buses, and channels by their names. Otherwise like
+    /// [`Display`](std::fmt::Display).
+    pub fn words(&self, catalog: Option<&Catalog>) -> String {
+        let actuators = catalog.map_or(&UNKNOWN, |catalog| &catalog.actuators);
+        match self {
+            Self::Refused { what, result, state, fault } => {
+                refused(what, *result, *state, *fault, catalog)
+            }
+            Self::WentElsewhere { waited_for, status } => {
+                went_elsewhere(waited_for, status, actuators)
+            }
+            Self::TookTooLong { waited_for, waited_s, status } => {
+                took_too_long(waited_for, *waited_s, status, actuators)
+            }
+            _ => self.to_string(),
+        }
+    }
+}
+
+fn refused(
+    what: &str,
+    result: CommandResult,
+    state: Option<State>,
+    fault: Option<FaultReport>,
+    catalog: Option<&Catalog>,
+) -> String {
+    let why = command_refusal_in(result, state, fault, catalog);
+    format!("the controller refused to {what}: {why}")
+}
+
+fn went_elsewhere(waited_for: &str, status: &Status, actuators: &Actuators) -> String {
+    format!("waited for {waited_for}, but the robot is {}", condition(status, actuators))
+}
+
+fn took_too_long(
+    waited_for: &str,
+    waited_s: f64,
+    status: &Status,
+    actuators: &Actuators,
+) -> String {
+    let condition = condition(status, actuators);
+    format!("waited {waited_s} s for {waited_for}, but the robot is still {condition}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actuators::{ActuatorBus, ChannelActuator, BusKind};
+    use rollwalk_protocol::faults::{Fault, FaultBits};
+
+    fn pup() -> Catalog {
+        let bus = ActuatorBus {
+            kind: BusKind::ServoLine,
+            protocol: "Dynamixel".into(),
+            bit_rate: 1_000_000,
+        };
+        let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
+        let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(2)] };
+        Catalog::of_robot("pup", 7, vec!["hip".into(), "knee".into()]).with_actuators(actuators)
+    }
+
+    /// Errors describe faults of a serial line as the diagnosis does, if the robot is known.
+    #[test]
+    fn faults_of_a_known_robot_are_described_in_the_terms_of_its_bus() {
+        let pup = pup();
+        let faults = FaultBits::default().with(Fault::BusOff);
+        let state = State::EStopped;
+        let status = Status {
+            state,
+            severity: state.severity(faults),
+            faults,
+            clip: None,
+            frame: 0,
+            counter: 0,
+            library: 0,
+        };
+        let gone = "the serial adapter of the servos is gone";
+        let report =
+            FaultReport { counter: 0, fault: Fault::ActuatorSilent, channel: Some(1), value: 0.5 };
+        for (error, known, unknown) in [
+            (
+                SessionError::WentElsewhere { waited_for: "x".into(), status },
+                gone,
+                "an actuator bus is lost",
+            ),
+            (
+                SessionError::TookTooLong { waited_for: "x".into(), waited_s: 1.0, status },
+                gone,
+                "an actuator bus is lost",
+            ),
+            (
+                SessionError::Refused {
+                    what: "arm",
+                    result: CommandResult::PoseUnknown,
+                    state: None,
+                    fault: Some(report),
+                },
+                "a servo does not answer (knee, 0.500 s since its last feedback); check the servo",
+                "an actuator does not answer (channel 1, 0.500 s",
+            ),
+        ] {
+            let words = error.words(Some(&pup));
+            assert!(words.contains(known), "{words}");
+            let words = error.words(None);
+            assert!(words.contains(unknown) && words == error.to_string(), "{words}");
+        }
+    }
 }

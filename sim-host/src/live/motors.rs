@@ -95,7 +95,8 @@ pub fn run(
 }
 
 /// Answers of the servos of a serial line to each packet in the received bytes. The servos answer in turn, but without their
-/// return delays, which are shorter than the latency of this computer.
+/// return delays, which are shorter than the latency of this computer. A servo that is not here is silent, and so are those after
+/// it, as on [`SerialLine`](crate::line::SerialLine).
 fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec<Vec<u8>> {
     let channels = body.addresses().iter().enumerate();
     let channels = channels.filter(|(_, address)| usize::from(address.0) == bus);
@@ -109,12 +110,43 @@ fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec
             let (_, answer) = body.on_packet(channel, now, &packet);
             turns.extend(answer.map(|answer| (answer.turn, answer)));
         }
-        if !turns.is_empty() {
-            all.push(turns.values().fold(Vec::new(), |mut said, answer| {
-                said.extend(answer.line_answer(&said));
-                said
-            }));
+        let in_turn = (0..).map_while(|turn| turns.get(&turn));
+        let said = in_turn.fold(Vec::new(), |mut said, answer| {
+            said.extend(answer.line_answer(&said));
+            said
+        });
+        if !said.is_empty() {
+            all.push(said);
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::one_leg;
+    use rollwalk_protocol::actuators::Codec;
+    use rollwalk_protocol::actuators::bus::{Bus, Protocol};
+    use rollwalk_protocol::actuators::dynamixel::{Dynamixel, fast_sync_read, sync_read};
+
+    /// Hip and wheel have IDs 1 and 2, and a servo with ID 9 is missing.
+    #[test]
+    fn servos_after_a_missing_one_do_not_answer() {
+        let protocol = Protocol::Dynamixel(Dynamixel::EXAMPLES[0]);
+        let mut robot = one_leg::robot();
+        robot.buses.insert(0, Bus { protocol, ..Bus::default() });
+        let mut body = Body::new(&robot);
+        for read in [sync_read, fast_sync_read] {
+            let mut said = |ids: &[u8]| {
+                let mut line = read(126, 10, ids).unwrap().to_vec();
+                answers(&mut body, 0, SimTime::ZERO, &mut line).concat()
+            };
+            let both = said(&[1, 2]);
+            let first = said(&[1, 9, 2]);
+            assert!(!first.is_empty() && first.len() < both.len(), "{first:?} {both:?}");
+            assert_eq!(first.len(), said(&[1, 9]).len());
+            assert!(said(&[9, 1, 2]).is_empty());
+        }
+    }
 }

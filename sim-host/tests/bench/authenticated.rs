@@ -6,6 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::lossy::Lossy;
 use rollwalk_firmware::Settings;
 use rollwalk_host::authentication::{Credentials, NoSession, Peer};
+use rollwalk_host::doctor::LinkKeyCheck;
 use rollwalk_host::operator::{Intent, Operator};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::can::Frame;
@@ -118,6 +119,28 @@ fn a_wrong_key_and_a_needless_one_are_told_from_a_silent_robot() {
     let absent = Peer { node: Node::new(7).unwrap(), ..peer(1) };
     let error = Session::connect(requiring_key(), absent).err().unwrap();
     assert!(matches!(error, SessionError::Silent { what: "session", .. }), "{error}");
+}
+
+/// The check begins no session, so a host that has one keeps it.
+#[test]
+fn a_diagnosis_finds_out_whether_a_key_is_missing() {
+    let without = || Peer::from(node());
+    for (mut rig, peer, expected) in [
+        (rig(), without(), LinkKeyCheck::NotNeeded),
+        (rig(), peer(1), LinkKeyCheck::GivenInVain),
+        (requiring_key(), without(), LinkKeyCheck::Missing),
+        (requiring_key(), peer(1), LinkKeyCheck::Accepted),
+        (requiring_key(), peer(2), LinkKeyCheck::Wrong),
+    ] {
+        assert_eq!(LinkKeyCheck::of(&mut rig, &peer), expected);
+        assert_eq!(refused(&mut rig), 0);
+    }
+    let mut session = Session::connect(requiring_key(), peer(1)).unwrap();
+    assert_eq!(LinkKeyCheck::of(session.bus_mut(), &node().into()), LinkKeyCheck::Missing);
+    session.estop().unwrap();
+    session.run_for(S / 10).unwrap();
+    session.clear().unwrap();
+    assert_eq!(refused(session.bus_mut()), 0);
 }
 
 /// Robot whose controller can be restarted while its host is connected.

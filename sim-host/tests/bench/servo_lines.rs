@@ -4,6 +4,10 @@
 use crate::S;
 use crate::protocols::{armed, leg, play, stopped_and_played_again};
 use crate::robot::{self, ROLL_RAD_S};
+use rollwalk_bus::link::LinkBus;
+use rollwalk_host::actuators::Actuators;
+use rollwalk_host::catalog::Catalog;
+use rollwalk_host::doctor::{Observations, LinkKeyCheck, Traffic};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::Codec;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
@@ -187,6 +191,50 @@ fn without_answers_the_robot_is_let_down() {
         session.run_for(S).unwrap();
         assert_eq!(session.status().unwrap().state, State::Playing, "{kind:?}");
     }
+}
+
+/// Hip and wheel are on one line, and the wheel answers after the hip. The fault and the diagnosis name the hip.
+#[test]
+fn of_a_line_the_servo_that_is_silent_is_named() {
+    let robot = leg([usual(); 2]);
+    let mut session = armed(&robot);
+    fault(&mut session, FaultKind::Unpowered(0), 5_000);
+    session.run_for(2 * S).unwrap();
+    let begin_us = session.bus().now_us();
+    session.run_for(2 * S).unwrap();
+    let (hello, rig) = (*session.hello(), session.into_bus());
+    let mut heard = Traffic { span_us: 2 * S, ..Traffic::default() };
+    let on_link = rig.log().iter().filter(|entry| entry.interface == Interface::Link);
+    for entry in on_link.filter(|entry| entry.at_us >= begin_us) {
+        heard.take(1, &entry.frame);
+    }
+    let silent = heard.faults[&Fault::ActuatorSilent.code()];
+    assert_eq!(silent.channel, Some(0));
+    let models = vec!["XM430-W210".to_owned(); 3];
+    let actuators = Actuators::new(rig.config(), &robot.controller_buses(), models);
+    let names = ["hip", "knee", "wheel"].map(str::to_owned).to_vec();
+    let catalog = Catalog::of_robot("leg", 0, names).with_actuators(actuators);
+    let findings = Observations {
+        heard: &heard,
+        has_host: false,
+        hello: Some(&hello),
+        refused: None,
+        key: LinkKeyCheck::NotNeeded,
+        transferring: false,
+        history: None,
+        complaint: None,
+        bitrate: 1_000_000,
+        expected_config: None,
+        catalog: Some(&catalog),
+        config: None,
+        bus: "sim",
+    };
+    let found = findings.diagnose();
+    let says = |words: &str| found.iter().any(|finding| finding.what.contains(words));
+    assert!(says("a servo does not answer (hip, "), "{found:#?}");
+    assert!(says("no answer from any actuator on bus 0"), "{found:#?}");
+    assert!(found.iter().any(|finding| finding.help.contains("if only hip (")), "{found:#?}");
+    assert!(!says("knee"), "{found:#?}");
 }
 
 /// A gap that is shorter than the controller's timeout causes no fault.

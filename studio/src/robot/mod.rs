@@ -180,9 +180,7 @@ impl Connection {
             help: "check the robot file with `rollwalk robot check`".to_owned(),
         };
         let config = robot.controller_config().map_err(invalid)?;
-        let models: Vec<_> =
-            robot.channels().map(|channel| channel.actuator().model.clone()).collect();
-        let models = models.iter().map(String::as_str);
+        let models = robot.channels().map(|channel| channel.actuator().model.clone());
         let actuators = Actuators::new(&config, &robot.controller_buses(), models);
         let way = match place {
             ConnectionKind::Simulated => {

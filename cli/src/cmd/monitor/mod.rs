@@ -5,7 +5,7 @@ mod recording;
 mod view;
 
 use crate::live::{self, LiveArgs};
-use miette::miette;
+use miette::{Report, miette};
 use recording::Recording;
 use rollwalk_bus::candump::LogEntry;
 use rollwalk_bus::link::{LinkBus, LinkError};
@@ -19,7 +19,7 @@ use rollwalk_robot::{Robot, Solid};
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::{Interruptible, LinkArgs};
+use rollwalk_terminal::link::{Interruptible, LinkArgs, report_lost_bus};
 use rollwalk_terminal::validated_library::ValidatedLibrary;
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;
@@ -187,7 +187,7 @@ fn listen(
     end_us: u64,
     monitor: &mut Monitor<'_>,
 ) -> miette::Result<()> {
-    let down = |error: LinkError| miette!("{error}");
+    let down = |error: LinkError| Report::from(report_lost_bus(&args.link.bus, &error));
     let mut silent_us = bus.now_us();
     while bus.now_us() < end_us {
         let deadline_us = end_us.min(silent_us.saturating_add(SILENCE_US));

@@ -4,6 +4,7 @@ use rollwalk_host::actuators::{Actuators, conditions, fault_names_on, new_faults
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::describe::{fault_report_on, state_words};
 use rollwalk_host::refusal::command_refusal;
+use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{
@@ -191,10 +192,26 @@ impl<'a> View<'a> {
                 format!("{:.3}", joint.position_rad),
                 format!("{:.2}", joint.velocity_rad_s),
                 format!("{:.2}", joint.torque_nm),
-                conditions(joint.status, self.actuators.limits(channel)).join(", "),
+                self.condition(joint).join(", "),
             ]);
         }
         output::line(&table.render())
+    }
+
+    /// Conditions of an actuator. A servo that waits for the answer of a silent one is not described as silent itself.
+    fn condition(&self, joint: &JointTelemetry) -> Vec<String> {
+        let is_silent = |channel: u8| {
+            self.measured.get(&channel).is_some_and(|joint| joint.status.is_unanswered())
+        };
+        let limits = self.actuators.limits(joint.channel);
+        let ahead = self.actuators.waits_for(joint.channel, is_silent);
+        let Some(ahead) = ahead.filter(|_| joint.status.is_unanswered()) else {
+            return conditions(joint.status, limits);
+        };
+        let others = ActuatorStatus(joint.status.0 & !ActuatorStatus::UNANSWERED);
+        let mut words = conditions(others, limits);
+        words.push(format!("waits for {}", self.channel_name(ahead)));
+        words
     }
 
     fn clip_name(&self, clip: u8) -> String {
@@ -204,5 +221,38 @@ impl<'a> View<'a> {
 
     fn channel_name(&self, channel: u8) -> String {
         channel_name(self.catalog.map_or(&[], |catalog| &catalog.channels), channel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_host::actuators::{ActuatorBus, ChannelActuator, BusKind};
+
+    #[test]
+    fn one_silent_servo_of_a_line_is_blamed() {
+        let bus = ActuatorBus {
+            kind: BusKind::ServoLine,
+            protocol: "Dynamixel".into(),
+            bit_rate: 1_000_000,
+        };
+        let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
+        let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(2), of(3)] };
+        let names = ["hip", "knee", "ankle"].map(str::to_owned).to_vec();
+        let catalog = Catalog::of_robot("pup", 7, names).with_actuators(actuators);
+        let mut view = View::new(Some(&catalog), true, false, 0);
+        let joint = |channel, bits| JointTelemetry {
+            channel,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            torque_nm: 0.0,
+            status: ActuatorStatus(bits),
+        };
+        for channel in 0..3 {
+            let bits = if channel == 0 { 0 } else { ActuatorStatus::UNANSWERED };
+            view.measured.insert(channel, joint(channel, bits));
+        }
+        let words = |channel| view.condition(&view.measured[&channel]).join(", ");
+        assert_eq!([words(0), words(1), words(2)], ["", "did not answer", "waits for knee"]);
     }
 }

@@ -6,12 +6,13 @@ mod play;
 use miette::{IntoDiagnostic, miette};
 use motion_request::{MotionRequest, SelectedMotion, choose};
 use play::play;
+use rollwalk_host::catalog::Catalog;
 use rollwalk_host::describe::state_name;
 use rollwalk_host::session::SessionError;
 use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
-use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure};
+use rollwalk_terminal::link::{LinkArgs, LiveSession, report_failure_on, report_refusal};
 use rollwalk_terminal::{Exit, interrupt, output};
 
 /// Maximum time of a return to SAFE, µs. A return at a small fraction of the planned speed is slow.
@@ -69,32 +70,34 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut session = if args.arm { args.link.connect()? } else { args.link.join()? };
     let library = session.hello().library.ok_or_else(|| {
-        miette!(
-            help = "flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml",
-            "the controller has no motion library"
-        )
+        let bus = &args.link.bus;
+        let help =
+            format!("flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml --bus {bus}");
+        report_refusal(&miette!(help = help, "the controller has no motion library"))
     })?;
-    let catalog = args.names.find(library)?;
+    let robot = args.names.look_up(Some(session.hello()))?;
+    // That of a robot whose library is unknown has no motions.
+    let catalog = robot.as_ref().filter(|catalog| !catalog.motions.is_empty());
     // Names of another library may be right, its codes say nothing about this one.
-    let is_its_own = catalog.as_ref().is_some_and(|catalog| catalog.library == library);
-    let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog.as_ref(), is_its_own));
+    let is_its_own = catalog.is_some_and(|catalog| catalog.library == library);
+    let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog, is_its_own));
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
     if !args.arm {
         return match play(&mut session, args.speed, false, &chosen) {
             Ok(()) if interrupt::requested() => Ok(Exit::Interrupted),
             Ok(()) => Ok(Exit::Ok),
-            Err(error) => Ok(report_failure(&args.link, &error)),
+            Err(error) => Ok(report_failure_on(&args.link, &error, robot.as_ref())),
         };
     }
     if let (Some(path), None) = (&args.names.robot, &args.names.library) {
         let robot = Source::Disk.robot(path)?;
         session.expect_robot(robot.controller_config().into_diagnostic()?.hash());
-    } else if let Some(catalog) = &catalog {
+    } else if let Some(catalog) = catalog {
         session.expect_robot(catalog.config_hash);
     }
     match session.arm_request() {
-        Ok(nonce) => arm_and_play(&mut session, args, nonce, &chosen),
-        Err(error) => Ok(report_failure(&args.link, &error)),
+        Ok(nonce) => arm_and_play(&mut session, args, nonce, &chosen, robot.as_ref()),
+        Err(error) => Ok(report_failure_on(&args.link, &error, robot.as_ref())),
     }
 }
 
@@ -104,10 +107,13 @@ fn arm_and_play(
     args: &Args,
     nonce: u16,
     chosen: &[SelectedMotion<'_>],
+    robot: Option<&Catalog>,
 ) -> miette::Result<Exit> {
     let outcome = match session.arm_confirm(nonce) {
         // It has not been armed, or not by us.
-        Err(error @ SessionError::Refused { .. }) => return Ok(report_failure(&args.link, &error)),
+        Err(error @ SessionError::Refused { .. }) => {
+            return Ok(report_failure_on(&args.link, &error, robot));
+        }
         Err(error) => Err(error),
         Ok(()) => {
             output::print_line("armed");
@@ -127,13 +133,13 @@ fn arm_and_play(
     let exit = match outcome {
         Ok(()) if interrupt::requested() => Exit::Interrupted,
         Ok(()) => Exit::Ok,
-        Err(error) => report_failure(&args.link, &error),
+        Err(error) => report_failure_on(&args.link, &error, robot),
     };
     match home {
         Ok(()) => Ok(exit),
         Err(error) => {
-            let report =
-                args.link.explain(&error).wrap_err("the robot did not return to SAFE and disarm");
+            let report = args.link.explain(&error, robot);
+            let report = report.wrap_err("the robot did not return to SAFE and disarm");
             output::print_report(&report);
             Ok(Exit::NotDone)
         }

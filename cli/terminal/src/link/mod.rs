@@ -12,11 +12,13 @@ pub use interruptible::Interruptible;
 
 use crate::{Exit, interrupt, keys, output};
 use miette::{Diagnostic, Report, miette};
+use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
 use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_bus::priority;
 use rollwalk_host::authentication::Peer;
+use rollwalk_host::catalog::Catalog;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, Node};
 use std::path::PathBuf;
@@ -153,8 +155,8 @@ impl LinkArgs {
             .map_err(|error| FailedSession(report_failure(self, &error)).into())
     }
 
-    /// Report of a failed session, with the command to type next.
-    pub fn explain(&self, error: &SessionError) -> Report {
+    /// Report of a failed session, with the command to type next. `catalog` contains names and buses of the robot, if known.
+    pub fn explain(&self, error: &SessionError, catalog: Option<&Catalog>) -> Report {
         let bus = &self.bus;
         let help = match error {
             SessionError::Silent { what: "heartbeat" | "session", .. } => {
@@ -174,7 +176,7 @@ impl LinkArgs {
             }
             _ => format!("find the cause and its remedy: rollwalk doctor --bus {bus}"),
         };
-        miette!(help = help, "{error}")
+        miette!(help = help, "{}", error.words(catalog))
     }
 }
 
@@ -183,12 +185,33 @@ impl LinkArgs {
 #[error("the session ended")]
 pub struct FailedSession(pub Exit);
 
-/// Reports the failure of a session, unless Ctrl-C caused it, and returns the exit code.
+/// Reports the failure of a session with an unknown robot, unless Ctrl-C caused it, and returns the exit code.
 pub fn report_failure(args: &LinkArgs, error: &SessionError) -> Exit {
+    report_failure_on(args, error, None)
+}
+
+/// Reports the failure of a session as [`ended`] does, in the terms of the robot's buses if the robot is known.
+pub fn report_failure_on(args: &LinkArgs, error: &SessionError, catalog: Option<&Catalog>) -> Exit {
     if interrupt::requested() {
         return Exit::Interrupted;
     }
-    let report = args.explain(error).wrap_err("the robot did not execute the command");
+    let report = args.explain(error, catalog).wrap_err("the robot did not execute the command");
     output::print_report(&report);
     Exit::NotDone
+}
+
+/// Reports a lost bus, unless Ctrl-C caused the loss, and returns the end of the command.
+pub fn report_lost_bus(bus: &BusName, error: &LinkError) -> FailedSession {
+    if interrupt::requested() {
+        return FailedSession(Exit::Interrupted);
+    }
+    let help = "check the cable and the adapter; `rollwalk doctor --system` checks this computer";
+    output::print_report(&miette!(help = help, "{bus} is lost: {error}"));
+    FailedSession(Exit::NotDone)
+}
+
+/// Reports that the state of the robot prevents a command, and returns the end of the command.
+pub fn report_refusal(report: &Report) -> FailedSession {
+    output::print_report(report);
+    FailedSession(Exit::NotDone)
 }

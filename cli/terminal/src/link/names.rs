@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Sources of names.
-#[derive(clap::Args)]
+#[derive(Clone, Default, clap::Args)]
 pub struct NamesArgs {
     /// Motion library (.rwl) with the names of motions, if it was not built or flashed on this computer.
     #[arg(long, value_name = "LIB.rwl")]
