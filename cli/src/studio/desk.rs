@@ -51,10 +51,14 @@ impl Desk {
                 }))
             }
             "keep" => {
-                let text = request["text"].as_str().unwrap_or_default();
-                let digest = digest(&self.sheets());
+                let [text, by, from] =
+                    ["text", "by", "from"].map(|key| request[key].as_str().unwrap_or_default());
+                // Locked until the edits are stored, so that two pages do not store theirs at once.
+                let sheets = self.sheets();
+                let digest = digest(&sheets);
                 let edits = self.edits.as_ref();
-                let kept = edits.map_or(Err(no_folder()), |edits| edits.keep(text, digest));
+                let kept =
+                    edits.map_or(Err(no_folder()), |edits| edits.keep(text, [by, from], digest));
                 Some(match kept {
                     Ok(()) => json!({ "seq": seq, "binary": false, "kind": "done" }),
                     Err(message) => json!({

@@ -365,6 +365,31 @@ fn edits_are_kept_for_the_files_that_they_are_of() {
     assert_eq!(keep(&Desk::open(&[], None).unwrap(), "mine"), "error", "there is no folder");
 }
 
+/// Two tabs edit the same files. A tab replaces the edits that it has opened, but not those that the other has stored since.
+#[test]
+fn a_tab_does_not_overwrite_the_edits_that_another_one_keeps() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("a.toml"), "footfalls.all = \"stance\"\n").unwrap();
+    let desk = Desk::open(&[at("a.toml")], Some(at("state"))).unwrap();
+    let keep = |text: &str, by: &str, from: &str| {
+        let request = json!({ "seq": 2, "kind": "keep", "text": text, "by": by, "from": from });
+        let answer = desk.answer(&request.to_string()).unwrap();
+        answer["message"].as_str().unwrap_or_default().to_owned()
+    };
+    let edits = || desk.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap()["edits"].clone();
+    assert_eq!([keep("1", "first", ""), keep("2", "first", "")], ["", ""]);
+    assert_eq!((edits()["page"].clone(), edits()["by"].clone()), ("2".into(), "first".into()));
+    // The second tab has opened the edits of the first.
+    assert_eq!([keep("3", "second", "first"), keep("4", "second", "first")], ["", ""]);
+    let refused = keep("5", "first", "");
+    assert!(refused.contains("another tab keeps its own edits"), "{refused}");
+    assert_eq!(edits()["page"], "4");
+    // A new start of the studio.
+    assert_eq!(keep("6", "third", "second"), "");
+    assert_eq!(edits()["page"], "6");
+}
+
 #[test]
 fn a_solve_can_be_cancelled_and_the_next_request_is_answered() {
     let server = start(&[]);

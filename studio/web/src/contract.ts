@@ -31,7 +31,7 @@ export type RequestBody =
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
   /** Files of the command line; for an engine in the program that serves the page. */
   | { kind: "given" }
-  | { kind: "keep"; text: string }
+  | { kind: "keep"; text: string; by: string; from: string }
   | { kind: "save"; path: string; text: string }
   | ({ kind: "robot"; now_us: number } & RobotRequest);
 

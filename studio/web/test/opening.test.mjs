@@ -108,6 +108,26 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
     });
   });
 
+  test("a tab does not overwrite the edits that another tab has stored since", async () => {
+    const served = await serveStudio(folder, ["motions/pace.toml"]);
+    const address = `${served.address}&quality=low`;
+    const first = await Studio.open(browser, address);
+    await first.edit(() => first.type("Forward", "0.11"));
+    const second = await Studio.open(browser, address);
+    try {
+      assert.match(await second.text(), /^forward_m = 0\.11$/m);
+      await second.edit(() => second.type("Forward", "0.12"));
+      await first.edit(() => first.type("Forward", "0.13"));
+      await first.until(() => document.body.textContent.includes("another tab keeps its own edits of these files"));
+      await second.page.reload();
+      await second.settled();
+      assert.match(await second.text(), /^forward_m = 0\.12$/m);
+    } finally {
+      for (const studio of [first, second]) await studio.page.close();
+      await served.end();
+    }
+  });
+
   test("what was edited and not saved is there after a reload and a new start, with its undo, and leaving asks", async () => {
     const original = await readFile(join(folder, "motions/walk.toml"), "utf8");
     const isEdited = async (studio) => {

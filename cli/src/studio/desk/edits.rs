@@ -25,6 +25,9 @@ struct EditsFile {
     digest: u32,
     /// Documents and history, in the format of the page.
     page: String,
+    /// Page that stored the edits: a random text of each page; empty if unknown.
+    #[serde(default)]
+    by: String,
 }
 
 /// Stored edits.
@@ -32,6 +35,8 @@ struct EditsFile {
 pub struct StoredEdits {
     /// Documents and history of the page.
     page: String,
+    /// Page that stored the edits.
+    by: String,
     /// True if the files are unchanged.
     is_current: bool,
 }
@@ -54,21 +59,38 @@ impl Edits {
 
     /// Reads the edits that the page stored most recently; `digest` is that of the current files.
     pub fn kept(&self, digest: u32) -> Option<StoredEdits> {
+        let EditsFile { digest: before, page, by, .. } = self.stored()?;
+        Some(StoredEdits { page, by, is_current: before == digest })
+    }
+
+    /// Reads the stored edits of these files.
+    fn stored(&self) -> Option<EditsFile> {
         let is_short = fs::metadata(&self.place).is_ok_and(|found| found.len() <= BYTES_MAX);
         let text = is_short.then(|| fs::read_to_string(&self.place).ok()).flatten()?;
         let kept: EditsFile = serde_json::from_str(&text).ok()?;
-        let is_current = kept.digest == digest;
-        (kept.files == self.files).then_some(StoredEdits { page: kept.page, is_current })
+        (kept.files == self.files).then_some(kept)
     }
 
-    /// Stores the page's documents and history; `digest` is that of the current files.
+    /// Stores a page's documents and history; `digest` is that of the current files.
+    ///
+    /// Page `by` may replace its own edits, and those of page `from`, which it opened. It does not replace those of a third
+    /// page that was opened since.
     ///
     /// # Errors
-    /// Returns an error if the text is too long, or if the operating system refuses.
-    pub fn keep(&self, page: &str, digest: u32) -> Result<(), String> {
+    /// Returns an error if another page has stored edits since, if the text is too long, or if the operating system refuses.
+    pub fn keep(&self, page: &str, [by, from]: [&str; 2], digest: u32) -> Result<(), String> {
         let failed =
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
-        let kept = EditsFile { files: self.files.clone(), digest, page: page.to_owned() };
+        let before = self.stored().map_or(String::new(), |kept| kept.by);
+        if !before.is_empty() && before != by && before != from {
+            return Err(
+                "another tab keeps its own edits of these files; save your files here, or \
+                        close the other tab and reload this one"
+                    .to_owned(),
+            );
+        }
+        let (files, page, by) = (self.files.clone(), page.to_owned(), by.to_owned());
+        let kept = EditsFile { files, digest, page, by };
         let text = serde_json::to_string(&kept).map_err(|why| failed(why.to_string()))?;
         if text.len() as u64 > BYTES_MAX {
             return Err(failed(format!(

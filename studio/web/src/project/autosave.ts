@@ -6,10 +6,20 @@ import type { History, Snapshot } from "./documents.ts";
 import type { Studio } from "./studio.ts";
 
 const KEY = "rollwalk-studio-project-2";
+/** Tab whose documents are in the browser's storage. */
+const KEY_BY = `${KEY}-by`;
 const DRAG_MS = 250;
 /** Steps of undo and characters that are kept at most: a browser's storage has 5 MB. */
 const MOST_STEPS = 50;
 const MOST_CHARACTERS = 2_000_000;
+
+/** This tab, and the tab whose documents it has opened. A tab replaces only their documents, not those of a third tab. */
+const tabs = { by: `${Date.now().toString(36)}-${Math.random().toString(36).slice(2)}`, from: "" };
+
+/** Records the tab whose documents were opened. */
+export function openedFrom(by: string) {
+  tabs.from = by;
+}
 
 /** Texts once each, and documents as indices into them. */
 type PackedSnapshot = { files: [string, number][]; motion: string };
@@ -50,13 +60,22 @@ export function keepSaved(studio: Studio) {
 }
 
 async function store(studio: Studio, text: string) {
-  if (studio.engine.hasFiles) await studio.engine.request("documents", { kind: "keep", text });
-  else localStorage.setItem(KEY, text);
+  if (studio.engine.hasFiles) {
+    await studio.engine.request("documents", { kind: "keep", text, ...tabs });
+    return;
+  }
+  const before = localStorage.getItem(KEY_BY) ?? "";
+  if (before !== "" && before !== tabs.by && before !== tabs.from) {
+    throw new Error("another tab keeps its own edits; download your files here, or close the other tab and reload this one");
+  }
+  localStorage.setItem(KEY, text);
+  localStorage.setItem(KEY_BY, tabs.by);
 }
 
 /** History that this browser has stored. */
 export function storedHistory(): History | null {
   try {
+    openedFrom(localStorage.getItem(KEY_BY) ?? "");
     return unpacked(localStorage.getItem(KEY));
   } catch {
     return null;

@@ -1,20 +1,21 @@
 // What the page opens first: what its link holds, the files of the command line, what was open before, or an example.
 
 import type { InitialFiles, Edit, File } from "../contract.ts";
-import { storedHistory, unpacked } from "./autosave.ts";
+import { openedFrom, storedHistory, unpacked } from "./autosave.ts";
 import { baseName, type History, kindOf } from "./documents.ts";
 import { example, FIRST } from "./examples.ts";
 import { given, importRobot } from "./files.ts";
 import { fromLink } from "./share.ts";
 import type { Studio } from "./studio.ts";
 
-/** `edits`: what was kept, and whether the files are as they were then. */
-type GivenFiles = { files: File[]; desired: InitialFiles; edits: { page: string; is_current: boolean } | null };
+/** `edits`: stored edits, the tab that stored them, and whether the files are as they were then. */
+type GivenFiles = { files: File[]; desired: InitialFiles; edits: { page: string; by: string; is_current: boolean } | null };
 
 export async function openFirst(studio: Studio) {
   if (await openLink(studio)) return;
   try {
     const asked = await requestGivenFiles(studio);
+    if (asked) openedFrom(asked.edits?.by ?? "");
     const before = asked ? unpacked(asked.edits?.page ?? null) : storedHistory();
     if (asked && asked.files.length > 0) await openGivenFiles(studio, asked, before);
     else if (before) await restore(studio, before);
