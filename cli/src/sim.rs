@@ -1,53 +1,44 @@
 //! `rollwalk-sim`: simulates a robot on a bus of this computer, in real time.
 
 mod boots;
+mod buses;
+mod gains;
 mod ground;
+mod keys;
 mod lag;
 mod memory;
+mod status;
 
 use crate::buses::BusLoads;
 use crate::live::{self, LiveArgs};
-use crate::signing;
 use crate::terrain::{GroundArgs, Support};
 use crate::world_log::{SharedLog, WorldLog, WorldLogArgs};
+use buses::{LostBuses, at_rates, check_kinds, port, ports};
 use clap::{CommandFactory, FromArgMatches, Parser, ValueEnum};
+use gains::Gains;
+use keys::Keys;
 use lag::LagWatch;
 use memory::Memory;
 use miette::{IntoDiagnostic, miette};
-use rollwalk_bus::link::LinkError;
 use rollwalk_bus::name::BusName;
-use rollwalk_bus::open::{self, OpenError};
 use rollwalk_bus::port::Port;
 use rollwalk_bus::priority;
-use rollwalk_bus::sim;
 use rollwalk_firmware::Settings;
-use rollwalk_host::actuators::Actuators;
-use rollwalk_host::describe::condition;
 use rollwalk_multibody::ground::Ground;
-use rollwalk_protocol::faults::FaultBits;
-use rollwalk_protocol::wire::authentication::LinkKey;
-use rollwalk_protocol::wire::{State, Status};
 use rollwalk_robot::Robot;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::LocalController;
-use rollwalk_sim_host::interface::Interface;
-use rollwalk_sim_host::live::{Reopen, controller, motors, whole};
+use rollwalk_sim_host::live::{controller, motors, whole};
 use rollwalk_sim_host::rig::Rig;
-use rollwalk_sim_host::store::VerifyingKey;
+use rollwalk_sim_host::store::KeepParameters;
 use rollwalk_terminal::files::{Lines, Output, RotationArgs};
 use rollwalk_terminal::inputs::Source;
-use rollwalk_terminal::link::cannot_open;
-use rollwalk_terminal::validated_library::actuators;
-use rollwalk_terminal::{Exit, end, interrupt, keys, output, with_common_help};
+use rollwalk_terminal::{Exit, end, interrupt, output, with_common_help};
+use status::StatusPrinter;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-
-/// Maximum number of our frames in flight on the link.
-const LINK_DEPTH: usize = 3;
-/// Maximum number of our frames in flight on an actuator bus, where the newest value should not wait behind others.
-const ACTUATOR_DEPTH: usize = 2;
 
 /// Simulated robot: the controller's firmware, and motors with inertia and limits.
 ///
@@ -62,7 +53,7 @@ const ACTUATOR_DEPTH: usize = 2;
 ///
 /// With --library FILE the simulated flash survives a restart: the simulator reads FILE at start, if it exists, and writes each
 /// library that a host flashes to FILE. Before it overwrites a library for the first time, it copies that library to another
-/// file (pup.2.rwl for pup.rwl).
+/// file (pup.2.rwl for pup.rwl). It stores saved gains beside FILE (pup.gains.json); without --library it refuses to save gains.
 ///
 /// The simulator runs until Ctrl-C.
 #[derive(Parser)]
@@ -128,40 +119,6 @@ struct Cli {
     /// key of the pair.
     #[arg(long, value_name = "KEY.pub.pem")]
     library_key: Option<PathBuf>,
-}
-
-/// Keys that the controller requires.
-struct Keys {
-    /// Link key, and the number of earlier boots of controllers with this key.
-    link: Option<(LinkKey, u32)>,
-    library: Option<VerifyingKey>,
-}
-
-impl Keys {
-    fn read(cli: &Cli) -> miette::Result<Self> {
-        let link = cli.link_key.as_deref().map(keys::link_key).transpose()?;
-        let library = cli.library_key.as_deref().map(signing::public_key).transpose()?;
-        let Some(key) = link else { return Ok(Self { link: None, library }) };
-        let before = match boots::count(&key)? {
-            // Boots of this process begin with 1.
-            Some(boot) => boot - 1,
-            None if cli.only == Some(Part::Controller) => {
-                return Err(miette!(
-                    help = "set HOME or XDG_STATE_HOME to a persistent folder",
-                    "there is no folder for the boot count, and without this count the controller \
-                     would accept a recorded session after a restart"
-                ));
-            }
-            None => {
-                output::print_line(
-                    "warning: there is no folder for the boot count, so the simulated robot \
-                     accepts a recorded session after a restart",
-                );
-                0
-            }
-        };
-        Ok(Self { link: Some((key, before)), library })
-    }
 }
 
 /// Part of a robot.
@@ -251,10 +208,11 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let keys = Keys::read(cli)?;
     let open = |path| Memory::open(path, &cli.robot, keys.library.as_ref());
     let memory = cli.library.as_deref().map(open).transpose()?;
-    let memory = memory.map(|memory| Arc::new(Mutex::new(memory)));
+    let gains = cli.library.as_deref().map(Gains::beside).transpose()?;
+    let kept = StoredFlash { memory: memory.map(|memory| Arc::new(Mutex::new(memory))), gains };
     interrupt::install_handler();
     match (cli.only, &cli.bus) {
-        (Some(Part::Motors), _) if memory.is_some() => {
+        (Some(Part::Motors), _) if kept.memory.is_some() => {
             return Err(miette!(
                 "leave out --library: --only motors does not simulate a controller"
             ));
@@ -267,11 +225,11 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             return Err(miette!(help = "add --bus BUS", "the controller requires a link"));
         }
         (Some(Part::Controller), Some(bus)) => {
-            run_controller(&robot, keys, bus, &actuators, memory)?;
+            run_controller(&robot, keys, bus, &actuators, kept)?;
         }
         (None, Some(bus)) if actuators.is_empty() => {
             let view = cli.live.begin(&robot, &parts)?;
-            run_whole(&robot, keys, bus, cli, ground.as_ref(), memory, view)?;
+            run_whole(&robot, keys, bus, cli, ground.as_ref(), kept, view)?;
         }
         (None, Some(_)) if actuators.iter().any(BusName::carries_bytes) => {
             return Err(miette!(
@@ -294,7 +252,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
                 interrupt::request();
                 ended
             });
-            run_controller(&robot, keys, bus, &actuators, memory)?;
+            run_controller(&robot, keys, bus, &actuators, kept)?;
             interrupt::request();
             motors.join().map_err(|_| miette!("the motors have ended unexpectedly"))??;
         }
@@ -309,29 +267,40 @@ fn lock(memory: &SharedMemory) -> MutexGuard<'_, Memory> {
     memory.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Firmware with the library of its memory, and with the keys that it requires.
+/// Content of the controller's flash that outlives this program.
+struct StoredFlash {
+    memory: Option<SharedMemory>,
+    gains: Option<Gains>,
+}
+
+/// Firmware with the library and the gains of its flash, and with the keys that it requires. Also returns the memory of the
+/// library.
 fn core(
     robot: &Robot,
     keys: Keys,
-    memory: Option<&SharedMemory>,
-) -> miette::Result<LocalController> {
+    kept: StoredFlash,
+) -> miette::Result<(LocalController, Option<SharedMemory>)> {
     let config = robot.controller_config().into_diagnostic()?;
     let (buses, settings) = (robot.controller_buses(), Settings::default());
-    let library = memory.and_then(|memory| lock(memory).library().map(<[u8]>::to_vec));
-    let mut core = match &library {
+    let StoredFlash { memory, gains } = kept;
+    let library = memory.as_ref().and_then(|memory| lock(memory).library().map(<[u8]>::to_vec));
+    let core = match &library {
         Some(library) => LocalController::with_library(config, buses, settings, library),
         None => LocalController::new(config, buses, settings),
     };
+    let saved = gains.as_ref().and_then(|gains| gains.saved.clone());
+    let keep: KeepParameters = gains.map_or_else(gains::no_file, Gains::keeper);
+    let mut core = core.keeping_parameters(saved.as_ref(), keep);
     if let Some(key) = keys.library {
         core = core.with_library_key(key);
     }
     if let Some((key, boots_before)) = keys.link {
         core.require_key(key, boots_before);
     }
-    if let Some(memory) = memory.cloned() {
+    if let Some(memory) = memory.clone() {
         core.keep_libraries(Box::new(move |library| lock(&memory).keep_first(library)));
     }
-    Ok(core)
+    Ok((core, memory))
 }
 
 fn run_whole(
@@ -340,13 +309,13 @@ fn run_whole(
     bus: &BusName,
     cli: &Cli,
     ground: Option<&Arc<dyn Ground>>,
-    memory: Option<SharedMemory>,
+    kept: StoredFlash,
     mut view: Option<live::View<'_>>,
 ) -> miette::Result<()> {
     let log = cli.log.as_deref().map(Output::at).transpose()?;
     let log = log.map(|output| Lines::create(&output, cli.rotation.rotate));
     let mut log = log.transpose()?;
-    let core = core(robot, keys, memory.as_ref())?;
+    let (core, memory) = core(robot, keys, kept)?;
     let mut rig = Rig::with_core(robot, core).into_diagnostic()?;
     if let Some(ground) = ground {
         rig = rig.onto_ground(robot, ground, cli.ground.shoves());
@@ -405,11 +374,11 @@ fn run_controller(
     keys: Keys,
     bus: &BusName,
     actuators: &[BusName],
-    memory: Option<SharedMemory>,
+    kept: StoredFlash,
 ) -> miette::Result<()> {
     // Motors that wait for their setpoints do so for a busy computer, too.
     priority::raise();
-    let mut core = core(robot, keys, memory.as_ref())?;
+    let (mut core, memory) = core(robot, keys, kept)?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);
     let (port, ports) = (port(bus)?, ports(actuators)?);
     output::print_line(format_args!(
@@ -486,127 +455,4 @@ fn simulate_motors(
 
 fn ready(robot: &Robot, bus: &BusName) {
     output::print_line(format_args!("{} is on {bus}; Ctrl-C ends the program", robot.name));
-}
-
-/// Opens the robot's end of the link.
-fn port(bus: &BusName) -> miette::Result<Port> {
-    open_link(bus).map_err(cannot_open)
-}
-
-fn open_link(bus: &BusName) -> Result<Port, OpenError> {
-    match bus {
-        BusName::Sim { socket } => sim::serve(socket.as_deref()),
-        _ => open::open(bus, LINK_DEPTH),
-    }
-}
-
-/// Buses that are reopened when they are lost.
-struct LostBuses<'a> {
-    link: Option<&'a BusName>,
-    actuators: &'a [BusName],
-    /// True if lost buses are reported. If controller and motors share a process, only one of them reports.
-    says: bool,
-}
-
-impl LostBuses<'_> {
-    fn name(&self, bus: Interface) -> Option<&BusName> {
-        match bus {
-            Interface::Link => self.link,
-            Interface::Actuator(number) => self.actuators.get(usize::from(number)),
-        }
-    }
-
-    fn print_event(&self, bus: Interface, what: &str) {
-        if let (true, Some(name)) = (self.says, self.name(bus)) {
-            output::print_line(format_args!("{name} {what}"));
-        }
-    }
-}
-
-impl Reopen for LostBuses<'_> {
-    fn lost(&mut self, bus: Interface, why: &LinkError) {
-        self.print_event(bus, &format!("is lost: {why}"));
-    }
-
-    fn reopen(&mut self, bus: Interface) -> Option<Port> {
-        let name = self.name(bus)?;
-        let port = match bus {
-            Interface::Link => open_link(name),
-            Interface::Actuator(_) => open::actuators(name, ACTUATOR_DEPTH),
-        };
-        let port = port.ok()?;
-        self.print_event(bus, "is back");
-        Some(port)
-    }
-}
-
-/// Refuses a CAN bus where the robot has a serial line of servos, and the reverse.
-fn check_kinds(robot: &Robot, names: &[BusName]) -> miette::Result<()> {
-    for (number, name) in (0..).zip(names) {
-        let bus = robot.buses.get(&number).copied().unwrap_or_default();
-        let speaks = bus.protocol.name();
-        if bus.protocol.is_serial() != name.carries_bytes() {
-            let (is, right) = match bus.protocol.is_serial() {
-                true => {
-                    ("a serial line", "tty:/dev/ttyUSB0, or pty:/tmp/servos for simulated motors")
-                }
-                false => ("a CAN bus", "can:can0"),
-            };
-            return Err(miette!(
-                help = format!("give a bus such as {right}"),
-                "bus {number} of {} is {is} ({speaks}), but {name} is not",
-                robot.name
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// Actuator buses with the bit rate of the robot file, unless their name contains one. A CAN interface with another rate is
-/// refused; a serial line is opened at this rate.
-fn at_rates(robot: &Robot, names: &[BusName]) -> Vec<BusName> {
-    let mut names = names.to_vec();
-    for (number, name) in (0..).zip(&mut names) {
-        if let BusName::Can { bitrate: rate @ None, .. } | BusName::Tty { baud: rate @ None, .. } =
-            name
-        {
-            *rate = robot.buses.get(&number).map(|bus| bus.bit_rate);
-        }
-    }
-    names
-}
-
-fn ports(names: &[BusName]) -> miette::Result<Vec<Port>> {
-    let open = |name| {
-        let port = open::actuators(name, ACTUATOR_DEPTH).map_err(cannot_open)?;
-        if let Some(complaint) = port.outlet.fault_and_remedy() {
-            output::print_line(format_args!("{name}: {complaint}"));
-        }
-        Ok(port)
-    };
-    names.iter().map(open).collect()
-}
-
-/// Prints changes of the controller's state and faults to stderr.
-struct StatusPrinter {
-    last: Option<(State, FaultBits)>,
-    actuators: Actuators,
-}
-
-impl StatusPrinter {
-    fn new(robot: &Robot) -> Self {
-        Self { last: None, actuators: actuators(robot) }
-    }
-
-    /// Prints a status if it has changed. `at_s` is the robot's time; on the ground it is the time of the world, which may lag
-    /// behind.
-    fn print(&mut self, at_s: f64, state: State, faults: FaultBits) {
-        if self.last.replace((state, faults)) == Some((state, faults)) {
-            return;
-        }
-        let severity = state.severity(faults);
-        let status =
-            Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
-        output::print_line(format_args!("{at_s:9.3} s  {}", condition(&status, &self.actuators)));
-    }
 }

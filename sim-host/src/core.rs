@@ -1,12 +1,13 @@
 //! Interface between simulation and controller: events to the controller, frames from it.
 
-use crate::store::{self, SimBoots, SimParameters, SimStore, VerifyingKey};
+use crate::store::{self, KeepParameters, SimBoots, SimParameters, SimStore, VerifyingKey};
 use rollwalk_bus::link::LinkError;
-use rollwalk_firmware::store::BootCounter;
+use rollwalk_firmware::store::{BootCounter, ParameterSet};
 use rollwalk_firmware::{BusState, Buses, Controller, Settings};
 use rollwalk_protocol::actuators::Packet;
 use rollwalk_protocol::config::RobotConfig;
 use rollwalk_protocol::tunnel::{Input, Step, StepResult};
+use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::authentication::LinkKey;
 
 pub use crate::store::LIBRARY_MAX;
@@ -68,6 +69,11 @@ pub trait Core {
     fn torque_offset(&self, channel: usize) -> f32 {
         let _ = channel;
         0.0
+    }
+
+    /// True if the robot follows set-points of its host; false if the controller does not report it.
+    fn is_streaming(&self) -> bool {
+        false
     }
 
     /// Returns true once for each request of the controller to restart an actuator bus that is off.
@@ -173,11 +179,23 @@ impl LocalController {
         self.power_cycled()
     }
 
+    /// Restarts the controller with the gains and limits of an earlier process. From then on `keep` saves each set before the
+    /// controller answers its host, which then receives a failure as well.
+    pub fn keeping_parameters(self, saved: Option<&ParameterSet>, keep: KeepParameters) -> Self {
+        self.restarted(|parameters| parameters.keep(saved, keep))
+    }
+
     /// Restarts the controller with the content of its flash.
     pub fn power_cycled(self) -> Self {
+        self.restarted(|_| {})
+    }
+
+    fn restarted(self, change: impl FnOnce(&mut SimParameters)) -> Self {
         let config = self.controller.config().clone();
         let library_key = self.library_key;
-        let stores = store::mounted_again(self.controller.into_stores(), library_key);
+        let (library, mut parameters) = self.controller.into_stores();
+        change(&mut parameters);
+        let stores = store::mounted_again((library, parameters), library_key);
         let boots = BootCounter::mount(self.boots.into_flash()).expect("it was mounted before");
         let booting = Self::booting(config, self.buses, self.settings, stores);
         let mut core = Self { boots, library_key, keeper: self.keeper, ..booting };
@@ -264,6 +282,10 @@ impl Core for LocalController {
 
     fn torque_offset(&self, channel: usize) -> f32 {
         self.controller.torque_offset(channel)
+    }
+
+    fn is_streaming(&self) -> bool {
+        self.controller.state() == State::Streaming
     }
 
     fn on_bus_state(&mut self, now_us: u64, bus: u8, state: BusState) -> Result<(), LinkError> {

@@ -24,7 +24,7 @@ use rollwalk_robot::Robot;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-pub use travel::Travel;
+pub use travel::{Moving, Travel};
 
 /// Rate of the steps of the world, Hz.
 pub const WORLD_RATE_HZ: u32 = 240;
@@ -60,9 +60,9 @@ pub struct Grounded {
     torque_at: SimTime,
     /// Pushes on the body; times count from the start of the simulation.
     shoves: Vec<Shove>,
-    /// Travel during the current clip.
+    /// Travel during the current motion.
     travel: Option<Travel>,
-    /// Travels during earlier clips that have not been taken yet.
+    /// Travels during earlier motions that have not been taken yet.
     travels: Vec<Travel>,
     imu: Imu,
     /// Time of the world at the previous sample, s.
@@ -142,7 +142,7 @@ impl Grounded {
 
     /// Clip that the robot plays; `None` if it plays none.
     pub fn playing(&self) -> Option<ClipId> {
-        self.travel.map(|travel| travel.clip)
+        self.travel.and_then(|travel| travel.clip())
     }
 
     /// Direction of up in body axes.
@@ -164,20 +164,20 @@ impl Grounded {
         Some(BodySample { imu, contacts })
     }
 
-    /// Removes and returns the travels of all clips that have ended.
+    /// Removes and returns the travels of all motions that have ended.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         std::mem::take(&mut self.travels)
     }
 
-    /// Sets the clip that the robot plays. At the first clip the hoist releases the robot.
-    pub fn on_playing(&mut self, now: SimTime, clip: Option<ClipId>) {
-        if clip.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
+    /// Sets the motion of the robot. At the first motion the hoist releases the robot.
+    pub fn on_moving(&mut self, now: SimTime, motion: Option<Moving>) {
+        if motion.is_some() && matches!(self.lets_go, ReleaseCondition::WhenItPlays) {
             self.hoist = None;
         }
-        if self.travel.map(|travel| travel.clip) != clip {
+        if self.travel.map(|travel| travel.motion) != motion {
             self.travels.extend(self.travel.take());
-            self.travel =
-                clip.map(|clip| Travel::begin(clip, now, &self.world, self.ground_from_world));
+            self.travel = motion
+                .map(|motion| Travel::begin(motion, now, &self.world, self.ground_from_world));
         }
     }
 

@@ -17,8 +17,12 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     nobody.fails(1, &["no simulated robot", "rollwalk-sim ROBOT.toml --bus sim:"]);
 
     let robot = Robot::start(&desk, &socket);
+    let found = run(&["discover"]);
+    assert!(found.stdout.contains("legbot"), "{}", found.stdout);
+    let next = format!("flash a library with `rollwalk flash LIB.rwl --bus {socket}`");
+    assert!(found.stderr.contains(&next), "{}", found.stderr);
     assert!(run(&["discover", "--json"]).succeeds().contains("\"library\": null"));
-    run(&["send", "--arm", "1"]).fails(1, &["no motion library", "rollwalk flash"]);
+    run(&["send", "--arm", "1"]).fails(5, &["no motion library", "rollwalk flash"]);
     run(&["doctor"])
         .succeeds_with(5, &["flash a library: rollwalk flash LIB.rwl --robot ROBOT.toml"]);
     let flashed = run(&["flash", "legbot.rwl"]).succeeds();
@@ -42,6 +46,9 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
     let refused = run(&["gains", "set", "0", "--kp", "600"]);
     refused.fails(5, &legs);
 
+    let without =
+        ["the controller cannot store parameters", "rollwalk-sim has one only with --library"];
+    run(&["gains", "save"]).fails(5, &without);
     run(&["estop"]).succeeds();
     run(&["gains", "save"]).fails(5, &["stopped by an emergency stop; clear the stop first"]);
     run(&["send", "--arm", "rest"]).fails(5, &["refused to arm"]);
@@ -178,4 +185,35 @@ fn a_simulated_robot_prints_its_own_state_and_no_forged_one() {
     let said = desk.read_text("said.txt");
     assert!(said.contains("disarmed") && said.contains("emergency"), "{said}");
     assert!(!said.contains("playing"), "{said}");
+}
+
+/// Gains that were saved are in force after a restart of the simulator.
+#[test]
+fn saved_gains_of_a_simulated_robot_outlive_it() {
+    let desk = desk_with_shipped_files();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let run = |args: &[&str]| on(&desk, &bus, args);
+    let mut robot = Robot::with(&desk, &bus, &["--library", "kept.rwl"]);
+    run(&["gains", "set", "all", "--kp", "12.5"]).succeeds();
+    run(&["gains", "save"]).succeeds();
+    assert!(desk.read_text("kept.gains.json").contains("\"kp_nm_rad\": 12.5"));
+    robot.stop();
+    let _robot = Robot::with(&desk, &bus, &["--library", "kept.rwl"]);
+    let shown = run(&["gains", "show"]).succeeds();
+    assert!(shown.contains("12.500") && shown.contains("came from what was saved"), "{shown}");
+}
+
+/// A robot that goes away ends a monitor with the exit code for robots that do not answer.
+#[test]
+fn a_bus_that_is_lost_while_a_monitor_listens_is_5() {
+    let desk = desk_with_shipped_files();
+    let bus = format!("sim:{}", desk.path("robot.sock").display());
+    let mut robot = Robot::with(&desk, &bus, &[]);
+    let mut monitor = command_on(&desk, &bus, &["monitor", "--for", "60"]);
+    let monitor = Program::start(monitor.stdout(Stdio::piped()).stderr(Stdio::piped()));
+    sleep(Duration::from_millis(1500));
+    robot.stop();
+    let outcome = monitor.ends();
+    assert_eq!(outcome.code, 5, "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("is lost"), "{}", outcome.stderr);
 }

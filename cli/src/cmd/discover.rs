@@ -8,7 +8,9 @@ use rollwalk_host::discover::discover;
 use rollwalk_host::session::Session;
 use rollwalk_protocol::wire::Node;
 use rollwalk_protocol::wire::transport::Hello;
-use rollwalk_terminal::link::{BUS_ENV, BUS_HELP, Interruptible, cannot_open, report_lost_bus, names};
+use rollwalk_terminal::link::{
+    BUS_ENV, BUS_HELP, Interruptible, cannot_open, names, report_lost_bus,
+};
 use rollwalk_terminal::output::Table;
 use rollwalk_terminal::validated_library;
 use rollwalk_terminal::{Exit, interrupt, output};

@@ -6,7 +6,7 @@ use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_host::authentication::Peer;
 use rollwalk_host::decode::decode;
 use rollwalk_host::describe::state_name;
-use rollwalk_host::doctor::{Finding, Observations, Gravity, LinkKeyCheck, Traffic};
+use rollwalk_host::doctor::{Finding, Gravity, LinkKeyCheck, Observations, Traffic};
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session, SessionError};
 use rollwalk_protocol::can::Frame;
@@ -168,7 +168,11 @@ fn listen(
     args: &Args,
     bus: &mut Interruptible,
 ) -> Result<(Traffic, Vec<Frame>, Listener), LinkError> {
-    output::print_line(format_args!("listening to {} for {} s", args.link.bus, LISTEN_US / 1_000_000));
+    output::print_line(format_args!(
+        "listening to {} for {} s",
+        args.link.bus,
+        LISTEN_US / 1_000_000
+    ));
     let (start_us, node) = (bus.now_us(), args.link.node.number());
     let (mut traffic, mut samples) = (Traffic::default(), Vec::<Frame>::new());
     let mut listener = Listener::new(start_us, args.link.node);

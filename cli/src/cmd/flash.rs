@@ -7,7 +7,7 @@ use rollwalk_bus::link::LinkBus;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::library::{Library, RejectReason};
 use rollwalk_protocol::wire::transport::{TransferResult, UNSIGNED};
-use rollwalk_terminal::link::{LinkArgs, report_failure, names, report_refusal};
+use rollwalk_terminal::link::{LinkArgs, names, report_failure, report_refusal};
 use rollwalk_terminal::validated_library::{ValidatedLibrary, robot_of};
 use rollwalk_terminal::{Exit, interrupt, output};
 use serde::Serialize;

@@ -57,14 +57,15 @@ pub fn simulate(
         world_log: None,
     };
     let TourResult { rig, travels, stopped, .. } = tour::play(packed, options)?;
-    let name = |travel: &Travel| catalog.clip(travel.clip.0).unwrap_or_default();
+    let name =
+        |travel: &Travel| travel.clip().and_then(|clip| catalog.clip(clip.0)).unwrap_or_default();
     let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
     let fell = falls.first().map(|fall| {
         let during = travels.iter().rev().find(|travel| travel.from <= fall.at);
         (fall.at.as_s(), during.map(name).unwrap_or_default())
     });
     let judge = |travel: &Travel| {
-        let judged = planned.get(usize::from(travel.clip.0))?.compare(travel);
+        let judged = planned.get(usize::from(travel.clip()?.0))?.compare(travel);
         Some(Clip { name: name(travel), judged })
     };
     let clips = travels.iter().filter_map(judge).collect();

@@ -1,7 +1,7 @@
 //! Messages of `rollwalk-sim` about the robot on the ground.
 
 use rollwalk_protocol::library::NodeId;
-use rollwalk_sim_host::ground::{Grounded, Travel};
+use rollwalk_sim_host::ground::{Grounded, Moving, Travel};
 use rollwalk_sim_host::rig::Rig;
 use rollwalk_terminal::output::{self, fixed};
 
@@ -24,9 +24,13 @@ impl Printer {
     /// Prints the motions that ended and the falls since the previous call.
     pub fn print(&mut self, rig: &mut Rig) {
         for travel in rig.take_travels().iter().filter(|travel| travel.duration_s() >= SHORTEST_S) {
-            // Transitions have no names.
             let library = rig.core().controller().library();
-            if let Some(name) = library.and_then(|library| library.name(NodeId(travel.clip.0))) {
+            let name = match travel.motion {
+                // Transitions have no names.
+                Moving::Clip(clip) => library.and_then(|library| library.name(NodeId(clip.0))),
+                Moving::Setpoints => Some("setpoints of the host"),
+            };
+            if let Some(name) = name {
                 print_travel(name, travel);
             }
         }

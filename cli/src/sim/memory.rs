@@ -37,7 +37,8 @@ impl Memory {
         let found = path.exists();
         let other_robot =
             "start rollwalk-sim with the robot file of the library, or give another --library file";
-        let packed = found.then(|| ValidatedLibrary::of_robot(path, robot, other_robot)).transpose()?;
+        let packed =
+            found.then(|| ValidatedLibrary::of_robot(path, robot, other_robot)).transpose()?;
         if let (Some(packed), Some(key)) = (&packed, key)
             && let Err(why) = signing::check(&packed.file, key)
         {

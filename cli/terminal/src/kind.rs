@@ -39,6 +39,8 @@ pub enum Kind {
     Packed,
     /// Cached motion names of a library.
     Names,
+    /// Saved gains of a simulated controller.
+    Gains,
     /// Secret that a robot shares with its hosts.
     LinkKey,
     /// Private key that signs libraries.
@@ -67,6 +69,7 @@ impl fmt::Display for Kind {
             Self::Run => "recorded run (CSV, MCAP or candump log)",
             Self::Packed => "motion library",
             Self::Names => "cached list of names (JSON)",
+            Self::Gains => "list of saved gains (JSON)",
             Self::LinkKey => "link key",
             Self::PrivateKey => "private key (PEM)",
             Self::PublicKey => "public key (PEM)",
@@ -114,7 +117,7 @@ impl Kind {
             | Self::Servos
             | Self::Sweep
             | Self::Side => 1 << 20,
-            Self::Gamepad | Self::Names => 1 << 20,
+            Self::Gamepad | Self::Names | Self::Gains => 1 << 20,
             // A file of `--rotate`: some ten minutes.
             Self::WorldLog | Self::Run => 256 << 20,
             // 250,000 heights.
@@ -154,6 +157,7 @@ impl Kind {
             Self::Run => "record a run as docs/identification.md describes",
             Self::Packed => "make one with `rollwalk library build LIBRARY.toml -o LIB.rwl`",
             Self::Names => "build or flash the library again, which writes this list",
+            Self::Gains => "save gains with `rollwalk gains save`",
             Self::LinkKey => "make one with `rollwalk keys new FILE`",
             Self::PrivateKey => "make one with `rollwalk keys new-pair KEY.pem`",
             Self::PublicKey => {
@@ -187,6 +191,7 @@ impl Kind {
             Self::Run => "a recorded run",
             Self::Packed => "a motion library",
             Self::Names => "a list of names",
+            Self::Gains => "a list of saved gains",
             Self::LinkKey => "a link key",
             Self::PrivateKey => "a private key",
             Self::PublicKey => "a public key",
@@ -223,6 +228,9 @@ impl Kind {
                 "use a motion library with `rollwalk library inspect` or `rollwalk flash`"
             }
             Self::Names => "give another file: rollwalk keeps lists of names for its own use",
+            Self::Gains => {
+                "keep saved gains beside the library that `rollwalk-sim --library` names"
+            }
             Self::LinkKey => "use a link key with --link-key",
             Self::PrivateKey => "use a private key with `rollwalk library sign --key`",
             Self::PublicKey => "use a public key with `rollwalk library verify --key`",

@@ -1,6 +1,6 @@
-//! Findings about actuators: silent, irregular, faulty, or outside the range of their joint.
+//! Observations about actuators: silent, irregular, faulty, or outside the range of their joint.
 
-use super::{Finding, Observations, Gravity, finding};
+use super::{Finding, Gravity, Observations, finding};
 use crate::actuators::{ActuatorBus, BusKind, conditions};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::config::ChannelKind;

@@ -1,6 +1,6 @@
 //! Check of the link key: finds out whether a controller requires a key, and whether a host has it.
 
-use super::{Finding, Observations, Gravity, finding};
+use super::{Finding, Gravity, Observations, finding};
 use crate::authentication::{Credentials, NoSession, Peer};
 use crate::session::{Session, SessionError};
 use rollwalk_bus::link::LinkBus;

@@ -1,7 +1,7 @@
 //! Tests of diagnoses: a verdict for every state, and the actuator or key that prevents arming.
 
 use super::*;
-use crate::actuators::{ActuatorBus, ChannelActuator, BusKind};
+use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};

@@ -1,6 +1,6 @@
 //! Verdict of a diagnosis: the state of the robot, and the next command. Every finding that prevents arming decides on it.
 
-use super::{Finding, Observations, Gravity, LinkKeyCheck, finding};
+use super::{Finding, Gravity, LinkKeyCheck, Observations, finding};
 use crate::describe::state_words;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;

@@ -275,7 +275,9 @@ impl Orders {
         }
         let outcome = match ack.result {
             CommandResult::Ok => OrderOutcome::Done(ack),
-            result => OrderOutcome::Refused(command_refusal_in(result, Some(ack.state), None, None)),
+            result => {
+                OrderOutcome::Refused(command_refusal_in(result, Some(ack.state), None, None))
+            }
         };
         Some(CompletedOrder { order, outcome, intent_number })
     }

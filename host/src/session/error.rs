@@ -189,7 +189,7 @@ fn took_too_long(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::{ActuatorBus, ChannelActuator, BusKind};
+    use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
     use rollwalk_protocol::faults::{Fault, FaultBits};
 
     fn pup() -> Catalog {

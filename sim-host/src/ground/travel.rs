@@ -1,4 +1,4 @@
-//! Travel of the robot during each clip.
+//! Travel of the robot during each clip, and while it follows set-points of its host.
 
 use crate::clock::SimTime;
 use nalgebra::Rotation3;
@@ -6,11 +6,20 @@ use rollwalk_physics::World;
 use rollwalk_physics::world::{NetDisplacement, Odometer, Totals};
 use rollwalk_protocol::library::ClipId;
 
-/// Travel of the robot along the ground during a clip.
+/// Motion of a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moving {
+    /// The controller plays a clip of its library.
+    Clip(ClipId),
+    /// The robot follows set-points of its host: steered, or in closed loop.
+    Setpoints,
+}
+
+/// Travel of the robot along the ground during a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Travel {
-    /// Clip that was played.
-    pub clip: ClipId,
+    /// Motion that was executed.
+    pub motion: Moving,
     /// Start time.
     pub from: SimTime,
     /// End time.
@@ -21,13 +30,21 @@ pub struct Travel {
 impl Travel {
     /// Begins a travel at the present position of the robot.
     pub(super) fn begin(
-        clip: ClipId,
+        motion: Moving,
         now: SimTime,
         world: &World,
         ground_from_world: Rotation3<f64>,
     ) -> Self {
         let odometer = Odometer::new(world, ground_from_world);
-        Self { clip, from: now, to: now, odometer }
+        Self { motion, from: now, to: now, odometer }
+    }
+
+    /// Clip that was played; `None` if the robot followed set-points of its host.
+    pub fn clip(&self) -> Option<ClipId> {
+        match self.motion {
+            Moving::Clip(clip) => Some(clip),
+            Moving::Setpoints => None,
+        }
     }
 
     /// Adds a step of the world that ended at `now`.

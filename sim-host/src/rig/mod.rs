@@ -30,7 +30,7 @@ use crate::bus::{BusStatistics, DEFAULT_BITRATE, NodeId, TxPolicy};
 use crate::clock::{Periodic, SimTime};
 use crate::core::{Core, LocalController};
 use crate::faults::{Faults, FramePath};
-use crate::ground::{BodySample, Grounded, Travel};
+use crate::ground::{BodySample, Grounded, Moving, Travel};
 use crate::interface::{Interface, LogEntry, PacketEntry};
 use crate::line::LineStatistics;
 use crate::record::{Recorder, TickRecord};
@@ -242,7 +242,7 @@ impl<C: Core> Rig<C> {
         &self.body
     }
 
-    /// Removes and returns the travels of all clips that have ended; empty for a robot on a stand.
+    /// Removes and returns the travels of all motions that have ended; empty for a robot on a stand.
     pub fn take_travels(&mut self) -> Vec<Travel> {
         self.body.ground_mut().map(Grounded::take_travels).unwrap_or_default()
     }
@@ -392,7 +392,9 @@ impl<C: Core> Rig<C> {
             let sent = self.controller.step(Step { now_us: at.as_us(), input, free })?;
             let is_tick = input.take() == Some(Input::Tick);
             if is_tick && let Some(ground) = self.body.ground_mut() {
-                ground.on_playing(at, sent.playing.map(|(clip, ..)| ClipId(clip)));
+                let clip = sent.playing.map(|(clip, ..)| Moving::Clip(ClipId(clip)));
+                let is_streaming = self.controller.is_streaming();
+                ground.on_moving(at, clip.or(is_streaming.then_some(Moving::Setpoints)));
             }
             if is_tick && let Some((clip, frame, phase)) = sent.playing {
                 let playing = PlaybackPosition { clip: ClipId(clip), frame, phase };

@@ -7,8 +7,8 @@ use rollwalk_multibody::ground::{Ground, Plane};
 use rollwalk_physics::push::Shove;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::library::ClipId;
-use rollwalk_protocol::wire::State;
-use rollwalk_sim_host::ground::Grounded;
+use rollwalk_protocol::wire::{Action, State};
+use rollwalk_sim_host::ground::{Grounded, Moving};
 use rollwalk_sim_host::rig::Rig;
 use std::sync::Arc;
 
@@ -66,7 +66,8 @@ fn what_became_of_each_clip_in_the_world_is_told() {
     session.disarm().unwrap();
     let rig = &mut session.into_bus();
     let travels = rig.take_travels();
-    let squat = travels.iter().find(|travel| travel.clip == ClipId(1)).expect("it was played");
+    let squat =
+        travels.iter().find(|travel| travel.clip() == Some(ClipId(1))).expect("it was played");
     assert!(squat.duration_s() > 3.0, "{squat:?}");
     // No planner made it: the wheels roll forth and back against the swinging legs, and slip. It goes nowhere, and costs work.
     let (way, totals) = (squat.displacement(), squat.totals());
@@ -74,6 +75,21 @@ fn what_became_of_each_clip_in_the_world_is_told() {
     assert!(totals.tilt_max_rad < 0.2 && totals.slid_m > 0.1 && totals.work_j > 0.1, "{totals:?}");
     assert!(totals.force_max_n > 10.0 && totals.force_max_n < 100.0, "{totals:?}");
     assert_eq!(rig.take_travels(), []);
+}
+
+/// A robot in closed loop plays no clip. Its travel is recorded all the same.
+#[test]
+fn the_travel_of_a_robot_that_follows_setpoints_is_recorded() {
+    let mut session = in_hoist(0.0);
+    session.arm().unwrap();
+    session.command("follow setpoints", Action::Stream).unwrap();
+    // Without set-points the controller holds SAFE and then lets the robot down.
+    session.run_for(S).unwrap();
+    let travels = session.bus_mut().take_travels();
+    let streamed = travels.iter().find(|travel| travel.motion == Moving::Setpoints);
+    let streamed = streamed.expect("it followed set-points");
+    assert_eq!(streamed.clip(), None);
+    assert!(streamed.duration_s() > 0.2, "{streamed:?}");
 }
 
 #[test]

@@ -1,10 +1,11 @@
 //! End of a controller's program: drives without a watchdog must not keep their last set-points.
 
-use crate::{connect, robot};
+use crate::{S, connect, robot};
 use rollwalk_bus::link::LinkError;
 use rollwalk_bus::port::{Event, Inlet, LiveLink, Outlet, Port};
 use rollwalk_firmware::Settings;
 use rollwalk_protocol::can::Frame;
+use rollwalk_protocol::wire::State;
 use rollwalk_sim_host::body::Body;
 use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::interface::Interface;
@@ -91,7 +92,10 @@ fn in_real_time_a_controller_that_ends_switches_torque_off() {
             controller::run(&mut core, period, link, &mut NoReopening, vec![hip, knee], goes_on)
                 .unwrap();
         });
-        connect(LiveLink::new(host)).arm().unwrap();
+        let mut session = connect(LiveLink::new(host));
+        // On a busy computer the self test takes longer than the connection.
+        session.wait_for_state(State::Disarmed, 10 * S).unwrap();
+        session.arm().unwrap();
         let armed = driving.load(Ordering::SeqCst);
         leaves.store(true, Ordering::SeqCst);
         controller.join().unwrap();

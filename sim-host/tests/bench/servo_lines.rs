@@ -7,7 +7,7 @@ use crate::robot::{self, ROLL_RAD_S};
 use rollwalk_bus::link::LinkBus;
 use rollwalk_host::actuators::Actuators;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::doctor::{Observations, LinkKeyCheck, Traffic};
+use rollwalk_host::doctor::{LinkKeyCheck, Observations, Traffic};
 use rollwalk_host::session::Session;
 use rollwalk_protocol::actuators::Codec;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};

@@ -3,10 +3,14 @@
 use crate::robot::{self, SWING};
 use crate::{S, armed, connect, rig};
 use rollwalk_bus::lossy::Lossy;
+use rollwalk_firmware::Settings;
+use rollwalk_firmware::store::ParameterSet;
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{Parameter, ParameterOrigin, ParameterResult, State};
+use rollwalk_sim_host::core::LocalController;
 use rollwalk_sim_host::record::tracking_errors;
 use rollwalk_sim_host::rig::Rig;
+use std::sync::{Arc, Mutex};
 
 const HIP: u8 = 0;
 const KNEE: u8 = 1;
@@ -93,6 +97,40 @@ fn what_was_saved_is_in_force_after_a_power_cycle() {
     session.arm().unwrap();
     let soft = swing_error(&mut session);
     assert!(soft > 2.0 * stiff, "{stiff} {soft} rad");
+}
+
+/// A simulator without a file for gains refuses to save them, and one with a file starts with the saved set.
+#[test]
+fn a_set_that_cannot_be_kept_is_refused_and_a_kept_one_outlives_the_process() {
+    let kept = Arc::new(Mutex::new(None));
+    let core = |saved: Option<&ParameterSet>, is_kept: bool| {
+        let kept = Arc::clone(&kept);
+        let keep = move |set: &ParameterSet| {
+            *kept.lock().unwrap() = Some(set.clone());
+            is_kept
+        };
+        let buses = robot::robot().controller_buses();
+        LocalController::new(robot::config(), buses, Settings::default())
+            .keeping_parameters(saved, Box::new(keep))
+    };
+    let connected = |core| connect(Rig::with_core(&robot::robot(), core).unwrap());
+    let mut session = connected(core(None, false));
+    session.wait_for_state(State::Disarmed, S).unwrap();
+    match session.save_parameters().unwrap_err() {
+        SessionError::ParameterRefused { result, .. } => {
+            assert_eq!(result, ParameterResult::StoreFailed);
+        }
+        error => panic!("{error}"),
+    }
+    let mut session = connected(core(None, true));
+    session.wait_for_state(State::Disarmed, S).unwrap();
+    set_kp(&mut session, LIMP);
+    session.save_parameters().unwrap();
+    let saved = kept.lock().unwrap().clone().unwrap();
+    let mut session = connected(core(Some(&saved), true));
+    session.wait_for_state(State::Disarmed, S).unwrap();
+    assert_eq!(session.parameter_origin(), Ok(ParameterOrigin::Saved));
+    assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(LIMP));
 }
 
 #[test]

@@ -40,7 +40,7 @@ impl World {
     /// Compares the displacement of each played clip with its plan.
     pub fn new(plans: &Plans, travels: &[Travel], falls: usize) -> Self {
         let plans: Vec<&Plan> = plans.all().map(|planned| &planned.plan).collect();
-        let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip.0))?, travel));
+        let row = |travel: &Travel| Some(row(plans.get(usize::from(travel.clip()?.0))?, travel));
         Self { travels: travels.iter().filter_map(row).collect(), falls }
     }
 

@@ -227,7 +227,7 @@ impl<'a> View<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rollwalk_host::actuators::{ActuatorBus, ChannelActuator, BusKind};
+    use rollwalk_host::actuators::{ActuatorBus, BusKind, ChannelActuator};
 
     #[test]
     fn one_silent_servo_of_a_line_is_blamed() {

@@ -86,12 +86,16 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let interrupted = interrupt::requested();
     let catalog = packed.catalog();
     let ways = planned::cached(catalog.library).unwrap_or_default();
-    let row = |travel: &Travel| Row {
-        plan: ways.get(usize::from(travel.clip.0)).map(|planned| planned.compare(travel)),
-        name: catalog.clip(travel.clip.0).unwrap_or_default(),
-        played_s: travel.duration_s(),
-        way: travel.displacement(),
-        totals: travel.totals(),
+    let row = |travel: &Travel| {
+        let clip = travel.clip().map(|clip| clip.0);
+        let planned = clip.and_then(|clip| ways.get(usize::from(clip)));
+        Row {
+            plan: planned.map(|planned| planned.compare(travel)),
+            name: clip.and_then(|clip| catalog.clip(clip)).unwrap_or_default(),
+            played_s: travel.duration_s(),
+            way: travel.displacement(),
+            totals: travel.totals(),
+        }
     };
     let falls = rig.body().ground().map(|ground| ground.falls()).unwrap_or_default();
     let document = Document {

@@ -59,8 +59,8 @@ pub struct Args {
     /// Delay from a measurement to the set-points that answer it, ms, with --tracking.
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "tracking", value_parser = delay_ms)]
     delay_ms: f64,
-    /// Estimate the state from a noisy IMU, encoders and contacts, instead of giving the controller the true state; only with
-    /// --tracking and on level ground.
+    /// Estimate the state from a noisy IMU, encoders and contacts, instead of giving the controller the true state. Only with
+    /// --tracking, and without --slope and --terrain: the estimator assumes level ground.
     #[arg(long, requires = "tracking", conflicts_with_all = ["slope", "terrain"])]
     estimate: bool,
     #[command(flatten)]
