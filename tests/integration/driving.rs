@@ -59,6 +59,6 @@ fn in_real_time_a_robot_is_steered_by_a_list_and_disarmed() {
     assert!(driven.stderr.contains("0 rejected"), "{}", driven.stderr);
     assert!(driven.stderr.contains("the robot is disarmed"), "{}", driven.stderr);
     let told = driven.succeeds();
-    assert!(told.lines().any(|line| line.contains("steered 0.20")), "{told}");
+    assert!(told.lines().any(|line| line.contains("steered forward 0.20")), "{told}");
     drop(robot);
 }
