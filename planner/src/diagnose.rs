@@ -6,6 +6,7 @@
 mod attribute;
 mod mobility;
 mod probe;
+mod slow;
 mod weak;
 
 pub use attribute::diagnose;

@@ -34,7 +34,14 @@ pub struct Args {
     #[arg(long, value_name = "SIDE.toml", requires = "result")]
     with: Option<PathBuf>,
     /// Robot file to write.
-    #[arg(short, long, value_name = "ROBOT.toml", requires = "with", conflicts_with = "template", group = "result")]
+    #[arg(
+        short,
+        long,
+        value_name = "ROBOT.toml",
+        requires = "with",
+        conflicts_with = "template",
+        group = "result"
+    )]
     output: Option<PathBuf>,
     /// First side file to write. The file must not exist yet.
     #[arg(long, value_name = "SIDE.toml", group = "result")]

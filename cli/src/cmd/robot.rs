@@ -1,5 +1,4 @@
-//! `rollwalk robot check`: is a robot file right, and what does it describe? And the other commands
-//! about robot files.
+//! `rollwalk robot check`: validates and describes a robot file. The other commands about robot files start here.
 
 use super::description::describe;
 use super::draw;
@@ -60,7 +59,7 @@ pub fn run(action: &Action) -> miette::Result<Exit> {
     }
 }
 
-/// Prints what `robot check` warns of, for commands that plan motions of the robot.
+/// Prints the warnings of `robot check`, for commands that plan motions of the robot.
 pub fn print_robot_warnings(robot: &Robot, text: &TextFile) {
     let buses = BusLoads::new(robot).ok();
     let standing = StandingReport::new(robot);
@@ -83,7 +82,7 @@ fn warnings(
     warnings
 }
 
-/// Limits beyond what the servo of that name has by its data sheet, a line for each servo and limit.
+/// Warnings about limits beyond the data sheet of the named servo, one for each servo and limit.
 fn beyond_data_sheets(robot: &Robot) -> Vec<String> {
     let catalog = Catalog::shipped();
     let mut warnings = Vec::new();

@@ -7,7 +7,7 @@
 //! probe has not converged. The request with the smallest relative change is named first.
 
 use super::mobility::Mobility;
-use super::weak;
+use super::{slow, weak};
 use crate::families::{Family, FamilySet, Kind};
 use crate::formulation::rows::{ComparedField, Role, Row, Rows, Subject};
 use crate::motion::{self, Reserve};
@@ -281,7 +281,11 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
         .map(|(.., group, estimate)| culprit(problem, group, violation, estimate))
         .filter(|culprit| !is_weak(culprit));
     let culprits = pulling.collect::<Vec<_>>();
-    let culprits = weak.into_iter().chain(culprits).collect();
+    let slow = slow::too_slow_to_step(problem);
+    let is_slow =
+        |culprit: &Culprit| slow.as_ref().is_some_and(|slow| culprit.constraint == slow.constraint);
+    let culprits = culprits.into_iter().filter(|culprit| !is_slow(culprit)).collect::<Vec<_>>();
+    let culprits = weak.into_iter().chain(slow.clone()).chain(culprits).collect();
     Some(Diagnosis { verdict, culprits })
 }
 

@@ -11,7 +11,7 @@ use std::fmt;
 pub struct Diagnosis {
     /// Evidence against the request.
     pub verdict: Verdict,
-    /// Conflicting constraints. A motor too weak for standing comes first, then requests of the motion in order of the relative
+    /// Conflicting constraints. Motors too weak for standing and joints too slow for the swings come first, then requests of the motion in order of the relative
     /// change that they need, then opposing limits and properties of the robot.
     pub culprits: Vec<Culprit>,
 }

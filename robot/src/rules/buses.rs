@@ -1,5 +1,4 @@
-//! Rules of actuator buses: settings within the ranges of their protocol, and limits of channels within
-//! the ranges of the protocol's frames.
+//! Rules of actuator buses: ranges of settings, and of channels' limits in the protocol's frames.
 
 use super::{Check, Item};
 use crate::channel::Channel;
@@ -68,8 +67,8 @@ impl Check<'_> {
         bus.protocol.check_settings(self);
     }
 
-    /// Limits, gains and address of a channel within the ranges of its bus's protocol. Assumes that its
-    /// numbers and its bus break no other rule.
+    /// Checks limits, gains and address of a channel against the ranges of its bus's protocol. Requires numbers and a bus that
+    /// break no other rule.
     pub(super) fn protocol_ranges(&mut self, channel: &Channel<'_>) {
         let config = channel.config();
         let bus = self.robot.buses.get(&config.bus).copied().unwrap_or_default();

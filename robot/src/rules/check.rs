@@ -1,4 +1,4 @@
-//! Rules of a robot, item by item: collects every violation. Rules of the robot as a whole are here.
+//! Check of all rules, item by item, which collects all violations. Rules of the whole robot are in this file.
 
 use super::{Item, Violation};
 use crate::actuator::Actuator;
@@ -11,7 +11,7 @@ use rollwalk_protocol::text::Excerpt;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 
-/// Lengths and offsets of a robot that fits on a desk or in a hall, m.
+/// Largest length or offset of a robot, m.
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
 /// Help for a vector that [`is_a_length`] refuses.
 pub(crate) fn length_help() -> String {
@@ -19,17 +19,17 @@ pub(crate) fn length_help() -> String {
 }
 /// Largest radius of a capsule, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
-/// Most items of a kind: a controller has 24 channels, and what they move is hardly more. Bounds the time of all rules.
+/// Maximum number of items of a kind, which bounds the time of all rules. A controller has 24 channels.
 pub(crate) const ITEMS_MAX: usize = 64;
 
-/// Rules that `robot` breaks, in the order of its items.
+/// Violated rules, in the order of the robot's items.
 pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     let mut check = Check { robot, place: Item::Robot, what: "the robot".into(), found: vec![] };
     check.counts();
     if check.found.is_empty() {
         check.names();
     }
-    // The other rules go by names, and a name that is used twice would break many of them.
+    // The other rules refer to names. A duplicate would violate many of them.
     if !check.found.is_empty() {
         return check.found;
     }
@@ -52,7 +52,7 @@ pub(crate) fn violations(robot: &Robot) -> Vec<Violation> {
     }
     check.addresses();
     check.buses();
-    // Ranges of protocols and the pose are about numbers that are sound themselves.
+    // These rules require numbers that break no other rule.
     if check.found.is_empty() {
         check.drivable();
         check.upright();
@@ -83,7 +83,7 @@ impl Check<'_> {
         self.found.push(Violation { place: self.place, field, message, help: help.into() });
     }
 
-    /// `min <(=) value <= max`; `also` adds a guess at the cause.
+    /// Checks `min <(=) value <= max`. `also` adds a likely cause.
     pub(super) fn range(
         &mut self,
         field: &'static str,
@@ -131,7 +131,7 @@ impl Check<'_> {
         }
     }
 
-    /// Few enough items for the other rules, some of which compare all with all.
+    /// Checks the numbers of items. Some of the other rules compare all pairs.
     fn counts(&mut self) {
         let Robot { links, joints, end_effectors, .. } = self.robot;
         for (field, count) in
@@ -230,7 +230,7 @@ fn motors(robot: &Robot) -> impl Iterator<Item = (Item, String, Channel<'_>)> {
     joints.chain(wheels)
 }
 
-/// The lower end of a range.
+/// Lower end of a range.
 #[derive(Clone, Copy)]
 pub(super) enum Bound {
     AtLeast(f64),
@@ -242,7 +242,7 @@ pub(crate) fn is_a_length(vector: &Vector3<f64>) -> bool {
     vector.iter().all(|value| value.abs() <= LENGTH_MAX_M)
 }
 
-/// A vector as robot files have it.
+/// Vector in the spelling of robot files.
 pub(crate) fn show(vector: &Vector3<f64>) -> String {
     format!("[{}, {}, {}]", vector.x, vector.y, vector.z)
 }

@@ -1,11 +1,11 @@
-//! Rules of end effectors: feet, wheels and blades, what they are made of, and their drag.
+//! Rules of end effectors: feet, wheels and blades with their materials and drag.
 
 use super::Check;
 use super::check::{Bound, LENGTH_MAX_M, show};
 use crate::contact::{Contact, RollingDrag};
 use crate::model::{EndEffector, SoftMaterial};
 
-/// Most of its link that the ball of a soft foot is: the rest carries it.
+/// Largest fraction of a link's mass in the ball of its soft foot. The rest carries the ball.
 pub(super) const SOFT_SHARE: f64 = 0.75;
 
 impl Check<'_> {

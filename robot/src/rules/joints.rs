@@ -1,4 +1,4 @@
-//! Rules of joints and of motors, those of wheels included.
+//! Rules of joints, and of motors of joints and wheels.
 
 use super::Check;
 use super::check::Bound;
@@ -10,12 +10,11 @@ use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::text::{Excerpt, is_plain_name};
 use std::f64::consts::TAU;
 
-/// Fastest motor, rad/s; larger numbers are usually rev/min. This and the next are the ranges of the
-/// Rollwalk profile's frames.
+/// Largest speed of a motor in frames of the Rollwalk profile, rad/s. Larger numbers are usually rev/min.
 const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
-/// Strongest motor, N·m; larger numbers are usually N·mm.
+/// Largest torque of a motor in these frames, N·m. Larger numbers are usually N·mm.
 const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
-/// Actuator buses of one controller.
+/// Number of actuator buses of a controller.
 const BUSES: u8 = MAX_BUSES as u8;
 
 impl Check<'_> {

@@ -1,4 +1,4 @@
-//! Rules of links: mass, inertia and shapes; and, of a link with soft feet, the mass and inertia of its rigid rest.
+//! Rules of links: mass, inertia and shapes, and mass and inertia of the rigid rest of a link with soft feet.
 
 use super::Check;
 use super::check::{Bound, LENGTH_MAX_M, RADIUS_MAX_M, show};
@@ -8,7 +8,7 @@ use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
 use std::fmt;
 
-/// Most shapes of a link, which bounds the number of pairs.
+/// Maximum number of shapes of a link, which bounds the number of pairs.
 const SHAPES_MAX: usize = 16;
 const MASS_MAX_KG: f64 = 1000.0;
 
@@ -105,8 +105,8 @@ impl Check<'_> {
         for (center, (foot_kg, inertia)) in &feet {
             rest -= inertia + about(*foot_kg, center - com);
         }
-        // The simulation needs positive moments. That none is above the sum of the others is not asked for: robot files have the
-        // mass of a rigid foot where that is, and not as a ball.
+        // The simulation needs positive moments. The triangle inequality need not hold, because robot files have the mass of
+        // a rigid foot at its place and not as a ball.
         let moments = rest.symmetric_eigenvalues();
         if moments.min() <= 0.0 {
             let help = format!(

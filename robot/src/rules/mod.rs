@@ -1,8 +1,6 @@
-//! Rules of a valid robot, whatever it was read from.
+//! Rules of a valid robot, for robot files and for robots inside plan files.
 //!
-//! Robot files (spans known) and robots inside plan files (no spans) pass the same rules. A
-//! violation names its place and its field as robot files spell it; [`crate::file`] turns these
-//! into spans.
+//! A violation names its place and its field in the spelling of robot files. [`crate::file`] converts both to spans.
 
 mod buses;
 mod check;
@@ -17,10 +15,10 @@ pub(crate) use check::{ITEMS_MAX, LENGTH_MAX_M, is_a_length, length_help, show, 
 use rollwalk_protocol::text::Excerpt;
 use std::fmt;
 
-/// The item of a robot that a violation is about.
+/// Item of a robot that violates a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Item {
-    /// The robot as a whole.
+    /// Whole robot.
     Robot,
     /// `links[i]`.
     Link(usize),
@@ -28,29 +26,29 @@ pub enum Item {
     Joint(usize),
     /// `end_effectors[i]`.
     EndEffector(usize),
-    /// The bus of this number.
+    /// Bus with this number.
     Bus(u8),
 }
 
-/// A rule that a robot breaks.
+/// Violation of a rule by a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// The item.
+    /// Item that violates the rule.
     pub place: Item,
-    /// The field, as robot files spell it.
+    /// Field in the spelling of robot files.
     pub field: &'static str,
-    /// The mistake, naming the item.
+    /// Message with the name of the item.
     pub message: String,
-    /// Help: a right value.
+    /// Help with a right value.
     pub help: String,
 }
 
-/// A robot that breaks rules, without a file to point into.
+/// Error for a robot that violates rules, without a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct InvalidRobot {
     /// Name of the robot.
     pub name: String,
-    /// The broken rules; never empty.
+    /// Violated rules; never empty.
     pub violations: Vec<Violation>,
 }
 

@@ -1,11 +1,11 @@
-//! The nominal pose stands the right way up: contacts are below the robot's centre of mass.
+//! Rule of the nominal pose: contacts are below the robot's centre of mass.
 
 use super::{Check, Item};
 use crate::model::{EndEffector, Robot};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 impl Check<'_> {
-    /// Refuses feet and wheels that would need the ground above the robot. Assumes that the robot breaks no other rule.
+    /// Refuses feet and wheels above the centre of mass. Requires a robot that breaks no other rule.
     pub(super) fn upright(&mut self) {
         let robot = self.robot;
         let poses = nominal_poses(robot);
@@ -45,7 +45,7 @@ impl Check<'_> {
 }
 
 impl Robot {
-    /// Joints between the body and a link, those of the body first.
+    /// Joints between the body and a link, beginning at the body.
     fn joints_above(&self, link: usize) -> Vec<usize> {
         let mut link = link;
         let mut joints = Vec::new();

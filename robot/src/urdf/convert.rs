@@ -1,4 +1,4 @@
-//! URDF and side file to a draft of the robot file.
+//! Draft of a robot file from a URDF and a side file.
 
 use super::bodies::{Bodies, Moving, Rigid, merge};
 use super::draft::{Draft, DraftEnd, DraftJoint, DraftLink, Origin};
@@ -11,7 +11,7 @@ use super::notes::Notes;
 use super::rigid;
 use super::shapes::shapes;
 use super::side::{EndEffectorSide, Side};
-use super::stance::Tip;
+use super::stance::{Tip, poses};
 use super::toml_text::{key, show};
 use super::tree::{Graph, Tree, choose};
 use crate::GRAVITY_M_S2;
@@ -31,7 +31,7 @@ struct Conversion<'a, 't> {
     notes: &'a mut Notes<'t>,
 }
 
-/// Builds the draft; notes faults in the file to correct.
+/// Builds the draft. Notes faults in the file that the user has to correct.
 pub(super) fn convert(
     urdf: &Urdf,
     graph: &Graph,
@@ -63,10 +63,6 @@ pub(super) fn convert(
 impl<'a> Conversion<'a, '_> {
     fn draft(mut self, rigid: &Rigid, tree: &Tree) -> Option<Draft> {
         let tips = self.tips();
-        let links = self.links(rigid, &tips);
-        let mass_kg: f64 = links.iter().map(|link| link.mass.mass_kg).sum();
-        let mut motors = Motors::new(self.side, mass_kg * GRAVITY_M_S2);
-        let limbs = limbs(self.bodies);
         self.unknown_joints(rigid, tree);
         self.channels(tree);
         if self.bodies.moving.len() > MOVING_MAX {
@@ -76,6 +72,13 @@ impl<'a> Conversion<'a, '_> {
         let angles: Vec<_> = ranges.iter().map(|range| range.nominal_rad).collect();
         let axes: Vec<_> =
             self.bodies.moving.iter().map(|m| self.urdf.joints[m.joint].axis).collect();
+        let poses = poses(self.bodies, &axes, &angles);
+        let down: Vec<_> =
+            poses.iter().map(|pose| pose.rotation.inverse() * -Vector3::z()).collect();
+        let links = self.links(rigid, &tips, &down);
+        let mass_kg: f64 = links.iter().map(|link| link.mass.mass_kg).sum();
+        let mut motors = Motors::new(self.side, mass_kg * GRAVITY_M_S2);
+        let limbs = limbs(self.bodies);
         let loads = loads(self.bodies, &axes, &angles, &limbs, &tips);
         let mut names = Names::default();
         let mut joints = Vec::new();
@@ -119,7 +122,7 @@ impl<'a> Conversion<'a, '_> {
         })
     }
 
-    /// Feet and wheels of the side file that have a place on the robot.
+    /// Feet and wheels of the side file whose links the robot has.
     fn tips(&self) -> Vec<Tip> {
         let tip = |end: &'a EndEffectorSide| {
             let (body, body_from_link) = self.body_and_pose(self.link_of(end)?)?;
@@ -136,18 +139,18 @@ impl<'a> Conversion<'a, '_> {
         axle.or(end.link.as_ref().map(|(name, _)| name)).map(String::as_str)
     }
 
-    /// Body of a link and the link's pose in it, if the robot has it.
+    /// Body of a link and pose of the link in it; `None` if the robot lacks the link.
     fn body_and_pose(&self, link: &str) -> Option<(usize, Isometry3<f64>)> {
         self.link_index.get(link).and_then(|&link| self.bodies.places[link])
     }
 
-    /// The joint that a wheel turns about. Wheels' joints have been looked up before: they exist.
+    /// Joint of a wheel. `rigid` has checked that it exists.
     fn axle(&self, end: &EndEffectorSide) -> Option<&'a Joint> {
         let (name, _) = end.wheel_joint.as_ref()?;
         self.urdf.joints.iter().find(|joint| joint.name == *name)
     }
 
-    /// More joints and wheels than a controller has channels are a fault, with those to lock.
+    /// Notes a fault if the robot has more channels than a controller, with joints to lock.
     fn channels(&mut self, tree: &Tree) {
         let driven = self.side.end_effectors.iter().filter(|end| end.contact == "actuated_wheel");
         let (joints, wheels) = (self.bodies.moving.len(), driven.count());
@@ -184,11 +187,12 @@ impl<'a> Conversion<'a, '_> {
         self.notes.fault(span, message, "the body", help);
     }
 
-    fn links(&mut self, rigid: &Rigid, tips: &[Tip]) -> Vec<DraftLink> {
+    /// Links with their shapes. `down` has the vertical in the frame of each body.
+    fn links(&mut self, rigid: &Rigid, tips: &[Tip], down: &[Vector3<f64>]) -> Vec<DraftLink> {
         let mut names = Names::default();
         let urdf = self.urdf;
         let wheels = rigid.wheels.iter().map(|&axle| urdf.joints[axle].child.clone()).collect();
-        let shapes = shapes(urdf, self.bodies, &wheels, tips, self.notes);
+        let shapes = shapes(urdf, self.bodies, &wheels, tips, down, self.notes);
         let bodies = self.bodies.bodies.iter().zip(shapes);
         let link = |(body, shapes): (&super::bodies::Body, Vec<Shape>)| {
             let first = &urdf.links[body.links[0]];
@@ -203,7 +207,7 @@ impl<'a> Conversion<'a, '_> {
         bodies.map(link).collect()
     }
 
-    /// `[joint.NAME]` for joints that do not move, or that the URDF does not have.
+    /// Notes tables `[joint.NAME]` of rigid and unknown joints.
     fn unknown_joints(&mut self, rigid: &Rigid, tree: &Tree) {
         for given in &self.side.joints {
             let known =
@@ -275,7 +279,7 @@ impl<'a> Conversion<'a, '_> {
     }
 }
 
-/// The limb of every body: the number of the root's joint that it hangs on. The root is of the first.
+/// Limb of each body: number of the root's joint that carries it. The root has number 0.
 pub(super) fn limbs(bodies: &Bodies) -> Vec<usize> {
     let mut limbs = vec![0; bodies.bodies.len()];
     let mut count = 0;
@@ -290,7 +294,7 @@ pub(super) fn limbs(bodies: &Bodies) -> Vec<usize> {
     limbs
 }
 
-/// Joints that carry no foot or wheel, whose bodies `tips` has; indices into [`Bodies::moving`].
+/// Joints without a foot or wheel, as indices into [`Bodies::moving`]. `tips` has the bodies of feet and wheels.
 pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
     let mut carries = vec![false; bodies.bodies.len()];
     tips.iter().for_each(|&body| carries[body] = true);
@@ -300,7 +304,7 @@ pub(super) fn idle_joints(bodies: &Bodies, tips: &[usize]) -> Vec<usize> {
     (0..bodies.moving.len()).filter(|&joint| !carries[bodies.moving[joint].child]).collect()
 }
 
-/// Position of a locked joint in the proposed side file: next to 0 within its limits, rad or m.
+/// Position of a locked joint in the proposed side file: nearest to 0 within its limits, rad or m.
 pub(super) fn locked_position(joint: &Joint) -> f64 {
     match (joint.kind, joint.limit.lower, joint.limit.upper) {
         (Kind::Planar | Kind::Floating, _, _) => 0.0,

@@ -1,4 +1,4 @@
-//! Draft of a robot file, from which its text is generated: items, each with its source, a line of the URDF or side file.
+//! Draft of a robot file: items with their sources in the URDF or the side file.
 
 use crate::document::Span;
 use crate::file::parts::MassProperties;
@@ -24,23 +24,23 @@ pub(super) struct Draft {
     pub end_effectors: Vec<DraftEnd>,
 }
 
-/// An `[actuator.NAME]`.
+/// Table `[actuator.NAME]`.
 #[derive(Debug)]
 pub(super) struct DraftSheet {
     pub name: String,
     pub sheet: Sheet,
-    /// The table of the side file that it comes from.
+    /// Span of its table in the side file.
     pub side: Span,
 }
 
-/// The data sheet of an actuator; numbers in the order of [`NUMBERS`].
+/// Data sheet of an actuator, with numbers in the order of [`NUMBERS`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sheet {
     pub model: String,
     pub numbers: [Option<f64>; NUMBERS.len()],
 }
 
-/// A motor: index of its sheet and its address.
+/// Motor: index of its sheet, and its address.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motor {
     pub sheet: usize,
@@ -48,7 +48,7 @@ pub(super) struct Motor {
     pub id: u32,
 }
 
-/// A `[[link]]`.
+/// Table `[[link]]`.
 #[derive(Debug)]
 pub(super) struct DraftLink {
     pub name: String,
@@ -59,7 +59,7 @@ pub(super) struct DraftLink {
     pub origin: Origin,
 }
 
-/// A `[[joint]]`.
+/// Table `[[joint]]`.
 #[derive(Debug)]
 pub(super) struct DraftJoint {
     pub name: String,
@@ -72,11 +72,11 @@ pub(super) struct DraftJoint {
     pub motor: Motor,
     /// Span in the URDF.
     pub urdf: Span,
-    /// Span in the side file, if it is there.
+    /// Span in the side file, if that has the joint.
     pub side: Option<Span>,
 }
 
-/// An `[[end_effector]]`.
+/// Table `[[end_effector]]`.
 #[derive(Debug)]
 pub(super) struct DraftEnd {
     pub name: String,

@@ -1,4 +1,4 @@
-//! A draft to the text of a robot file, with the source of each part of the text.
+//! Text of a robot file from a draft, with the source of each part.
 
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use std::fmt::Write;
 use std::ops::Range;
 
-/// The text of a robot file and the sources of its parts.
+/// Text of a robot file and sources of its parts.
 #[derive(Debug)]
 pub(super) struct Emitted {
     pub text: String,
@@ -117,7 +117,7 @@ impl Emitted {
     }
 }
 
-/// An entry of `shapes`, to the tenth of a millimetre.
+/// Entry of `shapes`, rounded to a tenth of a millimetre.
 fn shape(shape: &Shape) -> String {
     let round = |length_m: f64| (length_m * 1e4).round() / 1e4 + 0.0;
     let vector = |v: &Vector3<f64>| array(v.map(round).as_slice());

@@ -71,7 +71,7 @@ pub(super) struct Range {
     pub nominal_rad: f64,
 }
 
-/// Ranges of all joints in the order of [`Bodies::moving`]; zero where there is a fault.
+/// Ranges of all joints in the order of [`Bodies::moving`]; zero for joints with a fault.
 pub(super) fn ranges<'a>(
     urdf: &'a Urdf,
     side: &Side,
@@ -118,7 +118,7 @@ struct Reader<'a, 'n, 't> {
 }
 
 impl<'a> Reader<'a, '_, '_> {
-    /// Position limits of a joint, from the side file, else from the URDF.
+    /// Position limits of a joint from the side file, else from the URDF.
     fn limits(&mut self, joint: &'a Joint, given: Option<&JointSide>) -> Option<(f64, f64)> {
         let (mut lower, mut upper) = match (joint.kind, joint.limit.lower, joint.limit.upper) {
             (Kind::Continuous, _, _) | (_, None, None) => (-TURN_RAD, TURN_RAD),
@@ -129,7 +129,7 @@ impl<'a> Reader<'a, '_, '_> {
         if lower > upper {
             if min.is_none() || max.is_none() {
                 let span = joint.span.clone();
-                self.notes.warn(&span, format_args!("joint `{}`: lower=\"{lower}\" is above upper=\"{upper}\": taken the other way round", joint.name));
+                self.notes.warn(&span, format_args!("joint `{}`: lower=\"{lower}\" is above upper=\"{upper}\": taken in reverse; exchange the two in the model", joint.name));
             }
             (lower, upper) = (upper, lower);
         }

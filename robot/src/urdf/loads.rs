@@ -1,4 +1,4 @@
-//! Load of every joint in the standing pose: what its default gains follow from.
+//! Load of each joint in the standing pose, from which its default gains follow.
 
 use super::bodies::Bodies;
 use super::stance::{Tip, poses};
@@ -8,14 +8,14 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 /// Load of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Load {
-    /// Torque of what the joint has to hold at the longest lever, N·m: of its limb's share of the robot's weight on
-    /// the whole limb, or of the weight beyond the joint where that is more, as of an arm.
+    /// Torque that the joint has to hold at the longest lever, N·m: its limb's share of the weight times the length of the
+    /// limb, or the moment of all masses beyond the joint, if that is larger.
     pub holds_nm: f64,
-    /// Inertia of all that the joint moves about its axis, in the standing pose, kg·m²; rotors excluded.
+    /// Inertia of all moved bodies about the joint's axis in the standing pose, without rotors, kg·m².
     pub inertia_kg_m2: f64,
 }
 
-/// Loads of all joints in the order of [`Bodies::moving`]; `limbs` has the limb of every body.
+/// Loads of all joints in the order of [`Bodies::moving`]. `limbs` has the limb of each body.
 pub(super) fn loads(
     bodies: &Bodies,
     axes: &[Unit<Vector3<f64>>],
@@ -26,7 +26,7 @@ pub(super) fn loads(
     let poses = poses(bodies, axes, angles_rad);
     let weight_n: f64 =
         bodies.bodies.iter().map(|body| body.mass.mass_kg).sum::<f64>() * GRAVITY_M_S2;
-    // What stands on the ground: limbs with feet or wheels, and each of those that the body itself has.
+    // Supports are limbs with feet or wheels, and each foot or wheel of the body itself.
     let mut standing: Vec<_> =
         tips.iter().filter(|tip| tip.body > 0).map(|tip| limbs[tip.body]).collect();
     standing.sort_unstable();
@@ -55,7 +55,7 @@ pub(super) fn loads(
     axes.iter().enumerate().map(load).collect()
 }
 
-/// A body and those that hang on it.
+/// Body and all bodies that it carries.
 fn beyond(bodies: &Bodies, body: usize) -> Vec<usize> {
     let mut found = vec![body];
     // Parents come first.

@@ -1,5 +1,4 @@
-//! Motors of joints and wheels: from the URDF, the side file, and defaults.
-//! The defaults are documented in `docs/urdf-import.md`.
+//! Motors of joints and wheels from the URDF, the side file and defaults (`docs/urdf-import.md`).
 
 use super::draft::{DraftSheet, Motor, Sheet};
 use super::loads::Load;
@@ -14,25 +13,24 @@ use std::collections::HashSet;
 
 /// Default speed limit, rad/s.
 const SPEED_RAD_S: f64 = 10.0;
-/// Default torque limit: the robot's weight on this lever, m.
+/// Lever of the robot's weight in the default torque limit, m.
 const LEVER_M: f64 = 0.1;
-/// Angle that a joint yields by under what it holds at the longest lever, rad: a bent leg sinks by a few per cent of
-/// its length.
+/// Deflection of a joint under its load at the longest lever, rad. A bent leg sinks by a few per cent of its length.
 const YIELD_RAD: f64 = 0.3;
-/// Smallest position error that takes the whole torque of a joint, rad.
+/// Smallest position error at which a joint needs its torque limit, rad.
 const SATURATION_RAD: f64 = 0.1;
-/// Period of the control loop where the controller closes it, at its default rate, s.
+/// Period of a control loop on the controller at its default rate, s.
 const CONTROL_PERIOD_S: f64 = 1.0 / 120.0;
-/// Smallest stiffness, of joints that hold nothing, N·m/rad.
+/// Stiffness of joints without a load, N·m/rad.
 const KP_MIN_NM_RAD: f64 = 0.1;
-/// Armature per torque limit, s²: full torque spins up the rotor alone by 1000 rad/s².
+/// Ratio of armature to torque limit, s². Full torque accelerates the rotor alone by 1000 rad/s².
 const ARMATURE_PER_TORQUE: f64 = 1e-3;
 /// Time constant of a wheel's speed on the rotor alone, s.
 const WHEEL_TIME_S: f64 = 0.01;
 /// Name of the table with defaults for limits that the URDF lacks.
 const DEFAULT: &str = "default";
 
-/// Gives motors their data sheets and addresses.
+/// Data sheets and addresses of all motors.
 pub(super) struct Motors<'s> {
     side: &'s Side,
     weight_n: f64,
@@ -52,12 +50,12 @@ impl<'s> Motors<'s> {
         Self { side, weight_n, sheets: vec![], names, taken, remarks: vec![] }
     }
 
-    /// The motor of a joint.
+    /// Motor of a joint.
     pub fn joint(&mut self, given: &MotorSide, joint: &Joint, load: &Load, limb: usize) -> Motor {
         self.motor(given, Some(joint), Some(load), (joint.span.clone(), &joint.name), limb)
     }
 
-    /// The motor of an actuated wheel. Without a joint in the URDF it has its limits from the side file alone.
+    /// Motor of an actuated wheel. Without a joint in the URDF its limits come from the side file.
     pub fn wheel(
         &mut self,
         given: &MotorSide,
@@ -69,7 +67,7 @@ impl<'s> Motors<'s> {
         self.motor(given, axle, None, about, limb)
     }
 
-    /// The motor of a joint with its load, or of a wheel, which has none.
+    /// Motor of a joint with its load, or of a wheel without one.
     fn motor(
         &mut self,
         given: &MotorSide,
@@ -94,11 +92,11 @@ impl<'s> Motors<'s> {
         Motor { sheet, bus, id }
     }
 
-    /// Two limbs to a bus, as long as there are buses; numbers from 1.
+    /// Next free address. Two limbs share a bus while there are buses; numbers begin at 1.
     fn free_address(&mut self, limb: usize) -> (u32, u32) {
         let bus = (limb / 2).min(MAX_BUSES - 1) as u32;
         let free = (1..=127).find(|&id| self.taken.insert((bus, id)));
-        // No controller has so many channels: the rules refuse such a robot.
+        // The rules refuse robots with so many channels.
         (bus, free.unwrap_or(127))
     }
 
@@ -127,14 +125,14 @@ impl<'s> Motors<'s> {
         let speed = limit(&SPEED, limits.velocity, SPEED_RAD_S);
         let torque = limit(&TORQUE, limits.effort, usual);
         let or = |index, value: f64| side(index).or(fallback(index)).unwrap_or(value);
-        // An effort that no drive has says nothing about the motor.
+        // An effort beyond all drives is a placeholder.
         let placeholder = limits.effort.is_some_and(|effort| effort > TORQUE.max);
         let strength = if placeholder { torque.min(usual) } else { torque };
         let armature = side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= 10.0));
         let armature =
             armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(10.0)));
         let (kp, kd) = match load {
-            // The defaults are for joints: a wheel holds no angle.
+            // Default gains are for joints. A wheel holds no angle.
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
             Some(load) => {
                 let inertia = load.inertia_kg_m2 + armature;
@@ -177,7 +175,7 @@ impl<'s> Motors<'s> {
         }
     }
 
-    /// Warns of every remark once, with its joints.
+    /// Warns of each remark once, with its joints.
     pub fn remark(self, notes: &mut Notes<'_>) {
         for (message, about) in self.remarks {
             let names: Vec<_> = about.iter().take(4).map(|(_, name)| format!("`{name}`")).collect();
@@ -188,7 +186,7 @@ impl<'s> Motors<'s> {
     }
 }
 
-/// A limit that URDF has.
+/// Limit of a motor that URDF has.
 struct Limit {
     /// Index in [`super::side::NUMBERS`].
     index: usize,
@@ -197,7 +195,7 @@ struct Limit {
     quantity: &'static str,
     field: &'static str,
     unit: &'static str,
-    /// The largest one that a drive has.
+    /// Largest value of any drive.
     max: f64,
 }
 
@@ -220,8 +218,7 @@ const TORQUE: Limit = Limit {
 };
 
 impl Limit {
-    /// The limit from what the URDF says, the side file's default and the usual value, with a remark if it is not the
-    /// URDF's.
+    /// Limit from the URDF, the side file's default or the usual value, with a remark if the URDF's cannot be used.
     fn settle(
         &self,
         written: Option<f64>,
@@ -229,7 +226,7 @@ impl Limit {
         usual: f64,
     ) -> (f64, Option<String>) {
         let Self { attribute, quantity, field, unit, max, .. } = self;
-        let say = "say what is right in an [actuator.NAME] of the side file";
+        let help = "give the right value in an [actuator.NAME] of the side file";
         match written {
             Some(written) if written > 0.0 && written <= *max => (written, None),
             Some(written) if written > *max => {
@@ -238,20 +235,20 @@ impl Limit {
                     _ => (*max, "the most that a drive can have"),
                 };
                 let remark = format!(
-                    "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {say}"
+                    "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {help}"
                 );
                 (most, Some(remark))
             }
             _ => {
                 let problem = match written {
-                    Some(bad) => format!("has {attribute}=\"{bad}\", which is no limit"),
+                    Some(bad) => format!("has {attribute}=\"{bad}\", and a limit is above 0"),
                     None => format!("has no limit of {quantity}"),
                 };
                 let (taken, from) =
                     default.map_or((usual, "a default"), |given| (given, "[actuator.default]"));
-                // A value of the side file needs no remark unless it overrides one of the URDF.
+                // A value of the side file needs a remark only if it overrides one of the URDF.
                 let silent = default.is_some() && written.is_none_or(|written| written == 0.0);
-                let remark = format!("{problem}: `{field}` is {taken:.3} {unit}, {from}; {say}");
+                let remark = format!("{problem}: `{field}` is {taken:.3} {unit}, {from}; {help}");
                 (taken, (!silent).then_some(remark))
             }
         }
@@ -272,13 +269,13 @@ fn damping(kp_nm_rad: f64, inertia_kg_m2: f64) -> f64 {
     two_digits(critical.min(inertia_kg_m2 / CONTROL_PERIOD_S).min(MAX_KD_NM_S_RAD.into()))
 }
 
-/// Rounded down to two digits, so that limbs that differ by rounding have the same data sheet.
+/// Rounds down to two digits, so that limbs which differ by rounding share a data sheet.
 fn two_digits(value: f64) -> f64 {
     if value <= 0.0 || !value.is_finite() {
         return 0.0;
     }
     let unit = 10_f64.powi(value.log10().floor() as i32 - 1);
-    // Rounding of the quotient is no digit; and decimals are to be read.
+    // Compensates for rounding of the quotient, and shortens the decimals.
     let rounded = (value / unit + 1e-6).floor() * unit;
     format!("{rounded:.12}").parse().unwrap_or(rounded)
 }
@@ -303,8 +300,8 @@ mod tests {
         assert_eq!(damping(600.0, 100.0), 65.0);
     }
 
-    /// A double integrator under sampled position and damping feedback with the largest gains: its two eigenvalues are
-    /// inside the unit circle (Jury's criterion).
+    /// Eigenvalues of a double integrator under sampled feedback with the largest gains are inside the unit circle (Jury's
+    /// criterion).
     #[test]
     fn the_largest_gains_are_stable_at_the_control_rate() {
         for inertia_kg_m2 in [1e-4, 0.01, 0.3] {

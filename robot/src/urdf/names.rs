@@ -1,17 +1,17 @@
-//! Names of a URDF to names that robot files allow: letters, digits, `_` and `-`, 32 at most, each once.
+//! Names that robot files allow, from those of a URDF: letters, digits, `_` and `-`, 32 at most, each once.
 
 use super::notes::Notes;
 use crate::document::Span;
 use rollwalk_protocol::library::MAX_NAME;
 use std::collections::HashSet;
 
-/// Names of one kind of item that are in use.
+/// Names in use for one kind of item.
 #[derive(Debug, Default)]
 pub(super) struct Names {
     taken: HashSet<String>,
 }
 
-/// `written` without forbidden letters, not too long.
+/// Name without forbidden letters, of the allowed length.
 pub(super) fn allowed(written: &str) -> String {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     let fitting = written.chars().map(|c| if fits(c) { c } else { '_' });
@@ -20,7 +20,7 @@ pub(super) fn allowed(written: &str) -> String {
 }
 
 impl Names {
-    /// An allowed name for `written`; warns of a change.
+    /// Allowed name for `written`. Warns of a change.
     pub fn give(
         &mut self,
         kind: &str,
@@ -36,7 +36,7 @@ impl Names {
         name
     }
 
-    /// `name`, numbered if it is taken.
+    /// Name with a number if it is in use already.
     pub fn unique(&mut self, name: &str) -> String {
         let mut candidate = name.to_owned();
         let mut number = 1;
@@ -50,7 +50,7 @@ impl Names {
     }
 }
 
-/// A few names and how many more there are.
+/// List of the first names and the number of the others.
 pub(super) fn some_names<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
     let count = names.len();
     let mut shown = names.take(4).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");

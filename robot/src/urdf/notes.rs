@@ -1,11 +1,11 @@
-//! Findings in a URDF file: faults, which end the import, and warnings, which do not.
+//! Faults and warnings about a URDF file. Faults end the import.
 
 use crate::document::{DocumentError, FAULTS_MAX, Fault, Span, line_at};
 use std::fmt::Display;
 
 const WARNINGS_MAX: usize = 100;
 
-/// Faults and warnings about one URDF text.
+/// Faults and warnings about the text of a URDF.
 #[derive(Debug)]
 pub(super) struct Notes<'t> {
     pub file_name: &'t str,
@@ -19,7 +19,7 @@ impl<'t> Notes<'t> {
         Self { file_name, text, faults: Vec::new(), warnings: Vec::new() }
     }
 
-    /// True if there are enough faults: further ones are not noted.
+    /// True if the list of faults is full.
     pub fn is_full(&self) -> bool {
         self.faults.len() >= FAULTS_MAX
     }
@@ -44,7 +44,7 @@ impl<'t> Notes<'t> {
         self.warnings.push(format!("{}:{line}: {message}", self.file_name));
     }
 
-    /// The faults so far as an error.
+    /// Returns the faults so far as an error.
     pub fn check(&mut self) -> Result<(), DocumentError> {
         let faults = std::mem::take(&mut self.faults);
         DocumentError::of(self.file_name, self.text, faults).map_or(Ok(()), Err)

@@ -1,5 +1,4 @@
-//! Joints that become rigid: those that the side file locks, and the axles of its wheels. Joints of
-//! kinds that robot files do not have must be among them.
+//! Joints that become rigid: locked joints and axles of the side file. All kinds that robot files lack must be among them.
 
 use super::bodies::Rigid;
 use super::model::{Kind, Urdf};
@@ -10,7 +9,7 @@ use super::tree::{Graph, Tree};
 use crate::document::{Document, alternatives};
 use std::collections::{HashMap, HashSet};
 
-/// Looks up the joints that the side file names; notes faults.
+/// Finds the joints that the side file names. Notes faults.
 pub(super) fn rigid(
     urdf: &Urdf,
     graph: &Graph,
@@ -30,11 +29,11 @@ pub(super) fn rigid(
     notes.faults.is_empty().then_some(rigid)
 }
 
-/// The joints of the tree by name.
+/// Joints of the tree by name.
 struct Named<'a> {
     urdf: &'a Urdf,
     joints: HashMap<&'a str, usize>,
-    /// Names to propose where there is none such.
+    /// Names for proposals.
     names: Vec<&'a str>,
 }
 
@@ -77,7 +76,7 @@ fn lock(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'
     }
 }
 
-/// Takes the joints of wheels as their axles.
+/// Makes the joints of wheels axles.
 fn take_axles(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'_>) {
     for end in &side.end_effectors {
         let Some((name, span)) = &end.wheel_joint else { continue };
@@ -101,7 +100,7 @@ fn take_axles(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Docu
     }
 }
 
-/// Notes what else moves and cannot be a joint of a robot file.
+/// Notes other moving joints that a robot file cannot have.
 fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &mut Notes<'_>) {
     let mut on_wheel = HashSet::new();
     for &index in &tree.order {

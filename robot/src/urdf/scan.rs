@@ -1,18 +1,18 @@
-//! First pass over XML text, linear in its length. The parser compares the attributes of an element pairwise and copies the
-//! namespaces in scope for every element that declares one; this pass bounds both, and the length of names.
+//! First pass over XML text, in linear time. The parser compares the attributes of an element pairwise and copies all
+//! namespaces for each element that declares one. This pass bounds both, and the length of names.
 
 use crate::document::{Fault, Span};
 use std::collections::BTreeSet;
 
-/// Most attributes of an element: those of MuJoCo have some forty.
+/// Maximum number of attributes of an element. Elements of MuJoCo have some forty.
 const ATTRIBUTES_MAX: usize = 200;
-/// Most attributes of a file, which bounds the memory of the tree.
+/// Maximum number of attributes of a file, which bounds the memory of the tree.
 const ALL_ATTRIBUTES_MAX: usize = 500_000;
-/// Most declarations of namespaces in a file.
+/// Maximum number of declared namespaces in a file.
 const NAMESPACES_MAX: usize = 64;
-/// Most elements inside each other.
+/// Maximum depth of elements.
 const DEPTH_MAX: usize = 1000;
-/// Most bytes of a name.
+/// Maximum length of a name, bytes.
 const NAME_MAX: usize = 500;
 /// Attributes that are names or words, not lists of numbers.
 const NAMES: [&str; 11] = [
@@ -29,7 +29,7 @@ const NAMES: [&str; 11] = [
     "eulerseq",
 ];
 
-/// Findings of the pass.
+/// Results of the pass.
 #[derive(Debug, Default)]
 pub(super) struct Scan<'t> {
     /// End of the name in the first start tag, if it is `<robot`.
@@ -38,7 +38,7 @@ pub(super) struct Scan<'t> {
     pub prefixes: BTreeSet<&'t str>,
 }
 
-/// A position in the text, and what was counted up to it.
+/// Position in the text, and counts up to it.
 struct Scanner<'t> {
     text: &'t str,
     at: usize,
@@ -51,13 +51,13 @@ struct Scanner<'t> {
     found: Scan<'t>,
 }
 
-/// A bound that is exceeded: where, what is wrong, and what is right.
+/// Exceeded bound: place, message and help.
 type Excess = (Span, String, String);
 
-/// Scans a text. Stops where it is no XML, as the parser will.
+/// Scans a text up to the first syntax error.
 ///
 /// # Errors
-/// The first bound that is exceeded.
+/// The first exceeded bound.
 pub(super) fn scan(text: &str) -> Result<Scan<'_>, Fault> {
     let mut scanner = Scanner {
         text,
@@ -77,7 +77,7 @@ pub(super) fn scan(text: &str) -> Result<Scan<'_>, Fault> {
 }
 
 impl<'t> Scanner<'t> {
-    /// Goes past the next markup; `None` at the end.
+    /// Skips the next markup. Returns `None` at the end.
     fn next(&mut self) -> Result<Option<()>, Excess> {
         let Some(start) = self.skip_to("<") else { return Ok(None) };
         let rest = &self.text[start..];
@@ -121,7 +121,7 @@ impl<'t> Scanner<'t> {
         self.text.len() - self.text[at..].trim_ascii_start().len()
     }
 
-    /// End of the start tag at `start`; `None` if it is none.
+    /// End of the start tag at `start`; `None` for other text.
     fn start_tag(&mut self, start: usize) -> Result<Option<usize>, Excess> {
         let tag = self.name(start + 1)?;
         let mut at = start + 1 + tag.len();

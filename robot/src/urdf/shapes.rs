@@ -21,6 +21,11 @@ const PLACEHOLDER_M: f64 = 0.005;
 const SHAPES_MAX: usize = 16;
 /// Distance around a foot or wheel within which a shape is part of it, as a fraction of its radius.
 const PART_OF_TIP: f64 = 0.1;
+/// Distance above the bottom of a foot or wheel within which a shape touches the ground with it, as a fraction of its radius.
+const GROUND_SHARE: f64 = 0.1;
+/// Depth of the top of a shape at the ground from which it is the sole of its foot, as a fraction of the depth of the ground
+/// below the body's joint.
+const SOLE_SHARE: f64 = 0.5;
 /// Size of the box of an inertia above which the inertia is wrong, as a multiple of the robot's size.
 const BOX_MAX: f64 = 5.0;
 /// Largest radius of a capsule in robot files, m.
@@ -34,6 +39,7 @@ pub(super) fn shapes(
     bodies: &Bodies,
     wheels: &HashSet<String>,
     tips: &[Tip],
+    down: &[Vector3<f64>],
     notes: &mut Notes<'_>,
 ) -> Vec<Vec<Shape>> {
     let robot_m = size_m(bodies);
@@ -51,7 +57,10 @@ pub(super) fn shapes(
             if wheels.contains(&link.name) {
                 continue;
             }
-            shapes.extend(of_solids(link, body_from_link, index == 0));
+            let solids = of_solids(link, body_from_link, index == 0);
+            let above =
+                |shape| tips.iter().try_fold(shape, |shape, tip| trimmed(shape, tip, &down[index]));
+            shapes.extend(solids.filter_map(above));
             if link.shapes.iter().any(|shape| shape.collision && shape.solid == Solid::Mesh) {
                 let guess = of_inertia(link, body_from_link, index == 0, largest_m);
                 if guess.is_none() {
@@ -98,6 +107,22 @@ fn of_solids(
     })
 }
 
+/// Drops a shape that is the sole of a foot, and keeps the part of a shank above its foot. `down` is the vertical in the body.
+fn trimmed(shape: Shape, tip: &Tip, down: &Vector3<f64>) -> Option<Shape> {
+    let Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } = shape else {
+        return Some(shape);
+    };
+    let ground_m = tip.center_m.dot(down) + tip.radius_m;
+    let ends = [from_in_link_m, to_in_link_m].map(|end| end.dot(down));
+    let [high, low] = [ends[0].min(ends[1]) - radius_m, ends[0].max(ends[1]) + radius_m];
+    if ground_m <= 0.0 || low < ground_m - GROUND_SHARE * tip.radius_m {
+        return Some(shape);
+    }
+    let lies = (ends[1] - ends[0]).abs() < radius_m;
+    let is_sole = lies || high > SOLE_SHARE * ground_m;
+    if is_sole { None } else { behind(shape, tip) }
+}
+
 /// Shape of a link with a mesh, from its inertia.
 fn of_inertia(
     link: &Link,
@@ -136,7 +161,8 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let along = (near - far).try_normalize(1e-9).unwrap_or_default();
     let to_tip = tip.center_m - far;
     let (way_m, aside_m) = (to_tip.dot(&along), to_tip.cross(&along).norm());
-    let room_m = LEAN * (radius_m - tip.radius_m + aside_m).max(0.0);
+    // A shank as thick as its foot stays above the ground, too.
+    let room_m = (LEAN * (radius_m - tip.radius_m + aside_m)).max(GROUND_SHARE * tip.radius_m);
     let length_m = (near - far).norm().min((way_m - room_m).max(0.0));
     let to_in_link_m = far + along * length_m;
     Some(Shape::Capsule { from_in_link_m: far, to_in_link_m, radius_m })

@@ -179,6 +179,10 @@ fn guessed_end(text: &mut String, content: &Content<'_>, end: &End, name: &str) 
         EndKind::WeldedWheel(axis) => {
             line(text, format_args!("axis_in_link = {}", array(axis.as_slice())));
         }
+        EndKind::Caster(axis) => {
+            line(text, format_args!("axis_in_link = {}", array(axis.as_slice())));
+            line(text, "rolling_resistance = 0.02");
+        }
         EndKind::Foot | EndKind::DrivenWheel => {}
     }
 }

@@ -1,14 +1,14 @@
-//! Values as TOML text: strings, keys, numbers and arrays.
+//! TOML text of strings, keys, numbers and arrays.
 
 use super::names::allowed;
 use std::fmt::Write;
 
-/// A name as a key of TOML.
+/// Key of TOML for a name.
 pub(super) fn key(name: &str) -> String {
     if allowed(name) == name { name.to_owned() } else { quoted(name) }
 }
 
-/// A string of TOML.
+/// Quoted string of TOML.
 pub(super) fn quoted(text: &str) -> String {
     let mut quoted = String::from('"');
     for c in text.chars() {
@@ -24,19 +24,19 @@ pub(super) fn quoted(text: &str) -> String {
     quoted
 }
 
-/// Text for a comment: without control characters, which would end it.
+/// Text for a comment, without control characters.
 pub(super) fn comment(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// A number with twelve digits, which hide the rounding of rotations.
+/// Number with twelve digits, which hide the rounding of rotations.
 pub(super) fn show(number: f64) -> String {
     let rounded: f64 = format!("{number:.11e}").parse().unwrap_or(number);
     // No minus in front of 0.
     format!("{:?}", rounded + 0.0)
 }
 
-/// An array whose rounding next to 0 is 0.
+/// Array in which rounding errors next to 0 become 0.
 pub(super) fn array(numbers: &[f64]) -> String {
     let largest = numbers.iter().fold(0.0_f64, |largest, number| largest.max(number.abs()));
     let shown: Vec<_> = numbers

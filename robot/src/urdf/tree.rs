@@ -1,14 +1,14 @@
-//! Links and joints to a tree: names resolved, one root, joints ordered so that parents come first.
+//! Tree of links and joints: resolves names, finds the root, and orders joints so that parents come first.
 
 use super::model::{Kind, Solid, Urdf};
 use super::notes::Notes;
 use crate::document::alternatives;
 use std::collections::HashMap;
 
-/// Links that stand for the ground rather than for a part of the robot.
+/// Names of links that represent the ground.
 const GROUND: [&str; 5] = ["world", "map", "odom", "universe", "ground"];
 
-/// The joints of a URDF as a graph of indices.
+/// Graph of a URDF's joints, by indices.
 #[derive(Debug)]
 pub(super) struct Graph {
     pub link_index: HashMap<String, usize>,
@@ -20,7 +20,7 @@ pub(super) struct Graph {
     pub roots: Vec<usize>,
 }
 
-/// A root and its tree of joints.
+/// Tree of joints below a root.
 #[derive(Debug)]
 pub(super) struct Tree {
     pub root: usize,
@@ -28,7 +28,7 @@ pub(super) struct Tree {
     pub order: Vec<usize>,
 }
 
-/// Resolves names; notes duplicates, unknown names and loops.
+/// Resolves names. Notes duplicates, unknown names and loops.
 pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
     let mut link_index = HashMap::new();
     for (index, link) in urdf.links.iter().enumerate() {
@@ -68,8 +68,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
                 "link `{}` is the child of two joints, `{}` and `{}`",
                 joint.child, urdf.joints[other].name, joint.name
             );
-            let help =
-                "robots are trees: cut the loop at one of the two joints, and fix what it drives";
+            let help = "robots are trees: cut the loop by removing one of the two joints, and fix the links that only it moves";
             notes.fault(joint.span.clone(), message, "closes a loop", help);
         }
         ends.push((parent, child));
@@ -97,7 +96,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
 }
 
 impl Graph {
-    /// The tree of `root`. Every link is the child of one joint, so that the search ends.
+    /// Tree below a root. The search ends, because each link is the child of one joint.
     pub fn tree(&self, root: usize) -> Tree {
         let mut order = Vec::new();
         let mut open: Vec<usize> = self.leaving[root].iter().rev().copied().collect();
@@ -108,8 +107,8 @@ impl Graph {
         Tree { root, order }
     }
 
-    /// The root with most links, then down past links that only place the robot in the world: without
-    /// mass, with a single joint that moves, or called `world` or the like.
+    /// Root with most links, without the links that place the robot in the world: those called `world` or similar, and
+    /// massless links with a single moving joint.
     pub fn likely_root(&self, urdf: &Urdf) -> usize {
         let size = |root: &usize| self.tree(*root).order.len();
         // The first of equals.
@@ -129,7 +128,7 @@ impl Graph {
     }
 }
 
-/// The tree of the robot: of the link that the side file names, or of the only root.
+/// Tree of the robot, below the link that the side file names or below the only root.
 pub(super) fn choose(
     urdf: &Urdf,
     graph: &Graph,
@@ -159,7 +158,7 @@ pub(super) fn choose(
             let root = &urdf.links[tree.root].name;
             notes.warn(
                 &link.span,
-                format_args!("link `{}`{lost} is left out: the root is `{root}`", link.name),
+                format_args!("link `{}`{lost} is dropped, because it is not behind the root `{root}`: name another `root` in the side file to keep it", link.name),
             );
         }
     }

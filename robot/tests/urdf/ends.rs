@@ -291,3 +291,72 @@ fn robots_without_feet_import_too() {
     assert!(found.end_effectors.is_empty() && warned(&found, &["nothing looks like a foot"]));
     assert_eq!(robot.joints.len(), 2);
 }
+
+#[test]
+fn a_ball_at_the_height_of_the_wheels_is_a_caster_and_settles_their_radius() {
+    let cart = |wheel: &str| {
+        let mut made = Made::trunk();
+        for (name, y) in [("left", 0.1), ("right", -0.1)] {
+            made.link(&format!("{name}_hub"), 0.3, [0.0; 3], 6e-4, wheel);
+            let ends = [&*format!("{name}_axle"), "trunk", &format!("{name}_hub")];
+            made.joint("continuous", ends, [0.05, y, -0.02], [0.0, 1.0, 0.0], AXLE);
+        }
+        made.link("prop", 0.1, [0.0; 3], 1e-5, &ball(0.02, [0.0; 3]));
+        made.joint(
+            "fixed",
+            ["prop_fixed", "trunk", "prop"],
+            [-0.15, 0.0, -0.06],
+            [0.0, 1.0, 0.0],
+            "",
+        );
+        made.link("lidar", 0.1, [0.0; 3], 1e-5, &ball(0.04, [0.0; 3]));
+        made.joint(
+            "fixed",
+            ["lidar_fixed", "trunk", "lidar"],
+            [0.1, 0.0, 0.1],
+            [0.0, 1.0, 0.0],
+            "",
+        );
+        made.urdf()
+    };
+    let mesh = "<collision><geometry><mesh filename=\"w.stl\"/></geometry></collision>";
+    for wheel in [disc(0.06, 0.02), mesh.to_owned()] {
+        let (found, robot) = imported(&cart(&wheel));
+        assert_eq!(
+            contacts(&found),
+            [
+                ("left_hub", "actuated_wheel"),
+                ("prop", "passive_wheel"),
+                ("right_hub", "actuated_wheel")
+            ]
+        );
+        let wheel = robot.end_effectors.iter().find(|end| end.name == "left_hub").unwrap();
+        assert!((wheel.radius_m - 0.06).abs() < 1e-12, "{}", wheel.radius_m);
+    }
+}
+
+/// A shape that lies on the ground would keep the planner from every motion.
+#[test]
+fn soles_are_no_shapes_and_shanks_end_above_their_feet() {
+    let (_, robot) = imported(&humanoid(&cuboid([0.2, 0.08, 0.03], [0.03, 0.0, -0.065])));
+    for end in &robot.end_effectors {
+        assert!(robot.links[end.link].shapes.is_empty(), "{:?}", robot.links[end.link]);
+    }
+    let mut made = Made::trunk();
+    let rod = solid("<cylinder radius=\"0.02\" length=\"0.2\"/>", [0.0, 0.0, -0.1], [0.0; 3]);
+    for (name, x, y) in CORNERS {
+        made.limb(name, "trunk", [x, y, 0.0]);
+        let shank = format!("<link name=\"{name}_shank\">");
+        made.text = made.text.replace(&shank, &format!("{shank}{rod}"));
+    }
+    let (_, robot) = imported(&made.urdf());
+    for end in &robot.end_effectors {
+        let [rollwalk_robot::shape::Shape::Capsule { to_in_link_m, from_in_link_m, radius_m }] =
+            robot.links[end.link].shapes[..]
+        else {
+            panic!("{:?}", robot.links[end.link].shapes)
+        };
+        let low_m = to_in_link_m.z.min(from_in_link_m.z) - radius_m;
+        assert!(low_m > end.center_in_link_m.z - end.radius_m && low_m < -0.1, "{low_m}");
+    }
+}

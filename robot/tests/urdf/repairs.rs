@@ -232,7 +232,7 @@ fn a_root_of_choice_leaves_the_rest_out() {
         "<link name=\"base_link\"/><link name=\"spare\"><inertial><mass value=\"2\"/></inertial></link>",
     );
     let side = format!("root = \"base_link\"\n{SIDE}");
-    let robot = warns(&urdf, &side, &["`spare` with 2 kg is left out"]);
+    let robot = warns(&urdf, &side, &["`spare` with 2 kg is dropped"]);
     assert_eq!(robot, good(URDF, SIDE).robot);
 }
 

@@ -1,12 +1,15 @@
 //! Warnings about joints without effect, and about a pose in which few feet carry the robot.
 
 use super::warning::{CheckedRobot, RobotWarning};
-use nalgebra::Vector3;
+use crate::{Configuration, Frames};
+use nalgebra::{Matrix3, Vector3};
 
 /// Distance between two axes, or of a contact from an axis, below which they coincide, as a fraction of the robot's size.
 const SAME: f64 = 0.003;
 /// Sine of the angle between two axes below which they are parallel.
 const PARALLEL: f64 = 0.02;
+/// Angles from the nominal pose at which a joint without effect has none either, rad.
+const BENT_RAD: [f64; 2] = [0.3, -0.5];
 /// Fraction of the mean force below which a contact hardly carries.
 const CARRIES: f64 = 0.25;
 /// Minimum number of standing contacts for a warning about uneven forces.
@@ -39,26 +42,52 @@ fn axes(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     warnings
 }
 
-/// Warnings about joints that do not move the contact at the end of their limb.
+/// Warnings about joints that do not move the contact at the end of their limb in any pose.
 fn ends(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let (robot, frames) = (seen.tree.robot(), &seen.standing.frames);
+    let bent: Vec<_> = BENT_RAD.iter().map(|&bent_rad| bent_frames(seen, bent_rad)).collect();
     let mut warnings = Vec::new();
     for end in &robot.end_effectors {
-        let Some(last) = robot.joints.iter().position(|joint| joint.child == end.link) else {
-            continue;
-        };
-        let axis = frames.joint_axes[last];
-        let center = frames.point(end.link, &end.center_in_link_m);
-        let across = end.contact.axis_in_link().map(|of| frames.world_from_link[end.link] * of);
-        // A wheel whose axis is another one is steered by the joint.
-        let parallel = across.is_none_or(|across| axis.cross(&across).norm() < PARALLEL);
-        if parallel && is_same(seen, &(center - frames.link_origins[end.link]), &axis) {
-            let text = "contact lies on the axis of the last joint, which therefore does not move \
-                the contact; check `center_in_link_m`";
-            warnings.push(RobotWarning::of("end effector", &end.name, text.to_owned()));
+        let joints = seen.tree.joints_to_link(end.link);
+        let last = robot.joints.iter().position(|joint| joint.child == end.link);
+        for &joint in joints {
+            let is_idle = |frames: &Frames| {
+                let axis = frames.joint_axes[joint];
+                let center = frames.point(end.link, &end.center_in_link_m);
+                let origin = frames.link_origins[robot.joints[joint].child];
+                let across = end.contact.axis_in_link();
+                let across = across.map(|of| frames.world_from_link[end.link] * of);
+                // A joint whose axis is not that of the wheel steers it.
+                let parallel = across.is_none_or(|across| axis.cross(&across).norm() < PARALLEL);
+                parallel && is_same(seen, &(center - origin), &axis)
+            };
+            if !std::iter::once(frames).chain(&bent).all(is_idle) {
+                continue;
+            }
+            let name = &robot.joints[joint].name;
+            let which = if Some(joint) == last { "the last joint" } else { "a joint" };
+            let text = format!(
+                "contact lies on the axis of {which}, `{name}`, which therefore does not move the \
+                 contact; check `center_in_link_m`, or lock the joint"
+            );
+            warnings.push(RobotWarning::of("end effector", &end.name, text));
         }
     }
     warnings
+}
+
+/// Frames with each joint turned from its nominal angle, alternately to both sides.
+fn bent_frames(seen: &CheckedRobot<'_>, bent_rad: f64) -> Frames {
+    let joints = seen.tree.robot().joints.iter().enumerate();
+    let side = |index: usize| if index % 2 == 0 { 1.0 } else { -0.7 };
+    let angles: Vec<_> =
+        joints.map(|(index, joint)| joint.nominal_rad + side(index) * bent_rad).collect();
+    let at = Configuration {
+        base_position_m: Vector3::zeros(),
+        world_from_body: Matrix3::identity(),
+        joint_rad: &angles,
+    };
+    Frames::new(seen.tree, &at)
 }
 
 fn is_same(seen: &CheckedRobot<'_>, apart: &Vector3<f64>, axis: &Vector3<f64>) -> bool {

@@ -1,14 +1,21 @@
 //! Warnings about implausible densities and inertias of links.
 
-use super::warning::{CheckedRobot, RobotWarning};
+use super::warning::{CheckedRobot, RobotWarning, extent_m};
+use nalgebra::Vector3;
 use rollwalk_robot::Link;
+use rollwalk_robot::shape::Shape;
 use std::ops::RangeInclusive;
 
-/// Range of plausible radii of gyration of links, as fractions of the robot's size. Real robots have 0.03 to 0.37.
-const GYRATION: [f64; 2] = [0.003, 0.8];
-/// Usual range of radii of gyration, as fractions of the robot's size. A unit is suggested if its correction leads into this
+/// Smallest plausible radius of gyration of a link, as a fraction of the robot's size. Real robots have 0.03 to 0.37.
+const GYRATION_LEAST: f64 = 0.003;
+/// Largest plausible radius of gyration of a link, as a fraction of the link's size. Half is the limit for masses at the ends;
+/// files without shapes show less than the whole link.
+const GYRATION_MOST: f64 = 1.5;
+/// Size of a link without shapes, as a fraction of the robot's size.
+const SIZE_LEAST: f64 = 0.15;
+/// Usual range of radii of gyration, as fractions of the link's size. A unit is suggested if its correction leads into this
 /// range.
-const GYRATION_USUAL: RangeInclusive<f64> = 0.03..=0.5;
+const GYRATION_USUAL: RangeInclusive<f64> = 0.05..=0.8;
 /// Range of plausible densities of links, kg/m³, for the box with their inertia. Real robots have 100 to 3300.
 const DENSITY: [f64; 2] = [15.0, 25_000.0];
 /// Smallest edge of the box, as a fraction of the longest edge. The inertia of a thin rod hardly determines its other edges.
@@ -24,12 +31,39 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let total_kg = robot.total_mass_kg();
     let links = robot.links.iter();
     // A mass that is far too small is not seen by its share.
-    let counts = |link: &&Link| link.mass_kg > MASS_LEAST * total_kg;
-    let warning = |link: &Link| {
-        let text = inertia(seen, link).or_else(|| density(link))?;
+    let counts = |link: &Link| link.mass_kg > MASS_LEAST * total_kg;
+    let warning = |(index, link): (usize, &Link)| {
+        let text = inertia(seen, index, link).or_else(|| density(link))?;
         Some(RobotWarning::of("link", &link.name, text))
     };
-    links.filter(counts).filter_map(warning).collect()
+    links.enumerate().filter(|(_, link)| counts(link)).filter_map(warning).collect()
+}
+
+/// Diagonal of the box around a link's joints, contacts, shapes and centre of mass, m.
+fn link_size_m(seen: &CheckedRobot<'_>, index: usize, link: &Link) -> f64 {
+    let robot = seen.tree.robot();
+    let mut points = vec![link.com_in_link_m];
+    // The frame of the body is arbitrary.
+    points.extend((index > 0).then(Vector3::zeros));
+    let leaving = robot.joints.iter().filter(|joint| joint.parent == index);
+    points.extend(leaving.map(|joint| joint.parent_from_joint.translation.vector));
+    let around = |center: Vector3<f64>, half: Vector3<f64>| [center - half, center + half];
+    let ends = robot.end_effectors.iter().filter(|end| end.link == index);
+    points.extend(ends.flat_map(|end| around(end.center_in_link_m, Vector3::repeat(end.radius_m))));
+    for shape in &link.shapes {
+        match shape {
+            Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
+                let ends = [*from_in_link_m, *to_in_link_m];
+                points.extend(
+                    ends.into_iter().flat_map(|end| around(end, Vector3::repeat(*radius_m))),
+                );
+            }
+            Shape::Box { center_in_link_m, size_m } => {
+                points.extend(around(*center_in_link_m, size_m / 2.0));
+            }
+        }
+    }
+    extent_m(points)
 }
 
 /// Largest moment of inertia, kg·m², and its radius of gyration, m.
@@ -38,12 +72,12 @@ fn largest(link: &Link) -> (f64, f64) {
     (inertia, (inertia / link.mass_kg).sqrt())
 }
 
-fn inertia(seen: &CheckedRobot<'_>, link: &Link) -> Option<String> {
+fn inertia(seen: &CheckedRobot<'_>, index: usize, link: &Link) -> Option<String> {
     let (inertia_kg_m2, radius_m) = largest(link);
-    let share = radius_m / seen.size_m;
-    let [least, most] = GYRATION;
     let mass_kg = link.mass_kg;
-    if share > most {
+    let size_m = link_size_m(seen, index, link).max(SIZE_LEAST * seen.size_m);
+    let share = radius_m / size_m;
+    if share > GYRATION_MOST {
         let explains = |unit: f64| GYRATION_USUAL.contains(&(share * unit.sqrt()));
         let slips = UNITS.into_iter().filter(|(_, value)| explains(*value));
         let slips: Vec<_> = slips.map(|(unit, value)| format!("in {unit} by {value:e}")).collect();
@@ -53,11 +87,10 @@ fn inertia(seen: &CheckedRobot<'_>, link: &Link) -> Option<String> {
         };
         return Some(format!(
             "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg is a radius of gyration of \
-             {radius_m:.1} m on a robot of {:.2} m; {slip}",
-            seen.size_m
+             {radius_m:.2} m on a link of {size_m:.2} m; {slip}"
         ));
     }
-    (share < least).then(|| {
+    (radius_m < GYRATION_LEAST * seen.size_m).then(|| {
         format!(
             "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg is a radius of gyration of \
              only {:.2} mm; check that the inertia is in kg·m²",

@@ -52,9 +52,9 @@ fn swapped(seen: &CheckedRobot<'_>, direction: &Direction) -> Option<RobotWarnin
         .collect();
     let count = named.len() as f64;
     let middle = named.iter().map(|(_, _, at)| at).sum::<f64>() / count;
-    // Names of one side alone say nothing about the middle: the body's origin is that.
+    // Without names of both sides the middle is at the centre of mass.
     let both = named.iter().any(|(_, first, _)| *first) && named.iter().any(|(_, first, _)| !first);
-    let middle = if both { middle } else { 0.0 };
+    let middle = if both { middle } else { seen.standing.com[direction.axis] };
     let margin = MIDDLE * seen.size_m;
     let wrong = named.iter().filter(|(_, first, at)| {
         let ahead = at - middle;

@@ -143,7 +143,7 @@ fn a_slip_is_named_with_its_value() {
         ),
         (
             vec![("center_in_link_m = [0.0, 0.0, -0.10]", "center_in_link_m = [0.0, 0.01, 0.0]")],
-            "`rear_right`: contact lies on the axis of the last joint",
+            "`rear_right`: contact lies on the axis of the last joint, `rear_right_knee`, which",
         ),
         (vec![("[0.0, 1.0, 0.0] # wheel", "[0.0, 0.3, 1.0]")], "`rear_right`: axis is 52° from"),
         (vec![("radius_m = 0.04", "radius_m = 0.14")], "`front_left`, `rear_left`"),

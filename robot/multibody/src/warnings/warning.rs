@@ -30,7 +30,7 @@ impl fmt::Display for RobotWarning {
 pub(super) struct CheckedRobot<'a> {
     pub tree: &'a Tree,
     pub standing: &'a Standing,
-    /// Diagonal of the box around contacts, link origins and link centres of mass, m.
+    /// Diagonal of the box around contacts, joints and link centres of mass, m. The frame of the body is arbitrary.
     pub size_m: f64,
 }
 
@@ -39,11 +39,17 @@ impl<'a> CheckedRobot<'a> {
         let frames = &standing.frames;
         let coms = (0..tree.robot().links.len()).map(|link| frames.link_com(tree, link));
         let contacts = standing.contacts.iter().map(|contact| contact.position);
-        let points = frames.link_origins.iter().copied().chain(coms).chain(contacts);
-        let none = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
-        let [low, high] = points.fold(none, |[low, high], at| [low.inf(&at), high.sup(&at)]);
-        Self { tree, standing, size_m: (high - low).norm() }
+        let joints = frames.link_origins.iter().skip(1).copied();
+        Self { tree, standing, size_m: extent_m(joints.chain(coms).chain(contacts)) }
     }
+}
+
+/// Diagonal of the box around points, m; 0 without points.
+pub(super) fn extent_m(points: impl IntoIterator<Item = Vector3<f64>>) -> f64 {
+    let box_of = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
+    let points = points.into_iter().map(|at| [at, at]);
+    let corners = points.reduce(|corners, [at, _]| box_of(corners, at));
+    corners.map_or(0.0, |[low, high]| (high - low).norm())
 }
 
 /// List of quoted names.

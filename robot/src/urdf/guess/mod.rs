@@ -5,6 +5,7 @@
 //! the ends that reach the ground together. `heading` finds the axes that point forward and up. Names decide nothing alone.
 
 mod axles;
+mod casters;
 mod ground;
 mod heading;
 mod soles;
@@ -45,6 +46,8 @@ pub(super) enum EndKind {
     FreeWheel,
     /// Wheel that no joint turns, with its axis in the link.
     WeldedWheel(Vector3<f64>),
+    /// Ball or wheel of the body that rolls freely, with its lateral axis in the link.
+    Caster(Vector3<f64>),
 }
 
 impl EndKind {
@@ -53,7 +56,7 @@ impl EndKind {
         match self {
             Self::Foot => "point_foot",
             Self::DrivenWheel => "actuated_wheel",
-            Self::FreeWheel => "passive_wheel",
+            Self::FreeWheel | Self::Caster(_) => "passive_wheel",
             Self::WeldedWheel(_) => "welded_wheel",
         }
     }
@@ -119,6 +122,7 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
         }
     }
     let mut ends = ground::together(urdf, bodies, ends);
+    casters::add(urdf, bodies, &mut ends);
     // A robot file has at most this number.
     ends.truncate(ITEMS_MAX);
     ends

@@ -1,0 +1,103 @@
+//! Motors too slow for the swings of the motion. A diagnosis names them before anything else.
+//!
+//! At the point with the least violation, slow joints let footfalls and reach give way. A bound does not: with all joints of
+//! its leg at their limits, a foot has to rise to its swing height in half the swing, and to move its stride in the whole.
+
+use crate::families::Family;
+use crate::plan::Culprit;
+use crate::problem::Problem;
+use nalgebra::Vector3;
+
+/// Factor on the speed or duration that the bound requires. Joints cannot all turn at their limits, and need time to reverse.
+const FOR_MOTION: f64 = 1.5;
+
+/// Swing of an end effector.
+struct Swing {
+    end_effector: usize,
+    first: usize,
+    duration_s: f64,
+    height_m: f64,
+}
+
+/// Returns the joint that does most of the swing that needs most of the speed limits, if even all joints at their limits
+/// are too slow for it.
+pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
+    let tree = problem.model.tree();
+    let robot = tree.robot();
+    let frames = problem.model.frames(&problem.posture_q[0]);
+    let goal = &problem.goal;
+    let stride_m = goal.forward_m.unwrap_or(0.0).hypot(goal.left_m.unwrap_or(0.0));
+    let duration_s = problem.interval_s * (problem.last() - 1) as f64;
+    let slow = |swing: &Swing| {
+        let end = &robot.end_effectors[swing.end_effector];
+        let center = frames.point(end.link, &end.center_in_link_m);
+        let joints = tree.joints_to_link(end.link);
+        let speed = |joint: usize, along: &dyn Fn(&Vector3<f64>) -> f64| {
+            let arm = center - frames.link_origins[robot.joints[joint].child];
+            let moved = frames.joint_axes[joint].cross(&arm);
+            along(&moved) * robot.joints[joint].actuator.speed_max_rad_s
+        };
+        let up = |moved: &Vector3<f64>| moved.z.abs();
+        let level = |moved: &Vector3<f64>| moved.xy().norm();
+        let total = |along: &dyn Fn(&Vector3<f64>) -> f64| {
+            joints.iter().map(|&joint| speed(joint, along)).sum::<f64>()
+        };
+        // The foot returns relative to the body while it is on the ground.
+        let back_m = stride_m * (1.0 - swing.duration_s / duration_s).max(0.0);
+        let lift = swing.height_m / (0.5 * swing.duration_s * total(&up));
+        let swing_forward = back_m / (swing.duration_s * total(&level));
+        let (factor, along): (f64, &dyn Fn(&Vector3<f64>) -> f64) =
+            if lift >= swing_forward { (lift, &up) } else { (swing_forward, &level) };
+        let most = joints.iter().max_by(|a, b| speed(**a, along).total_cmp(&speed(**b, along)))?;
+        (factor.is_finite() && factor > 1.0).then_some((
+            factor,
+            *most,
+            swing.first,
+            swing.duration_s,
+        ))
+    };
+    let swings = swings(problem);
+    let worst = swings.iter().filter_map(slow).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (factor, joint, first, swing_s) = worst;
+    let limit_rad_s = robot.joints[joint].actuator.speed_max_rad_s;
+    let family = Family::JointSpeed;
+    let from_s = problem.interval_s * first.saturating_sub(1) as f64;
+    Some(Culprit {
+        constraint: family,
+        part: family.kind(),
+        subject: Some(robot.joints[joint].name.clone()),
+        time_s: [from_s, from_s + swing_s],
+        worst: (factor - 1.0) * limit_rad_s,
+        unit: family.unit().symbol().to_owned(),
+        share: 1.0,
+        field: Some("speed_max_rad_s".to_owned()),
+        given: Some(limit_rad_s),
+        would_do: Some(FOR_MOTION * factor * limit_rad_s),
+        advice: format!(
+            "a longer duration, such as {:.2} s, faster motors, or a lower swing_height_m (the joints are too slow for a swing of {swing_s:.2} s)",
+            FOR_MOTION * factor * duration_s
+        ),
+    })
+}
+
+/// Swings of all end effectors on limbs with joints.
+fn swings(problem: &Problem) -> Vec<Swing> {
+    let mut swings = Vec::new();
+    for end_effector in 0..problem.model.robot().end_effectors.len() {
+        let mut first = None;
+        for at in 0..problem.stance.len() {
+            match (problem.stance[at][end_effector], first) {
+                (false, None) => first = Some(at),
+                (true, Some(began)) => {
+                    let heights = problem.height_m[began..at].iter();
+                    let height_m = heights.map(|heights| heights[end_effector]).fold(0.0, f64::max);
+                    let duration_s = problem.interval_s * (at - began) as f64;
+                    swings.push(Swing { end_effector, first: began, duration_s, height_m });
+                    first = None;
+                }
+                _ => {}
+            }
+        }
+    }
+    swings
+}
