@@ -1,5 +1,6 @@
 //! Command-line options for the ground under a simulated robot, and for pushes.
 
+use crate::cmd::standing::StandingReport;
 use clap::ValueEnum;
 use miette::miette;
 use rollwalk_multibody::ground::file::SLOPE_MAX_DEG;
@@ -74,9 +75,16 @@ impl GroundArgs {
         }
         let level: Arc<dyn Ground> = Arc::new(Plane::level());
         let stands_on_level_ground = depth_m(&level) <= DEEPEST_M;
+        let shape = StandingReport::new(robot).and_then(|standing| standing.shape_in_ground());
+        if let Some(shape) = shape.filter(|_| !stands_on_level_ground) {
+            return Err(miette!(
+                help = "`rollwalk robot check` prints the heights of all links",
+                "{} does not stand on level ground: {shape}",
+                robot.name
+            ));
+        }
         let help = if !stands_on_level_ground {
-            "find the part that is below feet and wheels in the nominal pose with `rollwalk robot \
-             check`"
+            "check the nominal pose with `rollwalk robot check`"
         } else if self.terrain.is_some() {
             "move steps and walls away from the origin, where the robot begins"
         } else {

@@ -49,3 +49,19 @@ fn servos_too_weak_are_named_with_the_torque_that_they_need() {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
 }
+
+#[test]
+fn joints_too_slow_for_the_swings_are_named_with_a_duration() {
+    let desk = desk_with_shipped_files();
+    let robot = desk.read_text("robots/agilebot.toml");
+    let slow = |line: &str| match line.split_once('=') {
+        Some((key, _)) if key.trim() == "speed_max_rad_s" => "speed_max_rad_s = 0.1\n".to_owned(),
+        _ => format!("{line}\n"),
+    };
+    desk.write("robots/agilebot.toml", robot.lines().map(slow).collect::<String>());
+    let outcome = desk.run(&["plan", "motions/walk.toml", "-o", "slow.json"]);
+    assert_eq!(outcome.code, 3, "{}", outcome.stdout);
+    for words in ["joint speed of ", "speed_max_rad_s is 0.1", "a longer duration, such as"] {
+        assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
+    }
+}

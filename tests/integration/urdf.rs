@@ -97,3 +97,48 @@ fn a_bad_urdf_or_side_file_writes_nothing() {
     desk.run(&["robot", "import", "quad.urdf", "--with", "side.toml"]).fails(2, &["--output"]);
     assert!(!desk.path("quad.toml").exists());
 }
+
+#[test]
+fn a_template_takes_given_axes() {
+    let desk = desk();
+    desk.write("quad.urdf", quadruped());
+    desk.write("axes.toml", "forward = \"-x\"\n");
+    let template = ["robot", "import", "quad.urdf", "--with", "axes.toml", "--template", "t.toml"];
+    let shown = desk.run(&template).succeeds();
+    assert!(shown.contains("root `trunk` with -x forward and +z up"), "{shown}");
+    assert!(desk.read_text("t.toml").contains("\nforward = \"-x\""));
+    desk.run(&["robot", "import", "quad.urdf", "--with", "t.toml", "-o", "quad.toml"]).succeeds();
+    // Without a result to write, a side file alone has no use.
+    desk.run(&["robot", "import", "quad.urdf", "--with", "t.toml"]).fails(2, &["--template"]);
+}
+
+/// Plan, export and simulation name the same shape in the ground.
+#[test]
+fn a_shape_in_the_ground_is_named_by_every_command() {
+    let desk = desk();
+    desk.write("quad.urdf", quadruped());
+    desk.run(&["robot", "import", "quad.urdf", "--template", "t.toml"]).succeeds();
+    desk.run(&["robot", "import", "quad.urdf", "--with", "t.toml", "-o", "quad.toml"]).succeeds();
+    let shape =
+        "shapes = [{ from_m = [0.0, 0.0, -0.1], to_m = [0.0, 0.0, -0.26], radius_m = 0.01 }]";
+    desk.edit(
+        "quad.toml",
+        "name = \"LF_shank\"\nmass_kg",
+        &format!("name = \"LF_shank\"\n{shape}\nmass_kg"),
+    );
+    desk.write(
+        "stand.toml",
+        "name = \"stand\"\nrobot = \"quad.toml\"\nduration_s = 1.0\nends = \"at_rest\"\n[footfalls]\nall = \"stance\"\n",
+    );
+    let words = "shape 0 of link `LF_shank` is";
+    for command in [
+        &["robot", "check", "quad.toml"][..],
+        &["robot", "export", "quad.toml", "-o", "quad.xml"],
+        &["plan", "stand.toml", "-o", "stand.json", "--no-simulation"],
+        &["simulate", "stand.json"],
+    ] {
+        let outcome = desk.run(command);
+        let shown = outcome.stdout + &outcome.stderr;
+        assert!(shown.contains(words), "{command:?}: {shown}");
+    }
+}

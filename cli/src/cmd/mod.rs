@@ -30,7 +30,7 @@ mod robot;
 mod robot_export;
 mod send;
 mod simulate;
-mod standing;
+pub(crate) mod standing;
 mod studio;
 
 use orders::Order;

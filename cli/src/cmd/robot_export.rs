@@ -1,9 +1,10 @@
 //! `rollwalk robot export`: writes a robot file for other tools.
 
+use super::standing::StandingReport;
 use miette::{IntoDiagnostic, miette};
-use rollwalk_terminal::Exit;
 use rollwalk_terminal::files::{self, Output};
 use rollwalk_terminal::inputs::Source;
+use rollwalk_terminal::{Exit, output};
 use std::path::PathBuf;
 
 /// Write a robot file as URDF, as an MJCF model for MuJoCo, or as parameters for the controllers of ros2_control.
@@ -50,6 +51,9 @@ fn plugin(name: &str) -> Result<String, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let ending = files::ending(&args.output, "a robot", &["urdf", "xml", "yaml"])?;
     let (robot, parts) = Source::Disk.robot_and_parts(&args.robot)?;
+    // The robot would start in the ground of a simulator, too.
+    let standing = StandingReport::new(&robot);
+    output::print_warnings(standing.and_then(|standing| standing.shape_in_ground()).as_slice());
     let text = match (ending, &args.ros2_control) {
         (Some("xml" | "yaml"), Some(_)) => {
             return Err(miette!(

@@ -12,6 +12,8 @@ use std::fmt::Write;
 const SHARE_MAX: f64 = 0.6;
 /// Distance below which two contacts count as coincident, m.
 const SAME_PLACE_M: f64 = 1e-3;
+/// Depth of a shape below the ground that is a rounding error, m.
+const LEVEL_M: f64 = 1e-4;
 /// Number of closest pairs of shapes in the table.
 const PAIRS_SHOWN: usize = 5;
 
@@ -65,9 +67,25 @@ struct Clearance {
 #[derive(Debug, Serialize)]
 struct Height {
     link: String,
+    /// Index of the link's lowest shape.
+    #[serde(skip)]
+    shape: usize,
     height_m: f64,
     /// Minimum height, m: the clearance margin, or 0 for a link with a foot or wheel.
     least_m: f64,
+}
+
+impl Height {
+    /// Warning about a shape in the ground.
+    fn below_ground(&self) -> String {
+        format!(
+            "shape {} of link `{}` is {:.1} mm below the ground in the nominal pose: shorten this entry of \
+             `shapes` so that it ends above the contact, or correct `nominal_rad` or `radius_m`",
+            self.shape,
+            self.link,
+            -1e3 * self.height_m
+        )
+    }
 }
 
 impl StandingReport {
@@ -87,10 +105,10 @@ impl StandingReport {
         clearances.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         let links = robot.links.iter().enumerate();
         let height = |(index, link): (usize, &rollwalk_robot::Link)| {
-            let height_m = standing.frames.lowest_shape(&tree, index)?;
+            let (shape, height_m) = standing.frames.lowest_shape(&tree, index)?;
             let stands = robot.end_effectors.iter().any(|end| end.link == index);
             let least_m = if stands { 0.0 } else { robot.clearance_margin_m };
-            Some(Height { link: link.name.clone(), height_m, least_m })
+            Some(Height { link: link.name.clone(), shape, height_m, least_m })
         };
         let mut report = Self {
             body_height_m: standing.frames.link_origins[0].z,
@@ -208,8 +226,11 @@ impl StandingReport {
                 "links `{first}` and `{second}` {apart} in the nominal pose, so {so}; expected at least {margin_mm:.1} mm: check `shapes`, `nominal_rad` or `clearance_margin_m`"
             ));
         }
-        for Height { link, height_m, least_m } in &self.heights {
-            if height_m < least_m {
+        for height in &self.heights {
+            let Height { link, height_m, least_m, .. } = height;
+            if *height_m < -LEVEL_M {
+                warnings.push(height.below_ground());
+            } else if height_m < least_m {
                 warnings.push(format!(
                     "link `{link}` is {:.1} mm above the ground in the nominal pose, so motions keep no \
                      larger height; expected at least {:.1} mm: check its `shapes`, which must end above \
@@ -224,6 +245,12 @@ impl StandingReport {
                 .push("no link has `shapes`: clearance between links is not checked".to_owned());
         }
         warnings
+    }
+
+    /// Warning about the lowest shape if it is in the ground; `None` if all shapes are above.
+    pub fn shape_in_ground(&self) -> Option<String> {
+        let lowest = self.heights.iter().min_by(|a, b| a.height_m.total_cmp(&b.height_m))?;
+        (lowest.height_m < -LEVEL_M).then(|| lowest.below_ground())
     }
 
     /// Formats the report as text.

@@ -84,10 +84,12 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
 fn swings(problem: &Problem) -> Vec<Swing> {
     let mut swings = Vec::new();
     for end_effector in 0..problem.model.robot().end_effectors.len() {
+        let stands = |at: usize| problem.stance[at][end_effector];
         let mut first = None;
-        for at in 0..problem.stance.len() {
-            match (problem.stance[at][end_effector], first) {
-                (false, None) => first = Some(at),
+        for at in 1..problem.stance.len() {
+            match (stands(at), first) {
+                // A swing that began before the timeline has its whole copy at the end of the period.
+                (false, None) if stands(at - 1) => first = Some(at),
                 (true, Some(began)) => {
                     let heights = problem.height_m[began..at].iter();
                     let height_m = heights.map(|heights| heights[end_effector]).fold(0.0, f64::max);

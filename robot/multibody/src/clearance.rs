@@ -93,13 +93,14 @@ impl Frames {
         }
     }
 
-    /// Height of the lowest point of a link's shapes above the plane z = 0, m; `None` without shapes.
-    pub fn lowest_shape(&self, tree: &Tree, link: usize) -> Option<f64> {
+    /// Index of a link's lowest shape, and height of its lowest point above the plane z = 0, m; `None` without shapes.
+    pub fn lowest_shape(&self, tree: &Tree, link: usize) -> Option<(usize, f64)> {
         let height = |shape| match self.placed(link, shape) {
             PlacedShape::Capsule(capsule) => capsule.height().0,
             PlacedShape::Box(body) => body.height().0,
         };
-        tree.robot().links[link].shapes.iter().map(height).reduce(f64::min)
+        let heights = tree.robot().links[link].shapes.iter().map(height).enumerate();
+        heights.min_by(|(_, one), (_, other)| one.total_cmp(other))
     }
 
     fn placed(&self, link: usize, shape: &Shape) -> PlacedShape {

@@ -223,7 +223,8 @@ fn shipped_robots_stand_clear() {
         }
         assert!(frames.lowest_shape(&tree, 0).is_some(), "{}: the body has a shape", robot.name);
         for (index, link) in robot.links.iter().enumerate() {
-            let height_m = frames.lowest_shape(&tree, index).unwrap_or(f64::MAX);
+            let height_m =
+                frames.lowest_shape(&tree, index).map_or(f64::MAX, |(_, height_m)| height_m);
             assert!(height_m >= margin_m, "{}: {} is {height_m} m high", robot.name, link.name);
         }
     }
