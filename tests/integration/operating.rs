@@ -200,7 +200,7 @@ fn saved_gains_of_a_simulated_robot_outlive_it() {
     robot.stop();
     let _robot = Robot::with(&desk, &bus, &["--library", "kept.rwl"]);
     let shown = run(&["gains", "show"]).succeeds();
-    assert!(shown.contains("12.500") && shown.contains("came from what was saved"), "{shown}");
+    assert!(shown.contains("12.500") && shown.contains("came from the saved values"), "{shown}");
 }
 
 /// A robot that goes away ends a monitor with the exit code for robots that do not answer.
