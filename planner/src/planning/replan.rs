@@ -65,9 +65,10 @@ pub fn replan_solution(
     options: &Options,
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solution, ReplanError> {
-    let effort = &mut Effort::new(progress);
-    let solution = replan_or_plan(previous, None, Request { robot, motion, options }, effort)?;
-    Ok(refine::motion(solution, robot, options, effort))
+    let solve = |request: Request<'_>, effort: &mut Effort<'_>| {
+        replan_or_plan(previous, None, request, effort)
+    };
+    refined(Request { robot, motion, options }, progress, solve)
 }
 
 impl Solution {
@@ -83,9 +84,10 @@ impl Solution {
         options: &Options,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
-        let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(progress));
-        let solution = replan_or_plan(&self.plan, Some(&self.multipliers), request, effort)?;
-        Ok(refine::motion(solution, robot, options, effort))
+        let solve = |request: Request<'_>, effort: &mut Effort<'_>| {
+            replan_or_plan(&self.plan, Some(&self.multipliers), request, effort)
+        };
+        refined(Request { robot, motion, options }, progress, solve)
     }
 
     /// Plans as [`Self::replan`] does, but from this solution alone. If that fails, no other start is tried.
@@ -99,10 +101,22 @@ impl Solution {
         options: &Options,
         progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Self, ReplanError> {
-        let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(progress));
-        let solution = neighbour::from(&self.plan, Some(&self.multipliers), request, effort)?;
-        Ok(refine::motion(solution, robot, options, effort))
+        let solve = |request: Request<'_>, effort: &mut Effort<'_>| {
+            neighbour::from(&self.plan, Some(&self.multipliers), request, effort)
+        };
+        refined(Request { robot, motion, options }, progress, solve)
     }
+}
+
+/// Solves a request, and refines the samples of the solution if necessary.
+fn refined(
+    request: Request<'_>,
+    progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    solve: impl FnOnce(Request<'_>, &mut Effort<'_>) -> Result<Solution, ReplanError>,
+) -> Result<Solution, ReplanError> {
+    let effort = &mut Effort::new(progress);
+    let solution = solve(request, effort)?;
+    Ok(refine::motion(solution, request.robot, request.options, effort))
 }
 
 /// Runs [`neighbour::from`]. If that fails, plans from scratch, because a failure from one plan does not prove the request
