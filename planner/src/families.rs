@@ -229,11 +229,11 @@ catalogue! {
     JointSpeed: "joint speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit,
         "a longer duration or shorter strides";
     WheelMotorSpeed: "wheel motor speed", "sec. 2.4.1", RadPerS, OfLimit(0.1), Limit, LONGER;
-    JointTorque: "joint torque", "quasi-static", Nm, OfLimit(0.1), Limit,
+    JointTorque: "joint torque", "limb dynamics, mean", Nm, OfLimit(0.1), Limit,
         "straighter legs in [posture], or stronger motors";
-    WheelTorque: "wheel torque", "quasi-static", Nm, OfLimit(0.1), Limit,
+    WheelTorque: "wheel torque", "radius × traction", Nm, OfLimit(0.1), Limit,
         "a gentler motion or stronger wheel motors";
-    TorqueSpeedLine: "torque-speed line", "quasi-static", OfLine, Residual(0.1), Limit,
+    TorqueSpeedLine: "torque-speed line", "torque and speed, mean", OfLine, Residual(0.1), Limit,
         "a longer duration or stronger motors";
     Anchor: "anchor", "sec. 2.4.1", M, Residual(0.001), Build,
         "nothing (this constraint only fixes the start of the motion)";
