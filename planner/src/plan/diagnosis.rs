@@ -112,17 +112,22 @@ impl fmt::Display for Culprit {
             parts.push(format!("off by {} {unit}", significant(self.worst * factor, 2)));
         }
         if let (Some(field), Some(given)) = (&self.field, self.given) {
-            let works =
-                self.would_do.map(|works| format!(", and {} is feasible", significant(works, 4)));
-            let everywhere = works.is_some() && self.part == Kind::Limit && field != DURATION;
+            let given = significant(given, 4);
+            let tried = self.would_do.map(|works| significant(works, 4));
+            let everywhere = self.part == Kind::Limit && field != DURATION;
             let everywhere = if everywhere {
-                " if it replaces this value everywhere in the robot \
-                file"
+                " if it replaces this value everywhere in the robot file"
             } else {
                 ""
             };
-            let works = works.unwrap_or_default();
-            parts.push(format!("{field} is {}{works}{everywhere}", significant(given, 4)));
+            // A feasible value is a bound: the search for a nearer one is limited.
+            let tried = tried.map_or_else(String::new, |tried| {
+                format!(
+                    "; {tried} was tried and is feasible{everywhere}, and a value nearer to {given} \
+                     may be too"
+                )
+            });
+            parts.push(format!("{field} is {given}{tried}"));
         }
         let met = if parts.is_empty() { "nearly met" } else { "" };
         write!(f, ": {met}{}", parts.join("; "))?;
@@ -232,7 +237,8 @@ mod tests {
         use Family::{ContactPoint, DisplacementGoal, JointSpeed, JointTorque, TorqueSpeedLine};
         assert_eq!(
             shown(DisplacementGoal, 0.1234, "forward_m", 1.5, Some(1.1)),
-            "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5, and 1.1 is feasible"
+            "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5; 1.1 was tried and is feasible, and a \
+             value nearer to 1.5 may be too"
         );
         // Hardly off, it only pulls: nothing is off by 0.000.
         assert_eq!(
@@ -241,8 +247,8 @@ mod tests {
         );
         assert_eq!(
             shown(JointTorque, 0.321, "torque_max_nm", 0.35, Some(0.7)),
-            "joint torque, 0.00 to 4.00 s: off by 0.32 N·m; torque_max_nm is 0.35, and 0.7 is feasible if it \
-             replaces this value everywhere in the robot file"
+            "joint torque, 0.00 to 4.00 s: off by 0.32 N·m; torque_max_nm is 0.35; 0.7 was tried and is feasible if it \
+             replaces this value everywhere in the robot file, and a value nearer to 0.35 may be too"
         );
         assert_eq!(
             shown(ContactPoint, 3.14e-4, "", 0.0, None),

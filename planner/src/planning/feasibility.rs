@@ -54,6 +54,14 @@ const MOST: usize = 2;
 const CLOSE: f64 = 0.05;
 /// Fraction of the requested value above which a feasible value is suggested.
 const LEAST_SAID: f64 = 0.05;
+/// Fraction of the requested value below which a feasible goal or height counts as far too low, so that larger ones are tried.
+const FAR_TOO_LOW: f64 = 0.5;
+/// Maximum number of larger goals that are tried.
+const TRIALS_UP: usize = 5;
+/// Largest ratio of a larger goal to the largest goal that works.
+const GROWTH: f64 = 1.5;
+/// Iterations that are reserved for these trials, as a fraction of the limit of all trials, and at most.
+const RESERVED_UP: (usize, usize) = (8, 80);
 
 /// Takes a second look at the solution of a request. Returns the solution and its consequence for other starts. A solution
 /// without a diagnosis is returned unchanged.
@@ -67,10 +75,13 @@ pub(super) fn search_feasible_values(
     let Some(mut diagnosis) = solution.plan.solve.diagnosis.take() else {
         return (ending, solution);
     };
-    let most = effort.spent + MOST * request.options.settings.iterations;
+    let iterations = MOST * request.options.settings.iterations;
+    let has_raised = diagnosis.culprits.iter().any(is_raised);
+    let reserved = if has_raised { (iterations / RESERVED_UP.0).min(RESERVED_UP.1) } else { 0 };
+    let most = effort.spent + iterations - reserved;
     let trials = Trials { request, ways, effort, most };
     let mut look =
-        FeasibilitySearch { trials, nearest: &solution, left: OF_ALL, taken_back: false };
+        FeasibilitySearch { trials, nearest: &solution, left: OF_ALL, reserved, taken_back: false };
     let looked = look.at(&mut diagnosis);
     let spent = look.trials.effort.spent;
     let ending = match looked {
@@ -118,6 +129,8 @@ struct FeasibilitySearch<'a, 'p> {
     nearest: &'a Solution,
     /// Iterations left for trials.
     left: usize,
+    /// Iterations reserved for [`Self::upwards`].
+    reserved: usize,
     /// True if a trial met the goal by posture alone: the contacts stay in place, and almost no travel remains.
     taken_back: bool,
 }
@@ -147,7 +160,8 @@ impl FeasibilitySearch<'_, '_> {
                 continue;
             };
             if looked.is_some() {
-                suggest(culprit, works.number);
+                let works = self.upwards(culprit, works.number)?;
+                suggest(culprit, works);
                 continue;
             }
             let followed = self.follow(culprit, works, *verdict)?;
@@ -299,9 +313,43 @@ impl FeasibilitySearch<'_, '_> {
             }
             last /= 2;
         }
-        suggest(culprit, worked[last]);
+        let works = self.upwards(culprit, worked[last])?;
+        suggest(culprit, works);
         Ok(looked)
     }
+
+    /// Raises a feasible goal or height that is far too low, by [`GROWTH`] or half of the distance to the smallest value that
+    /// failed, each trial from a cold start. Returns the largest value that works.
+    ///
+    /// The steps from plan to plan end at a contorted plan, although a cold start may find a plan for a larger goal.
+    fn upwards(&mut self, culprit: &Culprit, works: f64) -> Result<f64, Interrupted> {
+        let Request { robot, motion, .. } = self.trials.request;
+        let asked = RequestedValue::by(culprit);
+        let (mut works, mut fails) = (works, asked.number);
+        if !is_raised(culprit) || works.abs() >= FAR_TOO_LOW * fails.abs() {
+            return Ok(works);
+        }
+        self.trials.most += std::mem::take(&mut self.reserved);
+        for _ in 0..TRIALS_UP {
+            let mean = 0.5 * (works + fails);
+            let number = if mean.abs() > (GROWTH * works).abs() { GROWTH * works } else { mean };
+            let number = asked.rounded(number, works - fails);
+            let Some((robot, motion)) = culprit.with_number(robot, motion, number) else { break };
+            let Some(solution) = self.trials.solve(&robot, &motion, None, OF_TRIAL)? else { break };
+            if is_consistent(&solution) {
+                works = number;
+            } else {
+                fails = number;
+            }
+        }
+        Ok(works)
+    }
+}
+
+/// True for a goal or a swing height, which is raised if the feasible value is far too low.
+fn is_raised(culprit: &Culprit) -> bool {
+    let is_request = culprit.field.as_deref() != Some(DURATION);
+    is_request && (culprit.constraint.is_goal() || culprit.constraint == Family::ContactHeight)
 }
 
 /// Returns true if a plan converged and passes the checks as played.

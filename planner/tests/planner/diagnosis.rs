@@ -3,6 +3,7 @@
 use rollwalk_planner::families::{Family, Kind};
 use rollwalk_planner::motion::{Goal, HeightLimit, Motion, Subject};
 use rollwalk_planner::plan::{Diagnosis, Plan, StartOutcome, Status, Verdict};
+use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, candidates, optimise};
 use rollwalk_robot::Robot;
 use std::ops::ControlFlow;
@@ -120,6 +121,26 @@ fn walk(change: impl Fn(&mut Motion)) -> (Robot, Motion) {
 fn long_walk() -> Plan {
     let (robot, motion) = walk(|motion| motion.goal.forward_m = Some(0.9));
     plan(&robot, &motion)
+}
+
+/// Steps from plan to plan towards a far goal end early, at 0.3 m. Cold starts find plans for larger goals.
+#[test]
+#[ignore = "ten seconds and more: cargo xtask nightly --only long"]
+fn the_suggested_distance_of_a_trot_is_not_far_too_low() {
+    let robot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
+    let text = include_str!("../../../shipped/motions/trot.toml");
+    let mut motion = Motion::from_toml("trot.toml", text, &robot).unwrap();
+    motion.goal.forward_m = Some(1.5);
+    let diagnosis = plan(&robot, &motion).solve.diagnosis.unwrap();
+    let goal = &diagnosis.culprits[0];
+    assert_eq!(goal.field.as_deref(), Some("forward_m"), "{diagnosis}");
+    let would_do = goal.would_do.unwrap();
+    assert!(would_do > 0.4 && would_do < 1.0, "{diagnosis}");
+    // The suggested request has a plan that holds as played.
+    motion.goal.forward_m = Some(would_do);
+    let nearer = plan(&robot, &motion);
+    assert_eq!(nearer.solve.status, Status::Converged);
+    assert!(Report::new(&nearer).judgement.is_good());
 }
 
 #[test]

@@ -112,7 +112,7 @@ fn a_transition_that_is_too_short_is_told_how_long_works() {
     let told = diagnosis.culprits.iter().find(|c| c.field.as_deref() == Some("duration_s"));
     let works_s = told.and_then(|culprit| culprit.would_do).expect("a longer one works");
     assert_eq!(lasting(works_s).solve.status, Status::Converged, "{diagnosis}");
-    assert!(diagnosis.to_string().contains("; duration_s is 0.1, "), "{diagnosis}");
+    assert!(diagnosis.to_string().contains("; duration_s is 0.1; "), "{diagnosis}");
 }
 
 #[test]
