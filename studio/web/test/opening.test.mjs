@@ -117,8 +117,10 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
     try {
       assert.match(await second.text(), /^forward_m = 0\.11$/m);
       await second.edit(() => second.type("Forward", "0.12"));
+      await first.page.bringToFront();
       await first.edit(() => first.type("Forward", "0.13"));
       await first.until(() => document.body.textContent.includes("another tab keeps its own edits of these files"));
+      await second.page.bringToFront();
       await second.page.reload();
       await second.settled();
       assert.match(await second.text(), /^forward_m = 0\.12$/m);
