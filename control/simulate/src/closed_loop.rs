@@ -3,6 +3,7 @@
 //! Each tick receives the measured state or the readings of the sensors, and returns the set-points of all motors until the
 //! next tick. [`crate::control`] uses this module in the simulated world, `rollwalk control` in other simulators.
 
+use crate::balance;
 use crate::follower::{FollowedPlan, Follower};
 use crate::script::Script;
 pub use crate::tick::{Measurement, Timing, TrackingError};
@@ -111,6 +112,9 @@ impl PlacedPlan {
     pub fn reference(&mut self, time_s: f64) -> Reference {
         let Instant { state, acceleration, stands, force_n } = self.at(time_s);
         let world_from_ground = self.world_from_plan;
-        Reference { time_s, world_from_ground, state, acceleration, stands, force_n }
+        let mut reference =
+            Reference { time_s, world_from_ground, state, acceleration, stands, force_n };
+        balance::upright(self.body.tree(), &mut reference);
+        reference
     }
 }

@@ -6,6 +6,7 @@
 //! | [`script`] | start state of a plan, and control law of each motor at any time |
 //! | [`closed_loop`] | tracking of a plan in any world, from measurements to control laws |
 //! | [`sequence`] | tracking of several plans, one after the other |
+//! | `balance` | rest of a robot that balances on two wheels |
 //! | `follower` | one tick of a plan or of a sequence |
 //! | `tick` | measurements, timing and set-points of a tick |
 //! | `safe_stop` | stop of a robot that can no longer be tracked |
@@ -39,6 +40,7 @@
 
 #![warn(missing_docs)]
 
+mod balance;
 pub mod closed_loop;
 pub mod control;
 mod follower;

@@ -64,4 +64,4 @@ pub use estimator::{EstimateError, Estimator};
 pub use gains::Gains;
 pub use reference::Reference;
 pub use sensors::Sensors;
-pub use tracker::{NoSetpoints, Setpoint, Tracker};
+pub use tracker::{NoSetpoints, Setpoint, Tracker, balances};

@@ -41,6 +41,8 @@ pub struct Weights {
     ///
     /// A wheel carries the inertia of its rotor, many times its mass, so that its speed cannot be chosen freely.
     pub roll: f64,
+    /// Weight of the same for a robot that balances on two wheels. Only the wheels can bring its centre of mass forward.
+    pub roll_balancing: f64,
     /// Feedback of a wheel that stands.
     ///
     /// Without position feedback the controller would move the body forward by permanently pushing the wheels back, against the
@@ -78,6 +80,7 @@ impl Default for Weights {
             swing: 10.0,
             swing_feedback: Feedback { per_s2: 400.0, per_s: 40.0 },
             roll: 1.0,
+            roll_balancing: 100.0,
             roll_feedback: Feedback { per_s2: 50.0, per_s: 15.0 },
             posture: 0.3,
             posture_recovering: 3.0,

@@ -26,7 +26,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Rotation3, Vector2, Vector3}
 use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree,
 };
-use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
 use thiserror::Error;
 
 /// Ratio of the drives' kp during tracking to the kp of the robot file. The drives close this loop around the set-points
@@ -157,10 +157,19 @@ pub struct Tracker {
 mod constraints;
 mod objective;
 
+/// True for a robot that balances: it has one or two driven wheels, and nothing else stands.
+pub fn balances(robot: &Robot) -> bool {
+    let is_driven = |end: &EndEffector| end.contact.rolls() && end.contact.actuator().is_some();
+    robot.end_effectors.len() <= 2 && robot.end_effectors.iter().all(is_driven)
+}
+
 impl Tracker {
     /// Creates a controller for a robot with turning wheels and rotors, which is called every `tick_s`.
-    pub fn new(tree: Tree, weights: Weights, tick_s: f64) -> Self {
+    pub fn new(tree: Tree, mut weights: Weights, tick_s: f64) -> Self {
         let robot = tree.robot();
+        if balances(robot) {
+            weights.roll = weights.roll_balancing;
+        }
         let motors = robot.channels().map(|channel| channel.actuator().clone());
         let joints = (0..robot.joints.len()).map(|joint| JOINTS + joint);
         let is_driven = |wheel: usize| robot.end_effectors[wheel].contact.actuator().is_some();

@@ -1,5 +1,6 @@
 //! Tests of plans on simulated ground, in one binary with a module per subject.
 
+mod balancing;
 mod estimates;
 mod frames;
 mod iterations;
