@@ -21,8 +21,6 @@ pub(super) struct Draft {
     pub bodies: Bodies,
     /// Locked joints with their positions, in the order of their reasons.
     pub locks: Vec<(usize, f64)>,
-    /// Axles of all wheels, also of those above the ground.
-    pub axles: Vec<usize>,
     /// Feet and wheels on the ground.
     pub ends: Vec<End>,
     pub heading: Heading,
@@ -112,8 +110,8 @@ impl Draft {
             }
             last = site.guess(&locks, heading.axes, quiet);
         }
-        let Guess { rigid, bodies, axles, ends } = site.guess(&locks, heading.axes, notes);
-        Self { rigid, bodies, locks, axles, ends, heading, passive, idle: all_idle, channels }
+        let Guess { rigid, bodies, ends, .. } = site.guess(&locks, heading.axes, notes);
+        Self { rigid, bodies, locks, ends, heading, passive, idle: all_idle, channels }
     }
 
     /// Drops ends above the centre of mass of the standing robot, on which it cannot stand.

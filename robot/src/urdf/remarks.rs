@@ -83,12 +83,21 @@ impl Remarks<'_, '_, '_> {
         };
         let follow = locked(&|joint| joint.mimics.is_some());
         let blank = locked(&|joint| joint.has_blank_limits());
+        let stuck = locked(&|joint| {
+            let limit = joint.limit;
+            let is_stuck = limit.lower.is_some() && limit.lower == limit.upper;
+            joint.kind == Kind::Revolute
+                && is_stuck
+                && !joint.has_blank_limits()
+                && joint.mimics.is_none()
+        });
         let slide = locked(&|joint| {
             matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating)
                 && joint.mimics.is_none()
         });
         self.joints(&follow, "follows another joint (<mimic>, or <joint> of an equality): locked in the template, because joints of a robot file move independently");
         self.joints(&blank, "all limits are 0, as exporters leave them blank: locked in the template; write the limits of the joint into the model, or remove it from [lock] and give `position_min_rad` and `position_max_rad`");
+        self.joints(&stuck, "both limits are equal: locked in the template; correct the limits in the model if the joint moves");
         self.joints(&slide, "does not turn about an axis: locked in the template, because joints of a robot file do");
         let (passive, idle) = (self.draft.passive.clone(), self.draft.idle.clone());
         self.joints(&passive, "passive, because the model has actuators for other joints only: locked in the template; remove it from [lock] to give it a motor");
@@ -105,14 +114,9 @@ impl Remarks<'_, '_, '_> {
             ends.filter_map(|end| end.axle).filter(|&axle| is(axle)).collect()
         };
         let urdf = self.urdf;
-        let motorless =
-            |axle: usize| guess::lacks_motor(urdf, &self.draft.axles, &urdf.joints[axle]);
+        let motorless = |axle: usize| guess::lacks_motor(urdf, &urdf.joints[axle]);
         let free = of_kind(EndKind::FreeWheel, &motorless);
-        let others = urdf.joints.iter().any(|joint| joint.has_motor);
-        let bare = |axle: usize| others && !urdf.joints[axle].has_motor;
-        let driven = of_kind(EndKind::DrivenWheel, &bare);
-        self.joints(&free, "the wheel is passive, because the model has motors for others only: `contact = \"actuated_wheel\"` in the side file makes it driven");
-        self.joints(&driven, "the wheel is taken as driven, though the model gives its joint no motor (no <limit> with `effort`): `contact = \"passive_wheel\"` in the side file makes it passive");
+        self.joints(&free, "the wheel is passive, because the model has a motor (an actuator, or `effort` in <limit>) for other joints only: `contact = \"actuated_wheel\"` in the side file makes it driven");
         for axle in self.draft.ends.iter().filter_map(|end| end.axle) {
             let Some(across) = guess::across(urdf, graph, axle) else { continue };
             let (joint, link) = (&urdf.joints[across.joint], &urdf.links[across.link]);

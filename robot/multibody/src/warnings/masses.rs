@@ -20,6 +20,8 @@ const GYRATION_USUAL: RangeInclusive<f64> = 0.05..=0.8;
 const DENSITY: [f64; 2] = [15.0, 25_000.0];
 /// Smallest edge of the box, as a fraction of the longest edge. The inertia of a thin rod hardly determines its other edges.
 const EDGE_LEAST: f64 = 0.1;
+/// Words of the warnings about an inertia.
+const INERTIA: &str = "radius of gyration";
 /// Fraction of the robot's mass below which links are not checked. Many files have light links with arbitrary inertias.
 const MASS_LEAST: f64 = 1e-4;
 /// Units in which the inertia may have been written, with their values in kg·m².
@@ -36,7 +38,18 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         let text = inertia(seen, index, link).or_else(|| density(link))?;
         Some(RobotWarning::of("link", &link.name, text))
     };
-    links.enumerate().filter(|(_, link)| counts(link)).filter_map(warning).collect()
+    let mut warnings: Vec<_> =
+        links.enumerate().filter(|(_, link)| counts(link)).filter_map(warning).collect();
+    let implausible = warnings.iter().filter(|warning| warning.text.contains(INERTIA)).count();
+    if implausible > 1 {
+        let text = format!(
+            "{implausible} of {} links have an implausible inertia, so that plans and simulations say \
+             little about the real robot",
+            robot.links.len()
+        );
+        warnings.insert(0, RobotWarning::of("robot", &robot.name, text));
+    }
+    warnings
 }
 
 /// Diagonal of the box around a link's joints, contacts, shapes and centre of mass, m.
@@ -86,13 +99,13 @@ fn inertia(seen: &CheckedRobot<'_>, index: usize, link: &Link) -> Option<String>
             false => format!("multiply an inertia {}", slips.join(", ")),
         };
         return Some(format!(
-            "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg is a radius of gyration of \
+            "an inertia of {inertia_kg_m2:.3} kg·m² at {mass_kg} kg is a {INERTIA} of \
              {radius_m:.2} m on a link of {size_m:.2} m; {slip}"
         ));
     }
     (radius_m < GYRATION_LEAST * seen.size_m).then(|| {
         format!(
-            "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg is a radius of gyration of \
+            "an inertia of {inertia_kg_m2:.1e} kg·m² at {mass_kg} kg is a {INERTIA} of \
              only {:.2} mm; check that the inertia is in kg·m²",
             1e3 * radius_m
         )

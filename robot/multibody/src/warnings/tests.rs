@@ -2,7 +2,7 @@
 
 use super::warnings;
 use crate::{Standing, Tree};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Contact, Robot};
 
 const PUP: &str = include_str!("../../../../shipped/robots/pup.toml");
 
@@ -183,4 +183,42 @@ fn a_slip_is_named_with_its_value() {
         assert!(found.iter().any(|warning| warning.contains(expected)), "{expected}: {found:#?}");
     }
     assert_eq!(of(PUP), [""; 0]);
+}
+
+/// Inertias are compared with the size of their link, and counted. The frame of the body is arbitrary.
+#[test]
+fn implausible_inertias_are_counted_wherever_the_frame_is() {
+    let leg = "parts = [{ mass_kg = 0.15, at_m = [0.0, 0.0, -0.05], box_m = [0.03, 0.03, 0.10] }]";
+    let huge = "mass_kg = 0.15\ncom_in_link_m = [0, 0, -0.05]\ninertia_in_link_kg_m2 = [0.02, 0.02, 0.01, 0, 0, 0]";
+    let warnings = of(&table(&[(leg, huge)]));
+    assert!(
+        warnings[0].contains("robot `table`: 4 of 9 links have an implausible inertia"),
+        "{warnings:#?}"
+    );
+    assert!(
+        warnings[1].contains("`front_left_thigh`") && warnings[1].contains("on a link of 0.1"),
+        "{warnings:#?}"
+    );
+    for shift_m in [[0.0, 0.0, 0.5], [0.5, -0.5, -0.5]] {
+        let mut robot = Robot::from_toml("robot.toml", &table(&[(leg, huge)])).unwrap();
+        let shift = nalgebra::Vector3::from(shift_m);
+        robot.links[0].com_in_link_m += shift;
+        let on_body = robot.joints.iter_mut().filter(|joint| joint.parent == 0);
+        on_body.for_each(|joint| joint.parent_from_joint.translation.vector += shift);
+        let tree = Tree::new(&robot);
+        let shifted = super::warnings(&tree, &Standing::new(&tree).unwrap());
+        assert_eq!(shifted, warnings, "{shift_m:?}");
+    }
+}
+
+#[test]
+fn a_joint_that_never_moves_its_contact_is_named() {
+    // The knee turns about the line from its origin to the foot. A wheel there would be steered.
+    let along = ("[0.0, 1.0, 0.0] # knee", "[0.0, 0.0, 1.0]");
+    let mut robot = Robot::from_toml("robot.toml", &table(&[along])).unwrap();
+    robot.end_effectors.iter_mut().for_each(|end| end.contact = Contact::PointFoot);
+    let tree = Tree::new(&robot);
+    let warnings = warnings(&tree, &Standing::new(&tree).unwrap());
+    let words = "`rear_right`: contact lies on the axis of the last joint, `rear_right_knee`";
+    assert!(warnings.iter().any(|warning| warning.contains(words)), "{warnings:#?}");
 }

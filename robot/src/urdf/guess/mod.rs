@@ -85,10 +85,9 @@ pub(super) fn passive(urdf: &Urdf, bodies: &Bodies, axles: &[usize]) -> Vec<usiz
     joints.filter(is_passive).collect()
 }
 
-/// True if a wheel has no motor: the file lists others, or gives a torque to other wheels alone.
-pub(super) fn lacks_motor(urdf: &Urdf, axles: &[usize], joint: &Joint) -> bool {
-    let others = axles.iter().any(|&axle| urdf.joints[axle].has_motor);
-    !joint.has_motor && (urdf.lists_motors || others)
+/// True if a joint has no motor in a file that has motors. Other files do not describe motors.
+pub(super) fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
+    !joint.has_motor && urdf.joints.iter().any(|other| other.has_motor)
 }
 
 /// Feet and wheels that reach the ground together, in the order of limbs.
@@ -109,7 +108,7 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
     for index in 0..bodies.bodies.len() {
         let before = ends.len();
         let wheels = on_body[index].iter();
-        ends.extend(wheels.filter_map(|&axle| wheel(urdf, graph, bodies, &axles, axle, size_m)));
+        ends.extend(wheels.filter_map(|&axle| wheel(urdf, graph, bodies, axle, size_m)));
         if ends.len() > before || children[index] > 0 && index > 0 {
             continue;
         }
@@ -128,20 +127,13 @@ pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -
     ends
 }
 
-fn wheel(
-    urdf: &Urdf,
-    graph: &Graph,
-    bodies: &Bodies,
-    axles: &[usize],
-    axle: usize,
-    size_m: f64,
-) -> Option<End> {
+fn wheel(urdf: &Urdf, graph: &Graph, bodies: &Bodies, axle: usize, size_m: f64) -> Option<End> {
     let joint = &urdf.joints[axle];
     let disc = axles::disc(urdf, graph, axle, size_m);
     let words = ["caster", "passive", "free"];
     let link = graph.ends[axle].1;
     let called = has(&joint.name, &words) || has(&urdf.links[link].name, &words);
-    let kind = match called || lacks_motor(urdf, axles, joint) {
+    let kind = match called || lacks_motor(urdf, joint) {
         true => EndKind::FreeWheel,
         false => EndKind::DrivenWheel,
     };
