@@ -22,7 +22,7 @@ use crate::families::FamilySet;
 use crate::problem::variables::TimelineSample;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::Vector3;
-use rows::{Columns, DifferentiatedRows, Evaluation, Pattern, RowWriter, Rows, Window};
+use rows::{Columns, DifferentiatedRows, Evaluation, Pattern, Row, RowWriter, Rows, Window};
 use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
@@ -80,7 +80,7 @@ fn covers(problem: &Problem, span: Span, t: usize) -> bool {
 }
 
 /// Selection of rows, and required forces of feet in swing.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     /// Families of the selected rows.
     pub families: FamilySet,
@@ -110,7 +110,18 @@ pub struct Structure {
     pattern: Pattern,
     /// Slots of the timeline, which map derivatives to columns.
     timeline: Vec<TimelineSample>,
+    /// Contact flags, `[timeline sample][end effector]`, which decide which rows there are.
+    stance: Vec<Vec<bool>>,
     columns: Columns,
+}
+
+impl Structure {
+    /// Returns true if a problem may have this structure. Its rows decide ([`System::again`]).
+    pub fn may_fit(&self, problem: &Problem) -> bool {
+        self.timeline == problem.timeline
+            && self.stance == problem.stance
+            && self.columns == Columns::new(problem)
+    }
 }
 
 impl<'a> System<'a> {
@@ -134,15 +145,14 @@ impl<'a> System<'a> {
     pub fn again(
         problem: &'a Problem,
         unknowns: &Unknowns,
-        Structure { pattern, timeline, columns }: Structure,
+        structure: Structure,
         reuse: Rows,
     ) -> Option<(Self, Rows)> {
-        let system = Self::selected(problem, Selection::default());
-        if system.columns != columns || problem.timeline != timeline {
+        if !structure.may_fit(problem) {
             return None;
         }
-        system.pattern.get_or_init(|| pattern);
-        let rows = system.evaluate(unknowns, Evaluation::Again, reuse);
+        let (system, pattern) = (Self::selected(problem, Selection::default()), structure.pattern);
+        let rows = system.evaluate(unknowns, Some(&pattern), Evaluation::Again, reuse);
         system.fits().then_some((system, rows))
     }
 
@@ -154,7 +164,8 @@ impl<'a> System<'a> {
     /// Returns the structure for reuse by another problem. The rows of this system must have been evaluated.
     pub fn into_structure(self) -> Structure {
         let pattern = self.pattern.into_inner().unwrap_or_default();
-        Structure { pattern, timeline: self.problem.timeline.clone(), columns: self.columns }
+        let (timeline, stance) = (self.problem.timeline.clone(), self.problem.stance.clone());
+        Structure { pattern, timeline, stance, columns: self.columns }
     }
 
     /// Returns the columns of the unknowns.
@@ -181,25 +192,38 @@ impl<'a> System<'a> {
 
     /// Computes residuals and Jacobian of every term. The memory of `reuse`, an earlier result, is reused.
     pub fn rows(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
-        self.evaluate(unknowns, Evaluation::All, reuse)
+        self.evaluate(unknowns, self.pattern.get(), Evaluation::All, reuse)
     }
 
     /// Computes the residuals of every term. Derivatives may be missing.
     pub fn values(&self, unknowns: &Unknowns, reuse: Rows) -> Rows {
-        self.evaluate(unknowns, Evaluation::Values, reuse)
+        self.evaluate(unknowns, self.pattern.get(), Evaluation::Values, reuse)
     }
 
     /// Differentiates the rows at a point that contribute to the energy with the multipliers `shifts`.
     pub fn differentiate(&self, unknowns: &Unknowns, rows: &mut Rows, shifts: &[f64]) {
+        let counts = |((row, value), shift): ((&Row, f64), &f64)| row.counts(value + shift);
+        let counts: Vec<bool> = rows.iter().zip(shifts).map(counts).collect();
+        self.differentiate_some(unknowns, rows, &counts);
+    }
+
+    /// Differentiates at least the rows at a point whose flags are set.
+    pub fn differentiate_some(&self, unknowns: &Unknowns, rows: &mut Rows, wanted: &[bool]) {
         if rows.differentiated != DifferentiatedRows::All {
             let values = std::mem::take(rows);
-            *rows = self.evaluate(unknowns, Evaluation::Derivatives(shifts), values);
+            let wanted = Evaluation::Derivatives(wanted);
+            *rows = self.evaluate(unknowns, self.pattern.get(), wanted, values);
         }
     }
 
-    fn evaluate(&self, unknowns: &Unknowns, wanted: Evaluation<'_>, mut reuse: Rows) -> Rows {
+    fn evaluate(
+        &self,
+        unknowns: &Unknowns,
+        known: Option<&Pattern>,
+        wanted: Evaluation<'_>,
+        mut reuse: Rows,
+    ) -> Rows {
         let Self { problem, selection, columns, pattern, fits } = self;
-        let known = pattern.get();
         let mut states = match wanted {
             Evaluation::Derivatives(_) => std::mem::take(&mut reuse.states),
             Evaluation::Values | Evaluation::All | Evaluation::Again => problem.states(unknowns),

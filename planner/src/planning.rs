@@ -7,6 +7,7 @@
 //! | file | content |
 //! |---|---|
 //! | `request`, `solution` | argument and result of every stage |
+//! | `structures` | structures of recent solves, which solves of the same pattern share |
 //! | `effort` | iterations spent on a request, passed down through all of its solves |
 //! | `write` | unknowns to plan |
 //! | `probed_solve` | one solve, which is restarted or diagnosed if the constraints cannot be met |
@@ -28,6 +29,7 @@ mod replan;
 mod request;
 mod search;
 mod solution;
+mod structures;
 mod transition;
 mod trials;
 mod write;
@@ -40,6 +42,7 @@ pub use replan::{replan, replan_finer, replan_solution};
 pub use request::Options;
 pub use search::{Search, candidates};
 pub use solution::Solution;
+pub use structures::Structures;
 pub use transition::{TransitionError, optimise_transition};
 pub(crate) use write::write_plan;
 

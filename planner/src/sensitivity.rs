@@ -309,7 +309,7 @@ impl Optimal {
         let multipliers = Multipliers::of(&rows, shifts, system.penalty());
         let options = Options { weights: self.problem.weights.clone(), ..options.clone() };
         problem.layout = Layout::new(&problem.model);
-        let effort = &mut Effort::new(progress);
+        let effort = &mut Effort::new(&options.structures, progress);
         let near =
             from_near(&problem, design.motion, unknowns, Some(&multipliers), &options, effort);
         Ok(refine::motion(near, design.robot, &options, effort))

@@ -8,6 +8,7 @@
 
 mod curvature;
 mod fronts;
+mod look_ahead;
 pub mod minimum;
 mod multipliers;
 pub mod normal;
@@ -28,6 +29,7 @@ use crate::formulation::System;
 use crate::formulation::rows::Rows;
 use crate::plan::Status;
 use crate::problem::Unknowns;
+use look_ahead::look_ahead;
 use normal::NormalEquations;
 use trial::Trials;
 
@@ -42,6 +44,13 @@ const MOST_WITHOUT_STEP: usize = 3;
 const DAMPING_LIMIT: f64 = 1e12;
 /// Damping below which a step hardly changes.
 const DAMPING_FELT: f64 = 1e-4;
+/// Factor on the damping after the first rejection of a step, and after further ones.
+const RAISE: f64 = 6.0;
+const RAISE_AGAIN: f64 = 12.0;
+/// Number of iterations before a solve looks ahead. An easy solve ends before looking ahead pays.
+const EASY_ITERATIONS: usize = 12;
+/// Fraction of the predicted decrease below which a step looks ahead.
+const LOOK_BELOW: f64 = 0.25;
 /// Damping of the first step of a cold start, scaled variables.
 const DAMPING_COLD: f64 = 1e-3;
 /// Damping of the first step near an optimum, scaled variables: below the weakest costs.
@@ -114,6 +123,8 @@ pub struct Solver<'a> {
     damping: f64,
     iteration: usize,
     step_length: f64,
+    /// Costs after the previous iteration.
+    cost: f64,
     /// Level of the worst constraint in the best of the nearly flat iterations.
     best_level: f64,
     /// Number of nearly flat iterations since `best_level` last improved.
@@ -149,7 +160,7 @@ impl<'a> Solver<'a> {
             SolveMode::Near(known) => {
                 let carried = known.and_then(|multipliers| multipliers.carried(rows, penalty));
                 let shifts = carried.unwrap_or_else(|| {
-                    system.differentiate(unknowns, rows, &vec![0.0; rows.rows.len()]);
+                    *rows = system.rows(unknowns, std::mem::take(rows));
                     multipliers::estimate(rows, &mut normal, penalty, DAMPING_NEAR)
                 });
                 (DAMPING_NEAR, shifts)
@@ -167,6 +178,7 @@ impl<'a> Solver<'a> {
             damping,
             iteration: 0,
             step_length: 0.0,
+            cost: f64::INFINITY,
             best_level: f64::INFINITY,
             no_better: 0,
             without_step: 0,
@@ -205,8 +217,11 @@ impl<'a> Solver<'a> {
         let progress = self.progress();
         let level = progress.worst_level;
         let ended = self.end_without_step(level);
-        let Settings { target_level, flat, nearly_flat, .. } = *self.settings;
-        if ended.is_some() || decrease < flat && level <= target_level {
+        let Settings { target_level, flat, flat_cost, nearly_flat, .. } = *self.settings;
+        // Where the quadratic model was right, another iteration would only confirm it.
+        let change = (progress.cost - std::mem::replace(&mut self.cost, progress.cost)).abs();
+        let is_flat = decrease < flat || change.min(mismatch) < flat_cost * progress.cost;
+        if ended.is_some() || is_flat && level <= target_level {
             let ended = ended.or(Some(Status::Converged));
             return Iteration {
                 progress,
@@ -234,14 +249,35 @@ impl<'a> Solver<'a> {
         self.system.differentiate(unknowns, rows, &self.shifts);
         self.normal.assemble(rows, &self.shifts, self.system.penalty());
         let mut rejected = false;
+        let mut may_look = self.iteration > EASY_ITERATIONS;
+        // Trial before looking ahead, and the amount by which the model with planes exceeds the energy.
+        let (mut plain, mut excess) = (None, None);
         while self.damping < DAMPING_LIMIT {
-            let (point, energy) = (&self.point, self.energy);
-            let taken =
-                self.trials.take(&mut self.normal, point, energy, &self.shifts, self.damping);
-            let Some((trial, ratio)) = taken else {
+            let Self { system, trials, normal, point, energy, shifts, damping, .. } = self;
+            let energy = *energy;
+            let above = excess.unwrap_or(0.0);
+            let taken = trials.take(normal, point, energy, shifts, *damping, above);
+            let Some((mut trial, mut ratio)) = taken else {
                 self.damping *= 10.0;
                 continue;
             };
+            if may_look && ratio < LOOK_BELOW {
+                may_look = false;
+                excess = look_ahead(system, normal, point, energy, shifts, &mut trial);
+                if excess.is_some() {
+                    plain = Some((trial, ratio));
+                    continue;
+                }
+            }
+            if let Some((before, ratio_before)) = plain.take() {
+                let other = if before.energy < trial.energy {
+                    ratio = ratio_before;
+                    std::mem::replace(&mut trial, before)
+                } else {
+                    before
+                };
+                trials.spare.push(other.point.rows);
+            }
             if ratio > 1e-3 {
                 let gain = energy - trial.energy;
                 let decrease = gain / energy.max(f64::MIN_POSITIVE);
@@ -258,12 +294,17 @@ impl<'a> Solver<'a> {
                 }
                 return StepEffect { decrease, mismatch };
             }
+            let lost = energy - trial.energy;
             self.trials.spare.push(trial.point.rows);
-            if energy - trial.energy > -1e-13 * energy {
+            if excess.take().is_some() {
+                // Planes have not helped.
+                self.normal.assemble(&self.point.rows, &self.shifts, self.system.penalty());
+            } else if lost > -1e-13 * energy {
                 break; // As low as rounding lets it get.
             }
+            let times = if rejected { RAISE_AGAIN } else { RAISE };
             rejected = true;
-            self.damping = (self.damping * 6.0).max(DAMPING_FELT);
+            self.damping = (self.damping * times).max(DAMPING_FELT);
         }
         StepEffect { decrease: 0.0, mismatch: f64::INFINITY }
     }
@@ -287,8 +328,8 @@ impl<'a> Solver<'a> {
 
     /// Shifts the multipliers by the present residuals.
     pub fn shift_multipliers(&mut self) {
-        for (row, shift) in self.point.rows.rows.iter().zip(&mut self.shifts) {
-            *shift = multipliers::first_order_shift(row, row.value, *shift);
+        for ((row, value), shift) in self.point.rows.iter().zip(&mut self.shifts) {
+            *shift = multipliers::first_order_shift(row, value, *shift);
         }
         self.set_energy();
     }
@@ -298,6 +339,7 @@ impl<'a> Solver<'a> {
         self.shifts.fill(0.0);
         self.move_to(point);
         (self.damping, self.no_better, self.best_level) = (DAMPING_COLD, 0, f64::INFINITY);
+        self.cost = f64::INFINITY;
     }
 
     /// Moves to another point.

@@ -87,10 +87,8 @@ pub(crate) fn in_order(
         }
         chosen => vec![(chosen, seed)],
     };
-    if start == Start::Auto && halved(motion).is_some() {
-        let at =
-            usize::from(!(0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j)));
-        starts.insert(at, (Start::Coarse, seed));
+    if start == Start::Auto && halved(robot, motion).is_some() {
+        starts.insert(usize::from(!any_rolls_freely(robot, motion)), (Start::Coarse, seed));
     }
     starts
 }
@@ -110,6 +108,11 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
         robot.end_effectors.iter().filter(|other| other.link == link).count() > 1
     };
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
+}
+
+/// Returns true if any end effector rolls freely in stance.
+fn any_rolls_freely(robot: &Robot, motion: &Motion) -> bool {
+    (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j))
 }
 
 /// Returns true if an end effector is in stance at some time and rolls freely.

@@ -114,10 +114,10 @@ impl Group {
 type Key = (Family, Subject, Option<(&'static str, u64)>);
 
 /// Pull of a row, in units of its scale.
-fn pull(row: &Row) -> f64 {
+fn pull(row: &Row, value: f64) -> f64 {
     match row.role {
         Role::Cost { .. } => 0.0,
-        _ => row_energy(row, 0.0, 1.0)[1] / 2.0,
+        _ => row_energy(row, value, 0.0, 1.0)[1] / 2.0,
     }
 }
 
@@ -144,14 +144,14 @@ fn swing_height(problem: &Problem, row: &Row) -> Option<ComparedField> {
 fn group(problem: &Problem, rows: &Rows) -> Vec<Group> {
     let robot = problem.model.robot();
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
-    for row in &rows.rows {
+    for (index, (row, value)) in rows.iter().enumerate() {
         let family = row.family;
-        let y = pull(row);
+        let y = pull(row, value);
         if y == 0.0 {
             continue;
         }
         let swing = || swing_height(problem, row).filter(|_| family == Family::ContactHeight);
-        let given = row.given.or_else(swing);
+        let given = rows.given(index).or_else(swing);
         let number = given.map(|given| (given.field, given.value.to_bits()));
         let group = groups.entry((family, row.subject, number)).or_insert_with(|| Group {
             family,

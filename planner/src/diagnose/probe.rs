@@ -132,7 +132,7 @@ impl FeasibilityProbe<'_> {
         let Self { system, most_steps, far_level } = *self;
         let penalty = EMPHASIS * system.penalty();
         let mut unknowns = from.clone();
-        let mut rows = system.rows(&unknowns, Rows::default());
+        let mut rows = system.values(&unknowns, Rows::default());
         let mut trial_rows = Rows::default();
         let shifts = vec![0.0; rows.rows.len()];
         let mut energy = NormalEquations::energy(&rows, &shifts, penalty);
@@ -140,6 +140,7 @@ impl FeasibilityProbe<'_> {
         let mut energies = vec![energy];
         let (mut flat, mut falling) = (false, false);
         for _ in 0..STEPS.min(most_steps) {
+            system.differentiate(&unknowns, &mut rows, &shifts);
             normal.assemble(&rows, &shifts, penalty);
             let mut length = 0.0;
             for _ in 0..TRIALS {
@@ -148,7 +149,7 @@ impl FeasibilityProbe<'_> {
                     continue;
                 };
                 let trial = system.moved(&unknowns, &step);
-                trial_rows = system.rows(&trial, trial_rows);
+                trial_rows = system.values(&trial, trial_rows);
                 let lower = NormalEquations::energy(&trial_rows, &shifts, penalty);
                 let ratio = (energy - lower) / normal.promised_decrease(&step, damping);
                 if ratio > 1e-3 {
@@ -183,6 +184,7 @@ impl FeasibilityProbe<'_> {
         let verdict = if falling || level <= ACCEPTED_LEVEL {
             None
         } else {
+            system.differentiate(&unknowns, &mut rows, &shifts);
             normal.assemble(&rows, &shifts, penalty);
             let damping = UNDAMPED * penalty;
             let promised =

@@ -128,7 +128,7 @@ pub struct ComparedField {
     pub slope: f64,
 }
 
-/// Residual with its scale, tolerance and role.
+/// Description of a residual: origin, scale, tolerance and role. It is constant for a problem.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Family of the residual.
@@ -137,11 +137,7 @@ pub struct Row {
     pub at: usize,
     /// Part of the robot to which the row belongs.
     pub subject: Subject,
-    /// Field that the residual compares with, if any.
-    pub given: Option<ComparedField>,
-    /// Residual over its scale.
-    pub value: f64,
-    /// Residual at which `value` is 1, in the family's unit.
+    /// Residual at which the value of the row is 1, in the family's unit.
     pub scale: f64,
     /// Tolerance, in the family's unit.
     pub level: f64,
@@ -152,10 +148,10 @@ pub struct Row {
 }
 
 impl Row {
-    /// Returns true if the row contributes to the energy when it is shifted by its multiplier.
-    pub fn counts(&self, shift: f64) -> bool {
+    /// Returns true if the row contributes to the energy. `shifted` is its value plus the shift by its multiplier.
+    pub fn counts(&self, shifted: f64) -> bool {
         match self.role {
-            Role::Inequality { band } => self.value + shift > -band,
+            Role::Inequality { band } => shifted > -band,
             Role::Equality | Role::Cost { .. } => true,
         }
     }
@@ -173,9 +169,13 @@ impl Row {
 /// Rows of a problem at one point.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
-    /// Rows in the order of the terms.
-    pub rows: Vec<Row>,
-    /// Columns of all derivatives. All rows of a system share them.
+    /// Descriptions in the order of the terms. All points of a system share them.
+    pub rows: Arc<[Row]>,
+    /// Residuals over their scales.
+    pub values: Vec<f64>,
+    /// Fields that rows compare with, and the index of the row, ascending.
+    pub(super) givens: Vec<(u32, ComparedField)>,
+    /// Columns of all derivatives. All points of a system share them.
     pub columns: Arc<[usize]>,
     /// Derivatives of scaled residuals with respect to scaled unknowns; undefined for rows outside [`Self::differentiated`].
     pub derivatives: Vec<f64>,
@@ -185,14 +185,27 @@ pub struct Rows {
     pub(super) states: Vec<State>,
 }
 
+impl Rows {
+    /// Iterates over the rows and their values.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (&Row, f64)> {
+        self.rows.iter().zip(self.values.iter().copied())
+    }
+
+    /// Field that a row compares with, if any.
+    pub fn given(&self, row: usize) -> Option<ComparedField> {
+        let at = self.givens.binary_search_by_key(&(row as u32), |(row, _)| *row).ok()?;
+        Some(self.givens[at].1)
+    }
+}
+
 /// Set of rows with derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DifferentiatedRows {
     /// Empty set.
     #[default]
     None,
-    /// Rows that contribute to the energy with the multipliers of the differentiation.
-    Counting,
+    /// Rows that the latest differentiation selected.
+    Some,
     /// Set of all rows.
     All,
 }

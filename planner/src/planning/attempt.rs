@@ -2,7 +2,7 @@
 
 use super::effort::Effort;
 use super::neighbour;
-use super::probed_solve::{solve, solve_selected};
+use super::probed_solve::{DiagnosedOutcome, solve, solve_selected};
 use super::request::Request;
 use super::solution::Solution;
 use crate::motion::Motion;
@@ -13,10 +13,19 @@ use crate::start::{self, Start, WarmStart};
 use rollwalk_multibody::euler::Model;
 
 pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution {
+    attempt_with(DiagnosedOutcome::write, request, effort)
+}
+
+/// Solves as [`attempt`] does. `write` converts the outcome of a solve without coarse start.
+fn attempt_with(
+    write: fn(DiagnosedOutcome, &Problem, &Motion, SolveStart) -> Solution,
+    request: Request<'_>,
+    effort: &mut Effort<'_>,
+) -> Solution {
     let Request { robot, motion, options } = request;
     let mut chosen = options.start;
     if chosen == Start::Coarse {
-        if let Some(halved) = start::halved(motion) {
+        if let Some(halved) = start::halved(robot, motion) {
             return from_coarse(request, &halved, effort);
         }
         chosen = start::without_halving(robot, motion);
@@ -29,12 +38,14 @@ pub(super) fn attempt(request: Request<'_>, effort: &mut Effort<'_>) -> Solution
         chosen => start::initial(&problem, chosen, options.seed),
     };
     let solved = solve(&problem, unknowns, SolveMode::Cold, &options.settings, effort);
-    solved.write(&problem, motion, started)
+    write(solved, &problem, motion, started)
 }
 
 /// Solves a request from the plan with half its samples. That plan in turn may come from a plan with a quarter of them.
 fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -> Solution {
-    let coarse = attempt(Request { motion: halved, ..request }, effort).plan;
+    // A start needs no torques.
+    let request_coarse = Request { motion: halved, ..request };
+    let coarse = attempt_with(DiagnosedOutcome::write_without_torques, request_coarse, effort).plan;
     let mut solution =
         neighbour::from(&coarse, None, request, effort).expect("one robot, one kind of ends");
     solution.plan.solve.start =

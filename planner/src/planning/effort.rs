@@ -1,24 +1,27 @@
 //! Effort spent on a request, summed over its solves.
 
+use super::structures::Structures;
 use crate::solve::Progress;
 use std::ops::ControlFlow;
 
 /// Callback after every iteration of a solve. The callback may stop the solve.
 pub(super) type ProgressCallback<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
-/// Effort spent on a request so far, and the callback that receives it.
+/// Effort spent on a request so far, with the callback that receives it and what its solves share.
 pub(crate) struct Effort<'a> {
     /// Iterations of all completed solves.
     pub spent: usize,
     /// True once the callback has stopped a solve. Further solves only evaluate their starting point.
     pub interrupted: bool,
+    /// Structures of earlier solves.
+    pub structures: Structures,
     progress: &'a mut ProgressCallback<'a>,
 }
 
 impl<'a> Effort<'a> {
     /// Creates the effort of a new request.
-    pub fn new(progress: &'a mut ProgressCallback<'_>) -> Self {
-        Self { spent: 0, interrupted: false, progress }
+    pub fn new(structures: &Structures, progress: &'a mut ProgressCallback<'_>) -> Self {
+        Self { spent: 0, interrupted: false, structures: structures.clone(), progress }
     }
 
     /// Passes an iteration of the present solve to the callback, with the iterations of earlier solves added to its count.

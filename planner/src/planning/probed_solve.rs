@@ -5,13 +5,15 @@
 
 use super::effort::Effort;
 use super::solution::Solution;
-use super::write::write_plan;
+use super::structures::Prepared;
+use super::write::write_samples;
 use crate::diagnose::{FeasibilityProbe, Schedule, diagnose};
 use crate::formulation::{Selection, System};
 use crate::motion::Motion;
 use crate::plan::{Diagnosis, SolveStart, SolveSummary, Status, Verdict};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Method, Progress, Settings, SolveMode, SolveOutcome, Solver, penalty};
+use crate::torque;
 
 /// Outcome of a solve, with a diagnosis if the solve failed.
 pub(super) struct DiagnosedOutcome {
@@ -23,6 +25,18 @@ pub(super) struct DiagnosedOutcome {
 impl DiagnosedOutcome {
     /// Converts the outcome to the solution of a motion.
     pub fn write(self, problem: &Problem, motion: &Motion, start: SolveStart) -> Solution {
+        let mut solution = self.write_without_torques(problem, motion, start);
+        torque::write(&mut solution.plan);
+        solution
+    }
+
+    /// Converts the outcome to the solution of a motion, whose plan has no feed-forward torques.
+    pub fn write_without_torques(
+        self,
+        problem: &Problem,
+        motion: &Motion,
+        start: SolveStart,
+    ) -> Solution {
         let Self { outcome, diagnosis } = self;
         let SolveOutcome { status, iterations, energy, worst_level, worst_constraint, .. } =
             outcome;
@@ -36,7 +50,7 @@ impl DiagnosedOutcome {
             diagnosis,
             refinements: Vec::new(),
         };
-        let plan = write_plan(problem, motion, &outcome.unknowns, summary);
+        let plan = write_samples(problem, motion, &outcome.unknowns, summary);
         Solution { plan, multipliers: outcome.multipliers }
     }
 }
@@ -84,14 +98,44 @@ fn probed(
     effort: &mut Effort<'_>,
 ) -> DiagnosedOutcome {
     problem.add_up(&mut unknowns);
-    let system = System::selected(problem, selection);
     if settings.method != Method::GaussNewton {
+        let system = System::selected(problem, selection);
         // At the balance of penalties and costs the residuals do not show which constraints contradict each other.
         let outcome =
             penalty::solve(&system, unknowns, settings, &mut |state| effort.report(state));
         return DiagnosedOutcome { outcome, diagnosis: None };
     }
-    let mut solver = Solver::new(&system, unknowns, begin, settings);
+    if selection != Selection::default() {
+        let system = System::selected(problem, selection);
+        let solver = Solver::new(&system, unknowns, begin, settings);
+        let (solver, status, diagnosis) = iterate(problem, &system, solver, settings, effort);
+        return DiagnosedOutcome { outcome: solver.finish(status), diagnosis };
+    }
+    let structures = effort.structures.clone();
+    let mut prepared = structures.prepare(problem, unknowns.clone(), false);
+    loop {
+        let Prepared { system, point, normal, is_kept } = prepared;
+        let solver = Solver::at(&system, point, normal, begin, settings);
+        let (solver, status, diagnosis) = iterate(problem, &system, solver, settings, effort);
+        if is_kept && !solver.fits() {
+            drop(solver);
+            prepared = structures.prepare(problem, unknowns.clone(), true);
+            continue;
+        }
+        let (outcome, normal, rows) = solver.finish_with_parts(status);
+        structures.keep(system, normal, rows);
+        return DiagnosedOutcome { outcome, diagnosis };
+    }
+}
+
+/// Iterates until the solve ends. Returns early if the rows do not have the pattern of the system.
+fn iterate<'a>(
+    problem: &Problem,
+    system: &System<'_>,
+    mut solver: Solver<'a>,
+    settings: &Settings,
+    effort: &mut Effort<'_>,
+) -> (Solver<'a>, Status, Option<Diagnosis>) {
     let mut probes = Schedule::default();
     let mut restarted = false;
     let mut diagnosis = None;
@@ -100,6 +144,9 @@ fn probed(
             break Status::IterationLimit;
         }
         let iteration = solver.iterate();
+        if !solver.fits() {
+            break Status::Stalled;
+        }
         if effort.report(&iteration.progress).is_break() {
             break Status::Interrupted;
         }
@@ -109,7 +156,7 @@ fn probed(
         let due = probes.due(solver.iteration(), &iteration);
         if due.is_some() || iteration.exhausted {
             let probe = FeasibilityProbe {
-                system: &system,
+                system,
                 most_steps: settings.iterations - solver.iteration(),
                 far_level: due.map_or_else(|| probes.far_level(), |due| due.far_level),
             };
@@ -144,7 +191,7 @@ fn probed(
             solver.shift_multipliers();
         }
     };
-    DiagnosedOutcome { outcome: solver.finish(status), diagnosis }
+    (solver, status, diagnosis)
 }
 
 #[cfg(test)]

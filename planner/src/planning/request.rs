@@ -1,5 +1,6 @@
 //! Request: a motion of a robot, with the options of its optimisation.
 
+use super::structures::Structures;
 use crate::motion::Motion;
 use crate::problem::Weights;
 use crate::solve::Settings;
@@ -20,6 +21,8 @@ pub struct Options {
     /// True if a plan that fails the checks as played is planned again with more samples. If false, the plan has the samples of
     /// the motion, and only a [`Report`](crate::report::Report) shows whether it passes.
     pub refine: bool,
+    /// Structures of earlier solves. Clones of the options share them.
+    pub structures: Structures,
 }
 
 impl Default for Options {
@@ -30,6 +33,7 @@ impl Default for Options {
             start: Start::default(),
             seed: 0,
             refine: true,
+            structures: Structures::default(),
         }
     }
 }

@@ -80,7 +80,10 @@ impl<'a> Search<'a> {
         self.race.work(progress, &|index, watched| {
             let Self { robot, motion, .. } = *self;
             let options = &self.candidates[index];
-            let (request, effort) = (Request { robot, motion, options }, &mut Effort::new(watched));
+            let (request, effort) = (
+                Request { robot, motion, options },
+                &mut Effort::new(&options.structures, watched),
+            );
             let solution = attempt(request, effort);
             let (ending, solution) = if index > 0 {
                 (solution.plan.solve.ending(), solution)

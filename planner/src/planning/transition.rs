@@ -102,7 +102,7 @@ pub fn optimise_transition(
     }
     let joined = MotionPair { from, to };
     let request = Request { robot: &from.robot, motion, options };
-    let effort = &mut Effort::new(progress);
+    let effort = &mut Effort::new(&options.structures, progress);
     let solution = joined.solve(request, effort);
     let (_, solution) = search_feasible_values(request, &joined, solution, effort);
     let refined = refine::refine_until_valid(solution, options, effort, &mut |_, finer, effort| {

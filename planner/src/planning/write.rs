@@ -12,8 +12,20 @@ use nalgebra::{Rotation3, UnitQuaternion};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 use rollwalk_multibody::rotation::nearer_quaternion;
 
-/// Converts a solution to a plan.
+/// Converts a solution to a plan with feed-forward torques.
 pub(crate) fn write_plan(
+    problem: &Problem,
+    motion: &Motion,
+    unknowns: &Unknowns,
+    solve: SolveSummary,
+) -> Plan {
+    let mut plan = write_samples(problem, motion, unknowns, solve);
+    torque::write(&mut plan);
+    plan
+}
+
+/// Converts a solution to a plan without torques.
+pub(super) fn write_samples(
     problem: &Problem,
     motion: &Motion,
     unknowns: &Unknowns,
@@ -29,7 +41,7 @@ pub(crate) fn write_plan(
     }
     let after = samples.pop().expect("the timeline has a sample after the last");
     let before = samples.remove(0);
-    let mut plan = Plan {
+    Plan {
         format: FORMAT.into(),
         version: VERSION,
         robot: problem.model.robot().clone(),
@@ -41,9 +53,7 @@ pub(crate) fn write_plan(
         end_placement: unknowns.placement,
         solve,
         formulation: Formulation,
-    };
-    torque::write(&mut plan);
-    plan
+    }
 }
 
 /// Converts one sample of the timeline to a sample of the plan, without torques.

@@ -72,11 +72,11 @@ mod tests {
                     sample.joint_rad = joints.iter().copied().collect();
                 }
                 let report = Report::new(&plan);
-                let rows = System::new(&problem).rows(&unknowns, Rows::default()).rows;
+                let rows = System::new(&problem).rows(&unknowns, Rows::default());
                 let families = [Family::LinkClearance, Family::GroundClearance];
                 for (family, seen) in families.into_iter().zip(&mut seen) {
-                    let of_family = rows.iter().filter(|row| row.family == family);
-                    let solver_mm = of_family.map(|row| 1e3 * row.value).fold(0.0, f64::max);
+                    let of_family = rows.iter().filter(|(row, _)| row.family == family);
+                    let solver_mm = of_family.map(|(_, value)| 1e3 * value).fold(0.0, f64::max);
                     let reported_mm =
                         report.row(family, Grid::Samples).map_or(0.0, |row| row.worst);
                     // Both round differently, at lengths of 1 m.

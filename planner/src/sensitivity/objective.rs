@@ -117,10 +117,8 @@ fn goal_distance_m(motion: &Motion) -> f64 {
 }
 
 fn plan_cost(rows: &Rows) -> ObjectiveValue {
-    let terms = rows.rows.iter().enumerate().filter_map(|(index, row)| match row.role {
-        Role::Cost { weight } => {
-            Some((weight * row.value.powi(2), (index, 2.0 * weight * row.value)))
-        }
+    let terms = rows.iter().enumerate().filter_map(|(index, (row, value))| match row.role {
+        Role::Cost { weight } => Some((weight * value.powi(2), (index, 2.0 * weight * value))),
         _ => None,
     });
     let (values, slopes): (Vec<f64>, _) = terms.unzip();
@@ -132,13 +130,14 @@ fn plan_cost(rows: &Rows) -> ObjectiveValue {
 fn norm(rows: &Rows, family: Family, n: i32) -> ObjectiveValue {
     let of_family = || rows.rows.iter().enumerate().filter(|(_, row)| row.family == family);
     let count = of_family().count() as f64;
-    let sum: f64 = of_family().map(|(_, row)| compared(row).powi(n)).sum();
+    let sum: f64 = of_family().map(|(index, _)| compared(rows, index).powi(n)).sum();
     if sum <= 0.0 {
         return ObjectiveValue { value: 0.0, slopes: Vec::new() };
     }
     let value = (sum / count).powf(1.0 / f64::from(n));
-    let slope =
-        |(index, row): (usize, &Row)| (index, compared(row).powi(n - 1) * row.scale * value / sum);
+    let slope = |(index, row): (usize, &Row)| {
+        (index, compared(rows, index).powi(n - 1) * row.scale * value / sum)
+    };
     ObjectiveValue { value, slopes: of_family().map(slope).collect() }
 }
 
@@ -154,13 +153,14 @@ fn power(rows: &Rows) -> ObjectiveValue {
             rows.rows.iter().enumerate().filter(move |(_, row)| row.family == family)
         };
         // Either of the two rows of a speed: the sign does not matter.
-        let speeds: HashMap<_, _> =
-            of(speed).map(|(index, row)| (key(row), (index, compared(row), row.scale))).collect();
+        let speeds: HashMap<_, _> = of(speed)
+            .map(|(index, row)| (key(row), (index, compared(rows, index), row.scale)))
+            .collect();
         let mut of_subject: HashMap<_, f64> = HashMap::new();
         for (index, row) in of(torque) {
             let Some((other, speed, scale)) = speeds.get(&key(row)) else { continue };
-            let largest = row.given.map_or(0.0, |given| given.value);
-            let [torque, per_torque] = smooth(compared(row), NEARLY_NOTHING * largest);
+            let largest = rows.given(index).map_or(0.0, |given| given.value);
+            let [torque, per_torque] = smooth(compared(rows, index), NEARLY_NOTHING * largest);
             let [speed, per_speed] = smooth(*speed, NEARLY_STILL_RAD_S);
             evaluated.value += torque * speed;
             evaluated.slopes.push((index, row.scale * per_torque * speed));
@@ -188,7 +188,7 @@ fn subject(subject: Subject) -> (u8, usize) {
 }
 
 /// Quantity that a row compares with its limit.
-fn compared(row: &Row) -> f64 {
-    let limit = row.given.map_or(0.0, |given| -given.slope * given.value);
-    row.value * row.scale + limit
+fn compared(rows: &Rows, row: usize) -> f64 {
+    let limit = rows.given(row).map_or(0.0, |given| -given.slope * given.value);
+    rows.values[row] * rows.rows[row].scale + limit
 }

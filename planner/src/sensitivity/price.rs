@@ -39,16 +39,17 @@ impl Optimal {
 fn of(problem: &Problem, unknowns: &Unknowns, shifts: &[f64]) -> Vec<Price> {
     let system = System::selected(problem, Default::default());
     let rows = system.values(unknowns, Rows::default());
-    let cost: f64 = rows.rows.iter().map(cost).sum();
+    let cost: f64 = rows.iter().map(cost).sum();
     let mut prices: Vec<Price> = Vec::new();
-    for (row, shift) in rows.rows.iter().zip(shifts) {
-        let (is_limit, named) = (matches!(row.role, Role::Inequality { .. }), row.given.is_some());
+    for (index, (row, shift)) in rows.rows.iter().zip(shifts).enumerate() {
+        let given = rows.given(index);
+        let (is_limit, named) = (matches!(row.role, Role::Inequality { .. }), given.is_some());
         if *shift == 0.0 || matches!(row.role, Role::Cost { .. }) || !(is_limit || named) {
             continue;
         }
-        let slope = row.given.map_or(1.0, |given| given.slope);
+        let slope = given.map_or(1.0, |given| given.slope);
         let per_unit = 2.0 * system.penalty() * shift * slope / row.scale;
-        let given = row.given.map(|given| (given.field, given.value));
+        let given = given.map(|given| (given.field, given.value));
         let same = |price: &&mut Price| price.family == row.family && price.given == given;
         let subject = row.subject.name(problem.model.robot());
         let price = match prices.iter_mut().find(same) {
@@ -81,9 +82,9 @@ fn of(problem: &Problem, unknowns: &Unknowns, shifts: &[f64]) -> Vec<Price> {
     prices
 }
 
-fn cost(row: &Row) -> f64 {
+fn cost((row, value): (&Row, f64)) -> f64 {
     match row.role {
-        Role::Cost { weight } => weight * row.value.powi(2),
+        Role::Cost { weight } => weight * value.powi(2),
         _ => 0.0,
     }
 }

@@ -172,8 +172,8 @@ impl Shortfall {
     /// Returns the worst residual-to-tolerance ratio of each violated family of constraints.
     pub fn levels(&self) -> BTreeMap<Family, f64> {
         let mut of_families = BTreeMap::<Family, f64>::new();
-        for row in &self.rows.rows {
-            let level = level(row);
+        for (row, value) in self.rows.iter() {
+            let level = level(row, value);
             if level > 0.0 {
                 let worst = of_families.entry(row.family).or_default();
                 *worst = worst.max(level);
@@ -211,8 +211,11 @@ impl Shortfall {
         let system = System::selected(&self.problem, Default::default());
         let around = SystemAtPoint { system: &system, unknowns: &self.unknowns };
         let minimum = self.held.minimum(&around).map_err(failed)?;
-        let curvatures = self.rows.rows.iter().zip(&self.held.shifts).map(|(row, &shift)| {
-            if row.counts(shift) { row_energy(row, shift, system.penalty())[2] } else { 0.0 }
+        let curvatures = self.rows.iter().zip(&self.held.shifts).map(|((row, value), &shift)| {
+            match row.counts(value + shift) {
+                true => row_energy(row, value, shift, system.penalty())[2],
+                false => 0.0,
+            }
         });
         let curvatures: Vec<f64> = curvatures.collect();
         let mut found = Slopes { gradient: vec![], hessian: vec![], unknowns: vec![] };
@@ -220,9 +223,8 @@ impl Shortfall {
         for parameter in parameters {
             let [ahead, behind] = self.around(parameter)?;
             let difference = |one: f64, other: f64| (one - other) / parameter.apart;
-            let rows = ahead.rows.iter().zip(&behind.rows);
-            let of_rows: Vec<f64> =
-                rows.map(|(one, other)| difference(one.value, other.value)).collect();
+            let values = ahead.values.iter().zip(&behind.values);
+            let of_rows: Vec<f64> = values.map(|(one, other)| difference(*one, *other)).collect();
             let [one, other] = [&ahead, &behind].map(|rows| minimum.gradient_of(rows));
             let of_gradient: Vec<f64> =
                 one.iter().zip(&other).map(|(one, other)| difference(*one, *other)).collect();
@@ -302,7 +304,7 @@ impl Shortfall {
         let multipliers = Multipliers::of(&self.rows, self.multipliers.clone(), penalty);
         let options = Options { weights: problem.weights.clone(), ..options.clone() };
         let unknowns = self.unknowns.clone();
-        let effort = &mut Effort::new(progress);
+        let effort = &mut Effort::new(&options.structures, progress);
         from_near(&problem, &self.motion, unknowns, Some(&multipliers), &options, effort)
     }
 

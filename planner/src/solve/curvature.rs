@@ -40,7 +40,7 @@ impl Curvature {
             variables.iter().flatten().for_each(|&column| slot_of[column] = slot);
         }
         let mut coupled: Vec<BTreeSet<usize>> = (0..=slots).map(|s| BTreeSet::from([s])).collect();
-        for row in &rows.rows {
+        for row in rows.rows.iter() {
             let entries = &rows.columns[row.entries.clone()];
             let touched: BTreeSet<usize> = entries.iter().map(|&column| slot_of[column]).collect();
             touched.iter().for_each(|&slot| coupled[slot].extend(&touched));
@@ -81,7 +81,8 @@ impl Curvature {
         normal: &mut NormalEquations,
     ) {
         let columns = system.columns();
-        let slopes: Vec<f64> = rows.rows.iter().map(|r| row_energy(r, 0.0, penalty)[1]).collect();
+        let slopes: Vec<f64> =
+            rows.iter().map(|(row, value)| row_energy(row, value, 0.0, penalty)[1]).collect();
         const CONSISTENCY: FamilySet = FamilySet::of(&[Family::WheelAxis, Family::ContactPoint]);
         let slopes_for_q: Vec<f64> = rows
             .rows

@@ -89,9 +89,7 @@ impl<'a> Minimum<'a> {
             }
             let mut there = self.at(&step);
             if self.energy - there.energy < BEND_BELOW * promised {
-                let Self { normal, rows, shifts, .. } = self;
-                let penalty = self.residuals.penalty();
-                let bend = normal.bend(rows, &there.rows, shifts, penalty, &step);
+                let bend = self.normal.bend(&self.rows, &there.rows, &step);
                 // A correction longer than the step shows that the rows are too curved for it to be valid.
                 if let Some(bend) = bend.filter(|bend| dot(bend, bend) <= dot(&step, &step)) {
                     let bent = self.at(&along(&step, 1.0, &bend));
@@ -238,13 +236,13 @@ impl<'a> Minimum<'a> {
     fn product(&self, v: &[f64]) -> Vec<f64> {
         let penalty = self.residuals.penalty();
         let Self { rows, shifts, position, .. } = self;
-        let pull = |(row, &shift): (&Row, &f64)| {
-            if !row.counts(shift) {
+        let pull = |((row, value), &shift): ((&Row, f64), &f64)| {
+            if !row.counts(value + shift) {
                 return 0.0;
             }
-            row_energy(row, shift, penalty)[2] * change_of(rows, row, v)
+            row_energy(row, value, shift, penalty)[2] * change_of(rows, row, v)
         };
-        let pulls: Vec<f64> = rows.rows.iter().zip(shifts).map(pull).collect();
+        let pulls: Vec<f64> = rows.iter().zip(shifts).map(pull).collect();
         let mut product = weighted(rows, shifts, &pulls, v.len());
         let slopes = slopes(rows, shifts, penalty);
         let length = difference_length(v);
@@ -269,11 +267,11 @@ impl<'a> Minimum<'a> {
 
 /// Derivatives ∂(energy)/∂r of every row.
 fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
-    let slope = |(row, &shift): (&Row, &f64)| match row.role {
-        Role::Inequality { .. } if !row.counts(shift) => 0.0,
-        _ => row_energy(row, shift, penalty)[1],
+    let slope = |((row, value), &shift): ((&Row, f64), &f64)| match row.role {
+        Role::Inequality { .. } if !row.counts(value + shift) => 0.0,
+        _ => row_energy(row, value, shift, penalty)[1],
     };
-    rows.rows.iter().zip(shifts).map(slope).collect()
+    rows.iter().zip(shifts).map(slope).collect()
 }
 
 #[cfg(test)]

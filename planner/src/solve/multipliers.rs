@@ -42,7 +42,7 @@ impl Multipliers {
 pub(super) fn first_order_shift(row: &Row, value: f64, shift: f64) -> f64 {
     match row.role {
         Role::Equality => value + shift,
-        Role::Inequality { .. } => row_energy(&Row { value, ..row.clone() }, shift, 1.0)[1] / 2.0,
+        Role::Inequality { .. } => row_energy(row, value, shift, 1.0)[1] / 2.0,
         Role::Cost { .. } => 0.0,
     }
 }
@@ -60,12 +60,11 @@ pub(super) fn estimate(
     normal.assemble(rows, &none, penalty);
     let Some(step) = normal.step(damping) else { return none };
     let entries = |row: &Row| row.entries.clone();
-    rows.rows
-        .iter()
-        .map(|row| {
+    rows.iter()
+        .map(|(row, value)| {
             let change: f64 =
                 entries(row).map(|k| rows.derivatives[k] * step[rows.columns[k]]).sum();
-            first_order_shift(row, row.value + change, 0.0)
+            first_order_shift(row, value + change, 0.0)
         })
         .collect()
 }

@@ -1,70 +1,110 @@
 //! Energy, gradient and Gauss-Newton matrix of a set of rows.
 
-use super::fronts::{Fronts, Locals, ScatterMap};
+mod units;
+
+use super::fronts::{Fronts, Locals, MOST_ROWS, ScatterMap};
 use super::one_sided::one_sided_square;
 use crate::formulation::rows::{Columns, Role, Row, Rows};
+use units::Units;
 
 /// Matrix JᵀWJ in the panels of its factorisation, and the gradient.
 ///
 /// Inequalities that are satisfied by a margin are not part of the matrix. Most rows that would couple many columns, such as
-/// torque-speed lines of motors, are of this kind. A row therefore gets its destinations when it first contributes to the
-/// energy. If it does not fit into the fronts, the fronts are rebuilt.
+/// torque-speed lines of motors, are of this kind. The fronts therefore have room for equalities and costs at first, which
+/// mostly suffices for inequalities too. A row that does not fit rebuilds the fronts when it first contributes to the energy.
 pub struct NormalEquations {
     columns: Columns,
-    /// Flags of the rows that have contributed so far.
-    counts: Vec<bool>,
-    /// Destinations of these rows in the panels.
-    places: Vec<Option<ScatterMap>>,
     locals: Locals,
-    fronts: Fronts,
+    units: Units,
+    /// Flags of the rows for which the fronts must have room: those that have contributed so far.
+    counts: Vec<bool>,
+    elimination: Elimination,
+    /// Elimination of equalities and costs alone, if `elimination` is another one.
+    first: Option<Elimination>,
+    /// Curvature of the energy with respect to each row of the assembled matrix; 0 for rows that do not contribute.
+    curvatures: Vec<f64>,
     matrix: Vec<f64>,
     /// Gradient ∂E/∂(unknowns).
     pub gradient: Vec<f64>,
     sorted: Vec<f64>,
 }
 
-/// Energy of a row: value, slope and curvature with respect to its residual.
-pub fn row_energy(row: &Row, shift: f64, penalty: f64) -> [f64; 3] {
+/// Fronts, with the destinations of rows in them. Only the pattern of the rows determines them.
+struct Elimination {
+    fronts: Fronts,
+    units: Units,
+    /// Destinations of the units that have contributed so far.
+    places: Vec<Option<ScatterMap>>,
+}
+
+impl Elimination {
+    /// Prepares the elimination of rows. The fronts have room for those whose flags in `counts` are set.
+    fn new(
+        rows: &Rows,
+        mut units: Units,
+        counts: &[bool],
+        columns: &Columns,
+        locals: &Locals,
+    ) -> Self {
+        let fronts = Fronts::new(rows, counts, columns, locals);
+        // Variables of two slots may be in fronts that have no common front: such units are split.
+        let places = units.place(|unit| fronts.scatter_map(&columns_of(rows, unit)[..unit.len()]));
+        Self { fronts, units, places }
+    }
+}
+
+/// Energy of a row with this value: the energy, its slope and its curvature with respect to the value.
+pub fn row_energy(row: &Row, value: f64, shift: f64, penalty: f64) -> [f64; 3] {
     match row.role {
         Role::Equality => {
-            let r = row.value + shift;
+            let r = value + shift;
             [penalty * r * r, 2.0 * penalty * r, 2.0 * penalty]
         }
-        Role::Inequality { band } => one_sided_square(row.value + shift, band).map(|v| penalty * v),
-        Role::Cost { weight } => {
-            [weight * row.value.powi(2), 2.0 * weight * row.value, 2.0 * weight]
-        }
+        Role::Inequality { band } => one_sided_square(value + shift, band).map(|v| penalty * v),
+        Role::Cost { weight } => [weight * value.powi(2), 2.0 * weight * value, 2.0 * weight],
     }
 }
 
 impl NormalEquations {
     /// Creates the equations of rows. The pattern of the rows must not change afterwards.
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
-        let counts: Vec<bool> = rows.rows.iter().map(|row| row.counts(0.0)).collect();
-        let locals = Locals::new(rows, columns);
-        let fronts = Fronts::new(rows, &counts, columns, &locals);
+        let (counts, locals) = (always_count(rows), Locals::new(rows, columns));
+        let units = Units::new(rows);
+        let elimination = Elimination::new(rows, units.clone(), &counts, columns, &locals);
         Self {
             columns: columns.clone(),
-            places: vec![None; rows.rows.len()],
-            matrix: vec![0.0; fronts.len()],
+            matrix: vec![0.0; elimination.fronts.len()],
             gradient: vec![0.0; columns.count],
+            curvatures: vec![0.0; rows.rows.len()],
             sorted: Vec::new(),
-            counts,
+            first: None,
             locals,
-            fronts,
+            units,
+            counts,
+            elimination,
+        }
+    }
+
+    /// Forgets which inequalities have contributed, so that results do not depend on earlier points.
+    pub fn reset(&mut self, rows: &Rows) {
+        self.counts = always_count(rows);
+        if let Some(first) = self.first.take() {
+            self.elimination = first;
+            self.matrix.resize(self.elimination.fronts.len(), 0.0);
         }
     }
 
     /// Energy of the rows.
     pub fn energy(rows: &Rows, shifts: &[f64], penalty: f64) -> f64 {
-        rows.rows.iter().zip(shifts).map(|(r, &s)| row_energy(r, s, penalty)[0]).sum()
+        rows.iter().zip(shifts).map(|((row, r), &s)| row_energy(row, r, s, penalty)[0]).sum()
     }
 
     /// Assembles gradient and Gauss-Newton matrix.
     pub fn assemble(&mut self, rows: &Rows, shifts: &[f64], penalty: f64) {
         self.assemble_weighted(rows, |index, row| {
-            row.counts(shifts[index]).then(|| {
-                let [_, slope, curvature] = row_energy(row, shifts[index], penalty);
+            let (value, shift) = (rows.values[index], shifts[index]);
+            row.counts(value + shift).then(|| {
+                let [_, slope, curvature] = row_energy(row, value, shift, penalty);
                 [slope, curvature]
             })
         });
@@ -77,9 +117,11 @@ impl NormalEquations {
         weights: impl Fn(usize, &Row) -> Option<[f64; 2]>,
     ) {
         while !self.assembled(rows, &weights) {
-            self.fronts = Fronts::new(rows, &self.counts, &self.columns, &self.locals);
-            self.places.fill(None);
-            self.matrix.resize(self.fronts.len(), 0.0);
+            let Self { columns, locals, units, counts, elimination, first, matrix, .. } = self;
+            let grown = Elimination::new(rows, units.clone(), counts, columns, locals);
+            let before = std::mem::replace(elimination, grown);
+            first.get_or_insert(before);
+            matrix.resize(elimination.fronts.len(), 0.0);
         }
     }
 
@@ -89,35 +131,61 @@ impl NormalEquations {
         rows: &Rows,
         weights: &impl Fn(usize, &Row) -> Option<[f64; 2]>,
     ) -> bool {
-        self.matrix.fill(0.0);
-        self.gradient.fill(0.0);
+        let Self { elimination, counts, curvatures, matrix, gradient, sorted, .. } = self;
+        let Elimination { fronts, units, places } = elimination;
+        matrix.fill(0.0);
+        gradient.fill(0.0);
+        curvatures.fill(0.0);
         let mut fits = true;
-        for (index, row) in rows.rows.iter().enumerate() {
-            let Some([slope, curvature]) = weights(index, row) else { continue };
-            let columns = &rows.columns[row.entries.clone()];
-            let derivatives = &rows.derivatives[row.entries.clone()];
-            for (&column, d) in columns.iter().zip(derivatives) {
-                self.gradient[column] += slope * d;
+        for (unit, places) in units.iter().zip(places) {
+            let mut of_unit: [(&[f64], Option<f64>); MOST_ROWS] = [(&[], None); MOST_ROWS];
+            for (&index, of_row) in unit.iter().zip(&mut of_unit) {
+                let index = index as usize;
+                let row = &rows.rows[index];
+                of_row.0 = &rows.derivatives[row.entries.clone()];
+                let Some([slope, curvature]) = weights(index, row) else { continue };
+                of_row.1 = Some(curvature);
+                (counts[index], curvatures[index]) = (true, curvature);
+                let columns = &rows.columns[row.entries.clone()];
+                columns.iter().zip(of_row.0).for_each(|(&column, d)| gradient[column] += slope * d);
             }
-            self.counts[index] = true;
-            let places = &mut self.places[index];
+            let of_unit = &of_unit[..unit.len()];
+            if of_unit.iter().all(|(_, factor)| factor.is_none()) {
+                continue;
+            }
             if places.is_none() && fits {
-                *places = self.fronts.scatter_map(columns);
+                *places = fronts.scatter_map(&columns_of(rows, unit)[..unit.len()]);
             }
             match places {
-                Some(places) => {
-                    let (matrix, sorted) = (&mut self.matrix, &mut self.sorted);
-                    self.fronts.add(places, derivatives, curvature, matrix, sorted);
-                }
+                Some(places) => fronts.add(places, of_unit, matrix, sorted),
                 None => fits = false,
             }
         }
         fits
     }
 
+    /// Adds the quadratic model of one more row to the assembled equations, with its slope and curvature at the present point.
+    /// Returns false if the fronts have no room for it.
+    pub fn add_row(
+        &mut self,
+        rows: &Rows,
+        row: usize,
+        derivatives: &[f64],
+        [slope, curvature]: [f64; 2],
+    ) -> bool {
+        let columns = &rows.columns[rows.rows[row].entries.clone()];
+        let Self { elimination, matrix, gradient, sorted, .. } = self;
+        let Some(places) = elimination.fronts.scatter_map(&[columns]) else { return false };
+        elimination.fronts.add(&places, &[(derivatives, Some(curvature))], matrix, sorted);
+        columns.iter().zip(derivatives).for_each(|(&column, d)| gradient[column] += slope * d);
+        true
+    }
+
     /// Adds a dense vector to the entries of a column on and below the diagonal whose lines are `coupled`.
     pub fn add_to_column(&mut self, column: usize, dense: &[f64], coupled: impl Fn(usize) -> bool) {
-        for (place, line) in self.fronts.lines_of(column).filter(|(_, line)| coupled(*line)) {
+        for (place, line) in
+            self.elimination.fronts.lines_of(column).filter(|(_, line)| coupled(*line))
+        {
             self.matrix[place] += dense[line];
         }
     }
@@ -130,43 +198,37 @@ impl NormalEquations {
 
     /// Factorises H + λ·1. Returns `None` if the sum is not positive definite.
     pub fn factorise(&mut self, damping: f64) -> Option<()> {
-        self.fronts.factorise(&self.matrix, damping)
+        self.elimination.fronts.factorise(&self.matrix, damping)
     }
 
     /// Replaces a right-hand side by its solution with the latest factorisation.
     pub fn solve(&self, right: &mut [f64]) {
-        self.fronts.solve(right);
+        self.elimination.fronts.solve(right);
     }
 
     /// Solves for the right-hand side −`gradient` with the latest factorisation. Returns `None` if the solution is not finite.
     fn solve_factored(&self, gradient: &[f64]) -> Option<Vec<f64>> {
         let mut step: Vec<f64> = gradient.iter().map(|g| -g).collect();
-        self.fronts.solve(&mut step);
+        self.elimination.fronts.solve(&mut step);
         step.iter().all(|x| x.is_finite()).then_some(step)
     }
 
     /// Second-order correction of the latest `step`, which ends at the rows `there`. The correction removes the deviation of
-    /// these rows from the linearised rows `here`.
+    /// these rows from the linearised rows `here`, which are those of the assembled matrix.
     ///
     /// A straight step departs from a curved constraint by the square of its length, so that a high penalty allows only short
     /// steps (Maratos effect). The correction costs one solve with the present factor.
-    pub fn bend(
-        &self,
-        here: &Rows,
-        there: &Rows,
-        shifts: &[f64],
-        penalty: f64,
-        step: &[f64],
-    ) -> Option<Vec<f64>> {
+    pub fn bend(&self, here: &Rows, there: &Rows, step: &[f64]) -> Option<Vec<f64>> {
         let mut gradient = vec![0.0; self.gradient.len()];
-        for ((row, end), &shift) in here.rows.iter().zip(&there.rows).zip(shifts) {
-            if !row.counts(shift) {
+        for (((row, value), end), &curvature) in
+            here.iter().zip(&there.values).zip(&self.curvatures)
+        {
+            if curvature == 0.0 {
                 continue;
             }
-            let [_, _, curvature] = row_energy(row, shift, penalty);
             let entries = row.entries.clone().map(|k| (here.columns[k], here.derivatives[k]));
             let change: f64 = entries.clone().map(|(column, d)| d * step[column]).sum();
-            let pull = curvature * (end.value - row.value - change);
+            let pull = curvature * (end - value - change);
             entries.for_each(|(column, d)| gradient[column] += pull * d);
         }
         self.solve_factored(&gradient)
@@ -182,6 +244,20 @@ impl NormalEquations {
         }
         0.5 * (damping * dd - gd)
     }
+}
+
+/// Flags of the rows that contribute at every point.
+fn always_count(rows: &Rows) -> Vec<bool> {
+    rows.rows.iter().map(|row| !matches!(row.role, Role::Inequality { .. })).collect()
+}
+
+/// Columns of the rows of a unit.
+fn columns_of<'a>(rows: &'a Rows, unit: &[u32]) -> [&'a [usize]; MOST_ROWS] {
+    let mut columns: [&[usize]; MOST_ROWS] = [&[]; MOST_ROWS];
+    for (&row, columns) in unit.iter().zip(&mut columns) {
+        *columns = &rows.columns[rows.rows[row as usize].entries.clone()];
+    }
+    columns
 }
 
 #[cfg(test)]

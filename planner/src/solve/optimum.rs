@@ -69,9 +69,9 @@ impl Conditions {
     /// Computes the conditions of rows with multipliers.
     pub fn of(rows: &Rows, shifts: &[f64], penalty: f64, columns: usize) -> Self {
         let slopes = slopes(rows, shifts, penalty);
-        let fixed_point = rows.rows.iter().zip(shifts).map(|(row, &shift)| match row.role {
+        let fixed_point = rows.iter().zip(shifts).map(|((row, value), &shift)| match row.role {
             Role::Cost { .. } => 0.0,
-            _ => row_energy(row, shift, 1.0)[1] / 2.0 - shift,
+            _ => row_energy(row, value, shift, 1.0)[1] / 2.0 - shift,
         });
         Self {
             gradient: weighted(rows, shifts, &slopes, columns),
@@ -345,14 +345,15 @@ impl<'a> Optimum<'a> {
     /// Factorises the preconditioner at the present point.
     fn factorise(&mut self) -> Result<(), NoOptimum> {
         let penalty = self.penalty();
-        let slack = self.rows.rows.iter().zip(&self.shifts).map(|(row, &shift)| match row.role {
-            Role::Cost { .. } => [0.0, 1.0],
-            _ if !row.counts(shift) => [0.0, 1.0],
-            _ => {
-                let b = row_energy(row, shift, 1.0)[2] / 2.0;
-                [b, (1.0 - b).max(b / STIFFNESS_MAX)]
-            }
-        });
+        let slack =
+            self.rows.iter().zip(&self.shifts).map(|((row, value), &shift)| match row.role {
+                Role::Cost { .. } => [0.0, 1.0],
+                _ if !row.counts(value + shift) => [0.0, 1.0],
+                _ => {
+                    let b = row_energy(row, value, shift, 1.0)[2] / 2.0;
+                    [b, (1.0 - b).max(b / STIFFNESS_MAX)]
+                }
+            });
         self.slack = slack.collect();
         let slack = &self.slack;
         self.normal.assemble_weighted(&self.rows, |index, row| match row.role {
@@ -478,8 +479,8 @@ impl<'a> Optimum<'a> {
 
 /// Sets the multipliers of rows that do not contribute to the energy to 0.
 fn drop_idle(rows: &Rows, shifts: &mut [f64]) {
-    for (row, shift) in rows.rows.iter().zip(shifts) {
-        if matches!(row.role, Role::Cost { .. }) || !row.counts(*shift) {
+    for ((row, value), shift) in rows.iter().zip(shifts) {
+        if matches!(row.role, Role::Cost { .. }) || !row.counts(value + *shift) {
             *shift = 0.0;
         }
     }
@@ -487,18 +488,18 @@ fn drop_idle(rows: &Rows, shifts: &mut [f64]) {
 
 /// Derivatives ∂(energy)/∂r of every row: 2w r for costs, 2ρ s for constraints.
 fn slopes(rows: &Rows, shifts: &[f64], penalty: f64) -> Vec<f64> {
-    let slope = |(row, shift): (&Row, &f64)| match row.role {
-        Role::Cost { weight } => 2.0 * weight * row.value,
+    let slope = |((row, value), shift): ((&Row, f64), &f64)| match row.role {
+        Role::Cost { weight } => 2.0 * weight * value,
         _ => 2.0 * penalty * shift,
     };
-    rows.rows.iter().zip(shifts).map(slope).collect()
+    rows.iter().zip(shifts).map(slope).collect()
 }
 
 /// Sum Σ slope·∇r over the rows that contribute to the energy.
 pub(super) fn weighted(rows: &Rows, shifts: &[f64], slopes: &[f64], columns: usize) -> Vec<f64> {
     let mut sum = vec![0.0; columns];
-    for ((row, &shift), &slope) in rows.rows.iter().zip(shifts).zip(slopes) {
-        if slope != 0.0 && row.counts(shift) {
+    for (((row, value), &shift), &slope) in rows.iter().zip(shifts).zip(slopes) {
+        if slope != 0.0 && row.counts(value + shift) {
             let entries = row.entries.clone();
             entries.for_each(|k| sum[rows.columns[k]] += slope * rows.derivatives[k]);
         }

@@ -16,6 +16,7 @@ use crate::plan::Status;
 use crate::problem::Unknowns;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Penalty of every constraint.
 pub const PENALTY: f64 = 10_000.0;
@@ -43,7 +44,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Evaluates the rows, with functional objectives as costs.
 fn evaluate(system: &System<'_>, unknowns: &Unknowns, reuse: Rows) -> Rows {
     let mut rows = system.rows(unknowns, reuse);
-    for row in rows.rows.iter_mut().filter(|row| is_objective(row)) {
+    for row in Arc::make_mut(&mut rows.rows).iter_mut().filter(|row| is_objective(row)) {
         row.role = Role::Cost { weight: OBJECTIVE };
     }
     rows
@@ -55,9 +56,9 @@ fn is_objective(row: &Row) -> bool {
 
 /// Index of the worst row among constraints and objectives, and its residual-to-tolerance ratio.
 fn worst(rows: &Rows) -> (usize, f64) {
-    let objectives = rows.rows.iter().enumerate().filter(|(_, row)| is_objective(row));
+    let objectives = rows.iter().enumerate().filter(|(_, (row, _))| is_objective(row));
     objectives
-        .map(|(index, row)| (index, row.value.abs() * row.scale / row.level))
+        .map(|(index, (row, value))| (index, value.abs() * row.scale / row.level))
         .fold(super::worst(rows), |worst, this| if this.1 > worst.1 { this } else { worst })
 }
 
@@ -257,11 +258,10 @@ mod tests {
                 }
                 let name = family.name();
                 // Far beyond its limit, ψ is a square plus a negligible constant.
-                let found = rows.rows[index].value;
-                rows.rows[index].value = 1e9;
-                let weight = row_energy(&rows.rows[index], 0.0, PENALTY)[0] / 1e18;
+                let found = std::mem::replace(&mut rows.values[index], 1e9);
+                let weight = row_energy(&rows.rows[index], 1e9, 0.0, PENALTY)[0] / 1e18;
                 let judged = worst(&rows).0 == index;
-                rows.rows[index].value = found;
+                rows.values[index] = found;
                 let asked = ["goal", "target"].iter().any(|word| name.contains(word));
                 match plain.rows[index].role {
                     Role::Cost { weight: cost } => {

@@ -27,11 +27,11 @@ impl Progress {
     /// Creates the progress at a point with these rows and this energy. `worst` contains the index of the worst constraint row
     /// and its residual-to-tolerance ratio.
     pub fn at(rows: &Rows, worst: (usize, f64), energy: f64, penalty: f64) -> Self {
-        let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
+        let costs = rows.iter().filter(|(row, _)| matches!(row.role, Role::Cost { .. }));
         Self {
             iteration: 0,
             energy,
-            cost: costs.map(|row| row_energy(row, 0.0, penalty)[0]).sum(),
+            cost: costs.map(|(row, value)| row_energy(row, value, 0.0, penalty)[0]).sum(),
             worst_level: worst.1,
             worst_constraint: rows.rows[worst.0].family,
             damping: 0.0,
@@ -41,19 +41,18 @@ impl Progress {
 }
 
 /// Residual-to-tolerance ratio of a constraint; 0 for costs.
-pub fn level(row: &Row) -> f64 {
+pub fn level(row: &Row, value: f64) -> f64 {
     match row.role {
-        Role::Equality => row.value.abs() * row.scale / row.level,
-        Role::Inequality { .. } => row.value.max(0.0) * row.scale / row.level,
+        Role::Equality => value.abs() * row.scale / row.level,
+        Role::Inequality { .. } => value.max(0.0) * row.scale / row.level,
         Role::Cost { .. } => 0.0,
     }
 }
 
 /// Index of the worst constraint row, and its residual-to-tolerance ratio.
 pub fn worst(rows: &Rows) -> (usize, f64) {
-    rows.rows
-        .iter()
+    rows.iter()
         .enumerate()
-        .map(|(index, row)| (index, level(row)))
+        .map(|(index, (row, value))| (index, level(row, value)))
         .fold((0, 0.0), |worst, this| if this.1 > worst.1 { this } else { worst })
 }

@@ -28,6 +28,12 @@ pub struct Settings {
     pub nearly_flat: f64,
     /// Relative energy decrease of a step below which the solve ends if all constraints are met.
     pub flat: f64,
+    /// Relative change of the costs in an iteration below which the solve ends if all constraints are met.
+    ///
+    /// The energy is flat later than the costs: most of what is left of it belongs to inequalities that a step has taken into
+    /// the smoothing of ψ and that exert no force. Newton's method leaves an eighth of their cubic part in each iteration, while
+    /// the motion does not change.
+    pub flat_cost: f64,
 }
 
 impl Default for Settings {
@@ -38,6 +44,7 @@ impl Default for Settings {
             target_level: 0.05,
             nearly_flat: 0.1,
             flat: 1e-3,
+            flat_cost: 3e-3,
         }
     }
 }

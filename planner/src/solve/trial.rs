@@ -39,7 +39,7 @@ pub(super) struct Trials<'a> {
 
 impl Trials<'_> {
     /// Tries the damped Gauss-Newton step from a point with this energy. The step is corrected if it achieves too little of the
-    /// predicted decrease and the correction helps.
+    /// predicted decrease and the correction helps. `excess` is the amount by which the model exceeds the energy at the point.
     ///
     /// Returns the trial and the fraction of the predicted decrease that it achieves. `None` if the matrix with this damping is
     /// not positive definite.
@@ -50,14 +50,17 @@ impl Trials<'_> {
         energy: f64,
         shifts: &[f64],
         damping: f64,
+        excess: f64,
     ) -> Option<(Trial, f64)> {
-        let penalty = self.system.penalty();
         let step = normal.step(damping)?;
-        let promised = normal.promised_decrease(&step, damping);
+        let promised = normal.promised_decrease(&step, damping) - excess;
         let mut best = self.attempt(&from.unknowns, shifts, step);
+        if promised <= 0.0 {
+            return Some((best, f64::NEG_INFINITY));
+        }
         let kept = |trial: &Trial| (energy - trial.energy) / promised;
         if kept(&best) < BEND_BELOW {
-            let bend = normal.bend(&from.rows, &best.point.rows, shifts, penalty, &best.step);
+            let bend = normal.bend(&from.rows, &best.point.rows, &best.step);
             // A correction longer than the step shows that the rows are too curved for it to be valid.
             if let Some(bend) = bend.filter(|bend| squares(bend) <= squares(&best.step)) {
                 let step = best.step.iter().zip(&bend).map(|(step, bend)| step + bend).collect();
@@ -110,7 +113,7 @@ mod tests {
             // Damped so that the step is short enough for a second-order model.
             let step = normal.step(10.0 * penalty).unwrap();
             let straight = trials.attempt(&from, &shifts, step.clone());
-            let bend = normal.bend(&here, &straight.point.rows, &shifts, penalty, &step).unwrap();
+            let bend = normal.bend(&here, &straight.point.rows, &step).unwrap();
             let bent = step.iter().zip(&bend).map(|(a, b)| a + b).collect();
             let bent = trials.attempt(&from, &shifts, bent);
             assert!(squares(&bend) > 0.0, "{}: nothing is curved", robot.name);

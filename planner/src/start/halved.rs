@@ -4,18 +4,23 @@
 //! that, because every sample pulls on its neighbours. Resampled to twice the samples, the coarse plan is nearly feasible, and
 //! a few Gauss-Newton steps complete the solve.
 
+use super::any_rolls_freely;
 use crate::motion::{Ends, Motion, Subject};
+use rollwalk_robot::Robot;
 
 /// Sample count up to which a motion is not halved.
 const FEW: usize = 32;
+/// Sample count up to which a motion on free wheels or skates is not halved.
+const FEW_ON_FREE_WHEELS: usize = 12;
 /// Minimum number of samples of a swing.
 const LEAST_SWING: usize = 3;
 
 /// Returns the motion with half the samples. `None` if the samples are already few, if the footfalls would change, or if a
 /// target sets the height of a swing.
-pub fn halved(motion: &Motion) -> Option<Motion> {
+pub fn halved(robot: &Robot, motion: &Motion) -> Option<Motion> {
     let samples = motion.stance.len();
-    if samples <= FEW || motion.ends == Ends::Prescribed {
+    let few = if any_rolls_freely(robot, motion) { FEW_ON_FREE_WHEELS } else { FEW };
+    if samples <= few || motion.ends == Ends::Prescribed {
         return None;
     }
     let count = samples.div_ceil(2);
@@ -56,30 +61,34 @@ mod tests {
     use super::*;
     use crate::test_robots;
 
-    fn walking(flags: &str) -> Motion {
+    fn walking(flags: &str) -> (Robot, Motion) {
         let robot = test_robots::all().swap_remove(0);
         let mut motion = test_robots::motion(&robot, Ends::Periodic);
         let feet = robot.end_effectors.len();
         motion.stance =
             flags.chars().map(|c| (0..feet).map(|j| j > 0 || c == '#').collect()).collect();
         motion.targets.clear();
-        motion
+        (robot, motion)
     }
 
     #[test]
     fn halving_keeps_duration_and_swings() {
-        let fine = walking("######........##########################");
-        let coarse = halved(&fine).expect("swings are long enough");
+        let (robot, fine) = walking("######........##########################");
+        let coarse = halved(&robot, &fine).expect("swings are long enough");
         assert_eq!(coarse.stance.len(), 20);
         assert_eq!(coarse.duration_s, fine.duration_s);
         assert_eq!(swing_lengths(&coarse.stance, 0), [4]);
-        assert!(halved(&coarse).is_none(), "few samples are not halved");
+        assert!(halved(&robot, &coarse).is_none(), "few samples are not halved");
     }
 
     #[test]
     fn short_swings_are_not_halved() {
-        assert!(halved(&walking("######...###############################")).is_none());
-        // Every other sample misses the single sample of stance between two swings.
-        assert!(halved(&walking("#######........#........################")).is_none());
+        // Every other sample misses the single sample of stance between the two swings of the second one.
+        for flags in
+            ["######...###############################", "#######........#........################"]
+        {
+            let (robot, motion) = walking(flags);
+            assert!(halved(&robot, &motion).is_none());
+        }
     }
 }

@@ -23,6 +23,7 @@ use std::sync::Arc;
 /// Pattern of a system's rows, set by their first evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct Pattern {
+    rows: Arc<[Row]>,
     columns: Arc<[usize]>,
     /// End index of the entries of every row.
     ends: Vec<usize>,
@@ -52,8 +53,8 @@ pub enum Evaluation<'a> {
     Values,
     /// Values alone, for a problem other than the source of the pattern and of the reused rows.
     Again,
-    /// Derivatives of the rows that contribute to the energy with these multipliers, at a point whose values are known.
-    Derivatives(&'a [f64]),
+    /// Derivatives of the rows whose flags are set, at a point whose values are known.
+    Derivatives(&'a [bool]),
 }
 
 /// Collector of the rows of all terms.
@@ -62,8 +63,11 @@ pub struct RowWriter<'a> {
     columns: &'a Columns,
     placement: Placement,
     states: &'a [State],
-    rows: Vec<Row>,
+    values: Vec<f64>,
+    givens: Vec<(u32, ComparedField)>,
     derivatives: Vec<f64>,
+    /// Descriptions of the rows so far, if they are not those of the known pattern.
+    rows: Vec<Row>,
     wanted: Evaluation<'a>,
     /// Known pattern. If `None`, `found` contains the pattern of the rows so far.
     known: Option<&'a Pattern>,
@@ -96,9 +100,9 @@ pub struct RowWriter<'a> {
     written: [Vec<usize>; 3],
     /// Flags of the entries of `gradients` that were written.
     is_written: [Vec<bool>; 3],
-    /// Sample and variable of each derivative of the row under construction, in the order of writing, while the pattern is not
-    /// known.
-    calls: Vec<(usize, usize)>,
+    /// Sample, variable and value of each derivative of the row under construction, in the order of writing, while the pattern
+    /// is not known.
+    calls: Vec<(usize, usize, f64)>,
     /// Position of each column in the row under construction, or [`NO_POSITION`]; scratch memory over all columns.
     position: Vec<u32>,
 }
@@ -119,11 +123,10 @@ impl<'a> RowWriter<'a> {
         wanted: Evaluation<'a>,
         reuse: Rows,
     ) -> Self {
-        let Rows { mut rows, columns: of_reuse, mut derivatives, .. } = reuse;
-        // Of rows of the same system only values change.
-        if !known.is_some_and(|known| Arc::ptr_eq(&known.columns, &of_reuse)) {
-            rows.clear();
-            derivatives.clear();
+        let Rows { mut values, mut givens, mut derivatives, .. } = reuse;
+        if !matches!(wanted, Evaluation::Derivatives(_)) {
+            values.clear();
+            givens.clear();
         }
         derivatives.resize(known.map_or(0, |known| known.columns.len()), 0.0);
         let gradient = vec![0.0; problem.layout.len];
@@ -132,8 +135,10 @@ impl<'a> RowWriter<'a> {
             columns,
             placement: unknowns.placement,
             states,
-            rows,
+            values,
+            givens,
             derivatives,
+            rows: Vec::new(),
             wanted,
             known,
             found: Pattern::default(),
@@ -166,22 +171,26 @@ impl<'a> RowWriter<'a> {
         self.fits && self.known.is_none_or(|known| self.row == known.ends.len())
     }
 
-    /// Returns the finished rows, and their pattern if it was not known before.
+    /// Returns the finished rows, and their pattern if it was not known or belongs to another problem.
     pub fn finish(self) -> (Rows, Option<Pattern>) {
-        let Self { rows, derivatives, known, found, columns_found, wanted, .. } = self;
-        let differentiated = match wanted {
+        let Self { values, givens, derivatives, rows, known, found, columns_found, .. } = self;
+        let differentiated = match self.wanted {
             Evaluation::All => DifferentiatedRows::All,
             Evaluation::Values | Evaluation::Again => DifferentiatedRows::None,
-            Evaluation::Derivatives(_) => DifferentiatedRows::Counting,
+            Evaluation::Derivatives(_) => DifferentiatedRows::Some,
         };
-        if let Some(known) = known {
-            let columns = Arc::clone(&known.columns);
-            let states = Vec::new();
-            return (Rows { rows, columns, derivatives, differentiated, states }, None);
-        }
-        let columns: Arc<[usize]> = columns_found.into();
-        let found = Pattern { columns: Arc::clone(&columns), ..found };
-        (Rows { rows, columns, derivatives, differentiated, states: Vec::new() }, Some(found))
+        let found = match (known, self.wanted) {
+            (None, _) => {
+                Some(Pattern { rows: rows.into(), columns: columns_found.into(), ..found })
+            }
+            (Some(known), Evaluation::Again) => {
+                Some(Pattern { rows: rows.into(), ..known.clone() })
+            }
+            (Some(_), _) => None,
+        };
+        let Pattern { rows, columns, .. } = found.as_ref().or(known).expect("known or found");
+        let (rows, columns, states) = (Arc::clone(rows), Arc::clone(columns), Vec::new());
+        (Rows { rows, values, givens, columns, derivatives, differentiated, states }, found)
     }
 
     /// Begins rows of a family for these samples of the timeline.
@@ -233,7 +242,7 @@ impl<'a> RowWriter<'a> {
             return;
         }
         if self.known.is_none() {
-            self.calls.push((k, variable));
+            self.calls.push((k, variable, derivative));
         }
         // An entry that is zero here may be nonzero at the next point: it stays in the pattern.
         self.gradients[k][variable] += derivative;
@@ -260,7 +269,22 @@ impl<'a> RowWriter<'a> {
     }
 
     /// Ends a row for a part of the robot, with its residual in the family's unit.
+    #[inline]
     pub fn row_of(&mut self, subject: Subject, residual: f64) {
+        if !matches!(self.wanted, Evaluation::Derivatives(_)) {
+            if let Some(given) = self.given.take() {
+                self.givens.push((self.row as u32, given));
+            }
+            self.values.push(residual / self.scale);
+        }
+        match self.wanted {
+            Evaluation::Values => self.row += 1,
+            _ => self.end_row(subject),
+        }
+    }
+
+    /// Ends a row whose derivatives or description are requested.
+    fn end_row(&mut self, subject: Subject) {
         if !self.fits {
             return;
         }
@@ -278,27 +302,12 @@ impl<'a> RowWriter<'a> {
             }
             (true, false) => self.collect(),
         };
-        let (value, given) = (residual / self.scale, self.given.take());
-        let is_again = matches!(self.wanted, Evaluation::Again);
-        let new = || Row {
-            family: self.family,
-            at: self.at[1],
-            subject,
-            given,
-            value,
-            scale: self.scale,
-            level: self.level,
-            role: self.role,
-            entries: start..end,
-        };
-        match self.rows.get_mut(self.row) {
-            Some(row) if is_again => {
-                let new = new();
-                self.fits &= new.is_like(row);
-                *row = new;
-            }
-            Some(row) => (row.value, row.given) = (value, given),
-            None => self.rows.push(new()),
+        let known = self.known.map(|known| known.rows.get(self.row));
+        if known.is_none() || matches!(self.wanted, Evaluation::Again) {
+            let Self { family, at, scale, level, role, .. } = *self;
+            let row = Row { family, at: at[1], subject, scale, level, role, entries: start..end };
+            self.fits &= known.is_none_or(|known| known.is_some_and(|known| row.is_like(known)));
+            self.rows.push(row);
         }
         self.begin_next_row(end);
     }
@@ -318,10 +327,7 @@ impl<'a> RowWriter<'a> {
         self.differentiates = match self.wanted {
             Evaluation::All => true,
             Evaluation::Values | Evaluation::Again => false,
-            Evaluation::Derivatives(shifts) => {
-                let row = self.rows.get(self.row).zip(shifts.get(self.row));
-                row.is_some_and(|(row, &shift)| row.counts(shift))
-            }
+            Evaluation::Derivatives(of_rows) => of_rows.get(self.row).copied().unwrap_or_default(),
         };
         let Some(known) = self.known.filter(|_| self.differentiates) else { return };
         let Some(&end) = known.ends.get(self.row) else { return };
@@ -370,16 +376,26 @@ impl<'a> RowWriter<'a> {
         end
     }
 
-    /// Adds the row under construction to the pattern.
+    /// Adds the row under construction to the pattern. Sums the derivatives with destinations in the order of later evaluations,
+    /// so that all evaluations round alike.
     fn find(&mut self, is_direct: bool, end: usize) {
-        let Self { problem, columns, at, start, position, found, .. } = self;
+        let Self { problem, columns, at, start, scale, position, found, derivatives, .. } = self;
         let first = found.places.len();
         found.ends.push(end);
-        for (k, variable) in self.calls.drain(..).filter(|_| is_direct) {
+        if is_direct {
+            derivatives[*start..end].fill(0.0);
+        }
+        for (k, variable, derivative) in self.calls.drain(..).filter(|_| is_direct) {
             let column = columns.of_slot[problem.timeline[at[k]].slot][variable];
             let entry = column.map_or(NOWHERE, |column| *start as u32 + position[column]);
+            if let Some(sum) = derivatives.get_mut(entry as usize) {
+                *sum += derivative * problem.layout.scale[variable];
+            }
             let (sample, variable) = (k as u16, variable as u16);
             found.places.push(DerivativePlace { sample, variable, entry });
+        }
+        if is_direct && *scale != 1.0 {
+            derivatives[*start..end].iter_mut().for_each(|d| *d /= *scale);
         }
         found.of_rows.push(is_direct.then_some(first..found.places.len()));
     }

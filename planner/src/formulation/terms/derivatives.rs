@@ -42,11 +42,11 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
         let (plus, minus) = (shifted(1.0), shifted(-1.0));
         for (index, row) in base.rows.iter().enumerate() {
             // Where rows of clearances end, they have a kink.
-            let values = [row, &plus.rows[index], &minus.rows[index]].map(|row| row.value);
+            let values = [&base, &plus, &minus].map(|rows| rows.values[index]);
             if FamilySet::OBSTACLES.contains(row.family) && values.contains(&-FAR_M) {
                 continue;
             }
-            let numeric = (plus.rows[index].value - minus.rows[index].value) / (2.0 * STEP);
+            let numeric = (plus.values[index] - minus.values[index]) / (2.0 * STEP);
             let size = dense[index].iter().fold(1.0f64, |a, d| a.max(d.abs()));
             let error = (numeric - dense[index][column]).abs() / size;
             assert!(
@@ -148,10 +148,10 @@ fn no_row_changes_where_ground_and_robot_are_higher() {
         };
         let (low, high) = (rows(0.0), rows(UP_M));
         assert_eq!(low.columns, high.columns);
-        for (low, high) in low.rows.iter().zip(&high.rows) {
+        for ((row, low), high) in low.iter().zip(&high.values) {
             // Both round differently.
-            let error = (low.value - high.value).abs() / low.value.abs().max(1.0);
-            assert!(error < 1e-9, "{} of {}: {low:?} {high:?}", low.family, robot.name);
+            let error = (low - high).abs() / low.abs().max(1.0);
+            assert!(error < 1e-9, "{} of {}: {low} {high}", row.family, robot.name);
         }
         for (low, high) in low.derivatives.iter().zip(&high.derivatives) {
             let error = (low - high).abs() / low.abs().max(1.0);

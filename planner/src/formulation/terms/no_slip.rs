@@ -162,9 +162,9 @@ mod tests {
         };
         let slots = (0..problem.samples).map(slot).collect();
         let unknowns = Unknowns { slots, placement: Placement::default() };
-        let rows = System::new(&problem).rows(&unknowns, Rows::default()).rows;
-        let slips = rows.iter().filter(|row| row.family == Family::Slip);
-        slips.map(|row| row.value.abs()).fold(0.0, f64::max)
+        let rows = System::new(&problem).rows(&unknowns, Rows::default());
+        let slips = rows.iter().filter(|(row, _)| row.family == Family::Slip);
+        slips.map(|(_, value)| value.abs()).fold(0.0, f64::max)
     }
 
     #[test]

@@ -149,8 +149,8 @@ mod tests {
             }
         }
         let rows = System::new(&problem).rows(&unknowns, Rows::default());
-        let costs = rows.rows.iter().filter(|row| matches!(row.role, Role::Cost { .. }));
-        costs.map(|row| row_energy(row, 0.0, 1.0)[0]).sum()
+        let costs = rows.iter().filter(|(row, _)| matches!(row.role, Role::Cost { .. }));
+        costs.map(|(row, value)| row_energy(row, value, 0.0, 1.0)[0]).sum()
     }
 
     #[test]

@@ -85,11 +85,11 @@ mod tests {
             })
             .collect();
         let unknowns = Unknowns { slots, placement: Placement::default() };
-        let rows = System::new(&problem).rows(&unknowns, Rows::default()).rows;
+        let rows = System::new(&problem).rows(&unknowns, Rows::default());
         let held: Vec<f64> = rows
             .iter()
-            .filter(|row| row.family == Family::HeldWheel)
-            .map(|row| row.value.abs())
+            .filter(|(row, _)| row.family == Family::HeldWheel)
+            .map(|(_, value)| value.abs())
             .collect();
         assert_eq!(held.len(), 4);
         held.into_iter().fold(0.0, f64::max)

@@ -1,5 +1,6 @@
 //! Complete solves of small problems.
 
+use super::super::structures::Structures;
 use super::*;
 use crate::motion::{Ends, Goal, Motion};
 use crate::problem::Weights;
@@ -25,7 +26,13 @@ fn solved(settings: &Settings) -> (SolveOutcome, Vec<f64>) {
         energies.push(progress.energy);
         ControlFlow::Continue(())
     };
-    let solved = solve(&problem, unknowns, SolveMode::Cold, settings, &mut Effort::new(progress));
+    let solved = solve(
+        &problem,
+        unknowns,
+        SolveMode::Cold,
+        settings,
+        &mut Effort::new(&Structures::default(), progress),
+    );
     (solved.outcome, energies)
 }
 
@@ -72,7 +79,7 @@ fn methods_agree_on_the_optimum() {
         let unknowns = guess::from_standing(&problem);
         let settings = Settings { method, iterations: 60, ..Settings::default() };
         let go_on = &mut |_: &_| ControlFlow::Continue(());
-        let go_on = &mut Effort::new(go_on);
+        let go_on = &mut Effort::new(&Structures::default(), go_on);
         let outcome = solve(&problem, unknowns, SolveMode::Cold, &settings, go_on).outcome;
         (outcome.energy, outcome.unknowns)
     };

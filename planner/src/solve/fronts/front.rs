@@ -1,5 +1,8 @@
 //! Fronts: columns that are eliminated together, and the update matrices from earlier fronts.
 
+use super::kernel::padded;
+use pulp::NullaryFnOnce;
+
 /// Columns that are eliminated together. Positions refer to the order of elimination.
 #[derive(Debug)]
 pub(super) struct Front {
@@ -9,19 +12,32 @@ pub(super) struct Front {
     pub pivots: usize,
     /// Positions of the later columns that the pivots couple, ascending.
     pub border: Vec<usize>,
-    /// Offset of the front's panel. The panel has a column for each pivot, and a line for each pivot and border column.
+    /// Offset of the front's panel. The panel has a column for each pivot, and a line for each pivot and border column. Lines
+    /// of pivots are padded, and so are lines of the border.
     pub panel: usize,
     /// Earlier fronts whose borders begin in these pivots.
     pub children: Vec<Child>,
 }
 
 impl Front {
+    /// Number of lines before the border.
+    pub fn head(&self) -> usize {
+        padded(self.pivots)
+    }
+
+    /// Length of a column of the panel.
     pub fn lines(&self) -> usize {
-        self.pivots + self.border.len()
+        self.head() + padded(self.border.len())
     }
 
     pub fn panel(&self) -> std::ops::Range<usize> {
         self.panel..self.panel + self.lines() * self.pivots
+    }
+
+    /// Returns the index of the product of the pivot `a` with `b` in the panels; `None` if the front does not contain `b`.
+    pub fn entry(&self, a: usize, b: usize) -> Option<usize> {
+        let line = self.line(b, 0)?;
+        Some(self.panel + (a - self.first) * self.lines() + line)
     }
 
     /// Returns the line of a position; `None` if the front does not contain it. `before` is a guess of the line just before it.
@@ -29,11 +45,11 @@ impl Front {
         if at < self.first + self.pivots {
             return at.checked_sub(self.first);
         }
-        let next = (before + 1).checked_sub(self.pivots);
+        let next = (before + 1).checked_sub(self.head());
         if let Some(next) = next.filter(|&next| self.border.get(next) == Some(&at)) {
-            return Some(self.pivots + next);
+            return Some(self.head() + next);
         }
-        self.border.binary_search(&at).ok().map(|line| self.pivots + line)
+        self.border.binary_search(&at).ok().map(|line| self.head() + line)
     }
 }
 
@@ -55,40 +71,69 @@ pub(super) struct Run {
     pub count: usize,
 }
 
-impl Child {
-    /// Extend-add: scatters the child's update matrix, a lower triangle by columns, into the parent's pivot columns.
-    pub fn add_to_pivots(&self, left: &[f64], panel: &mut [f64], lines: usize) {
-        self.add(0..self.of_pivots, left, panel, lines, 0);
-    }
+/// Extend-add: scatters columns of a child's update matrix, a lower triangle by padded columns, into a matrix of its parent.
+pub(super) struct ExtendAdd<'a> {
+    runs: &'a [Run],
+    /// Runs whose columns are added.
+    columns: std::ops::Range<usize>,
+    update: &'a [f64],
+    matrix: &'a mut [f64],
+    /// Length of a column of `matrix`.
+    lines: usize,
+    /// Line of the parent that is the first line and column of `matrix`.
+    skipped: usize,
+}
 
-    /// Extend-add: scatters the rest of the child's update matrix into the parent's update matrix.
-    pub fn add_to_border(&self, left: &[f64], update: &mut [f64], width: usize, pivots: usize) {
-        self.add(self.of_pivots..self.runs.len(), left, update, width, pivots);
-    }
-
-    /// Adds the columns of some runs to a matrix. The first line and column of the matrix is line `skipped` of the parent.
-    fn add(
-        &self,
-        columns: std::ops::Range<usize>,
-        left: &[f64],
-        matrix: &mut [f64],
+impl<'a> ExtendAdd<'a> {
+    /// Adds to the pivot columns of the parent.
+    pub fn to_pivots(
+        child: &'a Child,
+        update: &'a [f64],
+        panel: &'a mut [f64],
         lines: usize,
-        skipped: usize,
-    ) {
-        let count = self.runs.last().map_or(0, |run| run.from + run.count);
+    ) -> Self {
+        let Child { runs, of_pivots, .. } = child;
+        Self { runs, columns: 0..*of_pivots, update, matrix: panel, lines, skipped: 0 }
+    }
+
+    /// Adds the other columns to the update matrix of the parent, whose border begins at line `head`.
+    pub fn to_border(
+        child: &'a Child,
+        update: &'a [f64],
+        matrix: &'a mut [f64],
+        lines: usize,
+        head: usize,
+    ) -> Self {
+        let Child { runs, of_pivots, .. } = child;
+        Self { runs, columns: *of_pivots..runs.len(), update, matrix, lines, skipped: head }
+    }
+}
+
+impl NullaryFnOnce for ExtendAdd<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { runs, columns, update, matrix, lines, skipped } = self;
+        let stride = padded(runs.last().map_or(0, |run| run.from + run.count));
         for index in columns {
-            let run = self.runs[index];
+            let run = runs[index];
             for k in 0..run.count {
-                let source = &left[(run.from + k) * count..][..count];
+                let source = &update[(run.from + k) * stride..][..stride];
                 let target = &mut matrix[(run.to + k - skipped) * lines..][..lines];
-                let mut add = |from: usize, to: usize, count: usize| {
-                    let (from, to) =
-                        (&source[from..][..count], &mut target[to - skipped..][..count]);
-                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
-                };
-                add(run.from + k, run.to + k, run.count - k);
-                self.runs[index + 1..].iter().for_each(|run| add(run.from, run.to, run.count));
+                add(&source[run.from + k..run.from + run.count], target, run.to + k - skipped);
+                for run in &runs[index + 1..] {
+                    add(&source[run.from..][..run.count], target, run.to - skipped);
+                }
             }
         }
     }
+}
+
+/// Adds entries to consecutive lines. A function is used because a closure would be compiled without the vector instructions
+/// of the processor.
+#[inline(always)]
+fn add(from: &[f64], target: &mut [f64], line: usize) {
+    let target = &mut target[line..][..from.len()];
+    target.iter_mut().zip(from).for_each(|(to, from)| *to += from);
 }

@@ -165,11 +165,11 @@ fn assign_parents(fronts: &mut [Front]) {
         for (from, &at) in before[child].border.iter().enumerate() {
             line = parent.line(at, line).expect("a parent's lines are those of its children");
             match runs.last_mut() {
-                Some(run) if run.to + run.count == line && line != parent.pivots => run.count += 1,
+                Some(run) if run.to + run.count == line && line != parent.head() => run.count += 1,
                 _ => runs.push(Run { from, to: line, count: 1 }),
             }
         }
-        let of_pivots = runs.partition_point(|run| run.to < parent.pivots);
+        let of_pivots = runs.partition_point(|run| run.to < parent.head());
         parent.children.push(Child { front: child, runs, of_pivots });
     }
 }

@@ -51,7 +51,8 @@ impl Timeline {
     /// periodic timeline and at the end of a transition also contain the placement.
     fn rows(&self, columns: &Columns, seed: u64) -> Rows {
         let mut random = uniform(seed);
-        let (mut rows, mut of_entries) = (Rows::default(), Vec::new());
+        let mut rows = Rows::default();
+        let (mut of_rows, mut of_entries) = (Vec::new(), Vec::new());
         for middle in 0..self.slots {
             for _ in 0..self.variables {
                 let start = of_entries.len();
@@ -75,12 +76,11 @@ impl Timeline {
                     of_entries.extend(columns.placement.into_iter().flatten());
                 }
                 rows.derivatives.resize_with(of_entries.len(), &mut random);
-                rows.rows.push(Row {
+                rows.values.push(random());
+                of_rows.push(Row {
                     family: Family::Slip,
                     at: middle + 1,
                     subject: Subject::Whole,
-                    given: None,
-                    value: random(),
                     scale: 1.0,
                     level: 1.0,
                     role: Role::Equality,
@@ -88,7 +88,7 @@ impl Timeline {
                 });
             }
         }
-        rows.columns = of_entries.into();
+        (rows.rows, rows.columns) = (of_rows.into(), of_entries.into());
         rows
     }
 }
@@ -110,11 +110,11 @@ proptest! {
         let mut fronts = Fronts::new(&rows, &counts, &columns, &locals);
         let mut panels = vec![0.0; fronts.len()];
         let mut dense = DMatrix::<f64>::zeros(columns.count, columns.count);
-        for row in &rows.rows {
+        for row in rows.rows.iter() {
             let derivatives = &rows.derivatives[row.entries.clone()];
             let of_row = &rows.columns[row.entries.clone()];
-            let places = fronts.scatter_map(of_row).expect("fronts have room for their rows");
-            fronts.add(&places, derivatives, 2.0, &mut panels, &mut Vec::new());
+            let places = fronts.scatter_map(&[of_row]).expect("fronts have room for their rows");
+            fronts.add(&places, &[(derivatives, Some(2.0))], &mut panels, &mut Vec::new());
             for (one, d) in of_row.iter().zip(derivatives) {
                 for (other, e) in of_row.iter().zip(derivatives) {
                     dense[(*one, *other)] += 2.0 * d * e;

@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-12;
 fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
     let mut random = uniform(seed);
     let mut rows = Rows::default();
-    let mut columns = Vec::new();
+    let (mut of_rows, mut columns) = (Vec::new(), Vec::new());
     for index in 0..24 {
         let role = match index % 3 {
             0 => Role::Equality,
@@ -26,19 +26,18 @@ fn random_rows(seed: u64) -> (Rows, Vec<f64>) {
             columns.push((index * 5 + 7 * k) % COLUMNS); // 7 and 9 have no common factor: distinct
             rows.derivatives.push(random());
         }
-        rows.rows.push(Row {
+        rows.values.push(random());
+        of_rows.push(Row {
             family: crate::families::Family::Slip,
             at: 1,
             subject: crate::formulation::rows::Subject::Whole,
-            given: None,
-            value: random(),
             scale: 1.0,
             level: 1.0,
             role,
             entries: start..columns.len(),
         });
     }
-    rows.columns = columns.into();
+    (rows.rows, rows.columns) = (of_rows.into(), columns.into());
     let shifts = rows.rows.iter().map(|_| 0.2 * random()).collect();
     (rows, shifts)
 }
@@ -53,12 +52,12 @@ fn slots(count: usize) -> Columns {
 fn dense(rows: &Rows, shifts: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
     let mut gradient = DVector::zeros(COLUMNS);
     let mut matrix = DMatrix::zeros(COLUMNS, COLUMNS);
-    for (row, &shift) in rows.rows.iter().zip(shifts) {
+    for ((row, value), &shift) in rows.iter().zip(shifts) {
         let mut jacobian = DVector::zeros(COLUMNS);
         for entry in row.entries.clone() {
             jacobian[rows.columns[entry]] += rows.derivatives[entry];
         }
-        let [_, slope, curvature] = row_energy(row, shift, PENALTY);
+        let [_, slope, curvature] = row_energy(row, value, shift, PENALTY);
         gradient += &jacobian * slope;
         matrix += &jacobian * jacobian.transpose() * curvature;
     }
@@ -79,7 +78,7 @@ fn gradient_matrix_and_step_are_those_of_dense_algebra() {
         }
         let mut sparse = DMatrix::zeros(COLUMNS, COLUMNS);
         for column in 0..COLUMNS {
-            for (place, line) in normal.fronts.lines_of(column) {
+            for (place, line) in normal.elimination.fronts.lines_of(column) {
                 sparse[(line, column)] = normal.matrix[place];
                 sparse[(column, line)] = normal.matrix[place];
             }
@@ -105,19 +104,16 @@ fn gradient_matrix_and_step_are_those_of_dense_algebra() {
 fn the_slope_of_the_energy_is_its_derivative() {
     let (rows, shifts) = random_rows(4);
     let step = 1e-6; // central differences: step² and rounding 1e-16/step of energies near 40
-    for (row, &shift) in rows.rows.iter().zip(&shifts) {
-        let at = |offset: f64| {
-            let moved = Row { value: row.value + offset, ..row.clone() };
-            row_energy(&moved, shift, PENALTY)
-        };
+    for ((row, value), &shift) in rows.iter().zip(&shifts) {
+        let at = |offset: f64| row_energy(row, value + offset, shift, PENALTY);
         let [plus, here, minus] = [at(step), at(0.0), at(-step)];
         for (value, derivative) in [(0, 1), (1, 2)] {
             let numeric = (plus[value] - minus[value]) / (2.0 * step);
             assert!((numeric - here[derivative]).abs() < 1e-6 * PENALTY, "{:?}", row.role);
         }
     }
-    let total: f64 =
-        rows.rows.iter().zip(&shifts).map(|(r, &s)| row_energy(r, s, PENALTY)[0]).sum();
+    let energies = rows.iter().zip(&shifts).map(|((row, r), &s)| row_energy(row, r, s, PENALTY)[0]);
+    let total: f64 = energies.sum();
     assert_eq!(NormalEquations::energy(&rows, &shifts, PENALTY), total);
 }
 

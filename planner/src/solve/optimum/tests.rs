@@ -38,26 +38,25 @@ impl Residuals for Toy<'_> {
     fn rows(&self, step: &[f64], _: &[f64], _: Rows) -> Rows {
         let mut rows = Rows::default();
         rows.differentiated = DifferentiatedRows::All;
-        let mut columns = Vec::new();
+        let (mut of_rows, mut columns) = (Vec::new(), Vec::new());
         for (&role, (value, derivatives)) in
             self.roles.iter().zip((self.rows)(&along(&self.base, 1.0, step)))
         {
             let start = columns.len();
             columns.extend(0..derivatives.len());
             rows.derivatives.extend(derivatives);
-            rows.rows.push(Row {
+            rows.values.push(value);
+            of_rows.push(Row {
                 family: Family::Slip,
                 at: 1,
                 subject: Subject::Whole,
-                given: None,
-                value,
                 scale: 1.0,
                 level: 1.0,
                 role,
                 entries: start..columns.len(),
             });
         }
-        rows.columns = columns.into();
+        (rows.rows, rows.columns) = (of_rows.into(), columns.into());
         rows
     }
 }

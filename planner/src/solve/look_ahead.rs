@@ -1,0 +1,60 @@
+//! Planes of inequalities that a trial step has run into.
+//!
+//! Gauss-Newton sees no curvature of an inequality that is satisfied by a margin. A step that runs into joint torques or friction
+//! cones is therefore rejected, and damping would shorten all further steps. Looking ahead linearises these inequalities where
+//! the trial step ends, and adds the planes to the normal equations of the present point: the next step stays clear of them. A
+//! plane at the present point would have the wrong sign, because torques enter by their absolute values and cones are convex.
+
+use super::normal::NormalEquations;
+use super::one_sided::one_sided_square;
+use super::trial::{Point, Trial};
+use crate::formulation::System;
+use crate::formulation::rows::Role;
+
+/// Smallest share of the rise of the energy that belongs to these inequalities. If something else rises, planes do not help.
+const LEAST_SHARE: f64 = 0.3;
+
+/// Adds the planes to the normal equations. Returns the amount by which the model exceeds the energy at the present point, or
+/// `None` if nothing was added.
+pub(super) fn look_ahead(
+    system: &System<'_>,
+    normal: &mut NormalEquations,
+    here: &Point,
+    energy: f64,
+    shifts: &[f64],
+    trial: &mut Trial,
+) -> Option<f64> {
+    let penalty = system.penalty();
+    let Point { unknowns, rows: there } = &mut trial.point;
+    let mut run_into = vec![false; shifts.len()];
+    let mut added = 0.0;
+    for (index, ((row, value), &shift)) in here.rows.iter().zip(shifts).enumerate() {
+        let Role::Inequality { band } = row.role else { continue };
+        let shifted = there.values[index] + shift;
+        if row.counts(shifted) && !row.counts(value + shift) {
+            run_into[index] = true;
+            added += penalty * one_sided_square(shifted, band)[0];
+        }
+    }
+    if added <= LEAST_SHARE * (trial.energy - energy).max(0.0) {
+        return None;
+    }
+    system.differentiate_some(unknowns, there, &run_into);
+    let mut excess = None;
+    for (index, row) in here.rows.rows.iter().enumerate() {
+        let (true, Role::Inequality { band }) = (run_into[index], row.role) else { continue };
+        let derivatives = &there.derivatives[row.entries.clone()];
+        let columns = &here.rows.columns[row.entries.clone()];
+        let change: f64 = derivatives.iter().zip(columns).map(|(d, &c)| d * trial.step[c]).sum();
+        let shifted = there.values[index] + shifts[index];
+        // Value of the plane at the present point, where the inequality is satisfied.
+        let base = (shifted - change).min(0.0);
+        let back = shifted - base;
+        let [value, slope, curvature] = one_sided_square(shifted, band).map(|v| penalty * v);
+        if normal.add_row(&here.rows, index, derivatives, [slope - curvature * back, curvature]) {
+            let at_base = value - slope * back + 0.5 * curvature * back * back;
+            *excess.get_or_insert(0.0) += at_base;
+        }
+    }
+    excess
+}
