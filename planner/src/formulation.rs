@@ -224,9 +224,12 @@ impl<'a> System<'a> {
         mut reuse: Rows,
     ) -> Rows {
         let Self { problem, selection, columns, pattern, fits } = self;
+        let known_states = std::mem::take(&mut reuse.states);
         let mut states = match wanted {
-            Evaluation::Derivatives(_) => std::mem::take(&mut reuse.states),
-            Evaluation::Values | Evaluation::All | Evaluation::Again => problem.states(unknowns),
+            Evaluation::Derivatives(_) => known_states,
+            Evaluation::Values | Evaluation::All | Evaluation::Again => {
+                problem.states_in(unknowns, known_states)
+            }
         };
         let wanted = if known.is_some() { wanted } else { Evaluation::All };
         if matches!(wanted, Evaluation::All | Evaluation::Derivatives(_)) {

@@ -273,20 +273,36 @@ impl Problem {
 
     /// Evaluates the whole timeline, without derivatives of its kinematics.
     pub fn states(&self, unknowns: &Unknowns) -> Vec<State> {
-        let mut states: Vec<State> = self
-            .timeline
-            .iter()
-            .map(|s| {
-                let vars = s.lift.apply(&self.layout, &unknowns.slots[s.slot], &unknowns.placement);
-                State::new(&self.model, &self.layout, &self.ground, vars)
-            })
-            .collect();
+        self.states_in(unknowns, Vec::new())
+    }
+
+    /// Evaluates the timeline as [`states`](Self::states) does, in the memory of earlier states.
+    pub fn states_in(&self, unknowns: &Unknowns, mut states: Vec<State>) -> Vec<State> {
+        let Self { model, layout, ground, timeline, .. } = self;
+        let is_of = |state: &State| state.is_of(model, layout);
+        if states.len() == timeline.len() && states.iter().all(is_of) {
+            for (state, sample) in states.iter_mut().zip(timeline) {
+                let stored = &unknowns.slots[sample.slot];
+                state.vars.copy_from(stored);
+                sample.lift.lift(layout, stored, &unknowns.placement, &mut state.vars);
+                state.update(model, layout, ground);
+            }
+        } else {
+            states.clear();
+            states.extend(timeline.iter().map(|sample| {
+                let stored = &unknowns.slots[sample.slot];
+                let vars = sample.lift.apply(layout, stored, &unknowns.placement);
+                State::new(model, layout, ground, vars)
+            }));
+        }
         for t in 1..states.len() {
-            let swept = self.model.swept_moment_value(&states[t - 1].pose, &states[t].pose);
-            states[t - 1].swept_to_next = Some(swept);
+            let [from, to] = &mut states[t - 1..=t] else { unreachable!("two states") };
+            let swept = from.swept_to_next.get_or_insert_default();
+            model.update_swept_moment(&from.pose, &to.pose, swept);
         }
         states
     }
+
     /// Computes the derivatives of the kinematics of a timeline that are not computed yet.
     pub fn differentiate(&self, states: &mut [State]) {
         for state in states.iter_mut() {

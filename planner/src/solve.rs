@@ -44,9 +44,8 @@ const MOST_WITHOUT_STEP: usize = 3;
 const DAMPING_LIMIT: f64 = 1e12;
 /// Damping below which a step hardly changes.
 const DAMPING_FELT: f64 = 1e-4;
-/// Factor on the damping after the first rejection of a step, and after further ones.
+/// Factor on the damping after a rejected step.
 const RAISE: f64 = 6.0;
-const RAISE_AGAIN: f64 = 12.0;
 /// Number of iterations before a solve looks ahead. An easy solve ends before looking ahead pays.
 const EASY_ITERATIONS: usize = 12;
 /// Fraction of the predicted decrease below which a step looks ahead.
@@ -302,9 +301,8 @@ impl<'a> Solver<'a> {
             } else if lost > -1e-13 * energy {
                 break; // As low as rounding lets it get.
             }
-            let times = if rejected { RAISE_AGAIN } else { RAISE };
             rejected = true;
-            self.damping = (self.damping * times).max(DAMPING_FELT);
+            self.damping = (self.damping * RAISE).max(DAMPING_FELT);
         }
         StepEffect { decrease: 0.0, mismatch: f64::INFINITY }
     }

@@ -64,8 +64,8 @@ const SEED_STRIDE: u64 = 1000;
 /// - On free wheels that can be steered, it tries two random swings, then standing.
 /// - Otherwise, it tries standing, then small random swings and a large one. For motions with steps, the warm start is last,
 ///   because it takes longest.
-/// - With many samples, [`Start::Coarse`] is added: first on free wheels and skates, whose strokes are hardly found otherwise,
-///   and second on others.
+/// - On free wheels and skates, whose strokes are hardly found otherwise, [`Start::Coarse`] precedes the first of these starts.
+///   With many samples it is also the second candidate of other motions.
 pub(crate) fn in_order(
     robot: &Robot,
     motion: &Motion,
@@ -88,7 +88,10 @@ pub(crate) fn in_order(
         chosen => vec![(chosen, seed)],
     };
     if start == Start::Auto && halved(robot, motion).is_some() {
-        starts.insert(usize::from(!any_rolls_freely(robot, motion)), (Start::Coarse, seed));
+        match any_rolls_freely(robot, motion) {
+            true => starts[0].0 = Start::Coarse,
+            false => starts.insert(1, (Start::Coarse, seed)),
+        }
     }
     starts
 }
@@ -111,7 +114,7 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
 }
 
 /// Returns true if any end effector rolls freely in stance.
-fn any_rolls_freely(robot: &Robot, motion: &Motion) -> bool {
+pub(crate) fn any_rolls_freely(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j))
 }
 

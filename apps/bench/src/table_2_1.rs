@@ -14,7 +14,7 @@ const GOAL_ERROR: f64 = 1e-3;
 /// Limit of the CPU time per second of motion, s: planned from scratch and replanned.
 const MUST: [f64; 2] = [0.100, 0.020];
 /// Aim of the CPU time per second of motion, s: planned from scratch and replanned.
-const AIM: [f64; 2] = [0.040, 0.010];
+const AIM: [f64; 2] = [0.012, 0.004];
 
 /// Rows: motion file and the thesis's time, s. The thesis has no times of choreographed motions.
 pub const ROWS: &[(&str, Option<f64>)] = &[

@@ -3,10 +3,10 @@
 use super::effort::Effort;
 use super::neighbour;
 use super::probed_solve::{DiagnosedOutcome, solve, solve_selected};
-use super::request::Request;
+use super::request::{Options, Request};
 use super::solution::Solution;
 use crate::motion::Motion;
-use crate::plan::{SolveStart, StartKind};
+use crate::plan::{SolveStart, StartKind, Status};
 use crate::problem::{Problem, Unknowns};
 use crate::solve::{Settings, SolveMode};
 use crate::start::{self, Start, WarmStart};
@@ -42,12 +42,27 @@ fn attempt_with(
 }
 
 /// Solves a request from the plan with half its samples. That plan in turn may come from a plan with a quarter of them.
+///
+/// On free wheels and skates this is the first candidate, and stands for the start without halving: if no plan is found in this
+/// way, that start decides.
 fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -> Solution {
+    let Request { robot, motion, options } = request;
+    let decides = start::any_rolls_freely(robot, motion);
+    let attempt_without_halving = |effort: &mut Effort<'_>| {
+        let options = &Options { start: start::without_halving(robot, motion), ..options.clone() };
+        attempt(Request { options, ..request }, effort)
+    };
     // A start needs no torques.
     let request_coarse = Request { motion: halved, ..request };
     let coarse = attempt_with(DiagnosedOutcome::write_without_torques, request_coarse, effort).plan;
+    if decides && coarse.solve.status == Status::Infeasible {
+        return attempt_without_halving(effort);
+    }
     let mut solution =
         neighbour::from(&coarse, None, request, effort).expect("one robot, one kind of ends");
+    if decides && matches!(solution.plan.solve.status, Status::Infeasible | Status::Stalled) {
+        return attempt_without_halving(effort);
+    }
     solution.plan.solve.start =
         SolveStart { kind: StartKind::Coarse, seed: coarse.solve.start.seed };
     solution

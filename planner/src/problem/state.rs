@@ -192,17 +192,36 @@ impl State {
     /// Evaluates a sample without the derivatives of its kinematics.
     pub fn new(model: &Model, layout: &Layout, ground: &ElevationMap, vars: DVector<f64>) -> Self {
         let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
-        let frames = layout
-            .end_effectors
-            .iter()
-            .zip(&model.robot().end_effectors)
-            .map(|(at, ee)| {
-                let angles = at.wheel.map(|wheel| [vars[wheel.tilt], vars[wheel.yaw]]);
-                let contact = vars.fixed_rows::<3>(at.position).into();
-                ContactFrame::new(ee.radius_m, angles, ground, &contact)
-            })
-            .collect();
-        Self { vars, pose, frames, swept_to_next: None }
+        let mut state = Self { vars, pose, frames: Vec::new(), swept_to_next: None };
+        state.update_frames(model, layout, ground);
+        state
+    }
+
+    /// Returns true if the state is one of this robot, so that its memory can be reused.
+    pub fn is_of(&self, model: &Model, layout: &Layout) -> bool {
+        let Pose { frames, end_effectors, .. } = &self.pose;
+        let robot = model.robot();
+        self.vars.len() == layout.len
+            && frames.link_origins.len() == robot.links.len()
+            && frames.joint_axes.len() == robot.joints.len()
+            && end_effectors.len() == robot.end_effectors.len()
+    }
+
+    /// Evaluates the sample again after a change of its variables.
+    pub fn update(&mut self, model: &Model, layout: &Layout, ground: &ElevationMap) {
+        model.update_pose(&self.vars.as_slice()[..layout.dofs], &mut self.pose);
+        self.update_frames(model, layout, ground);
+    }
+
+    fn update_frames(&mut self, model: &Model, layout: &Layout, ground: &ElevationMap) {
+        let Self { vars, frames, .. } = self;
+        let end_effectors = layout.end_effectors.iter().zip(&model.robot().end_effectors);
+        frames.clear();
+        frames.extend(end_effectors.map(|(at, ee)| {
+            let angles = at.wheel.map(|wheel| [vars[wheel.tilt], vars[wheel.yaw]]);
+            let contact = vars.fixed_rows::<3>(at.position).into();
+            ContactFrame::new(ee.radius_m, angles, ground, &contact)
+        }));
     }
 
     /// Sums of the ground forces and of their moments about the centre of mass.

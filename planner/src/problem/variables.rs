@@ -161,9 +161,21 @@ impl Lift {
         placement: &Placement,
     ) -> DVector<f64> {
         let mut lifted = stored.clone();
+        self.lift(layout, stored, placement, &mut lifted);
+        lifted
+    }
+
+    /// Writes the lifted variables to `lifted`, which contains the stored ones.
+    pub fn lift(
+        self,
+        layout: &Layout,
+        stored: &DVector<f64>,
+        placement: &Placement,
+        lifted: &mut DVector<f64>,
+    ) {
         let offset = Vector3::new(placement.offset_m[0], placement.offset_m[1], 0.0);
         let (turn, before, after) = match self {
-            Self::Identity => return lifted,
+            Self::Identity => return,
             Self::Placed => (placement.yaw_rad, Vector3::zeros(), offset),
             Self::PlacedBack => (-placement.yaw_rad, -offset, Vector3::zeros()),
         };
@@ -179,7 +191,6 @@ impl Lift {
         for k in layout.headings() {
             lifted[k] += turn;
         }
-        lifted
     }
 
     /// Converts a gradient with respect to the placed sample to one with respect to the stored sample, in place. Returns the

@@ -59,7 +59,7 @@ impl Fronts {
             factor: vec![0.0; fronts.last().map_or(0, |front| front.panel().end)],
             spare: Vec::new(),
             left: vec![Vec::new(); fronts.len()],
-            simd: pulp::Arch::new(),
+            simd: processor(),
             fronts,
         }
     }
@@ -157,6 +157,14 @@ impl Fronts {
         }
         self.order.iter().zip(x).for_each(|(&column, x)| vector[column] = x);
     }
+}
+
+/// Detects the vector instructions of the processor.
+fn processor() -> pulp::Arch {
+    // A WebAssembly module with vector instructions loads only where they exist.
+    #[cfg(target_arch = "wasm32")]
+    pulp::wasm::enable_simd128();
+    pulp::Arch::new()
 }
 
 #[cfg(test)]

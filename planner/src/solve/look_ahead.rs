@@ -58,3 +58,61 @@ pub(super) fn look_ahead(
     }
     excess
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::trial::Trials;
+    use super::*;
+    use crate::formulation::rows::Rows;
+    use crate::motion::Ends;
+    use crate::problem::{Problem, Weights};
+    use crate::start::guess;
+    use crate::test_robots;
+    use rollwalk_multibody::euler::Model;
+
+    /// Energy at one point of the inequalities that count at a second but not at a third.
+    fn energy_of(at: &Rows, counting: &Rows, idle: &Rows) -> f64 {
+        let rows = idle.iter().zip(counting.values.iter().zip(&at.values));
+        rows.map(|((row, idle), (&counting, &value))| match row.role {
+            Role::Inequality { band } if !row.counts(idle) && row.counts(counting) => {
+                one_sided_square(value, band)[0]
+            }
+            _ => 0.0,
+        })
+        .sum()
+    }
+
+    #[test]
+    fn the_next_step_stays_clear_of_what_the_first_ran_into() {
+        let mut looked = 0;
+        for robot in test_robots::all() {
+            // Too fast for the torques of the joints.
+            let mut motion = test_robots::motion(&robot, Ends::Periodic);
+            motion.duration_s *= 0.4;
+            let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
+            let system = System::new(&problem);
+            let unknowns = guess::from_standing(&problem);
+            let rows = system.rows(&unknowns, Rows::default());
+            let shifts = vec![0.0; rows.rows.len()];
+            let mut normal = NormalEquations::new(&rows, system.columns());
+            normal.assemble(&rows, &shifts, system.penalty());
+            let energy = NormalEquations::energy(&rows, &shifts, system.penalty());
+            let here = Point { unknowns, rows };
+            let mut trials = Trials { system: &system, spare: Vec::new() };
+            let mut step = |normal: &mut NormalEquations, excess: f64| {
+                let damping = 1e-3;
+                trials.take(normal, &here, energy, &shifts, damping, excess).expect("definite").0
+            };
+            let mut trial = step(&mut normal, 0.0);
+            let look = look_ahead(&system, &mut normal, &here, energy, &shifts, &mut trial);
+            let Some(excess) = look else { continue };
+            looked += 1;
+            assert!(excess >= 0.0, "{}: {excess}", robot.name);
+            let next = step(&mut normal, excess).point.rows;
+            let first = &trial.point.rows;
+            let [before, after] = [first, &next].map(|rows| energy_of(rows, first, &here.rows));
+            assert!(after < 0.8 * before, "{}: {before} {after}", robot.name);
+        }
+        assert!(looked > 0, "no robot ran into an inequality");
+    }
+}

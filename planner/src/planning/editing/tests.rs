@@ -62,16 +62,16 @@ fn edits_one_after_the_other_end_where_plans_without_anything_kept_do() {
 #[test]
 fn an_edit_of_which_the_quadratic_model_is_right_takes_one_iteration() {
     let (robot, motion) = read("anymal_turn.toml");
-    let before = optimise_solution(&robot, &motion, &options(), &mut on);
+    let tighter = Options {
+        settings: Settings { flat: 1e-9, flat_cost: 1e-9, ..options().settings },
+        ..options()
+    };
+    let before = optimise_solution(&robot, &motion, &tighter, &mut on);
     let mut editing = Editing::new(before, &options());
     let edited = longer(&robot, 0.002);
     let plan = editing.replan(&edited, &motion, &mut on).unwrap().plan;
     assert!(plan.solve.status == Status::Converged && plan.solve.iterations == 1);
     // Costs change by less than they may if it goes on.
-    let tighter = Options {
-        settings: Settings { flat: 1e-9, flat_cost: 1e-9, ..options().settings },
-        ..options()
-    };
     let mut on_from = Editing::new(editing.last().clone(), &tighter);
     let further = on_from.replan(&edited, &motion, &mut on).unwrap().plan;
     let (ended, further) = (cost(&plan), cost(&further));

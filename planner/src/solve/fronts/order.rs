@@ -27,21 +27,39 @@ impl Locals {
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
         let place = column_variables(columns);
         let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
-        // Whether variables of one slot and of another are in one row.
-        let mut across = vec![vec![false; variables]; variables];
+        // Sets of variables, as bits: those that share a row with a variable of another slot.
+        let words = variables.div_ceil(64);
+        let mut across = vec![0u64; variables * words];
+        // Slots of the present row, and the set of its variables in each of them.
+        let (mut slots, mut sets): (Vec<usize>, Vec<u64>) = (Vec::new(), Vec::new());
         for row in rows.rows.iter().filter(|row| !is_inequality(row)) {
             let entries = || rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c]);
+            (slots.clear(), sets.clear());
             for (slot, variable) in entries() {
-                for (_, other) in entries().filter(|(other_slot, _)| *other_slot != slot) {
-                    across[variable][other] = true;
+                let at = slots.iter().position(|other| *other == slot).unwrap_or_else(|| {
+                    slots.push(slot);
+                    sets.resize(slots.len() * words, 0);
+                    slots.len() - 1
+                });
+                sets[at * words + variable / 64] |= 1 << (variable % 64);
+            }
+            if slots.len() < 2 {
+                continue;
+            }
+            for (slot, variable) in entries() {
+                let others = slots.iter().zip(sets.chunks_exact(words));
+                for (_, set) in others.filter(|(other, _)| **other != slot) {
+                    let across = &mut across[variable * words..][..words];
+                    across.iter_mut().zip(set).for_each(|(across, set)| *across |= set);
                 }
             }
         }
+        let shares =
+            |one: usize, other: usize| across[one * words + other / 64] >> (other % 64) & 1 == 1;
         let mut is_local = vec![false; variables];
         for variable in 0..variables {
-            let mut with = across[variable].iter().zip(&is_local);
-            is_local[variable] =
-                !across[variable][variable] && with.all(|(with, local)| !(with & local));
+            let with_local = (0..variable).any(|other| is_local[other] && shares(variable, other));
+            is_local[variable] = !shares(variable, variable) && !with_local;
         }
         Self(is_local)
     }
@@ -123,11 +141,15 @@ pub(super) fn fronts(
     position: &[usize],
 ) -> Vec<Front> {
     // A row couples all its columns: once the first is eliminated, what it leaves couples the others.
-    let mut later: Vec<Vec<usize>> = vec![Vec::new(); position.len()];
+    let mut group_of = Vec::with_capacity(position.len());
+    for (index, group) in groups.iter().enumerate() {
+        group_of.resize(group_of.len() + group.len(), index);
+    }
+    let mut coupled: Vec<Vec<usize>> = vec![Vec::new(); groups.len()];
     for row in counting(rows, counts) {
         let at = || rows.columns[row.entries.clone()].iter().map(|&column| position[column]);
         if let Some(first) = at().min() {
-            later[first].extend(at());
+            coupled[group_of[first]].extend(at());
         }
     }
     let mut fronts: Vec<Front> = Vec::with_capacity(groups.len());
@@ -136,14 +158,14 @@ pub(super) fn fronts(
     for (index, group) in groups.iter().enumerate() {
         let end = first + group.len();
         let mut border = Vec::new();
-        for line in later[first..end].iter_mut().flat_map(std::mem::take) {
+        for line in std::mem::take(&mut coupled[index]) {
             if line >= end && std::mem::replace(&mut taken_by[line], index) != index {
                 border.push(line);
             }
         }
         border.sort_unstable();
         if let Some(&next) = border.first() {
-            later[next].extend(&border);
+            coupled[group_of[next]].extend(&border);
         }
         let front = Front { first, pivots: group.len(), border, panel, children: Vec::new() };
         (first, panel) = (end, front.panel().end);

@@ -7,7 +7,6 @@
 use super::{BASE_YAW, EndEffectorPose, Model, Pose};
 use crate::rotation;
 use nalgebra::{DVector, Vector3};
-use rollwalk_robot::EndEffector;
 
 impl Pose {
     /// Computes the derivatives unless they exist.
@@ -50,26 +49,40 @@ impl Model {
 
     /// Computes the forward kinematics at `q`. The vectors of derivatives stay empty until [`Pose::differentiate`].
     pub fn pose_values(&self, q: &DVector<f64>) -> Pose {
-        let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
-        let frames = self.frames(q);
-        let mount = |(index, ee): (usize, &EndEffector)| {
-            let world_from_link = frames.world_from_link[ee.link];
-            let axis_in_link = self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
-            EndEffectorPose {
-                center: frames.point(ee.link, &ee.center_in_link_m),
-                d_center: Vec::new(),
-                axis: world_from_link * axis_in_link,
-                d_axis: Vec::new(),
-                world_from_link,
-                d_rotation: Vec::new(),
-            }
-        };
-        Pose {
-            base_axes: rotation::yaw_pitch_roll_axes(&ypr),
-            com: frames.com(self.tree()),
+        let mut pose = Pose {
+            frames: self.frames(q),
+            base_axes: Default::default(),
+            com: Vector3::zeros(),
             d_com: Vec::new(),
-            end_effectors: self.robot().end_effectors.iter().enumerate().map(mount).collect(),
-            frames,
+            end_effectors: vec![EndEffectorPose::default(); self.robot().end_effectors.len()],
+        };
+        self.follow_frames(q.as_slice(), &mut pose);
+        pose
+    }
+
+    /// Updates a pose of this robot for `q`, of which at least the first [`dofs`](Model::dofs) entries are given. Its vectors of
+    /// derivatives become empty and keep their memory.
+    pub fn update_pose(&self, q: &[f64], pose: &mut Pose) {
+        pose.frames.update(self.tree(), &super::model::configuration(q));
+        self.follow_frames(q, pose);
+    }
+
+    /// Sets everything in a pose that follows from its frames.
+    fn follow_frames(&self, q: &[f64], pose: &mut Pose) {
+        let Pose { frames, base_axes, com, d_com, end_effectors } = pose;
+        *base_axes =
+            rotation::yaw_pitch_roll_axes(&Vector3::from_column_slice(&q[BASE_YAW..][..3]));
+        *com = frames.com(self.tree());
+        d_com.clear();
+        let end_effectors = end_effectors.iter_mut().zip(&self.robot().end_effectors);
+        for (index, (at, ee)) in end_effectors.enumerate() {
+            let axis_in_link = self.wheel_axis_in_link(index).unwrap_or_else(Vector3::zeros);
+            at.world_from_link = frames.world_from_link[ee.link];
+            at.center = frames.point(ee.link, &ee.center_in_link_m);
+            at.axis = at.world_from_link * axis_in_link;
+            at.d_center.clear();
+            at.d_axis.clear();
+            at.d_rotation.clear();
         }
     }
 }

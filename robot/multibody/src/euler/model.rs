@@ -17,6 +17,16 @@ pub struct Model {
     clearance: Clearance,
 }
 
+/// Configuration of the tree at `q`.
+pub(super) fn configuration(q: &[f64]) -> Configuration<'_> {
+    let ypr = Vector3::from_column_slice(&q[BASE_YAW..BASE_YAW + 3]);
+    Configuration {
+        base_position_m: Vector3::from_column_slice(&q[BASE_POSITION..BASE_POSITION + 3]),
+        world_from_body: rotation::from_yaw_pitch_roll(&ypr),
+        joint_rad: &q[JOINTS..],
+    }
+}
+
 /// Subtree that a joint moves, and the joints that move it.
 #[derive(Clone, Debug)]
 pub struct Subtree {
@@ -108,13 +118,7 @@ impl Model {
 
     /// Frames of all links at `q`.
     pub fn frames(&self, q: &DVector<f64>) -> Frames {
-        let ypr = Vector3::new(q[BASE_YAW], q[BASE_YAW + 1], q[BASE_YAW + 2]);
-        let at = Configuration {
-            base_position_m: Vector3::new(q[0], q[1], q[2]),
-            world_from_body: rotation::from_yaw_pitch_roll(&ypr),
-            joint_rad: &q.as_slice()[JOINTS..],
-        };
-        Frames::new(self.tree(), &at)
+        Frames::new(self.tree(), &configuration(q.as_slice()))
     }
 
     /// Degrees of freedom that move end effector `index`.

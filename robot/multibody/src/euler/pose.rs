@@ -4,7 +4,7 @@ use crate::Frames;
 use nalgebra::{Matrix3, Vector3};
 
 /// Mounting of an end effector in world axes, with derivatives along its [`super::Chain`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct EndEffectorPose {
     /// Centre of the wheel or foot sphere φ_b(l̂, q), m.
     pub center: Vector3<f64>,

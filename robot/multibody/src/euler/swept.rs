@@ -12,7 +12,7 @@ use super::{JOINTS, Model, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Moment Σ m r × r₊ with its derivatives.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SweptMoment {
     /// Moment Σ m r × r₊ in world axes, kg·m².
     pub value: Vector3<f64>,
@@ -57,23 +57,31 @@ impl Model {
 
     /// Computes the swept moment. The vectors of derivatives stay empty until [`SweptMoment::differentiate`].
     pub fn swept_moment_value(&self, from: &Pose, to: &Pose) -> SweptMoment {
+        let mut swept = SweptMoment::default();
+        self.update_swept_moment(from, to, &mut swept);
+        swept
+    }
+
+    /// Updates a swept moment for other poses. Its vectors of derivatives become empty and keep their memory.
+    pub fn update_swept_moment(&self, from: &Pose, to: &Pose, swept: &mut SweptMoment) {
+        let SweptMoment { value, d_from, d_to, carried } = swept;
+        d_from.clear();
+        d_to.clear();
         let robot = self.robot();
         let center = |pose: &Pose, l: usize| pose.frames.link_com(self.tree(), l);
         // Positions from the centre of mass, so that numbers stay small far from the origin.
-        let mut carried: Vec<Matrix3<f64>> = (0..robot.links.len())
-            .map(|l| {
-                let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
-                let turning = from.frames.world_from_link[l] * self.second_moment(l);
-                p * next.transpose() * robot.links[l].mass_kg
-                    + turning * to.frames.world_from_link[l].transpose()
-            })
-            .collect();
+        carried.clear();
+        carried.extend((0..robot.links.len()).map(|l| {
+            let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
+            let turning = from.frames.world_from_link[l] * self.second_moment(l);
+            p * next.transpose() * robot.links[l].mass_kg
+                + turning * to.frames.world_from_link[l].transpose()
+        }));
         for joint in robot.joints.iter().rev() {
             let sum = carried[joint.child];
             carried[joint.parent] += sum;
         }
-        let value = cross_sum(&carried[0]);
-        SweptMoment { value, d_from: Vec::new(), d_to: Vec::new(), carried }
+        *value = cross_sum(&carried[0]);
     }
 }
 
