@@ -16,10 +16,10 @@ const MOST: usize = 4;
 
 /// Structures of recent solves. Clones share them, also between threads.
 #[derive(Clone, Default)]
-pub struct Structures(Arc<Mutex<Vec<Kept>>>);
+pub struct Structures(Arc<Mutex<Vec<SolveStructure>>>);
 
 /// Structure of a completed solve, with its memory.
-struct Kept {
+struct SolveStructure {
     structure: Structure,
     normal: NormalEquations,
     rows: Rows,
@@ -43,7 +43,7 @@ impl Structures {
         fresh: bool,
     ) -> Prepared<'a> {
         let kept = if fresh { None } else { self.take(problem) };
-        let known = kept.and_then(|Kept { structure, normal, rows }| {
+        let known = kept.and_then(|SolveStructure { structure, normal, rows }| {
             let (system, rows) = System::again(problem, &unknowns, structure, rows)?;
             Some((system, rows, normal))
         });
@@ -64,11 +64,11 @@ impl Structures {
         }
         normal.reset(&rows);
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.insert(0, Kept { structure: system.into_structure(), normal, rows });
+        kept.insert(0, SolveStructure { structure: system.into_structure(), normal, rows });
         kept.truncate(MOST);
     }
 
-    fn take(&self, problem: &Problem) -> Option<Kept> {
+    fn take(&self, problem: &Problem) -> Option<SolveStructure> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let at = kept.iter().position(|kept| kept.structure.may_fit(problem))?;
         Some(kept.remove(at))

@@ -203,7 +203,7 @@ pub(super) struct Factorise<'a> {
 }
 
 impl WithSimd for Factorise<'_> {
-    /// `None` if a pivot is not positive.
+    /// Result; `None` if a pivot is not positive.
     type Output = Option<()>;
 
     #[inline(always)]
