@@ -75,7 +75,8 @@ impl Trials<'_> {
         Some((best, kept))
     }
 
-    fn attempt(&mut self, from: &Unknowns, shifts: &[f64], step: Vec<f64>) -> Trial {
+    /// Evaluates the end of a step.
+    pub fn attempt(&mut self, from: &Unknowns, shifts: &[f64], step: Vec<f64>) -> Trial {
         let unknowns = self.system.moved(from, &step);
         let reuse = self.spare.pop().unwrap_or_default();
         let rows = self.system.values(&unknowns, reuse);

@@ -139,6 +139,8 @@ fn swizzling_wheels(by_m: f64) -> Robot {
 fn a_motion_without_a_clock_falls_short_by_what_differences_say() {
     let mut swizzle = motion("swizzlebot_forward", &swizzling_wheels(0.0));
     swizzle.goal.forward_m = Some(8.0);
+    // The energy depends on the time shift, which is pinned, by the error of the discretisation.
+    swizzle.stance = vec![swizzle.stance[0].clone(); 48];
     let options = Options { start: Start::Sinusoid, ..options() };
     let plan = optimise(&swizzling_wheels(0.0), &swizzle, &options, &mut on);
     let short = Shortfall::of(&plan, &options, &mut on).unwrap();
