@@ -114,7 +114,7 @@ fn refined(
     progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     solve: impl FnOnce(Request<'_>, &mut Effort<'_>) -> Result<Solution, ReplanError>,
 ) -> Result<Solution, ReplanError> {
-    let effort = &mut Effort::new(&options.structures, progress);
+    let effort = &mut Effort::new(&request.options.structures, progress);
     let solution = solve(request, effort)?;
     Ok(refine::motion(solution, request.robot, request.options, effort))
 }
