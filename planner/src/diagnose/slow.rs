@@ -46,9 +46,11 @@ pub(super) fn too_slow_to_step(problem: &Problem) -> Option<Culprit> {
         let back_m = stride_m * (1.0 - swing.duration_s / duration_s).max(0.0);
         let lift = swing.height_m / (0.5 * swing.duration_s * total(&up));
         let swing_forward = back_m / (swing.duration_s * total(&level));
-        let (factor, along): (f64, &dyn Fn(&Vector3<f64>) -> f64) =
-            if lift >= swing_forward { (lift, &up) } else { (swing_forward, &level) };
-        let most = joints.iter().max_by(|a, b| speed(**a, along).total_cmp(&speed(**b, along)))?;
+        let lifts = lift >= swing_forward;
+        let factor = lift.max(swing_forward);
+        let along = |moved: &Vector3<f64>| if lifts { up(moved) } else { level(moved) };
+        let most =
+            joints.iter().max_by(|a, b| speed(**a, &along).total_cmp(&speed(**b, &along)))?;
         (factor.is_finite() && factor > 1.0).then_some((
             factor,
             *most,

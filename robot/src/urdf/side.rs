@@ -169,7 +169,7 @@ pub(super) fn turn(forward: usize, up: usize) -> UnitQuaternion<f64> {
 
 /// Direction of an index into [`AXES`].
 pub(super) fn direction(axis: usize) -> Vector3<f64> {
-    Vector3::ith(axis / 2, if axis % 2 == 0 { 1.0 } else { -1.0 })
+    Vector3::ith(axis / 2, if axis.is_multiple_of(2) { 1.0 } else { -1.0 })
 }
 
 fn actuator(name: &str, table: &Table<'_>) -> ActuatorSide {

@@ -79,7 +79,7 @@ fn ends(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
 /// Frames with each joint turned from its nominal angle, alternately to both sides.
 fn bent_frames(seen: &CheckedRobot<'_>, bent_rad: f64) -> Frames {
     let joints = seen.tree.robot().joints.iter().enumerate();
-    let side = |index: usize| if index % 2 == 0 { 1.0 } else { -0.7 };
+    let side = |index: usize| if index.is_multiple_of(2) { 1.0 } else { -0.7 };
     let angles: Vec<_> =
         joints.map(|(index, joint)| joint.nominal_rad + side(index) * bent_rad).collect();
     let at = Configuration {

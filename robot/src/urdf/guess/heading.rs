@@ -17,6 +17,10 @@ const RIGHT: [&str; 9] = ["right", "r", "fr", "rf", "hr", "rh", "rr", "br", "rb"
 /// Words in names of legs.
 const LEG: [&str; 7] = ["leg", "foot", "ankle", "knee", "toe", "thigh", "shank"];
 
+/// Words that count inside of others. A forearm is not in front.
+const LONG: [&str; 10] =
+    ["left", "right", "front", "rear", "hind", "foot", "ankle", "knee", "thigh", "shank"];
+
 /// Largest component of a direction along an axis of the root, as a fraction of its length.
 const ALONG: f64 = 0.75;
 /// Mean of unit vectors from which limbs have the same direction.
@@ -48,10 +52,16 @@ struct Limb {
 }
 
 impl Limb {
+    /// True if a name has one of these words, or contains a long one, as `leftfoot` does.
+    fn is_called(&self, words: &[&str]) -> bool {
+        let is_part =
+            |name: &str, word: &str| name == word || LONG.contains(&word) && name.contains(word);
+        self.words.iter().any(|name| words.iter().any(|word| is_part(name, word)))
+    }
+
     /// True on the first side, false on the second; `None` if the names do not settle it.
     fn side(&self, sides: [&[&str]; 2]) -> Option<bool> {
-        let [first, second] =
-            sides.map(|side| self.words.iter().any(|word| side.contains(&word.as_str())));
+        let [first, second] = sides.map(|side| self.is_called(side));
         (first != second).then_some(first)
     }
 }
@@ -67,7 +77,7 @@ fn axis(vector: &Vector3<f64>) -> Option<usize> {
 pub(in super::super) fn up(urdf: &Urdf, bodies: &Bodies) -> usize {
     const UP: usize = 4;
     let limbs = limbs(urdf, bodies);
-    let is_leg = |limb: &&Limb| limb.words.iter().any(|word| LEG.contains(&word.as_str()));
+    let is_leg = |limb: &&Limb| limb.is_called(&LEG);
     let called = limbs.iter().filter(is_leg).count() > 1;
     let legs: Vec<&Limb> = limbs.iter().filter(|limb| !called || is_leg(limb)).collect();
     let along: Vec<_> = legs.iter().filter_map(|limb| limb.along).collect();
