@@ -49,7 +49,7 @@ struct Columns<'a> {
 impl<'a> Columns<'a> {
     /// Returns the columns without their first lines.
     #[inline(always)]
-    fn from_line(self, line: usize) -> Self {
+    fn below(self, line: usize) -> Self {
         Self { entries: &self.entries[line..], ..self }
     }
 }
@@ -103,11 +103,11 @@ fn strip<S: Simd, const N: usize, const REPLACE: bool>(
     let lanes = S::F64_LANES;
     let mut line = 0;
     while line + 3 * lanes <= lines {
-        tile::<S, 3, N, REPLACE>(simd, a.from_line(line), b, &mut c[line..], c_stride);
+        tile::<S, 3, N, REPLACE>(simd, a.below(line), b, &mut c[line..], c_stride);
         line += 3 * lanes;
     }
     while line < lines {
-        tile::<S, 1, N, REPLACE>(simd, a.from_line(line), b, &mut c[line..], c_stride);
+        tile::<S, 1, N, REPLACE>(simd, a.below(line), b, &mut c[line..], c_stride);
         line += lanes;
     }
 }
@@ -175,7 +175,7 @@ fn product<S: Simd, const REPLACE: bool>(
 ) {
     let mut j = 0;
     while j < columns {
-        let (b, c) = (b.from_line(j), &mut c[j * c_stride..]);
+        let (b, c) = (b.below(j), &mut c[j * c_stride..]);
         // Sums of 8 columns fit into 32 registers, of 4 columns into 16.
         if S::F64_LANES >= 8 && columns - j >= 8 {
             strip::<S, 8, REPLACE>(simd, a, b, c, c_stride, lines);
@@ -216,7 +216,7 @@ impl WithSimd for Factorise<'_> {
             let block = &mut block[..count * stride];
             let earlier = Columns { entries: before, stride, count: first };
             if first > 0 {
-                let earlier = earlier.from_line(first);
+                let earlier = earlier.below(first);
                 let size = [count, stride - first];
                 product::<S, false>(simd, [earlier; 2], &mut block[first..], stride, size);
             }
@@ -241,9 +241,9 @@ impl WithSimd for Factorise<'_> {
         }
         let head = padded(pivots);
         let width = stride - head;
-        let border = Columns { entries: panel, stride, count: pivots }.from_line(head);
+        let border = Columns { entries: panel, stride, count: pivots }.below(head);
         for first in (0..width).step_by(PAD) {
-            let own = border.from_line(first);
+            let own = border.below(first);
             let c = &mut update[first * width + first..];
             product::<S, true>(simd, [own; 2], c, width, [PAD, width - first]);
         }

@@ -34,7 +34,8 @@ impl Locals {
         let (mut slots, mut sets): (Vec<usize>, Vec<u64>) = (Vec::new(), Vec::new());
         for row in rows.rows.iter().filter(|row| !is_inequality(row)) {
             let entries = || rows.columns[row.entries.clone()].iter().filter_map(|&c| place[c]);
-            (slots.clear(), sets.clear());
+            slots.clear();
+            sets.clear();
             for (slot, variable) in entries() {
                 let at = slots.iter().position(|other| *other == slot).unwrap_or_else(|| {
                     slots.push(slot);
