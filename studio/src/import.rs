@@ -5,6 +5,7 @@ use crate::messages::{Answer, File, RequestResult};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Status;
+use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, Search, Settings, candidates};
 use rollwalk_robot::document::DocumentError;
 use rollwalk_robot::urdf::{self, Imported, Text};
@@ -139,7 +140,8 @@ fn motion_file(
     }
 }
 
-/// True if the planner finds the motion in [`TRIED`] iterations. The first motion that a user sees must not be a failed plan.
+/// True if the planner finds the motion in [`TRIED`] iterations and it holds as played. The first motion that a user sees must
+/// not be a failed plan.
 fn can(robot: &Robot, file: &File) -> bool {
     let Ok(motion) = Motion::from_toml(&file.path, &file.text, robot) else { return false };
     let settings = Settings { iterations: TRIED, ..Settings::default() };
@@ -150,5 +152,6 @@ fn can(robot: &Robot, file: &File) -> bool {
         Some(_) => ControlFlow::Break(()),
         None => ControlFlow::Continue(()),
     });
-    search.finish().plan.solve.status == Status::Converged
+    let plan = search.finish().plan;
+    plan.solve.status == Status::Converged && Report::new(&plan).judgement.is_good()
 }
