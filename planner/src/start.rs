@@ -113,6 +113,11 @@ fn stands_on_free_wheels(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j) && !shares_link(j))
 }
 
+/// Returns true if the robot rolls freely but cannot be steered by the axes of its wheels, as on blades.
+fn skates(robot: &Robot, motion: &Motion) -> bool {
+    any_rolls_freely(robot, motion) && !stands_on_free_wheels(robot, motion)
+}
+
 /// Returns true if any end effector rolls freely in stance.
 pub(crate) fn any_rolls_freely(robot: &Robot, motion: &Motion) -> bool {
     (0..robot.end_effectors.len()).any(|j| rolls_freely(robot, motion, j))

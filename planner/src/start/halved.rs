@@ -4,14 +4,14 @@
 //! that, because every sample pulls on its neighbours. Resampled to twice the samples, the coarse plan is nearly feasible, and
 //! a few Gauss-Newton steps complete the solve.
 
-use super::any_rolls_freely;
+use super::skates;
 use crate::motion::{Ends, Motion, Subject};
 use rollwalk_robot::Robot;
 
 /// Sample count up to which a motion is not halved.
 const FEW: usize = 32;
-/// Sample count up to which a motion on free wheels or skates is not halved.
-const FEW_ON_FREE_WHEELS: usize = 12;
+/// Sample count up to which a motion on skates is not halved.
+const FEW_ON_SKATES: usize = 12;
 /// Minimum number of samples of a swing.
 const LEAST_SWING: usize = 3;
 
@@ -19,7 +19,7 @@ const LEAST_SWING: usize = 3;
 /// target sets the height of a swing.
 pub fn halved(robot: &Robot, motion: &Motion) -> Option<Motion> {
     let samples = motion.stance.len();
-    let few = if any_rolls_freely(robot, motion) { FEW_ON_FREE_WHEELS } else { FEW };
+    let few = if skates(robot, motion) { FEW_ON_SKATES } else { FEW };
     if samples <= few || motion.ends == Ends::Prescribed {
         return None;
     }

@@ -156,12 +156,13 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
-/// Tests a skating robot, whose direction depends on the angle of its skates. The tracker does not model this: tracked to the
-/// end, the robot covers at most half of the planned distance.
+/// Pushes a skating robot aside. Its direction depends on the angle of its skates, which the tracker does
+/// not model: tracked to the end, the robot would cover at most half of the planned distance.
 #[test]
 fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
     let skate = plan("skaterbot", "skate");
-    let options = Options { cycles: 10, ..Options::new(TRACKING, 500) };
+    let shoves = vec![Shove::new(2.0, 0.1, [0.0, 20.0, 0.0])];
+    let options = Options { cycles: 10, shoves, ..Options::new(TRACKING, 500) };
     let outcome = play(&skate, &options, |_| true).unwrap();
     assert!(outcome.fell_at_s.is_none() && outcome.untracked > 400, "{outcome:?}");
     let [.., last] = &outcome.cycles[..] else { panic!("{outcome:?}") };
