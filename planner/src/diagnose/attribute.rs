@@ -284,8 +284,12 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     let slow = slow::too_slow_to_step(problem);
     let is_slow =
         |culprit: &Culprit| slow.as_ref().is_some_and(|slow| culprit.constraint == slow.constraint);
-    let culprits = culprits.into_iter().filter(|culprit| !is_slow(culprit)).collect::<Vec<_>>();
-    let culprits = weak.into_iter().chain(slow.clone()).chain(culprits).collect();
+    // What was requested may need less speed.
+    let (requests, others): (Vec<_>, Vec<_>) = culprits
+        .into_iter()
+        .filter(|culprit| !is_slow(culprit))
+        .partition(|culprit| culprit.part == Kind::Request);
+    let culprits = weak.into_iter().chain(requests).chain(slow.clone()).chain(others).collect();
     Some(Diagnosis { verdict, culprits })
 }
 

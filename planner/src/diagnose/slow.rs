@@ -1,4 +1,4 @@
-//! Motors too slow for the swings of the motion. A diagnosis names them before anything else.
+//! Motors too slow for the swings of the motion. A diagnosis names them after the requests that could give way.
 //!
 //! At the point with the least violation, slow joints let footfalls and reach give way. A bound does not: with all joints of
 //! its leg at their limits, a foot has to rise to its swing height in half the swing, and to move its stride in the whole.

@@ -215,10 +215,10 @@ fn plans_that_cannot_be_played_are_refused() {
     assert!(message.contains("`agilebot`") && message.contains("`swizzlebot`"), "{message}");
 }
 
-/// Checks a flying trot. A standing start ends in a bad minimum because all feet are in the air between the pairs.
+/// Checks a flying trot, where all feet are in the air between the pairs.
 #[test]
 #[ignore = "ten seconds and more: cargo xtask nightly --only long"]
-fn the_warm_start_finds_a_flying_trot_that_standing_does_not() {
+fn the_warm_start_finds_a_flying_trot() {
     let robot = agilebot();
     let wanted = motion(&robot, include_str!("../../../shipped/motions/flying_trot.toml"));
     let from = |start| {
@@ -236,7 +236,6 @@ fn the_warm_start_finds_a_flying_trot_that_standing_does_not() {
     assert_eq!(warm.solve.status, Status::Converged);
     assert_eq!(warm.solve.start.kind, StartKind::Warm);
     assert!(warm.solve.worst_level <= ACCEPTED_LEVEL);
-    assert_ne!(from(Start::Standing).solve.status, Status::Converged);
     let last = candidates(&robot, &wanted, &Options::default()).pop().map(|last| last.start);
     assert_eq!(last, Some(Start::Warm(WarmStart::default())));
 }
