@@ -150,7 +150,7 @@ mod tests {
         assert!(keep(&set()));
         assert_eq!(Gains::beside(&library).unwrap().saved, Some(set()));
         fs::remove_dir_all(folder.path()).unwrap();
-        assert!(!keep(&set()), "a host is told that nothing was saved");
+        assert!(!keep(&set()), "the host receives a refusal");
     }
 
     #[test]

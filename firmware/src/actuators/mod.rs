@@ -135,7 +135,7 @@ impl Actuators {
 
     /// Returns the actuator that has been silent longest, and its silence in ticks.
     ///
-    /// Of several, the first one: on a serial line a silent servo silences all servos after it.
+    /// The first of several counts: on a serial line, a silent servo silences all servos after it.
     pub fn most_silent(&self) -> Option<(usize, u16)> {
         let mut most = None;
         for (channel, actuator) in self.list.iter().enumerate() {

@@ -135,7 +135,7 @@ impl Drive {
         let shaft = motor.shaft();
         motor.enabled = self.inner.law(&shaft).is_some();
         match sent {
-            DriveCommand::Odd => panic!("something that nobody has asked for: {:?}", self.inner),
+            DriveCommand::Odd => panic!("unexpected command: {:?}", self.inner),
             DriveCommand::PositionGain | DriveCommand::Watchdog => {}
             DriveCommand::Torque(torque_nm) => motor.push(torque_nm),
             DriveCommand::Setpoint { value, kp, kd, torque_nm } => {
