@@ -90,6 +90,12 @@ impl Kind {
         if beginning.is_some_and(|start| ["<?xml", "<robo", "<mujo"].contains(&start)) {
             return Some(Self::Urdf);
         }
+        // A document may quote files.
+        let mut statements = text.lines().map(str::trim).filter(|line| !line.is_empty());
+        let first = statements.find(|line| !line.starts_with('#')).unwrap_or_default();
+        if !first.contains('=') && !(first.starts_with('[') && first.ends_with(']')) {
+            return None;
+        }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
         let marks = [
             ("[[link]]", Self::Robot),
@@ -287,5 +293,18 @@ impl Kind {
         E: Diagnostic + Send + Sync + 'static,
     {
         move |error| self.expect(path, text).err().unwrap_or_else(|| Report::new(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Kind;
+
+    #[test]
+    fn a_document_that_quotes_a_file_is_none() {
+        let robot = "# Pup\n\nname = \"pup\"\n[[link]]\n";
+        assert_eq!(Kind::of(robot), Some(Kind::Robot));
+        assert_eq!(Kind::of("[[link]]\n"), Some(Kind::Robot));
+        assert_eq!(Kind::of(&format!("# Pup\n\nRobots walk.\n\n```toml\n{robot}```\n")), None);
     }
 }
