@@ -93,7 +93,8 @@ impl Kind {
         // A document may quote files.
         let mut statements = text.lines().map(str::trim).filter(|line| !line.is_empty());
         let first = statements.find(|line| !line.starts_with('#')).unwrap_or_default();
-        if !first.contains('=') && !(first.starts_with('[') && first.ends_with(']')) {
+        let is_header = first.starts_with('[') && first.ends_with(']');
+        if !is_header && !first.contains('=') {
             return None;
         }
         let has = |header: &str| text.lines().any(|line| line.trim_start().starts_with(header));
