@@ -1,7 +1,17 @@
-//! Failures of other robots that must not happen here.
+//! Failures of other robots that must not happen here. Each has a test with its number, in this file or next to its subject:
 //!
-//! `docs/playback-and-safety.md` lists every scar with the test that has its number. Scars without a test here have it next to
-//! their subject.
+//! | | failure of another robot | test |
+//! |---|---|---|
+//! | 1 | set-points queued for a bus without power move the robot when it returns | `scar_1_stale_command_after_power_return` |
+//! | 2 | a kick to an old pose when torque is enabled | `scar_2_no_enable_kick` |
+//! | 3 | the first set-point is checked after sending; an aborted motion continues | `scar_3_checked_before_it_is_sent_and_an_abort_aborts` |
+//! | 4 | power cuts tested between flash operations only | `scar_4_power_cuts_within_every_write_and_erase` |
+//! | 5 | a fault injector that does not fire | `scar_5_planted_bugs_are_found` |
+//! | 6 | a watchdog that anything feeds, and that does not latch | `scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches` |
+//! | 7 | "no error" while there is one | `scar_7_any_fault_shows_in_the_status_word` |
+//! | 8 | a link that reorders, repeats and drops | `scar_8_a_link_that_reorders_repeats_and_drops` |
+//! | 9 | a host that stalls stops the robot | `scar_9_a_host_that_stalls_does_not_disturb_the_motion` |
+//! | 10 | a wheel creeps at set-point 0, which the frame cannot encode | `scar_10_a_wheel_told_zero_hardly_creeps` |
 
 use crate::rig::{Rig, me};
 use crate::robot::*;
