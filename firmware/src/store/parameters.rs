@@ -1,7 +1,18 @@
 //! Gains and limits that survive a power cycle.
 //!
 //! A set is one record of a [log](super::log) of its own. After an interrupted write, either the previous set or the new one is
-//! there, never a mixture. `docs/parameters.md` has the layout.
+//! there, never a mixture. A record has [`SET_LEN`] bytes, little-endian:
+//!
+//! | offset | field | value |
+//! |---|---|---|
+//! | 0 | generation u32 | the highest valid generation in the log counts |
+//! | 4 | magic u8 | `B3` |
+//! | 5 | parameters u8 | 3 for each channel |
+//! | 6 | channels u8 | 0 to 24 |
+//! | 7 | robot values u8 | 1 if feed-forward follows the channels; 0 if feed-forward is 1.0 |
+//! | 8 | configuration u32 | hash |
+//! | 12 | values f32 | kp, kd, torque limit of each channel, then feed-forward if present; then 0 |
+//! | 316 | CRC-32C u32 | of bytes 0 to 315 |
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
