@@ -82,13 +82,16 @@ fn by_severity() -> Vec<Event> {
     events
 }
 
+/// States and events that lead to the same state by the same action.
+type Transition = (Vec<State>, Vec<Event>, (State, Action));
+
 /// Transitions. A row contains all states and events that lead to the same state by the same action.
 fn transitions() -> String {
     let steps = |event: Event| {
         let lead = State::ALL.iter().map(move |&state| (state, step(state, event)));
         lead.filter(|&(state, to)| to != (state, Action::None))
     };
-    let mut rows: Vec<(Vec<State>, Vec<Event>, (State, Action))> = Vec::new();
+    let mut rows: Vec<Transition> = Vec::new();
     for event in by_severity() {
         for (first, to) in steps(event) {
             let states: Vec<_> =
@@ -102,7 +105,7 @@ fn transitions() -> String {
             }
         }
     }
-    let row = |(states, events, (next, action)): (Vec<State>, Vec<Event>, _)| {
+    let row = |(states, events, (next, action)): Transition| {
         let events: Vec<_> = events.iter().map(|event| format!("{event:?}")).collect();
         let states: Vec<_> = states.iter().map(|state| format!("{state:?}")).collect();
         let states = match states.len() == State::ALL.len() {
