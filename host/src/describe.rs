@@ -3,13 +3,27 @@
 use crate::actuators::{Actuators, BusKind, conditions, event_words, fault_names_on, fault_words};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Event, Fault, FaultBits};
-use rollwalk_protocol::wire::{LogEntry, State, Status};
+use rollwalk_protocol::wire::{LogEntry, State, Status, Torque};
 
 /// Behaviour of a robot that receives no heartbeats.
 pub const LEFT_ALONE: &str = "an armed robot then returns to SAFE automatically, or halts if it was following streamed \
      setpoints";
 
-/// Description of a state, to follow "the robot is".
+/// Description of a robot that an emergency stop has stopped.
+const ESTOPPED: &str = "stopped by an emergency stop";
+
+/// True if the robot stays stopped until an operator clears the stop. A robot without torque and without a fault becomes
+/// disarmed automatically.
+pub fn has_to_be_cleared(status: &Status) -> bool {
+    status.state == State::EStopped || status.state == State::TorqueOff && !status.faults.is_empty()
+}
+
+/// True if torque is off and no stop has to be cleared.
+pub fn is_at_rest(status: &Status) -> bool {
+    status.state.torque() == Torque::Off && !has_to_be_cleared(status)
+}
+
+/// Description of a state, to follow "the robot is". The state alone does not tell an emergency stop from a failed bus.
 pub fn state_name(state: State) -> &'static str {
     match state {
         State::Boot => "starting",
@@ -22,15 +36,16 @@ pub fn state_name(state: State) -> &'static str {
         State::Returning => "returning to SAFE",
         State::Damped => "damped",
         State::TorqueOff => "stopped, torque off",
-        State::EStopped => "stopped by an emergency stop",
+        State::EStopped => "stopped",
         State::Streaming => "following streamed setpoints",
     }
 }
 
-/// Description of a state without its faults. Names the bus if a bus has stopped the robot.
+/// Description of a state without its faults, except for the cause of a stop: an emergency stop or a failed bus.
 pub fn state_words(status: &Status, actuators: &Actuators) -> String {
     match status.state {
-        State::EStopped if !status.faults.contains(Fault::EStop) => condition(status, actuators),
+        State::EStopped if status.faults.contains(Fault::EStop) => ESTOPPED.to_owned(),
+        State::EStopped => condition(status, actuators),
         state => state_name(state).to_owned(),
     }
 }
@@ -44,10 +59,10 @@ pub fn condition(status: &Status, actuators: &Actuators) -> String {
     match faults.first() {
         None => state_name(state).to_owned(),
         Some(Fault::EStop) if state == State::EStopped && faults.iter().count() == 1 => {
-            state_name(state).to_owned()
+            ESTOPPED.to_owned()
         }
-        Some(_) if state == State::EStopped && !faults.contains(Fault::EStop) => {
-            format!("stopped: {names}")
+        Some(_) if state == State::EStopped && faults.contains(Fault::EStop) => {
+            format!("{ESTOPPED}: {names}")
         }
         Some(_) => format!("{}: {names}", state_name(state)),
     }
@@ -133,7 +148,7 @@ fn actuator_status(status: ActuatorStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::{ActuatorBus, ChannelActuator};
+    use crate::fixtures::{servo_line, status};
 
     #[test]
     fn faults_are_named() {
@@ -160,23 +175,7 @@ mod tests {
 
     #[test]
     fn a_lost_bus_is_not_called_an_emergency_stop() {
-        let status = |state, faults| Status {
-            state,
-            severity: state.severity(faults),
-            faults,
-            clip: None,
-            frame: 0,
-            counter: 0,
-            library: 0,
-        };
-        let of_pup = Actuators {
-            buses: vec![ActuatorBus {
-                kind: BusKind::ServoLine,
-                protocol: "Dynamixel".into(),
-                bit_rate: 1_000_000,
-            }],
-            channels: vec![ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() }],
-        };
+        let of_pup = servo_line([1]);
         let lost = FaultBits::default().with(Fault::BusOff);
         let words = condition(&status(State::EStopped, lost), &of_pup);
         assert_eq!(words, "stopped: the serial adapter of the servos is gone");

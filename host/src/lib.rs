@@ -49,6 +49,8 @@ pub mod decode;
 pub mod describe;
 pub mod discover;
 pub mod doctor;
+#[cfg(test)]
+mod fixtures;
 pub mod joints;
 pub mod key_file;
 pub mod listener;

@@ -11,6 +11,9 @@ use rollwalk_protocol::wire::{CommandResult, FaultReport, ParameterResult, State
 const AUTHENTICATION_REQUIRED: &str = "authentication required; give the robot's link key with \
      --link-key FILE or ROLLWALK_LINK_KEY (emergency stops require none)";
 
+/// Description of a refusal by a robot that has stopped. An answer contains the state, but not the cause of the stop.
+const STOPPED: &str = "the robot has stopped, and torque is off; clear the stop first";
+
 /// Reason why there is no authenticated session, to follow the controller's name, and remedy.
 pub fn session_refusal(why: NoSession) -> &'static str {
     match why {
@@ -81,11 +84,8 @@ pub fn command_refusal_in(
     catalog: Option<&Catalog>,
 ) -> String {
     match (result, state, fault) {
-        (CommandResult::WrongState, Some(State::EStopped), _) => {
-            "the robot is stopped by an emergency stop; clear the stop first".to_owned()
-        }
-        (CommandResult::WrongState, Some(State::TorqueOff), _) => {
-            "the robot has stopped with torque off; clear the stop first".to_owned()
+        (CommandResult::WrongState, Some(State::EStopped | State::TorqueOff), _) => {
+            STOPPED.to_owned()
         }
         (CommandResult::WrongState, Some(state), _) => {
             format!("the command is not allowed while the robot is {}", state_name(state))
@@ -117,10 +117,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         }
         ParameterResult::WrongState => match state {
             None => "the robot is not disarmed: disarm it first, or clear it if it has stopped",
-            Some(State::EStopped) => {
-                "the robot is stopped by an emergency stop; clear the stop first"
-            }
-            Some(State::TorqueOff) => "the robot has stopped; clear the stop first",
+            Some(State::EStopped | State::TorqueOff) => STOPPED,
             Some(State::Boot | State::SelfTest | State::Disarmed) => {
                 "the robot was not disarmed at that moment; try again"
             }
@@ -241,8 +238,11 @@ mod tests {
     #[test]
     fn what_a_state_does_not_allow_is_told_by_the_state() {
         let sentence = |state| parameter_refusal(ParameterResult::WrongState, 0.0, state);
-        assert!(sentence(Some(State::EStopped)).contains("emergency stop; clear the stop"));
-        assert!(sentence(Some(State::TorqueOff)).contains("clear the stop"));
+        for state in [State::EStopped, State::TorqueOff] {
+            assert_eq!(sentence(Some(state)), STOPPED);
+            let command = command_refusal_in(CommandResult::WrongState, Some(state), None, None);
+            assert_eq!(command, STOPPED);
+        }
         for state in [State::Aligning, State::Ready, State::Playing, State::Damped] {
             assert_eq!(sentence(Some(state)), "torque is on; disarm first");
         }

@@ -30,6 +30,15 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     console.press("q");
     assert_eq!(console.ends(), Some(0));
 
+    // A robot that is left stopped is not done.
+    let mut console = start(&desk, &bus);
+    console.wait_for_screen("DISARMED");
+    console.press(" ");
+    console.wait_for_screen("EMERGENCY STOP");
+    console.press("q");
+    assert_eq!(console.ends(), Some(5));
+    on(&desk, &bus, &["clear"]).succeeds();
+
     // Another, ended from outside: it leaves as by `q`, and the terminal is as it was.
     let before = stty(&console.device, &["-g"]);
     let mut console = start(&desk, &bus);

@@ -50,7 +50,8 @@ fn a_library_is_built_flashed_and_played_by_name_and_the_robot_is_stopped_and_cl
         ["the controller cannot store parameters", "rollwalk-sim has one only with --library"];
     run(&["gains", "save"]).fails(5, &without);
     run(&["estop"]).succeeds();
-    run(&["gains", "save"]).fails(5, &["stopped by an emergency stop; clear the stop first"]);
+    run(&["gains", "save"])
+        .fails(5, &["the robot has stopped, and torque is off; clear the stop first"]);
     run(&["send", "--arm", "rest"]).fails(5, &["refused to arm"]);
     run(&["doctor"])
         .succeeds_with(5, &["stopped by an emergency stop", "rollwalk clear --bus sim:"]);

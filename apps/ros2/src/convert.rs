@@ -246,7 +246,7 @@ mod tests {
                 Level::Error,
                 "returning to SAFE: the body is tilted",
             ),
-            (State::EStopped, none, Severity::EStop, Level::Error, "stopped by an emergency stop"),
+            (State::EStopped, none, Severity::EStop, Level::Error, "stopped"),
             (
                 State::EStopped,
                 off,

@@ -10,7 +10,6 @@ use rollwalk_host::doctor::{Finding, Gravity, LinkKeyCheck, Observations, Traffi
 use rollwalk_host::listener::{self, Listener};
 use rollwalk_host::session::{History, Session, SessionError};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::State;
 use rollwalk_protocol::wire::transport::Hello;
 use rollwalk_terminal::inputs::Source;
 use rollwalk_terminal::link::names::NamesArgs;
@@ -248,8 +247,8 @@ fn report(
         history.entries.iter().rev().map(|(_, entry)| Entry {
             seconds_ago: f64::from(history.age_ms(entry)) * 1e-3,
             event: findings.entry_sentence(entry) + &findings.entry_detail(entry),
-            before: logged(entry.before),
-            after: logged(entry.after),
+            before: state_name(entry.before),
+            after: state_name(entry.after),
         })
     });
     let seconds = heard.span_us.max(1) as f64 * 1e-6;
@@ -266,11 +265,6 @@ fn report(
     let load_percent = heard.load_percent(bitrate);
     let findings = findings.diagnose().into_iter().chain(system::priority_note()).collect();
     DoctorOutput { findings, log: log.collect(), load_percent, load }
-}
-
-/// Name of a state in the log. The log event already contains the cause of a stop.
-fn logged(state: State) -> &'static str {
-    if state == State::EStopped { "stopped" } else { state_name(state) }
 }
 
 /// Formats findings, each with its remedy below.

@@ -1,7 +1,7 @@
 //! Short commands to a controller: `estop`, `clear`, `disarm`, `pause`, `resume`, `return`.
 
 use rollwalk_host::actuators::Actuators;
-use rollwalk_host::describe::condition;
+use rollwalk_host::describe::{condition, has_to_be_cleared};
 use rollwalk_host::session::{Session, SessionError};
 use rollwalk_protocol::wire::{CommandResult, State};
 use rollwalk_terminal::link::names::NamesArgs;
@@ -59,6 +59,10 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
     if let Some(status) = session.status() {
         let actuators = robot.map_or_else(Actuators::default, |robot| robot.actuators);
         output::print(&format!("the robot is {}", condition(&status, &actuators)))?;
+        // It stopped after it had accepted the command.
+        if has_to_be_cleared(&status) {
+            return Ok(Exit::NotDone);
+        }
     }
     Ok(Exit::Ok)
 }

@@ -22,7 +22,7 @@ pub(crate) fn help(exits: &[Exit]) -> String {
             text += &format!("\n  {}    {meaning}", exit.code());
         }
     }
-    text + "\n  130  interrupted: Ctrl-C, SIGTERM, SIGHUP"
+    text + "\n  130  interrupted before the end: Ctrl-C, SIGTERM, SIGHUP"
 }
 
 /// Result of a run.

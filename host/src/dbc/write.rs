@@ -4,8 +4,8 @@ use super::{ByteOrder, Database, Message, NumberFormat, Presence, Signal};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// Name that the DBC format reserves for an unspecified node.
-const ANY_NODE: &str = "Vector__XXX";
+/// Node that stands for an unknown sender or receiver, spelled as in Vector's "DBC File Format Documentation".
+const UNKNOWN_NODE: &str = "Vector__XXX";
 
 pub(super) fn dbc(database: &Database) -> String {
     let mut text = String::new();
@@ -37,7 +37,7 @@ pub(super) fn dbc(database: &Database) -> String {
 }
 
 fn node(name: &Option<String>) -> &str {
-    name.as_deref().unwrap_or(ANY_NODE)
+    name.as_deref().unwrap_or(UNKNOWN_NODE)
 }
 
 fn signals(database: &Database) -> impl Iterator<Item = (&Message, &Signal)> {

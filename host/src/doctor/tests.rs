@@ -1,7 +1,7 @@
 //! Tests of diagnoses: a verdict for every state, and the actuator or key that prevents arming.
 
 use super::*;
-use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
+use crate::fixtures::servo_line;
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
@@ -148,12 +148,8 @@ fn who_is_silent_is_named() {
 }
 
 fn of_pup() -> Catalog {
-    let bus =
-        ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };
-    let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
-    let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(3)] };
     let channels = vec!["hip".into(), "knee".into()];
-    Catalog::of_robot("pup", 7, channels).with_actuators(actuators)
+    Catalog::of_robot("pup", 7, channels).with_actuators(servo_line([1, 3]))
 }
 
 fn of_servos(heard: &Traffic) -> String {
@@ -252,12 +248,9 @@ fn joint(channel: u8, bits: u8) -> Frame {
 }
 
 fn of_line(names: &[&str]) -> Catalog {
-    let bus =
-        ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };
-    let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
-    let channels = (1..).zip(names).map(|(id, _)| of(id)).collect();
+    let actuators = servo_line(1..=names.len() as u8);
     let names = names.iter().map(|name| (*name).to_owned()).collect();
-    Catalog::of_robot("pup", 7, names).with_actuators(Actuators { buses: vec![bus], channels })
+    Catalog::of_robot("pup", 7, names).with_actuators(actuators)
 }
 
 /// Silence of one servo on a serial line silences all servos after it. Only the first is named, whether it has answered before

@@ -51,6 +51,11 @@ impl LinkStatus {
         }
     }
 
+    /// Description of the latest status, to follow "the robot is".
+    pub fn condition(&self) -> Option<String> {
+        self.status().map(|status| condition(&status, &self.actuators))
+    }
+
     /// State according to the latest status.
     pub fn state(&self) -> Option<State> {
         self.status().map(|status| status.state)

@@ -365,6 +365,7 @@ impl Operator {
             hello: self.hello,
             mismatch: self.mismatch(),
             status,
+            condition: self.link.condition(),
             faults: self.link.faults(now_us),
             advice,
             joints: self.link.joints(now_us),

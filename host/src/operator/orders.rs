@@ -93,6 +93,15 @@ struct Flight {
     until_us: u64,
 }
 
+impl Flight {
+    /// First command of an order, due at once.
+    fn begin(now_us: u64, order: Order, intent_number: Option<u64>, command: Command) -> Self {
+        let until_us = now_us + COMMAND_LIFE_US;
+        let (confirming, numbers, next_us) = (false, 1, now_us);
+        Self { order, command, confirming, intent_number, numbers, next_us, until_us }
+    }
+}
+
 /// Order that waits for the one in flight.
 #[derive(Clone, Copy, Debug)]
 struct WaitingOrder {
@@ -210,18 +219,7 @@ impl Orders {
             && let Some(command) = client.command(now_us, order.first_step())
         {
             self.waiting = None;
-            let until_us = now_us + COMMAND_LIFE_US;
-            let (confirming, numbers) = (false, 1);
-            let flight = Flight {
-                order,
-                command,
-                confirming,
-                intent_number,
-                numbers,
-                next_us: now_us,
-                until_us,
-            };
-            self.flight = Some(flight);
+            self.flight = Some(Flight::begin(now_us, order, intent_number, command));
         }
         if let Some(flight) = &mut self.flight
             && now_us >= flight.next_us
@@ -260,17 +258,8 @@ impl Orders {
         if let Some((action, confirming, numbers)) = next
             && let Some(command) = client.command(now_us, action)
         {
-            let until_us = now_us + COMMAND_LIFE_US;
-            let flight = Flight {
-                order,
-                command,
-                confirming,
-                intent_number,
-                numbers,
-                next_us: now_us,
-                until_us,
-            };
-            self.flight = Some(flight);
+            let begun = Flight::begin(now_us, order, intent_number, command);
+            self.flight = Some(Flight { confirming, numbers, ..begun });
             return None;
         }
         let outcome = match ack.result {

@@ -8,7 +8,7 @@ use super::{Deadman, Intent, Operator, ReleaseReaction, has_torque};
 use crate::stream::Stream;
 use rollwalk_protocol::wire::{PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, State};
 
-/// Interlock after an emergency stop: the operator must clear and arm before anything moves.
+/// Interlock after an emergency stop or a failed bus: the operator must clear and arm before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Latch {
     /// Motion is permitted.
@@ -204,7 +204,7 @@ impl Operator {
             }
             (Order::Clear, _) => return Ok(()),
             (_, Latch::Stopped) => {
-                return refused("the emergency stop is latched; clear the stop, then arm");
+                return refused("the robot has stopped; clear the stop, then arm");
             }
             (Order::Arm, Latch::Cleared) if state.is_some_and(has_torque) => {
                 return Err(IntentRejection::NeedsNothing(
@@ -214,7 +214,7 @@ impl Operator {
             }
             (Order::Arm, _) | (_, Latch::Open) => {}
             (_, Latch::Cleared) => {
-                return refused("the robot was not armed after the emergency stop; arm it first");
+                return refused("the robot was not armed after the stop; arm it first");
             }
         }
         if order == Order::Arm && self.hello.is_none() {

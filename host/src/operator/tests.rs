@@ -3,7 +3,7 @@
 mod any_sequence;
 
 use super::*;
-use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
+use crate::fixtures::servo_line;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
 use rollwalk_protocol::wire::{
     Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport, HeartbeatReply,
@@ -336,7 +336,7 @@ fn after_a_stop_it_takes_clearing_and_arming() {
     desk.request(Intent::Play { code: 3 });
     assert_eq!(
         desk.last_words(),
-        "the command to play code 3 was not sent: the robot was not armed after the emergency stop; arm it first"
+        "the command to play code 3 was not sent: the robot was not armed after the stop; arm it first"
     );
     desk.request(Intent::Arm);
     desk.poll();
@@ -482,11 +482,8 @@ fn a_loss_of_contact_names_the_control_that_this_program_has() {
 /// Faults are described for the kind of bus that this robot has.
 #[test]
 fn faults_of_a_serial_line_are_told_in_its_words() {
-    let bus =
-        ActuatorBus { kind: BusKind::ServoLine, protocol: "Dynamixel".into(), bit_rate: 1_000_000 };
-    let of = ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() };
     let mut desk = TestOperator::new();
-    desk.operator.set_actuators(Actuators { buses: vec![bus], channels: vec![of] });
+    desk.operator.set_actuators(servo_line([1]));
     desk.receive(status(State::Playing, 1).encode(node()));
     let faults = FaultBits::default().with(Fault::BusOff);
     desk.receive(Status { faults, ..status(State::EStopped, 2) }.encode(node()));

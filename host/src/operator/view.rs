@@ -26,6 +26,8 @@ pub struct View {
     pub mismatch: Option<String>,
     /// Latest status of the controller.
     pub status: Option<Status>,
+    /// Description of the robot's state with its faults, to follow "the robot is"; `None` without a status.
+    pub condition: Option<String>,
     /// Faults that are present, or because of which ARM was recently refused.
     pub faults: Vec<FaultView>,
     /// Advice on the next step, without names of keys.

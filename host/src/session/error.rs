@@ -189,35 +189,15 @@ fn took_too_long(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::{ActuatorBus, BusKind, ChannelActuator};
+    use crate::fixtures::{servo_line, status};
     use rollwalk_protocol::faults::{Fault, FaultBits};
-
-    fn pup() -> Catalog {
-        let bus = ActuatorBus {
-            kind: BusKind::ServoLine,
-            protocol: "Dynamixel".into(),
-            bit_rate: 1_000_000,
-        };
-        let of = |id| ChannelActuator { bus: 0, id, model: "XL330-M288-T".into() };
-        let actuators = Actuators { buses: vec![bus], channels: vec![of(1), of(2)] };
-        Catalog::of_robot("pup", 7, vec!["hip".into(), "knee".into()]).with_actuators(actuators)
-    }
 
     /// Errors describe faults of a serial line as the diagnosis does, if the robot is known.
     #[test]
     fn faults_of_a_known_robot_are_described_in_the_terms_of_its_bus() {
-        let pup = pup();
-        let faults = FaultBits::default().with(Fault::BusOff);
-        let state = State::EStopped;
-        let status = Status {
-            state,
-            severity: state.severity(faults),
-            faults,
-            clip: None,
-            frame: 0,
-            counter: 0,
-            library: 0,
-        };
+        let names = vec!["hip".into(), "knee".into()];
+        let pup = Catalog::of_robot("pup", 7, names).with_actuators(servo_line([1, 2]));
+        let status = status(State::EStopped, FaultBits::default().with(Fault::BusOff));
         let gone = "the serial adapter of the servos is gone";
         let report =
             FaultReport { counter: 0, fault: Fault::ActuatorSilent, channel: Some(1), value: 0.5 };

@@ -121,7 +121,7 @@ fn what_keeps_a_robot_from_being_armed_is_said() {
     );
     session.estop().unwrap();
     let why = session.arm().unwrap_err().to_string();
-    let expected = "the controller refused to arm: the robot is stopped by an emergency stop; clear the stop first";
+    let expected = "the controller refused to arm: the robot has stopped, and torque is off; clear the stop first";
     assert_eq!(why, expected);
 }
 

@@ -3,7 +3,6 @@
 //! The conductor reads the operator's view, sends intents, and answers samples. It has no access to clock or bus.
 
 use nalgebra::Vector3;
-use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{ExitStage, Intent, Operator, View, Weight};
 use rollwalk_host::stream::Target;
 use rollwalk_host::tracking::{Measurements, Tracking};
@@ -236,8 +235,9 @@ impl<'p> Conductor<'p> {
                 self.phase = Phase::Over;
                 operator.request(now_us, Intent::Quit);
             }
-            (_, state) => {
-                let text = format!("the motion has ended: the robot is {}", state_name(state));
+            _ => {
+                let condition = view.condition.unwrap_or_default();
+                let text = format!("the motion has ended: the robot is {condition}");
                 operator.notify(now_us, Weight::Warning, text);
                 self.phase = Phase::Over;
                 if operator.leaving() == ExitStage::No {

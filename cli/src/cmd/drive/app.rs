@@ -9,11 +9,10 @@ use ratatui::crossterm::event::{self, Event};
 use rollwalk_bus::port::LiveLink;
 use rollwalk_gamepads::mapped_gamepad::GamepadRequest;
 use rollwalk_host::catalog::Catalog;
-use rollwalk_host::describe::state_name;
+use rollwalk_host::describe::{has_to_be_cleared, is_at_rest};
 use rollwalk_host::operator::{Deadman, ExitStage, Intent, Operator, Weight};
 use rollwalk_pilot::{ActionAfterStop, END_US, Phase, Pilot, SteeredRobot, Tally};
 use rollwalk_planner::receding::Steering;
-use rollwalk_protocol::wire::{State, Status};
 use rollwalk_terminal::link::LinkArgs;
 use rollwalk_terminal::link::operated_bus::{OperatedBus, print_new_messages};
 use rollwalk_terminal::{Exit, interrupt, output};
@@ -321,26 +320,19 @@ impl<'a> App<'a> {
             ),
             _ => "nothing was planned; ".to_owned(),
         };
-        let Some(status) = view.status else {
+        let (Some(status), Some(condition)) = (view.status, view.condition) else {
             words += "the controller never answered";
             return DriveResult { words, exit: Exit::NotDone };
         };
-        words += &format!("the robot is {}", state_name(status.state));
+        words += &format!("the robot is {condition}");
         if has_to_be_cleared(&status) {
-            words += ": type `rollwalk clear` before arming it";
+            words += "; type `rollwalk clear` before arming it";
         }
-        let is_home = matches!(status.state, State::Disarmed | State::Boot | State::SelfTest);
-        let exit = match is_home && status.faults.is_empty() {
+        let exit = match is_at_rest(&status) {
             true if interrupt::requested() => Exit::Interrupted,
             true if is_whole => Exit::Ok,
             _ => Exit::NotDone,
         };
         DriveResult { words, exit }
     }
-}
-
-/// True if the robot stays stopped until the stop is cleared. `TorqueOff` becomes `Disarmed` automatically unless a fault is
-/// latched.
-fn has_to_be_cleared(status: &Status) -> bool {
-    status.state == State::EStopped || status.state == State::TorqueOff && !status.faults.is_empty()
 }

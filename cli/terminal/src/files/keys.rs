@@ -87,11 +87,7 @@ fn key_exists(path: &Path) -> Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
-    }
+    use crate::files::names;
 
     #[test]
     fn a_pair_of_keys_is_whole_or_not_there() {

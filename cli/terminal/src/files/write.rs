@@ -312,14 +312,10 @@ fn keep_owner(_: &Path, _: &File) {}
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::names;
     use crate::files::read;
     use crate::kind::Kind;
     use rollwalk_host::key_file;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
-    }
 
     #[test]
     fn writing_replaces_whole_files_and_makes_no_folders() {

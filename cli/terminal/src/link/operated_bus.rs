@@ -7,10 +7,9 @@ use super::LinkArgs;
 use crate::{Exit, output};
 use rollwalk_bus::link::{LinkBus, LinkError};
 use rollwalk_bus::port::LiveLink;
-use rollwalk_host::describe::state_name;
+use rollwalk_host::describe::{has_to_be_cleared, is_at_rest, state_name};
 use rollwalk_host::operator::{Message, Operator, View};
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::State;
 use std::collections::VecDeque;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -136,37 +135,28 @@ fn us_since(start: Instant) -> u64 {
     u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX)
 }
 
-/// Prints the state in which an operator left the robot, and returns the exit code.
+/// Prints the state in which an operator left the robot. Returns the exit code: a robot that was stopped, or that still has
+/// torque, is not done.
 pub fn report_exit(view: &View) -> Exit {
-    let Some(status) = view.status else {
+    let (Some(status), Some(condition)) = (view.status, &view.condition) else {
         output::print_line("the controller never answered");
         return Exit::NotDone;
     };
-    let state = state_name(status.state);
-    match status.state {
-        State::Disarmed | State::Boot | State::SelfTest => {
-            output::print_line(format_args!("the robot is {state}"));
-            Exit::Ok
-        }
-        // Without a fault it becomes disarmed by itself.
-        State::TorqueOff if status.faults.is_empty() => {
-            output::print_line("the robot is stopped, torque is off");
-            Exit::Ok
-        }
-        State::TorqueOff | State::EStopped => {
-            output::print_line(format_args!(
-                "the robot is {state}: type `rollwalk clear` before arming it"
-            ));
-            Exit::Ok
-        }
-        _ => {
-            output::print_line(format_args!(
-                "the program ends while the robot is {state}: without heartbeats the robot returns \
-                 to SAFE and switches torque off; type `rollwalk clear` before arming it"
-            ));
-            Exit::NotDone
-        }
+    if is_at_rest(&status) {
+        output::print_line(format_args!("the robot is {}", state_name(status.state)));
+        return Exit::Ok;
     }
+    if has_to_be_cleared(&status) {
+        output::print_line(format_args!(
+            "the robot is {condition}; type `rollwalk clear` before arming it"
+        ));
+    } else {
+        output::print_line(format_args!(
+            "the program ends while the robot is {condition}: without heartbeats the robot returns \
+             to SAFE and switches torque off; type `rollwalk clear` before arming it"
+        ));
+    }
+    Exit::NotDone
 }
 
 /// Prints the messages that follow the previously printed one.
@@ -177,4 +167,42 @@ pub fn print_new_messages(said: &mut Option<Message>, messages: &VecDeque<Messag
         output::print_line(format_args!("{:7.1} s: {}", message.at_us as f64 * 1e-6, message.text));
     }
     *said = messages.back().cloned();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rollwalk_protocol::faults::{Fault, FaultBits};
+    use rollwalk_protocol::wire::{Node, State, Status};
+
+    /// The exit code follows from the state in which the robot was left.
+    #[test]
+    fn only_a_robot_at_rest_is_done() {
+        let node = Node::new(1).unwrap();
+        assert_eq!(report_exit(&Operator::new(node, None).view(0)), Exit::NotDone);
+        let left = |state: State, faults: FaultBits| {
+            let mut operator = Operator::new(node, None);
+            let severity = state.severity(faults);
+            let status =
+                Status { state, severity, faults, clip: None, frame: 0, counter: 0, library: 0 };
+            operator.on_frame(0, &status.encode(node));
+            report_exit(&operator.view(0))
+        };
+        let none = FaultBits::default();
+        for state in [State::Boot, State::SelfTest, State::Disarmed, State::TorqueOff] {
+            assert_eq!(left(state, none), Exit::Ok, "{state:?}");
+        }
+        assert_eq!(left(State::Disarmed, none.with(Fault::NoLibrary)), Exit::Ok);
+        for fault in [Fault::HostLost, Fault::ActuatorFault, Fault::SetpointTimeout] {
+            assert_eq!(left(State::TorqueOff, none.with(fault)), Exit::NotDone, "{fault:?}");
+        }
+        for fault in [Fault::EStop, Fault::BusOff] {
+            assert_eq!(left(State::EStopped, none.with(fault)), Exit::NotDone, "{fault:?}");
+        }
+        for state in
+            [State::Ready, State::Playing, State::Streaming, State::Returning, State::Damped]
+        {
+            assert_eq!(left(state, none), Exit::NotDone, "{state:?}");
+        }
+    }
 }

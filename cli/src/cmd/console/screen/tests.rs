@@ -7,6 +7,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use rollwalk_host::actuators::{ActuatorBus, Actuators, BusKind, ChannelActuator};
 use rollwalk_host::catalog::{Catalog, CatalogMotion, Transition};
+use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{ExitStage, FaultView, JointView, LinkView, Message, View, Weight};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
@@ -109,6 +110,7 @@ fn view(state: State, clip: Option<u8>) -> View {
         hello: None,
         mismatch: None,
         status: Some(status),
+        condition: Some(state_name(state).to_owned()),
         faults: Vec::new(),
         advice: "play another motion, pause, or return to SAFE",
         joints: (0..14).map(|channel| (channel, joint(channel))).collect::<BTreeMap<_, _>>(),
