@@ -270,7 +270,7 @@ fn a_table_that_cannot_be_read_is_named() {
 
 #[test]
 fn a_bus_that_cannot_be_is_refused() {
-    assert_fault(2, MIT, "number = 2", "no motor is on", "leave the table out");
+    assert_fault(2, MIT, "number = 2", "a bus without motors", "leave out the table");
     assert_fault(
         0,
         &format!("{MIT}bit_rate = 115_200\n"),
@@ -280,12 +280,14 @@ fn a_bus_that_cannot_be_is_refused() {
     );
     for rate in ["2_000_000", "300_000"] {
         let fast = FEETECH.replace("1_000_000", rate);
-        let expected = format!("is {}, to which no STS3215-C018 can be set", rate.replace('_', ""));
+        let expected =
+            format!("is {}, a rate that STS3215-C018 servos do not have", rate.replace('_', ""));
         assert_fault(1, &fast, "bit_rate", &expected, "1000000, 500000, 250000");
     }
     for rate in ["1_500_000", "250_000"] {
         let odd = DYNAMIXEL.replace("1_000_000", rate);
-        let expected = format!("is {}, to which no XM430-W210 can be set", rate.replace('_', ""));
+        let expected =
+            format!("is {}, a rate that XM430-W210 servos do not have", rate.replace('_', ""));
         assert_fault(1, &odd, "bit_rate", &expected, "57600, 115200, 1000000");
     }
     let flat = ODRIVE.replace("-9", "0");
@@ -295,7 +297,7 @@ fn a_bus_that_cannot_be_is_refused() {
     let range = CYBERGEAR.replace("12.5", "12.0");
     assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 or 12.566");
     let alone = "protocol = \"rollwalk\"\ncontrol = \"on_controller\"\n";
-    assert_fault(0, alone, "control", "Rollwalk has no torque command", "leave it out");
+    assert_fault(0, alone, "control", "Rollwalk has no torque command", "leave out `control`");
     // A bus that no controller has is a fault of the motor on it alone.
     let text = ROBOT.replace("bus = 1", "bus = 4");
     let error = Robot::from_toml("arm.toml", &format!("{text}\n[[bus]]\nnumber = 4\n{MIT}"));
@@ -304,7 +306,7 @@ fn a_bus_that_cannot_be_is_refused() {
     assert_eq!(found.len(), 1, "{found:#?}");
     assert!(found[0].0.contains("`wheel`: `bus` must be"), "{found:#?}");
     let assumed = format!("{MIT}pose = \"assumed_safe\"\n");
-    assert_fault(0, &assumed, "pose", "AK80-9 reports its position", "leave it out");
+    assert_fault(0, &assumed, "pose", "AK80-9 reports its position", "leave out `pose`");
 }
 
 /// Tests that robots from JSON are checked like robot files. Plan files contain robots as JSON.
@@ -348,7 +350,7 @@ fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
     // The limits of the data sheet, above what the bus can say.
     assert_fault(0, ODRIVE, "id = 70", "is 70, beyond the range of ODrive on bus 0", "0 to 63");
     let wheel = MAESTRO;
-    assert_fault(1, wheel, "bus = 1", "cannot drive it", "wheel speed");
+    assert_fault(1, wheel, "bus = 1", "cannot drive this motor", "wheel speed");
     let text = |from: &str, to: &str, lines: &str| {
         assert!(ROBOT.contains(from));
         let text = format!("{}\n[[bus]]\nnumber = 1\n{lines}", ROBOT.replace(from, to));

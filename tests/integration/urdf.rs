@@ -90,7 +90,7 @@ fn a_bad_urdf_or_side_file_writes_nothing() {
     desk.run(&import).fails(1, &["side.toml:", "`LF_feet`", "did you mean `LF_foot`"]);
     desk.edit("side.toml", "LF_feet", "LF_foot");
     desk.edit("quad.urdf", "mass value=\"4\"", "mass value=\"4,0\"");
-    desk.run(&import).fails(1, &["quad.urdf:2", "link `trunk`", "\"4,0\"", "no commas"]);
+    desk.run(&import).fails(1, &["quad.urdf:2", "link `trunk`", "\"4,0\"", "without commas"]);
     desk.write("quad.urdf", b"<robot name=\"\xff\"/>");
     desk.run(&import).fails(1, &["quad.urdf", "not UTF-8"]);
     desk.run(&["robot", "import", "qaud.urdf"]).fails(1, &["no URDF or MJCF file", "quad.urdf"]);

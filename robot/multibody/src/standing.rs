@@ -21,7 +21,7 @@ pub struct Standing {
     pub com: Vector3<f64>,
     /// Contacts, by end effector.
     pub contacts: Vec<StandingContact>,
-    /// True if pushing contacts balance the weight. If false, the forces are equal, and the robot tips over.
+    /// True if contact forces that only push can balance the weight. If false, all forces are equal, and the robot tips over.
     pub balanced: bool,
     /// Static torque of each joint, N·m.
     pub torque_nm: Vec<f64>,

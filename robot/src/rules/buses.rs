@@ -22,8 +22,8 @@ impl Check<'_> {
             self.at(Item::Bus(number), format!("bus {number}"));
             // A motor on a bus that no controller has is found at the motor.
             if !robot.channels().any(|channel| channel.actuator().bus == number) {
-                let help = "give it to a joint, a wheel or a limb, or leave the table out";
-                self.violated("number", "is a bus that no motor is on", help);
+                let help = "put a joint, a wheel or a limb on this bus, or leave out the table";
+                self.violated("number", "is a bus without motors", help);
             }
             self.bus(bus);
         }
@@ -35,29 +35,31 @@ impl Check<'_> {
         let name = bus.protocol.name();
         if bus.protocol.is_serial() {
             if !(300..=10_000_000).contains(&bus.bit_rate) {
-                let help = "a serial line has 300 to 10000000 bit/s; give the rate itself, not the servos' code of it";
+                let help =
+                    "give 300 to 10000000 bit/s: the bit rate, not the servos' code for this rate";
                 self.violated("bit_rate", format_args!("is {}", bus.bit_rate), help);
             } else if let rates = bus.protocol.bit_rates()
                 && !rates.is_empty()
                 && !rates.contains(&bus.bit_rate)
             {
                 let rates: Vec<_> = rates.iter().map(ToString::to_string).collect();
-                let help = format!("rates of these servos are {} bit/s", rates.join(", "));
-                let problem = format_args!("is {}, to which no {name} can be set", bus.bit_rate);
+                let help = format!("give one of {} bit/s", rates.join(", "));
+                let problem =
+                    format_args!("is {}, a rate that {name} servos do not have", bus.bit_rate);
                 self.violated("bit_rate", problem, help);
             }
         } else if !CAN_BIT_RATES.contains(&bus.bit_rate) {
             let rates = CAN_BIT_RATES.map(|rate| rate.to_string()).join(", ");
-            let help = format!("rates of CAN are {rates} bit/s");
+            let help = format!("give a bit rate of CAN: {rates} bit/s");
             self.violated("bit_rate", format_args!("is {}", bus.bit_rate), help);
         }
         if bus.control == ControlLoop::OnController && !can.torque_alone {
-            let help = "leave it out: the drives close the loop";
+            let help = "leave out `control`: the drives close the loop";
             let problem = format!("is \"on_controller\", but {name} has no torque command");
             self.violated("control", problem, help);
         }
         if bus.pose == Pose::AssumedSafe && can.measures_position {
-            let help = "leave it out: the pose is the one that they measure";
+            let help = "leave out `pose`: the drives measure their positions";
             self.violated(
                 "pose",
                 format!("is \"assumed_safe\", but {name} reports its position"),
@@ -93,8 +95,9 @@ impl Check<'_> {
             Refusal::OutOfRange("kd") => ("kd_nm_s_rad", motor.kd_nm_s_rad, " N·m·s/rad"),
             Refusal::OutOfRange("torque") => ("torque_max_nm", motor.torque_max_nm, " N·m"),
             Refusal::OutOfRange(_) | Refusal::Unsupported(_) | Refusal::Missing(_) => {
-                let help = format!("put it on a bus whose actuators can ({drive}: {refusal})");
-                self.violated("bus", "is one that cannot drive it", help);
+                let help =
+                    format!("put the motor on a bus with another protocol ({drive}: {refusal})");
+                self.violated("bus", "cannot drive this motor", help);
                 return;
             }
         };

@@ -15,7 +15,7 @@ use std::fmt;
 pub(crate) const LENGTH_MAX_M: f64 = 10.0;
 /// Help for a vector that [`is_a_length`] refuses.
 pub(crate) fn length_help() -> String {
-    format!("each coordinate is within ±{LENGTH_MAX_M} m; millimetres need dividing by 1000")
+    format!("give each coordinate within ±{LENGTH_MAX_M} m; divide millimetres by 1000")
 }
 /// Largest radius of a capsule, m.
 pub(super) const RADIUS_MAX_M: f64 = 1.0;
@@ -102,15 +102,14 @@ impl Check<'_> {
         }
         let guess = if value > max { also } else { "" };
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        let help = format!("allowed is {words} to {max}{unit}{guess}");
+        let help = format!("give a value {words} to {max}{unit}{guess}");
         self.violated(field, format_args!("is {value}{unit}"), help);
     }
 
     fn name(&mut self, name: &str, taken: bool) {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(fits) {
-            let help =
-                format!("names have 1 to {MAX_NAME} letters a to z or A to Z, digits, `_` or `-`");
+            let help = format!("give 1 to {MAX_NAME} letters a to z or A to Z, digits, `_` or `-`");
             self.violated("name", format_args!("cannot be \"{}\"", Excerpt::start_of(name)), help);
         } else if taken {
             self.violated("name", "is used twice", "give every item of a kind its own name");
@@ -126,7 +125,7 @@ impl Check<'_> {
     pub(super) fn unit_axis(&mut self, field: &'static str, axis: &Vector3<f64>) {
         // Axes are normalised when a file is read; 1e-9 allows for rounding there and in JSON.
         if (axis.norm() - 1.0).abs() > 1e-9 || !axis.iter().all(|value| value.is_finite()) {
-            let help = "a direction of length 1, such as [0, 1, 0]";
+            let help = "give a direction of length 1, such as [0, 1, 0]";
             self.violated(field, format_args!("is {}", show(axis)), help);
         }
     }
@@ -138,7 +137,7 @@ impl Check<'_> {
             [("link", links.len()), ("joint", joints.len()), ("end_effector", end_effectors.len())]
         {
             if count > ITEMS_MAX {
-                let help = format!("a robot has at most {ITEMS_MAX} of each kind");
+                let help = format!("give a robot at most {ITEMS_MAX} of each kind");
                 self.violated(field, format_args!("has {count} entries"), help);
             }
         }
@@ -164,10 +163,10 @@ impl Check<'_> {
         let robot = self.robot;
         self.at(Item::Robot, "the robot".into());
         if robot.links.is_empty() {
-            self.violated("link", "is missing", "a robot has at least one link, its body");
+            self.violated("link", "is missing", "give at least one link, the body");
         }
         if robot.end_effectors.is_empty() {
-            let help = "a robot has at least one foot or wheel";
+            let help = "give at least one foot or wheel";
             self.violated("end_effector", "is missing", help);
         }
         let margin_m = robot.clearance_margin_m;
@@ -209,9 +208,13 @@ impl Check<'_> {
                         false => (*before, other.clone(), what),
                     };
                     let help =
-                        format!("{other} has that address: give each motor of a bus its own id");
+                        format!("give each motor of a bus its own id; {other} has this id, too");
                     self.at(place, what);
-                    self.violated("id", format_args!("is {id} on bus {bus} a second time"), help);
+                    self.violated(
+                        "id",
+                        format_args!("is {id}, which another motor on bus {bus} has"),
+                        help,
+                    );
                 }
             }
         }

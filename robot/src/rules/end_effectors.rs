@@ -16,7 +16,7 @@ impl Check<'_> {
             self.violated("link", format_args!("is link {}", end_effector.link), help);
         }
         self.vector("center_in_link_m", &end_effector.center_in_link_m);
-        let mm = "; millimetres need dividing by 1000";
+        let mm = "; divide millimetres by 1000";
         let contact = &end_effector.contact;
         let blade_length_m = contact.blade_length_m();
         let largest_m = if blade_length_m.is_some() { LENGTH_MAX_M } else { 1.0 };
@@ -26,8 +26,7 @@ impl Check<'_> {
         if let Some(axis_in_link) = contact.axis_in_link() {
             self.unit_axis("axis_in_link", axis_in_link);
             if blade_length_m.is_some() && axis_in_link.z.abs() > 0.95 {
-                let help =
-                    "a blade is below its link: the axis across it is no vertical of the link";
+                let help = "give the axis across the blade, not the z axis of the link: the blade lies below the link";
                 self.violated("axis_in_link", format_args!("is {}", show(axis_in_link)), help);
             }
         }
@@ -47,8 +46,8 @@ impl Check<'_> {
 
     fn soft(&mut self, soft: &SoftMaterial, end_effector: &EndEffector) {
         if !matches!(end_effector.contact, Contact::PointFoot | Contact::WeldedWheel { .. }) {
-            let help = "feet and welded wheels can be soft; wheels that turn and blades are rigid";
-            self.violated("soft", "is no foot's", help);
+            let help = "leave out `soft`: only feet and welded wheels can be soft";
+            self.violated("soft", "is given for a part that cannot be soft", help);
         }
         let softer = "; foam has 1e4 to 1e6, rubber 1e6 to 1e7";
         self.range("young_pa", soft.young_pa, Bound::AtLeast(1e3), 1e9, "Pa", softer);
@@ -59,7 +58,7 @@ impl Check<'_> {
         let link_kg = self.robot.links.get(end_effector.link).map_or(0.0, |link| link.mass_kg);
         if ball_kg > SOFT_SHARE * link_kg {
             let help = format!(
-                "its ball weighs {ball_kg:.3} kg, part of the {link_kg:.3} kg of its link: at most three quarters of that"
+                "reduce the density or the radius: the ball weighs {ball_kg:.3} kg, and may weigh at most 75 % of its link ({link_kg:.3} kg)"
             );
             self.violated("density_kg_m3", format_args!("is {} kg/m³", soft.density_kg_m3), help);
         }

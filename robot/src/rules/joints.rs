@@ -29,20 +29,20 @@ impl Check<'_> {
             }
         }
         if joint.child == 0 {
-            let help = "the first link is the root; let joints lead away from it";
+            let help = "let joints lead away from the first link, the root";
             self.violated("child", "is the root link", help);
         } else if joint.parent != 0 && !earlier.iter().any(|other| other.child == joint.parent) {
             let name = robot.links.get(joint.parent).map_or("?", |link| link.name.as_str());
             let help = format!(
-                "a parent is the root or the child of an earlier joint: move the joint that \
-                 carries `{name}` up, or break the loop"
+                "move the joint that carries `{name}` up, or break the loop: a parent is the root or \
+                 the child of an earlier joint"
             );
             self.violated("parent", format_args!("`{name}` is not yet part of the tree"), help);
         }
         self.vector("origin_in_parent_m", &joint.parent_from_joint.translation.vector);
         let rotation = joint.parent_from_joint.rotation.norm();
         if (rotation - 1.0).abs() > 1e-9 || rotation.is_nan() {
-            let help = "the joint frame is turned by a unit quaternion";
+            let help = "give the joint frame a unit quaternion";
             self.violated(
                 "origin_rpy_rad",
                 format_args!("has a quaternion of length {rotation}"),
@@ -53,7 +53,7 @@ impl Check<'_> {
         self.joint_range(joint);
         self.actuator(&joint.actuator);
         if joint.actuator.kp_nm_rad <= 0.0 {
-            let help = "a joint holds its position with a stiffness above 0 N·m/rad";
+            let help = "give a stiffness above 0 N·m/rad, with which the joint holds its position";
             self.violated("kp_nm_rad", "is 0", help);
         }
     }
@@ -69,7 +69,7 @@ impl Check<'_> {
             let fits = angle.abs() <= TAU;
             if !fits {
                 let help = format!(
-                    "allowed is within ±2π; {angle} degrees would be {:.4} rad",
+                    "give an angle within ±2π rad; {angle} degrees would be {:.4} rad",
                     angle.to_radians()
                 );
                 self.violated(field, format_args!("is {angle} rad"), help);
@@ -83,7 +83,7 @@ impl Check<'_> {
             let help = format!("give a value above `position_min_rad` ({min} rad)");
             self.violated("position_max_rad", format_args!("is {max} rad"), help);
         } else if !(min..=max).contains(&nominal) {
-            let help = format!("the nominal pose is within the limits, {min} to {max} rad");
+            let help = format!("give an angle within the limits, {min} to {max} rad");
             self.violated("nominal_rad", format_args!("is {nominal} rad"), help);
         }
     }
@@ -94,7 +94,7 @@ impl Check<'_> {
             self.violated("model", "is empty", "give the motor's model, such as \"XM430-W210-T\"");
         } else if model.len() > NAME_MAX || !is_plain_name(model) {
             let help = format!(
-                "give the motor's model, such as \"XM430-W210-T\": 1 to {NAME_MAX} bytes of characters that can be seen"
+                "give the motor's model, such as \"XM430-W210-T\": 1 to {NAME_MAX} bytes of visible characters"
             );
             self.violated("model", format_args!("is \"{}\"", Excerpt::start_of(model)), help);
         }
@@ -109,7 +109,7 @@ impl Check<'_> {
             "rad/s",
             rpm,
         );
-        let mm = "; N·mm need dividing by 1000";
+        let mm = "; divide N·mm by 1000";
         self.range("torque_max_nm", motor.torque_max_nm, positive, TORQUE_MAX_NM, "N·m", mm);
         if let Some(line) = &motor.torque_speed {
             let stall_nm = line.stall_torque_nm;
@@ -118,15 +118,13 @@ impl Check<'_> {
             self.range("no_load_speed_rad_s", free_rad_s, positive, 1000.0, "rad/s", rpm);
             // The line bounds what the motor can do: limits beyond its ends are no limits.
             if (f64::MIN_POSITIVE..motor.torque_max_nm).contains(&stall_nm) {
-                let help = format!(
-                    "at most `stall_torque_nm`, {stall_nm} N·m: lower this, or correct that"
-                );
+                let help = format!("give at most {stall_nm} N·m, or correct `stall_torque_nm`");
                 let problem = format_args!("is {} N·m", motor.torque_max_nm);
                 self.violated("torque_max_nm", problem, help);
             }
             if (f64::MIN_POSITIVE..motor.speed_max_rad_s).contains(&free_rad_s) {
                 let help = format!(
-                    "at most `no_load_speed_rad_s`, {free_rad_s} rad/s: lower this, or correct that{rpm}"
+                    "give at most {free_rad_s} rad/s, or correct `no_load_speed_rad_s`{rpm}"
                 );
                 let problem = format_args!("is {} rad/s", motor.speed_max_rad_s);
                 self.violated("speed_max_rad_s", problem, help);

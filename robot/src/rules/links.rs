@@ -21,14 +21,14 @@ impl Check<'_> {
             Bound::Above(0.0),
             MASS_MAX_KG,
             "kg",
-            "; grams need dividing by 1000",
+            "; divide grams by 1000",
         );
         self.vector("com_in_link_m", &link.com_in_link_m);
         self.inertia(&link.inertia_in_link_kg_m2);
         self.shapes(index, link);
         let carriers = robot.joints.iter().filter(|joint| joint.child == index).count();
         if index > 0 && carriers != 1 {
-            let help = "every link but the first is the `child` of exactly one joint";
+            let help = "make every link except the first the `child` of exactly one joint";
             self.violated("name", format_args!("is the child of {carriers} joints"), help);
         }
     }
@@ -36,7 +36,9 @@ impl Check<'_> {
     fn shapes(&mut self, index: usize, link: &Link) {
         const FIELD: &str = "shapes";
         if link.shapes.len() > SHAPES_MAX {
-            let help = format!("at most {SHAPES_MAX}: a few capsules around a link are enough");
+            let help = format!(
+                "give at most {SHAPES_MAX} shapes: a few capsules around a link are enough"
+            );
             self.violated(FIELD, format_args!("has {} entries", link.shapes.len()), help);
         }
         let far = |point: &Vector3<f64>| !point.iter().all(|value| value.abs() <= LENGTH_MAX_M);
@@ -44,7 +46,7 @@ impl Check<'_> {
             let mut wrong = |key: &str, value: &dyn fmt::Display, help: String| {
                 self.violated(FIELD, format_args!("[{number}].{key} is {value}"), help);
             };
-            let near = format!("each coordinate is within ±{LENGTH_MAX_M} m");
+            let near = format!("give each coordinate within ±{LENGTH_MAX_M} m");
             match shape {
                 Shape::Capsule { from_in_link_m, to_in_link_m, radius_m } => {
                     for (key, end) in [("from_m", from_in_link_m), ("to_m", to_in_link_m)] {
@@ -53,7 +55,7 @@ impl Check<'_> {
                         }
                     }
                     if !(*radius_m > 0.0 && *radius_m <= RADIUS_MAX_M) {
-                        let help = format!("allowed is above 0 to {RADIUS_MAX_M} m");
+                        let help = format!("give a radius above 0 to {RADIUS_MAX_M} m");
                         wrong("radius_m", &format_args!("{radius_m} m"), help);
                     }
                 }
@@ -62,12 +64,12 @@ impl Check<'_> {
                         wrong("at_m", &show(center_in_link_m), near);
                     }
                     if !size_m.iter().all(|size| *size > 0.0 && *size <= LENGTH_MAX_M) {
-                        let help = format!("sides are above 0 to {LENGTH_MAX_M} m");
+                        let help = format!("give sides above 0 to {LENGTH_MAX_M} m");
                         wrong("box_m", &show(size_m), help);
                     }
                     if index > 0 {
-                        let help = "only the body, the first link, has boxes: give a capsule, \
-                                    `from_m`, `to_m` and `radius_m`";
+                        let help = "give a capsule with `from_m`, `to_m` and `radius_m`: only the \
+                                    body, the first link, may have boxes";
                         wrong("box_m", &"a box", help.to_owned());
                     }
                 }
@@ -90,10 +92,16 @@ impl Check<'_> {
         if feet.is_empty() || !is_known || !rest_kg.is_finite() {
             return;
         }
-        let lighter = "give its soft feet less density or radius, or the link more of its mass where they are";
+        let lighter =
+            "reduce density or radius of the soft feet, or give the link more mass near the feet";
         if rest_kg < (1.0 - SOFT_SHARE) * link.mass_kg {
-            let help = format!("{rest_kg:.3} kg of {:.3} kg are rigid: {lighter}", link.mass_kg);
-            self.violated("mass_kg", "is hardly more than that of its soft feet", help);
+            let help =
+                format!("only {rest_kg:.3} kg of {:.3} kg are rigid: {lighter}", link.mass_kg);
+            self.violated(
+                "mass_kg",
+                "is hardly more than the mass of the soft feet of this link",
+                help,
+            );
             return;
         }
         let about = |mass_kg: f64, arm: Vector3<f64>| {
@@ -110,10 +118,14 @@ impl Check<'_> {
         let moments = rest.symmetric_eigenvalues();
         if moments.min() <= 0.0 {
             let help = format!(
-                "without its soft feet its smallest principal moment is {:.3e} kg·m², and must be above 0: {lighter}",
+                "{lighter}: without the feet, the smallest principal moment of the link is {:.3e} kg·m²; expected above 0",
                 moments.min()
             );
-            self.violated("inertia_in_link_kg_m2", "does not hold its soft feet", help);
+            self.violated(
+                "inertia_in_link_kg_m2",
+                "is smaller than the inertia of the soft feet of this link",
+                help,
+            );
         }
     }
 
@@ -127,7 +139,11 @@ impl Check<'_> {
         // Rounding of a product of rotations is far below one part in 10^9.
         let tolerance = 1e-9 * scale;
         if (inertia - inertia.transpose()).amax() > tolerance {
-            self.violated(FIELD, "is not symmetric", "an inertia matrix equals its transpose");
+            self.violated(
+                FIELD,
+                "is not symmetric",
+                "give an inertia matrix that equals its transpose",
+            );
             return;
         }
         let mut moments = inertia.symmetric_eigenvalues();
@@ -135,12 +151,12 @@ impl Check<'_> {
         let [small, middle, large] = [moments[0], moments[1], moments[2]];
         let shown = format!("principal moments are {small:.3e}, {middle:.3e}, {large:.3e} kg·m²");
         if small <= 0.0 {
-            let help = format!("{shown}; all must be above 0: enlarge the diagonal");
+            let help = format!("enlarge the diagonal: {shown}; expected values above 0");
             self.violated(FIELD, "is not positive definite", help);
         } else if small + middle < large - tolerance {
             let help = format!(
-                "{shown}; no body has one above the sum of the others: check units and the \
-                 order xx, yy, zz, xy, xz, yz"
+                "check units and the order xx, yy, zz, xy, xz, yz: {shown}, and no principal moment of a \
+                 body exceeds the sum of the others"
             );
             self.violated(FIELD, "breaks the triangle inequality", help);
         }

@@ -15,9 +15,10 @@ const EMPTY_MASS_SHARE: f64 = 1e-6;
 const GYRATION_MIN_M: f64 = 1e-3;
 /// Radius of gyration that counts as 0, m.
 const GYRATION_NONE_M: f64 = 1e-4;
-/// Fraction of the largest moment by which the sum of the two others exceeds it after a repair.
+/// Margin by which the sum of the two smaller moments exceeds the largest moment after a repair, as a fraction of the
+/// largest.
 const SLACK: f64 = 1e-3;
-/// The same for a flat plate, which is not repaired. Exports round, and MuJoCo refuses a sum that is smaller.
+/// Margin of a flat plate, which is not repaired. Exports round, and MuJoCo refuses a sum below the largest moment.
 const ROUNDING: f64 = 1e-8;
 /// Maximum number of changes of an inertia. With two equal moments one change is not enough.
 const REPAIRS: usize = 20;
@@ -149,10 +150,10 @@ fn masses(
         let first = &urdf.links[links[0]];
         let mass = if parts.is_empty() {
             let mass_kg = EMPTY_MASS_SHARE * total_kg;
-            let what = if links.len() > 1 { "and what is fixed to it have" } else { "has" };
+            let what = if links.len() > 1 { "and the links fixed to it have" } else { "has" };
             notes.warn(
                 &first.span,
-                format_args!("link `{}` {what} no mass: taken as {mass_kg:.1e} kg; give it an <inertial> if it has a mass", first.name),
+                format_args!("link `{}` {what} no mass, and is imported with {mass_kg:.1e} kg; give the link an <inertial> if it has a mass", first.name),
             );
             let inertia_kg_m2 = Matrix3::from_diagonal_element(mass_kg * 1e-4);
             MassProperties { mass_kg, com_m: Vector3::zeros(), inertia_kg_m2 }
@@ -165,7 +166,7 @@ fn masses(
                     notes.warn(
                         &link.span,
                         format_args!(
-                            "link `{}`: a moment of inertia is {least:.3e} kg·m², and must be above 0: check its sign",
+                            "link `{}`: a moment of inertia is {least:.3e} kg·m²; expected above 0: check the sign",
                             link.name
                         ),
                     );
@@ -243,7 +244,7 @@ fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<Strin
     };
     let message = (!reasons.is_empty()).then(|| {
         format!(
-            "principal moments of inertia {} kg·m² {}: taken as {}",
+            "principal moments of inertia {} kg·m² {}, and are imported as {}",
             show(written),
             reasons.join(" and "),
             show(moments)

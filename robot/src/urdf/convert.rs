@@ -111,7 +111,7 @@ impl<'a> Conversion<'a, '_> {
         let written = self.side.name.as_ref().unwrap_or(&self.urdf.name);
         let name = allowed(written);
         if name != *written {
-            self.notes.warn(&(0..0), format_args!("robot `{written}` is called `{name}`: names have letters, digits, `_` and `-`, 32 at most"));
+            self.notes.warn(&(0..0), format_args!("robot `{written}` is imported as `{name}`, because names have at most 32 letters, digits, `_` or `-`"));
         }
         (self.notes.faults.is_empty() && self.side_document.is_clean()).then_some(Draft {
             name,
@@ -169,18 +169,18 @@ impl<'a> Conversion<'a, '_> {
             .collect();
         let help = if idle.is_empty() {
             format!(
-                "lock {excess} of them under [lock] of the side file, or leave out wheels' motors"
+                "lock {excess} joints under [lock] of the side file, or leave out motors of wheels"
             )
         } else {
             format!(
-                "lock at least {excess} joints under [lock] of the side file; {} carry no foot or wheel: {}",
+                "lock at least {excess} joints under [lock] of the side file. {} joints carry no foot or wheel: {}",
                 idle.len(),
                 locks.join(", ")
             )
         };
         let message = format!(
-            "the robot has {} channels, {joints} joints and {wheels} actuated wheels; a controller and a \
-             library have at most {MAX_CHANNELS}",
+            "the robot has {} channels: {joints} joints and {wheels} actuated wheels; a controller has at \
+             most {MAX_CHANNELS}",
             joints + wheels
         );
         let span = self.urdf.links[tree.root].span.clone();
@@ -226,9 +226,9 @@ impl<'a> Conversion<'a, '_> {
                     ("is the axle of a wheel", "give its motor in the [[end_effector]]".to_owned())
                 }
                 Some(joint) if rigid.locked.contains_key(joint) => {
-                    ("is locked", "remove it here or under [lock]".to_owned())
+                    ("is locked", "remove the joint here or under [lock]".to_owned())
                 }
-                Some(_) => ("does not move", "remove it here".to_owned()),
+                Some(_) => ("does not move", "remove the joint from [joint]".to_owned()),
                 None => ("does not exist", alternatives(&given.joint, moving)),
             };
             let message = format!("[joint]: `{}` {problem}", given.joint);
@@ -256,7 +256,7 @@ impl<'a> Conversion<'a, '_> {
         let axis = axle.map(|axle| axle.axis.into_inner()).or(end.axis);
         if axis.is_some_and(|axis| axis.norm() < 1e-6) {
             let message = format!("end effector `{}`: `axis_in_link` is zero", end.name);
-            let help = "an axis is a direction such as [0, 1, 0]; its length does not matter";
+            let help = "give a direction such as [0, 1, 0], of any length above 0";
             self.side_document.fault(end.span.clone(), message, "has no direction", help);
             return None;
         }

@@ -11,8 +11,8 @@ use super::tree::{Graph, Tree};
 use nalgebra::{Point3, Vector3};
 use rollwalk_protocol::config::MAX_CHANNELS;
 
-/// Maximum number of times that joints are locked to get by with the channels of a controller. Locks turn wheels into parts of
-/// the limb, so that a second time is rare.
+/// Maximum number of rounds in which joints are locked to fit the channels of a controller. A second round is rare: it
+/// follows if locks turn wheels into parts of the limb.
 const ROUNDS: usize = 4;
 
 /// Guesses about a robot.
@@ -179,7 +179,7 @@ impl Guess {
         self.bodies.moving.len() + driven.count()
     }
 
-    /// Joints of arms and the like, if a controller has too few channels for them.
+    /// Joints of arms and similar limbs, if a controller has too few channels for them.
     fn idle_beyond_channels(&self) -> Vec<usize> {
         // The survey refuses robots with very many joints.
         if self.channels() <= MAX_CHANNELS || self.bodies.moving.len() > MOVING_MAX {
@@ -190,7 +190,7 @@ impl Guess {
         idle.into_iter().map(|index| self.bodies.moving[index].joint).collect()
     }
 
-    /// Joints with most joints between them and the root.
+    /// Joints with the largest number of joints between them and the root.
     fn outermost_joints(&self, count: usize) -> Vec<usize> {
         let mut depths = vec![0_usize; self.bodies.bodies.len()];
         for moving in &self.bodies.moving {

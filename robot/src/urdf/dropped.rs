@@ -18,7 +18,7 @@ pub(super) fn warn(root: Node<'_, '_>, notes: &mut Notes<'_>) {
     if let Some(first) = transmissions.first() {
         let names: Vec<_> = transmissions.iter().map(|node| name(*node)).collect();
         notes.warn(&tag(*first), format_args!(
-            "<transmission> {}: ratios and coupled joints are not imported; each joint gets a motor of its own with the limits of the joint: give those under [joint] and [actuator.NAME] of the side file",
+            "<transmission> {}: ratios and coupled joints are not imported. Each joint gets a motor of its own with the limits of the joint; give other limits under [joint] and [actuator.NAME] of the side file",
             some_names(names.iter())
         ));
     }

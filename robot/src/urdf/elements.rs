@@ -75,7 +75,7 @@ impl Reader<'_, '_> {
     }
 
     pub fn xacro(&mut self, node: Node<'_, '_>) {
-        self.fault(node, "the file has xacro macros in it", EXPAND);
+        self.fault(node, "the file contains xacro macros", EXPAND);
     }
 
     fn required<'a>(&mut self, node: Node<'a, '_>, attribute: &str) -> Option<&'a str> {
@@ -102,7 +102,7 @@ impl Reader<'_, '_> {
             let help = if written.contains("${") || written.contains("$(") {
                 EXPAND.to_owned()
             } else if written.contains(',') {
-                format!("{wanted} with a decimal point, separated by blanks: no commas")
+                format!("give {wanted} with a decimal point, separated by blanks, without commas")
             } else if N == 1 {
                 format!("{wanted}, finite")
             } else {
@@ -132,7 +132,7 @@ impl Reader<'_, '_> {
                 self.fault(
                     origin,
                     message,
-                    "a rotation is a quaternion of length 1: \"0 0 0 1\" is none",
+                    "give a quaternion of length 1; \"0 0 0 1\" is no rotation",
                 );
             }
             unit.unwrap_or_default()
@@ -271,7 +271,7 @@ impl Reader<'_, '_> {
             if matches!(kind, Kind::Revolute | Kind::Continuous | Kind::Prismatic) {
                 self.notes.warn(
                     &tag(node),
-                    format!("joint `{name}` has no <axis>: taken as [1, 0, 0], the default of URDF; write <axis xyz=\"…\"/>"),
+                    format!("joint `{name}` has no <axis>, so [1, 0, 0] counts, the default of URDF; write <axis xyz=\"…\"/>"),
                 );
             }
             return Some(Vector3::x_axis());
@@ -285,11 +285,7 @@ impl Reader<'_, '_> {
             return Some(Vector3::x_axis());
         }
         let message = format!("joint `{name}`: the axis has no direction");
-        self.fault(
-            element,
-            message,
-            "an axis is a direction such as \"0 1 0\"; its length does not matter",
-        );
+        self.fault(element, message, "give a direction such as \"0 1 0\", of any length above 0");
         None
     }
 }

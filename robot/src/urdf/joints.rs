@@ -34,8 +34,8 @@ pub(super) fn in_degrees(joints: &[Joint]) -> bool {
     2 * limited().filter(|joint| looks_like_degrees(joint)).count() > limited().count()
 }
 
-/// True if the limits of a joint look like degrees. Those of a joint that may be endless do only if most limits of the file
-/// do.
+/// True if the limits of a joint look like degrees. The limits of a possibly endless joint count only if most limits of the
+/// file look like degrees.
 pub(super) fn has_degrees(urdf: &Urdf, joint: &Joint) -> bool {
     if looks_like_degrees(joint) {
         !joint.is_endless() || urdf.in_degrees
@@ -102,7 +102,7 @@ pub(super) fn ranges<'a>(
     if let Some((first, _)) = unposed.first() {
         let names = some_names(unposed.iter().map(|(joint, _)| &joint.name));
         let shown: Vec<_> = unposed.iter().take(4).map(|(_, angle)| show(*angle)).collect();
-        notes.warn(&first.span, format_args!("joint {names}: no `nominal_rad` in the side file: taken as {} rad, nearest to 0 within the limits; give it under [joint]", shown.join(", ")));
+        notes.warn(&first.span, format_args!("joint {names}: the side file has no `nominal_rad`, so the angle nearest to 0 within the limits counts, {} rad; give `nominal_rad` under [joint]", shown.join(", ")));
     }
     ranges
 }
@@ -129,7 +129,7 @@ impl<'a> Reader<'a, '_, '_> {
         if lower > upper {
             if min.is_none() || max.is_none() {
                 let span = joint.span.clone();
-                self.notes.warn(&span, format_args!("joint `{}`: lower=\"{lower}\" is above upper=\"{upper}\": taken in reverse; exchange the two in the model", joint.name));
+                self.notes.warn(&span, format_args!("joint `{}`: lower=\"{lower}\" is above upper=\"{upper}\"; the import exchanges both limits: correct the model", joint.name));
             }
             (lower, upper) = (upper, lower);
         }
@@ -145,11 +145,11 @@ impl<'a> Reader<'a, '_, '_> {
         }
         if self.degrees.last().is_some_and(|last| std::ptr::eq(*last, joint)) {
             let message = format!(
-                "joint `{}` cannot move: its limits are {lower} and {upper} rad, beyond a turn, and look like degrees",
+                "joint `{}` cannot move: its limits of {lower} and {upper} rad exceed a turn, and look like degrees",
                 joint.name
             );
             let help = format!(
-                "a URDF has radians; as degrees they are {:.4} and {:.4} rad: convert the file, or give those under [joint] of the side file",
+                "convert the limits in the URDF to radians, or give {:.4} and {:.4} rad under [joint] of the side file",
                 lower.to_radians(),
                 upper.to_radians()
             );
@@ -161,7 +161,7 @@ impl<'a> Reader<'a, '_, '_> {
             joint.name
         );
         let help = format!(
-            "lock it in the side file, [lock] {} = {}, or give it `position_min_rad` and \
+            "lock the joint in the side file, [lock] {} = {}, or give `position_min_rad` and \
              `position_max_rad` there",
             key(&joint.name),
             show(min_rad)
@@ -180,11 +180,11 @@ impl<'a> Reader<'a, '_, '_> {
             let names = some_names(self.degrees.iter().map(|joint| &joint.name));
             let of = |limit: Option<f64>| limit.unwrap_or_default();
             let (lower, upper) = (of(first.limit.lower), of(first.limit.upper));
-            self.notes.warn(&first.span, format_args!("joint {names}: position limits of many turns, {lower} to {upper} rad, look like degrees; taken within ±2π: a URDF has radians; as degrees they are {:.3} to {:.3} rad; convert the file, or give those in the side file", lower.to_radians(), upper.to_radians()));
+            self.notes.warn(&first.span, format_args!("joint {names}: position limits of many turns, {lower} to {upper} rad, look like degrees and are imported within ±2π. Convert the limits in the URDF to radians, or give {:.3} to {:.3} rad in the side file", lower.to_radians(), upper.to_radians()));
         }
         if let Some(first) = self.endless.first() {
             let names = some_names(self.endless.iter().map(|joint| &joint.name));
-            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn: taken as ±2π; give `position_min_rad` and `position_max_rad` in the side file if the range is smaller"));
+            self.notes.warn(&first.span, format_args!("joint {names}: no position limits within a turn, so ±2π counts; give `position_min_rad` and `position_max_rad` in the side file if the range is smaller"));
         }
     }
 }

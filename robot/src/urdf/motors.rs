@@ -231,8 +231,8 @@ impl Limit {
             Some(written) if written > 0.0 && written <= *max => (written, None),
             Some(written) if written > *max => {
                 let (most, of) = match default {
-                    Some(most) if most <= *max => (most, "that of [actuator.default]"),
-                    _ => (*max, "the most that a drive can have"),
+                    Some(most) if most <= *max => (most, "from [actuator.default]"),
+                    _ => (*max, "the largest value of a drive"),
                 };
                 let remark = format!(
                     "has {attribute}=\"{written}\": `{field}` is {most:.3} {unit}, {of}; {help}"
@@ -241,7 +241,7 @@ impl Limit {
             }
             _ => {
                 let problem = match written {
-                    Some(bad) => format!("has {attribute}=\"{bad}\", and a limit is above 0"),
+                    Some(bad) => format!("has {attribute}=\"{bad}\"; expected a value above 0"),
                     None => format!("has no limit of {quantity}"),
                 };
                 let (taken, from) =

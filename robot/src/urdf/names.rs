@@ -30,8 +30,10 @@ impl Names {
     ) -> String {
         let name = self.unique(&allowed(written));
         if name != written {
-            let why = format!("names have 1 to {MAX_NAME} letters, digits, `_` or `-`, each once");
-            notes.warn(span, format_args!("{kind} `{written}` is called `{name}`: {why}"));
+            let why = format!(
+                "give each item its own name of 1 to {MAX_NAME} letters, digits, `_` or `-`"
+            );
+            notes.warn(span, format_args!("{kind} `{written}` is imported as `{name}`: {why}"));
         }
         name
     }

@@ -47,13 +47,13 @@ impl Remarks<'_, '_, '_> {
         let [forward, up] = [heading.axes.forward, heading.axes.up].map(|axis| AXES[axis]);
         if let Some(because) = heading.because {
             self.notes.warn(&(0..0), format_args!(
-                "by {because}, {forward} of the root link points forward and {up} up: the template has `forward = \"{forward}\"` and `up = \"{up}\"`; check both"
+                "according to {because}, {forward} of the root link points forward, and {up} points up: check `forward = \"{forward}\"` and `up = \"{up}\"` in the template"
             ));
         }
         if heading.contradicts {
             let other = if forward.ends_with('x') { "+y" } else { "+x" };
             self.notes.warn(&(0..0), format_args!(
-                "knees or wheels turn about {forward} of the root link, which points forward by the names of limbs: check `forward` in the side file; knees alone suggest `forward = \"{other}\"`"
+                "{forward} of the root link points forward according to the names of limbs, but knees or wheels turn about this axis: check `forward` in the side file; the knees suggest `forward = \"{other}\"`"
             ));
         }
     }
@@ -68,7 +68,7 @@ impl Remarks<'_, '_, '_> {
             let limit = self.urdf.joints[first].limit;
             let [lower, upper] = [limit.lower, limit.upper].map(Option::unwrap_or_default);
             let text = format!(
-                "limits {lower} to {upper} look like degrees, and a URDF has radians: the template has {:.3} to {:.3} rad; convert the file",
+                "limits {lower} to {upper} look like degrees, so the template has {:.3} to {:.3} rad; convert the limits in the URDF to radians",
                 lower.to_radians(),
                 upper.to_radians()
             );
@@ -95,14 +95,14 @@ impl Remarks<'_, '_, '_> {
             matches!(joint.kind, Kind::Prismatic | Kind::Planar | Kind::Floating)
                 && joint.mimics.is_none()
         });
-        self.joints(&follow, "follows another joint (<mimic>, or <joint> of an equality): locked in the template, because joints of a robot file move independently");
-        self.joints(&blank, "all limits are 0, as exporters leave them blank: locked in the template; write the limits of the joint into the model, or remove it from [lock] and give `position_min_rad` and `position_max_rad`");
-        self.joints(&stuck, "both limits are equal: locked in the template; correct the limits in the model if the joint moves");
-        self.joints(&slide, "does not turn about an axis: locked in the template, because joints of a robot file do");
+        self.joints(&follow, "follows another joint (<mimic>, or <joint> of an equality). The template locks the joint, because joints of a robot file move independently");
+        self.joints(&blank, "all limits are 0, as some exporters write for unknown limits. The template locks the joint. If the joint moves, write its limits into the model, or remove the joint from [lock] and give `position_min_rad` and `position_max_rad`");
+        self.joints(&stuck, "both limits are equal, so the template locks the joint; correct the limits in the model if the joint moves");
+        self.joints(&slide, "does not turn about an axis, so the template locks the joint");
         let (passive, idle) = (self.draft.passive.clone(), self.draft.idle.clone());
-        self.joints(&passive, "passive, because the model has actuators for other joints only: locked in the template; remove it from [lock] to give it a motor");
+        self.joints(&passive, "has no actuator in the model, so the template locks the joint; to give the joint a motor, remove it from [lock]");
         let text = format!(
-            "locked in the template, because the robot has {} channels, and a controller and a library have at most {MAX_CHANNELS}; choose under [lock]",
+            "locked in the template, because the robot has {} channels and a controller at most {MAX_CHANNELS}; choose the joints under [lock]",
             self.draft.channels
         );
         self.joints(&idle, &text);
@@ -116,12 +116,12 @@ impl Remarks<'_, '_, '_> {
         let urdf = self.urdf;
         let motorless = |axle: usize| guess::lacks_motor(urdf, &urdf.joints[axle]);
         let free = of_kind(EndKind::FreeWheel, &motorless);
-        self.joints(&free, "the wheel is passive, because the model has a motor (an actuator, or `effort` in <limit>) for other joints only: `contact = \"actuated_wheel\"` in the side file makes it driven");
+        self.joints(&free, "the wheel is passive, because the model has no motor (an actuator, or `effort` in <limit>) for it; if the wheel is driven, set `contact = \"actuated_wheel\"` in the side file");
         for axle in self.draft.ends.iter().filter_map(|end| end.axle) {
             let Some(across) = guess::across(urdf, graph, axle) else { continue };
             let (joint, link) = (&urdf.joints[across.joint], &urdf.links[across.link]);
             self.notes.warn(&link.span, format_args!(
-                "link `{}`: its cylinder lies across the axis of joint `{}`: turn one of them by 90°; the template takes the radius of the cylinder, {} m",
+                "link `{}`: the cylinder lies across the axis of joint `{}`: turn the cylinder or the axis by 90°. The template takes the radius of the cylinder, {} m",
                 link.name, joint.name, across.radius_m
             ));
         }
@@ -137,7 +137,7 @@ impl Remarks<'_, '_, '_> {
             ));
         }
         if self.draft.ends.is_empty() {
-            self.notes.warn(&(0..0), "nothing looks like a foot or a wheel: the template stands the robot on a point below its body; give [[end_effector]] tables");
+            self.notes.warn(&(0..0), "no part looks like a foot or a wheel, so the template stands the robot on a point below the body; give [[end_effector]] tables");
         }
     }
 }

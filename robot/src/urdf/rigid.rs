@@ -62,11 +62,11 @@ fn lock(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Document<'
             continue;
         };
         match named.urdf.joints[index].kind {
-            Kind::Fixed => fault("is fixed already".into(), "remove it here".into()),
+            Kind::Fixed => fault("is already fixed".into(), "remove the joint from [lock]".into()),
             Kind::Planar | Kind::Floating if lock.position != 0.0 => {
                 fault(
                     format!("cannot be locked at {}", lock.position),
-                    "planar and floating joints are locked at 0".into(),
+                    "lock planar and floating joints at 0".into(),
                 );
             }
             _ => {
@@ -83,13 +83,13 @@ fn take_axles(rigid: &mut Rigid, named: &Named<'_>, side: &Side, document: &Docu
         let problem = match named.joints.get(name.as_str()) {
             None => Some(("does not exist", named.alternatives(name))),
             Some(index) if !matches!(named.urdf.joints[*index].kind, Kind::Continuous | Kind::Revolute) => {
-                Some(("does not turn", "a wheel's joint is continuous; for one on a fixed joint give `link` and `axis_in_link`".into()))
+                Some(("does not turn", "name a continuous joint; for a wheel on a fixed joint give `link` and `axis_in_link`".into()))
             }
             Some(index) if rigid.locked.contains_key(index) => {
-                Some(("is locked as well", "remove it here or under [lock]".into()))
+                Some(("is also locked", "remove the joint here or under [lock]".into()))
             }
             Some(index) if !rigid.wheels.insert(*index) => {
-                Some(("is that of another end effector", "every wheel has its own joint".into()))
+                Some(("belongs to another end effector", "give every wheel its own joint".into()))
             }
             Some(_) => None,
         };
@@ -117,23 +117,23 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
         if on_wheel.contains(&parent) {
             let message = format!("joint `{}` moves something on a wheel", joint.name);
             let help =
-                format!("a wheel is rigid: lock the joint in the side file, [lock] {name} = 0.0");
+                format!("lock the joint in the side file, [lock] {name} = 0.0: wheels are rigid");
             notes.fault(joint.span.clone(), message, "behind a wheel", help);
         } else if rigid.wheels.contains(&index) {
             // An axle may be of any make.
         } else if let Some(other) = &joint.mimics {
             let message = format!("joint `{}` follows joint `{other}` (<mimic>)", joint.name);
             let help = format!(
-                "joints of a robot file each have a motor of their own: lock it in the side file, \
-                 [lock] {name} = 0.0, or remove <mimic> to give it one"
+                "lock the joint in the side file, [lock] {name} = 0.0, or remove <mimic>: each joint of a \
+                 robot file has a motor of its own"
             );
             notes.fault(joint.span.clone(), message, "no motor of its own", help);
         } else if !matches!(joint.kind, Kind::Revolute | Kind::Continuous) {
             let kind = format!("{:?}", joint.kind).to_ascii_lowercase();
             let message = format!("joint `{}` is {kind}", joint.name);
             let help = format!(
-                "joints of a robot file turn about an axis: lock it in the side file, [lock] {name} = 0.0, \
-                 or name a link behind it as `root`"
+                "lock the joint in the side file, [lock] {name} = 0.0, or name a link behind the joint as \
+                 `root`: each joint of a robot file turns about an axis"
             );
             notes.fault(joint.span.clone(), message, "cannot be imported", help);
         }

@@ -142,7 +142,7 @@ impl<'t> Scanner<'t> {
                 self.depth += 1;
                 if self.depth > DEPTH_MAX {
                     let message = format!("more than {DEPTH_MAX} elements are inside each other");
-                    let help = "a robot has a few: is this the right file?".to_owned();
+                    let help = "check the path: a robot has a few".to_owned();
                     return Err((start..at, message, help));
                 }
                 return Ok(Some(at + 1));
@@ -160,7 +160,7 @@ impl<'t> Scanner<'t> {
             if count > ATTRIBUTES_MAX {
                 let message = format!("<{tag}> has more than {ATTRIBUTES_MAX} attributes");
                 let help =
-                    format!("an element has at most {ATTRIBUTES_MAX}: is this the right file?");
+                    format!("check the path: an element has at most {ATTRIBUTES_MAX} attributes");
                 return Err((start..start + 1 + tag.len(), message, help));
             }
             if is_first && let Some(prefix) = name.strip_prefix("xmlns:") {
@@ -186,7 +186,7 @@ impl<'t> Scanner<'t> {
         self.attributes += 1;
         if self.attributes > ALL_ATTRIBUTES_MAX {
             let message = format!("the file has more than {ALL_ATTRIBUTES_MAX} attributes");
-            let help = "a robot has a few thousand: is this the right file?".to_owned();
+            let help = "check the path: a robot has a few thousand".to_owned();
             return Err((span, message, help));
         }
         if name == "xmlns" || name.starts_with("xmlns:") {
@@ -194,7 +194,7 @@ impl<'t> Scanner<'t> {
             if self.namespaces > NAMESPACES_MAX {
                 let message =
                     format!("the file declares more than {NAMESPACES_MAX} namespaces (`xmlns`)");
-                let help = "URDF and MJCF need none: remove them".to_owned();
+                let help = "remove the declarations: URDF and MJCF need none".to_owned();
                 return Err((span, message, help));
             }
         } else {

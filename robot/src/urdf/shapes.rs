@@ -77,11 +77,11 @@ pub(super) fn shapes(
     let all = all.collect();
     if let Some(first) = meshes.first() {
         let names = some_names(meshes.iter().map(|link| &link.name));
-        notes.warn(&first.span, format_args!("link {names}: collision meshes are not read: their shape is that of a box with the mass and inertia of the link; check `shapes` in the robot file"));
+        notes.warn(&first.span, format_args!("link {names}: the import does not read collision meshes, and replaces each by a box with the mass and inertia of the link; check `shapes` in the robot file"));
     }
     if let Some(first) = shapeless.first() {
         let names = some_names(shapeless.iter().map(|link| &link.name));
-        notes.warn(&first.span, format_args!("link {names}: no shape, because the link has no inertia or that of a box larger than the robot: correct its <inertial>, or give `shapes` in the robot file"));
+        notes.warn(&first.span, format_args!("link {names}: no shape, because the link has no inertia, or the inertia of a box larger than the robot; correct <inertial>, or give `shapes` in the robot file"));
     }
     all
 }

@@ -152,7 +152,7 @@ fn axes(root: &Table<'_>) -> Option<(Option<usize>, Option<usize>)> {
             "forward",
             "is along `up`",
             "not across",
-            "forward and up are different axes of the root link",
+            "give two different axes of the root link",
         );
         return None;
     }

@@ -100,7 +100,7 @@ pub fn survey_with(urdf: Text<'_>, given: Text<'_>) -> Result<Survey, DocumentEr
     if moving_count > MOVING_MAX {
         let message = format!("{moving_count} joints of the robot move");
         let help = format!(
-            "a controller and a library have at most {MAX_CHANNELS} channels; at most {MOVING_MAX} joints are read: make the others fixed"
+            "make other joints fixed: a controller has at most {MAX_CHANNELS} channels, and the import reads at most {MOVING_MAX} joints"
         );
         notes.fault(read.links[tree.root].span.clone(), message, "the body", help);
     }

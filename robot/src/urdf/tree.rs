@@ -68,7 +68,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
                 "link `{}` is the child of two joints, `{}` and `{}`",
                 joint.child, urdf.joints[other].name, joint.name
             );
-            let help = "robots are trees: cut the loop by removing one of the two joints, and fix the links that only it moves";
+            let help = "remove one of the two joints, and fix the links that only this joint moves: robots are trees";
             notes.fault(joint.span.clone(), message, "closes a loop", help);
         }
         ends.push((parent, child));
@@ -87,8 +87,8 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
     // From a link, parents lead to a root or round a loop.
     if let Some(link) = reached.iter().position(|reached| !reached) {
         let link = &urdf.links[link];
-        let message = format!("link `{}` hangs on a loop of joints, not on a root", link.name);
-        let help = "a robot is a tree with one root, its body: cut the loop";
+        let message = format!("link `{}` belongs to a loop of joints without a root", link.name);
+        let help = "cut the loop: a robot is a tree with one root, the body";
         notes.fault(link.span.clone(), message, "not part of a tree", help);
         return None;
     }
@@ -158,7 +158,7 @@ pub(super) fn choose(
             let root = &urdf.links[tree.root].name;
             notes.warn(
                 &link.span,
-                format_args!("link `{}`{lost} is dropped, because it is not behind the root `{root}`: name another `root` in the side file to keep it", link.name),
+                format_args!("link `{}`{lost} is dropped, because no joint leads from the root `{root}` to this link; to keep the link, name another `root` in the side file", link.name),
             );
         }
     }

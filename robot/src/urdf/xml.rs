@@ -32,7 +32,7 @@ pub(super) fn checked(file_name: &str, text: &str) -> Result<String, DocumentErr
     if text.len() > TEXT_MAX {
         let message = format!("the file has {} bytes", text.len());
         let help =
-            format!("a URDF file has at most {TEXT_MAX}; meshes belong in files of their own");
+            format!("put meshes into files of their own: a URDF file has at most {TEXT_MAX}");
         let fault = Fault::new(text, 0..0, message, "too large", help);
         // A fault with the text would print all of it.
         return Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"));
@@ -67,7 +67,7 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
         let name = root.tag_name().name();
         let help = match name {
             "sdf" | "world" | "model" => "this is SDF: export the robot as URDF",
-            _ => "a URDF file has one root element, <robot name=\"…\">",
+            _ => "give a URDF file, with one root element <robot name=\"…\">",
         };
         reader.fault(root, format!("the root element is <{name}>, not <robot>"), help);
     } else if let Some(macros) = root.descendants().find(|node| is_xacro(*node)) {
@@ -77,7 +77,7 @@ pub(super) fn read(notes: &mut Notes<'_>) -> Result<Urdf, DocumentError> {
         let count = root.children().filter(|node| node.has_tag_name(kind)).count();
         if count > ITEMS_MAX {
             let message = format!("the robot has {count} <{kind}> elements");
-            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            let help = format!("check the path: the import reads at most {ITEMS_MAX}");
             reader.fault(root, message, &help);
         }
     }
@@ -122,20 +122,20 @@ fn syntax_fault(notes: &mut Notes<'_>, error: &Error) {
             at = notes.text.trim_end().len();
             (
                 "this is not XML: the file ends inside an element".to_owned(),
-                "the last line of a URDF file is </robot>, of a model of MuJoCo </mujoco>: is the file complete?".to_owned(),
+                "complete the file: the last line of a URDF is </robot>, and that of a model of MuJoCo </mujoco>".to_owned(),
             )
         }
         Error::DtdDetected => (
             "the file has a document type declaration (<!DOCTYPE …>)".to_owned(),
-            "URDF needs none: remove it, and write its entities out".to_owned(),
+            "remove the declaration, and write its entities out".to_owned(),
         ),
         Error::NodesLimitReached => (
             format!("the file has more than {NODES_MAX} XML nodes"),
-            "a robot has a few thousand: is this the right file?".to_owned(),
+            "check the path: a robot has a few thousand".to_owned(),
         ),
         _ => (
             format!("this is not XML: {error}"),
-            "a URDF file is XML that begins with <robot name=\"…\">".to_owned(),
+            "give a URDF file: XML that begins with <robot name=\"…\">".to_owned(),
         ),
     };
     notes.fault(at..at, message, "here", help);

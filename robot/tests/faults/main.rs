@@ -157,11 +157,11 @@ fn a_report_shows_file_line_field_value_and_help() {
     for shown in [
         "[robots/tiny.toml:13:11]",
         "mass_kg = -1.0",
-        "allowed is above 0 to 1000 kg",
+        "give a value above 0 to 1000 kg",
         "[robots/tiny.toml:32:20]",
         "position_max_rad = 90.0",
         "joint `shoulder`: `position_max_rad` is 90 rad",
-        "allowed is within ±2π; 90 degrees would be 1.5708 rad",
+        "give an angle within ±2π rad; 90 degrees would be 1.5708 rad",
     ] {
         assert!(report.contains(shown), "lacks {shown:?}:\n{report}");
     }

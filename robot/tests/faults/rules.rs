@@ -19,7 +19,7 @@ fn masses_and_inertias_that_no_body_has() {
         "mass_kg = 1500.0",
         "mass_kg",
         "`mass_kg` is 1500 kg",
-        "grams need dividing by 1000",
+        "divide grams by 1000",
     );
     let inertia = "[0.01, 0.02, 0.02, 0.0, 0.0, 0.0]";
     let at = "inertia_in_link_kg_m2";
@@ -95,7 +95,7 @@ fn joints_that_cannot_be() {
         "origin_in_parent_m = [100, 0.0, 0.0]",
         "origin_in_parent_m",
         "is [100, 0, 0]",
-        "millimetres need dividing by 1000",
+        "divide millimetres by 1000",
     );
 }
 
@@ -271,13 +271,13 @@ fn addresses_are_given_once() {
     let wheel = faults("bus = 0\nid = 2", "bus = 0\nid = 1");
     assert_eq!(wheel.len(), 1, "{wheel:#?}");
     assert_eq!(wheel[0].0, 48);
-    assert_eq!(wheel[0].1, "end effector `wheel`: `id` is 1 on bus 0 a second time");
-    assert!(wheel[0].2.starts_with("joint `shoulder` has that address"), "{wheel:#?}");
+    assert_eq!(wheel[0].1, "end effector `wheel`: `id` is 1, which another motor on bus 0 has");
+    assert!(wheel[0].2.contains("joint `shoulder` has this id"), "{wheel:#?}");
     // Limbs count their motors from `first_id`: the fault is there, not in the template.
     let limb = faults("first_id = 2", "first_id = 1");
     assert_eq!(limb.len(), 1, "{limb:#?}");
     assert_eq!(limb[0].0, 89);
-    assert_eq!(limb[0].1, "joint `right_hip`: `id` is 1 on bus 1 a second time");
+    assert_eq!(limb[0].1, "joint `right_hip`: `id` is 1, which another motor on bus 1 has");
 }
 
 #[test]

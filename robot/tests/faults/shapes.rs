@@ -68,5 +68,5 @@ fn shapes_that_are_none() {
     assert_eq!(found.len(), 1, "{found:?}");
     let (line, message, help) = &found[0];
     assert_eq!((*line, message.as_str()), (2, "the robot: `clearance_margin_m` is -0.01 m"));
-    assert_eq!(help, "allowed is from 0 to 1 m");
+    assert_eq!(help, "give a value from 0 to 1 m");
 }

@@ -283,7 +283,7 @@ fn robots_without_feet_import_too() {
     arm.joint("revolute", ["yaw", "trunk", "upper"], [0.0, 0.0, 0.05], [0.0, 0.0, 1.0], WIDE);
     arm.joint("revolute", ["pitch", "upper", "gripper"], [0.0, 0.0, 0.2], [0.0, 1.0, 0.0], WIDE);
     let (found, robot) = imported(&arm.urdf());
-    assert!(found.end_effectors.is_empty() && warned(&found, &["nothing looks like a foot"]));
+    assert!(found.end_effectors.is_empty() && warned(&found, &["no part looks like a foot"]));
     assert_eq!(robot.joints.len(), 2);
 }
 

@@ -24,7 +24,11 @@ fn side(from: &str, to: &str, words: &[&str]) {
 
 #[test]
 fn numbers_that_are_none() {
-    urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"-0,2 0,1 -0,1\"", &["`left_arm`", "-0,2", "no commas"]);
+    urdf(
+        "xyz=\"-0.2 0.1 -0.1\"",
+        "xyz=\"-0,2 0,1 -0,1\"",
+        &["`left_arm`", "-0,2", "without commas"],
+    );
     urdf("xyz=\"-0.2 0.1 -0.1\"", "xyz=\"-0.2 0.1\"", &["`left_arm`", "-0.2 0.1", "3 numbers"]);
     urdf("mass value=\"5.0\"", "mass value=\"5kg\"", &["`trunk`", "5kg", "one number"]);
     urdf("mass value=\"5.0\"", "mass value=\"nan\"", &["`trunk`", "finite"]);
@@ -38,7 +42,7 @@ fn numbers_that_are_none() {
 
 #[test]
 fn limits_in_degrees_that_leave_no_room() {
-    let words = ["-150 and -50 rad, beyond a turn", "as degrees they are -2.6180 and -0.8727 rad"];
+    let words = ["-150 and -50 rad exceed a turn", "give -2.6180 and -0.8727 rad under [joint]"];
     urdf("lower=\"-1\" upper=\"2\"", "lower=\"-150\" upper=\"-50\"", &words);
 }
 
@@ -87,7 +91,7 @@ fn trees_that_are_none() {
     urdf(
         "<child link=\"right_thigh\"/>",
         "<child link=\"left_thigh\"/>",
-        &["two joints", "`left_hip` and `right_hip`", "cut the loop"],
+        &["two joints", "`left_hip` and `right_hip`", "remove one of the two joints"],
     );
     urdf(
         "<link name=\"base_link\"/>",
@@ -141,7 +145,7 @@ fn side_files_that_do_not_fit() {
         &["front_left", "`left_feet`", "did you mean `left_foot`"],
     );
     side("mast = 0.15", "mats = 0.15", &["`mats` does not exist", "did you mean `mast`"]);
-    side("mast = 0.15", "mast = 0.15\nbase_to_trunk = 0.0", &["`base_to_trunk` is fixed already"]);
+    side("mast = 0.15", "mast = 0.15\nbase_to_trunk = 0.0", &["`base_to_trunk` is already fixed"]);
     side("left_arm = {", "left_am = {", &["`left_am` does not exist", "did you mean `left_arm`"]);
     side("left_arm = {", "left_axle = {", &["`left_axle` is the axle of a wheel"]);
     side("nod = 0.3", "nod = 0.3\nleft_arm = 0.0", &["`left_arm` is locked"]);

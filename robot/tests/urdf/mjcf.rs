@@ -81,7 +81,7 @@ fn faults_name_the_element_the_value_and_what_would_be_right() {
         ("<body name=\"leg\" quat=\"0 0 0 0\"/>", "its orientation is none"),
         (
             "<body name=\"leg\"><joint name=\"j\" type=\"screw\"/></body>",
-            "`type` is \"screw\"; a joint is hinge",
+            "`type` is \"screw\"; give hinge",
         ),
         (
             "<body name=\"leg\"><joint name=\"j\" axis=\"0 0 0\"/></body>",
@@ -106,7 +106,7 @@ fn the_mass_of_meshes_is_said_to_be_missing() {
     let survey = surveyed(&trunk(leg)).unwrap();
     assert!((survey.mass_kg - 3.0).abs() < 1e-12);
     assert!(
-        survey.warnings.iter().any(|warning| warning.contains("but the meshes")),
+        survey.warnings.iter().any(|warning| warning.contains("without meshes")),
         "{:?}",
         survey.warnings
     );
@@ -189,7 +189,7 @@ fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
             survey.warnings.iter().any(|warning| words.iter().all(|word| warning.contains(word)))
         };
         assert!(has(&words), "{words:?}: {:?}", survey.warnings);
-        assert!(has(&["`fl_pin`", "passive", "[lock]"]), "{:?}", survey.warnings);
+        assert!(has(&["`fl_pin`", "no actuator", "[lock]"]), "{:?}", survey.warnings);
         assert_eq!(survey.end_effectors.len(), 4);
         assert!(survey.end_effectors.iter().all(|end| end.link.ends_with("_shank")));
         assert!(survey.template.contains("fl_pin = 0.0"), "{}", survey.template);
@@ -214,5 +214,7 @@ fn the_keyframe_home_is_the_standing_pose() {
     let survey = surveyed(&linked(&home(lying), "")).unwrap();
     assert_ne!(nominal(&survey, "fl_hip"), "nominal 1.500 rad");
     let short = surveyed(&linked(&home("0.7 0"), "")).unwrap();
-    assert!(short.warnings.iter().any(|w| w.contains("`qpos` has 9 numbers, the joints have 19")));
+    assert!(
+        short.warnings.iter().any(|w| w.contains("`qpos` has 9 numbers, but the joints need 19"))
+    );
 }

@@ -123,7 +123,7 @@ fn limits_are_put_right() {
 fn limits_in_degrees_are_named() {
     let limits = "lower=\"-1\" upper=\"2\"";
     let degrees = edited(URDF, limits, "lower=\"-60\" upper=\"110\"");
-    warns(&degrees, SIDE, &["`left_hip`", "-60 to 110 rad", "as degrees they are -1.047 to 1.920"]);
+    warns(&degrees, SIDE, &["`left_hip`", "-60 to 110 rad", "give -1.047 to 1.920 rad"]);
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_negative_moment_of_one_of_several_links_is_named() {
     warns(
         &negative,
         SIDE,
-        &["`left_shank`: a moment of inertia is -1.000e-4 kg·m²", "check its sign"],
+        &["`left_shank`: a moment of inertia is -1.000e-4 kg·m²", "check the sign"],
     );
 }
 
@@ -164,8 +164,9 @@ fn limits_beyond_every_drive_are_clamped() {
     let knee = "lower=\"0.3\" upper=\"2.5\" velocity=\"12\" effort=\"20\"";
     let far = "lower=\"0.3\" upper=\"2.5\" velocity=\"1000\" effort=\"1000\"";
     let urdf = edited(URDF, knee, far);
-    let robot = warns(&urdf, SIDE, &["`right_knee`", "effort=\"1000\"", "160.000 N·m, the most"]);
-    warns(&urdf, SIDE, &["`right_knee`", "velocity=\"1000\"", "65.000 rad/s, the most"]);
+    let robot =
+        warns(&urdf, SIDE, &["`right_knee`", "effort=\"1000\"", "160.000 N·m, the largest"]);
+    warns(&urdf, SIDE, &["`right_knee`", "velocity=\"1000\"", "65.000 rad/s, the largest"]);
     let motor = &joint(&robot, "right_knee").actuator;
     assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (65.0, 160.0));
     // Drives of the side file carry less.
@@ -174,7 +175,7 @@ fn limits_beyond_every_drive_are_clamped() {
         "armature_kg_m2 = 0.01",
         "armature_kg_m2 = 0.01\nspeed_max_rad_s = 9.0\ntorque_max_nm = 15.0",
     );
-    let robot = warns(&urdf, &side, &["`right_knee`", "15.000 N·m, that of [actuator.default]"]);
+    let robot = warns(&urdf, &side, &["`right_knee`", "15.000 N·m, from [actuator.default]"]);
     let motor = &joint(&robot, "right_knee").actuator;
     assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (9.0, 15.0));
     // A drive that is chosen for the joint needs no remark.

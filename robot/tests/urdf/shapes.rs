@@ -58,7 +58,10 @@ fn meshes_become_the_box_of_their_inertia_with_a_warning() {
     let made = good(&mesh, SIDE);
     assert_eq!(made.warnings.len(), 1, "{:?}", made.warnings);
     let warning = &made.warnings[0];
-    assert!(warning.contains("`left_thigh`: collision meshes are not read"), "{warning}");
+    assert!(
+        warning.contains("`left_thigh`: the import does not read collision meshes"),
+        "{warning}"
+    );
     let (half, radius) = (0.5 * 0.036_f64.sqrt(), 0.5 * 0.008_f64.sqrt());
     let [Shape::Capsule { from_in_link_m, to_in_link_m, radius_m }] =
         shapes(&made.robot, "left_thigh")

@@ -231,5 +231,5 @@ fn couplings_and_loops_of_a_urdf_are_named() {
     let looped = "<gazebo><joint name=\"rod\" type=\"revolute\"><parent>LF_shank</parent><child>LF_thigh</child></joint></gazebo>";
     assert!(warned(&of(&with(looped)), &["<joint> `rod`", "closes a loop"]));
     let mimic = made.replacen("</joint>", "<mimic joint=\"RF_roll\"/></joint>", 1);
-    assert!(warned(&of(&mimic), &["`LF_roll`", "<mimic>", "locked"]));
+    assert!(warned(&of(&mimic), &["`LF_roll`", "<mimic>", "locks"]));
 }

@@ -125,6 +125,6 @@ fn robots_without_feet_are_told_so() {
     let found = surveyed(
         "<robot name=\"box\"><link name=\"b\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial></link></robot>",
     );
-    assert!(found.warnings.iter().any(|warning| warning.contains("nothing looks like a foot")));
+    assert!(found.warnings.iter().any(|warning| warning.contains("no part looks like a foot")));
     assert_eq!(found.standing_height_m, None);
 }

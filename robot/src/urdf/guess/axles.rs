@@ -126,7 +126,7 @@ fn placed_shapes(urdf: &Urdf, graph: &Graph, axle: usize) -> Vec<Shape> {
     shapes
 }
 
-/// Radius of a shape about an axis through the origin, m; `None` unless it is round about it.
+/// Radius of a shape about an axis through the origin, m; `None` unless the shape is round about the axis.
 fn about(shape: &Shape, axis: &Unit<Vector3<f64>>) -> Option<f64> {
     let radius_m = match shape.solid {
         Solid::Sphere { radius_m } => radius_m,
@@ -140,7 +140,8 @@ fn about(shape: &Shape, axis: &Unit<Vector3<f64>>) -> Option<f64> {
     (beside_m < ABOUT_AXLE * radius_m).then_some(radius_m)
 }
 
-/// Disc of a wheel in the frame of its link: the outermost round shape that turns with it, else the disc with its inertia.
+/// Disc of a wheel in the frame of its link: the outermost round shape that turns with the axle, or otherwise the disc with
+/// the wheel's inertia.
 pub(super) fn disc(urdf: &Urdf, graph: &Graph, axle: usize, size_m: f64) -> Disc {
     let axis = &urdf.joints[axle].axis;
     let shapes = placed_shapes(urdf, graph, axle);

@@ -7,7 +7,8 @@ use nalgebra::Vector3;
 
 /// Difference in height between the bottoms of a ball and of a wheel that both stand, as a fraction of the wheel's radius.
 const LEVEL: f64 = 0.2;
-/// Range of the height of an axle above a ball's bottom, as multiples of an estimated radius, in which it is the true radius.
+/// Range in which the height of an axle above a ball's bottom counts as the radius of the wheel, as multiples of the
+/// estimated radius.
 const RADII: [f64; 2] = [0.4, 3.0];
 /// Most wheels of a body that needs casters.
 const FEW: usize = 3;

@@ -17,13 +17,13 @@ const RIGHT: [&str; 9] = ["right", "r", "fr", "rf", "hr", "rh", "rr", "br", "rb"
 /// Words in names of legs.
 const LEG: [&str; 7] = ["leg", "foot", "ankle", "knee", "toe", "thigh", "shank"];
 
-/// Words that count inside of others. A forearm is not in front.
+/// Words that also count inside longer words. `fore` is not among them, because a forearm is not in front.
 const LONG: [&str; 10] =
     ["left", "right", "front", "rear", "hind", "foot", "ankle", "knee", "thigh", "shank"];
 
-/// Largest component of a direction along an axis of the root, as a fraction of its length.
+/// Component along an axis of the root, as a fraction of the length, from which a direction counts as along this axis.
 const ALONG: f64 = 0.75;
-/// Mean of unit vectors from which limbs have the same direction.
+/// Length of the mean of unit vectors from which the limbs count as parallel.
 const SAME: f64 = 0.8;
 
 /// Axes of the root link, as indices into [`super::super::side::AXES`].

@@ -59,14 +59,14 @@ pub fn read<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
     open.reverse();
     while let Some(next) = open.pop() {
         if urdf.links.len() >= ITEMS_MAX {
-            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            let help = format!("check the path: the import reads at most {ITEMS_MAX}");
             reader.fault(next.of.node, "the model has too many bodies", &help);
             break;
         }
         let node = next.of.node;
         let mut inner = body(next, &drives, &mut joints, reader, &mut urdf);
         if urdf.joints.len() > ITEMS_MAX {
-            let help = format!("at most {ITEMS_MAX} are read: is this the right file?");
+            let help = format!("check the path: the import reads at most {ITEMS_MAX}");
             reader.fault(node, "the model has too many joints", &help);
             break;
         }
@@ -219,7 +219,7 @@ fn body<'a, 'i>(
     if follows {
         link.mass = (!masses.is_empty()).then(|| sum(&masses));
         if meshes {
-            reader.notes.warn(&link.span, format_args!("body `{name}` has no <inertial>: its mass follows from its geoms but the meshes, whose files are not read; give it an <inertial>, or have MuJoCo write the whole model"));
+            reader.notes.warn(&link.span, format_args!("body `{name}` has no <inertial>. Its mass comes from its geoms without meshes, because mesh files are not read; give the body an <inertial>, or let MuJoCo write the whole model"));
         }
     }
     link.mass = link.mass.map(|mass| reader.settled(mass));
@@ -260,7 +260,7 @@ fn read_joint<'a, 'i>(
         ("ball", _) => Kind::Floating,
         _ => {
             let message = format!("{}: `type` is \"{written}\"", called(of.node));
-            reader.fault(of.node, message, "a joint is hinge, slide, ball or free");
+            reader.fault(of.node, message, "give hinge, slide, ball or free");
             return None;
         }
     };

@@ -102,7 +102,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
     pub fn check_shell(&mut self, of: Element<'a, 'i>) {
         if self.word(of, "shellinertia") == Some("true") {
             let message = format!("{}: `shellinertia` is not read", called(of.node));
-            let help = "write an <inertial> into the body, with the mass and inertia that MuJoCo has for it";
+            let help = "write an <inertial> into the body, with mass and inertia from MuJoCo";
             self.fault(of.node, message, help);
         }
     }

@@ -8,7 +8,7 @@ use roxmltree::Node;
 
 /// Name of the keyframe with the standing pose.
 const NAME: &str = "home";
-/// Maximum number of positions: each joint is free at most.
+/// Maximum number of positions: seven for each joint, the number of a free joint.
 const POSITIONS_MAX: usize = 7 * ITEMS_MAX;
 
 /// Positions of the keyframe, handed out joint by joint.
@@ -30,7 +30,8 @@ impl Home {
                 |word: &str| word.parse().ok().filter(|position: &f64| position.is_finite());
             let parsed: Option<Vec<f64>> = words.map(finite).collect();
             if parsed.is_none() {
-                let message = format!("key `{NAME}`: `qpos` has a word that is no finite number");
+                let message =
+                    format!("key `{NAME}`: `qpos` contains a word that is not a finite number");
                 reader.fault(
                     key,
                     message,
@@ -57,7 +58,7 @@ impl Home {
         }
         urdf.joints.iter_mut().for_each(|joint| joint.home = None);
         reader.notes.warn(&span, format_args!(
-            "key `{NAME}`: `qpos` has {} numbers, the joints have {}: the pose is ignored; have MuJoCo write the whole model",
+            "key `{NAME}`: `qpos` has {} numbers, but the joints need {}, so the import ignores the pose; let MuJoCo write the whole model",
             positions.len(),
             self.next
         ));

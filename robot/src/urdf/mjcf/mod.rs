@@ -26,7 +26,7 @@ const READ: [&str; 4] = ["worldbody", "actuator", "equality", "tendon"];
 const ELEMENTS_MAX: usize = 20_000;
 /// Elements that MuJoCo replaces by others.
 const MACROS: [&str; 5] = ["include", "attach", "replicate", "composite", "flexcomp"];
-const SAVE: &str = "have MuJoCo write the whole model: \
+const SAVE: &str = "let MuJoCo write the whole model: \
                     `mujoco.mj_saveLastXML(\"whole.xml\", mujoco.MjModel.from_xml_path(\"robot.xml\"))`";
 
 /// Reads the elements of a model whose root is `<mujoco>`.
@@ -37,24 +37,23 @@ pub(super) fn read(root: Node<'_, '_>, notes: &mut Notes<'_>) -> Result<Urdf, Do
         reader.fault(node, format!("<{}> stands for other elements", node.tag_name().name()), SAVE);
     }
     if let Some(compiler) = model.global {
-        let help =
-            "MuJoCo 2.3.3 and later read local coordinates only: convert it with an older one";
+        let help = "convert the model with an older MuJoCo: from 2.3.3 on, MuJoCo reads local coordinates only";
         reader.fault(compiler, "the model has global coordinates", help);
     }
     if let Some(compiler) = model.scaled {
-        reader.fault(compiler, "`settotalmass` scales all masses, and is not read", SAVE);
+        reader.fault(compiler, "`settotalmass`, which scales all masses, is not supported", SAVE);
     }
     let classes = model.classes().len();
     if classes > CLASSES_MAX {
         let message = format!("the model has {classes} classes of defaults");
-        let help = format!("at most {CLASSES_MAX} are read: is this the right file?");
+        let help = format!("check the path: the import reads at most {CLASSES_MAX}");
         reader.fault(root, message, &help);
     }
     for list in root.children().filter(|node| READ.contains(&node.tag_name().name())) {
         let count = list.descendants().filter(Node::is_element).count();
         if count > ELEMENTS_MAX {
             let message = format!("<{}> has {count} elements", list.tag_name().name());
-            let help = format!("at most {ELEMENTS_MAX} are read: is this the right file?");
+            let help = format!("check the path: the import reads at most {ELEMENTS_MAX}");
             reader.fault(list, message, &help);
         }
     }

@@ -68,7 +68,7 @@ impl Carried {
         Self { counts }
     }
 
-    /// Joints between the root and a body with a tip that carry no other body with one, those of the root first.
+    /// Joints between the root and `body` that carry no other body with a tip, from the root outwards.
     pub fn own_joints(&self, bodies: &Bodies, body: usize) -> Vec<usize> {
         let mut own = chain(bodies, body);
         own.retain(|&joint| self.counts[joint] == 1);
@@ -76,7 +76,7 @@ impl Carried {
     }
 }
 
-/// Joints between the root and a body, those of the root first.
+/// Joints between the root and a body, from the root outwards.
 pub(in super::super) fn chain(bodies: &Bodies, body: usize) -> Vec<usize> {
     let (mut chain, mut body) = (Vec::new(), body);
     while body > 0 {
@@ -88,7 +88,7 @@ pub(in super::super) fn chain(bodies: &Bodies, body: usize) -> Vec<usize> {
     chain
 }
 
-/// Horizontal axis that most of these joints turn about, two at least, in the root.
+/// Horizontal axis about which most of these joints turn, at least two, in axes of the root.
 pub(in super::super) fn across(
     bodies: &Bodies,
     turns: &[Turn],

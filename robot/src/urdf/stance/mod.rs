@@ -79,7 +79,7 @@ pub(super) fn zero(turns: &[Turn]) -> Vec<f64> {
     turns.iter().map(|turn| inside(turn, 0.0)).collect()
 }
 
-/// Finds a standing pose. The keyframe `home` is one if the robot stands in it.
+/// Finds a standing pose. The keyframe `home` has priority if the robot stands in it.
 pub(super) fn stance(bodies: &Bodies, turns: &[Turn], tips: &[Tip]) -> Stance {
     let mut angles = straight(turns);
     let legs = legs::legs(bodies, turns, &angles, tips);
@@ -105,7 +105,7 @@ pub(super) fn stance(bodies: &Bodies, turns: &[Turn], tips: &[Tip]) -> Stance {
     Stance { angles_rad: angles, tips_m, com_m: com_m(bodies, &poses), missed }
 }
 
-/// Angles with the feet of all legs on the ground, as far as they reach, and their largest distance from it, m.
+/// Angles that put the feet of all legs on the ground, or as near as possible, and the largest remaining distance, m.
 fn bent(
     bodies: &Bodies,
     turns: &[Turn],
@@ -172,7 +172,7 @@ fn ground_m(
     rigid.filter(fits).unwrap_or(own)
 }
 
-/// True if two legs, which bend forward, are all that stands.
+/// True if the robot stands on exactly two legs, and both bend forward.
 fn stands_on_two(legs: &[Leg], tips: &[Tip]) -> bool {
     let on_legs = tips.iter().all(|tip| legs.iter().any(|leg| leg.body == tip.body));
     legs.len() <= 2 && on_legs && legs.iter().all(|leg| !leg.is_radial)

@@ -8,11 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 /// Damping of the least squares, as a fraction of the leg's length.
 const DAMPING: f64 = 0.05;
-/// Weight of the distance from the leg's plane: a leg without a joint for it cannot choose how far out it stands.
+/// Weight of the distance from the leg's plane. A leg without a lateral joint cannot change this distance.
 const ASIDE: f64 = 0.1;
 /// Weight of the foot's angle in the plane, as a fraction of the leg's length. A leg with an ankle keeps its sole level.
 const LEVEL: f64 = 0.5;
-/// Iterations of the least squares. It needs about ten.
+/// Maximum number of iterations of the least squares. About ten suffice.
 const STEPS: usize = 100;
 /// Change of the angles below which the iteration ends, rad.
 const SETTLED_RAD: f64 = 1e-7;
