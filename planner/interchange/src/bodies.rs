@@ -1,7 +1,7 @@
-//! A robot as rigid bodies with hinges and simple solids: what URDF and MJCF have in common.
+//! Robot as rigid bodies with hinges and simple solids, the model that URDF and MJCF share.
 //!
-//! A wheel that spins is a body of its own here, while a robot file counts it to its link. Frames of links are those of the
-//! robot file; the frame of a wheel lies in its centre, parallel to that of its link.
+//! Each spinning wheel is a separate body, whereas a robot file counts its mass to the link. Links have the frames of the
+//! robot file. The frame of a wheel is at the wheel's centre, parallel to the frame of the link.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use rollwalk_multibody::{RigidPart, rest_of_link, spinning_wheels};
@@ -11,13 +11,15 @@ use std::collections::HashSet;
 
 /// Frame of the ground, in which robots move.
 pub const WORLD: &str = "world";
-/// Half the width of a tyre by its radius. Tyres are ellipsoids so thin that they touch the ground where a plan's disc does.
+/// Half the width of a tyre, as a fraction of its radius. Tyres are ellipsoids so thin that they touch the ground at the same
+/// point as a plan's disc.
 pub const TYRE_HALF_WIDTH: f64 = 0.02;
 
-/// Share of its link's mass that a blade has where it is a wheel: a wheel that spins without resistance.
+/// Mass of a blade, as a fraction of the link's mass, if a spinning wheel without resistance replaces the blade.
 const BLADE_SHARE: f64 = 1e-4;
 
-/// Deviation of a part from a wheel's centre, by its radius, within which it is a part of the wheel.
+/// Largest distance of a part's centre from a wheel's centre, as a fraction of the wheel's radius, at which the part belongs
+/// to the wheel.
 const IN_THE_WHEEL: f64 = 0.1;
 
 /// Mounting of the curved edge of a skate.
@@ -25,7 +27,7 @@ const IN_THE_WHEEL: f64 = 0.1;
 pub enum Blades {
     /// Rigid on the link, as in robot files.
     Fixed,
-    /// Wheels of next to no mass: a simulator without contacts that glide along one direction.
+    /// Nearly massless wheel, for simulators whose contacts cannot glide along a single direction.
     Roll,
 }
 
@@ -35,7 +37,7 @@ pub struct Body<'r> {
     pub name: String,
     /// Mass, centre of mass and inertia in the body's frame.
     pub inertia: RigidPart,
-    /// Joint or axle to the parent; the root has none.
+    /// Joint or axle to the parent; `None` for the root.
     pub hinge: Option<Hinge<'r>>,
     /// Visual and collision solids.
     pub solids: Vec<PlacedSolid<'r>>,
@@ -45,7 +47,7 @@ pub struct Body<'r> {
 pub struct Hinge<'r> {
     /// Unique among hinges.
     pub name: String,
-    /// Index of the body that carries it.
+    /// Index of the body that carries this body.
     pub parent: usize,
     /// Pose of the body in the parent at angle 0.
     pub parent_from_body: Isometry3<f64>,
@@ -74,7 +76,7 @@ pub enum HingeOrigin<'r> {
     },
 }
 
-/// A solid in the frame of its body.
+/// Solid in the frame of its body.
 pub struct PlacedSolid<'r> {
     /// Pose of the solid's centre and axes.
     pub body_from_solid: Isometry3<f64>,
@@ -84,7 +86,7 @@ pub struct PlacedSolid<'r> {
     pub role: Role<'r>,
 }
 
-/// Forms that other tools have. Cylinders and capsules lie along z, tyres turn about z.
+/// Forms that other tools support. Cylinders and capsules lie along z, tyres turn about z.
 #[derive(Clone, Copy)]
 pub enum Geometry {
     /// Lengths of the sides, m.
@@ -102,16 +104,16 @@ pub enum Geometry {
 /// Purpose of a solid.
 #[derive(Clone, Copy)]
 pub enum Role<'r> {
-    /// A part of a link, to be looked at.
+    /// Part of a link, for pictures.
     Part,
-    /// Room of a link, which collides.
+    /// Shape of a link for collisions.
     Room,
-    /// A foot or tyre, which stands on the ground.
+    /// Foot or tyre that touches the ground.
     Contact(&'r EndEffector),
 }
 
 impl HingeOrigin<'_> {
-    /// Joints before wheels, each as in the robot file: the order of channels.
+    /// Sort key for the order of channels: joints before wheels, each in the order of the robot file.
     pub fn order(&self) -> (bool, usize) {
         match *self {
             Self::Joint { number, .. } => (false, number),
@@ -128,8 +130,8 @@ impl HingeOrigin<'_> {
     }
 }
 
-/// The bodies of a robot: its links in their order, then the wheels that spin, by end effector. `parts` are the solids of each
-/// link; without them only the links' rooms are seen.
+/// Bodies of a robot: the links in their order, then the spinning wheels in end-effector order. `parts` are the solids of
+/// each link; without parts, pictures show only the shapes of links.
 pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec<Body<'r>> {
     let mut wheels = Vec::new();
     let mut bodies: Vec<_> = robot
@@ -201,7 +203,8 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
     bodies
 }
 
-/// Names of the joints and axles in the exported models, by the robot's channels: those of telemetry, unless one is taken.
+/// Names of joints and axles in the exported models, in channel order. They equal the names in telemetry unless a name is
+/// taken.
 pub fn joint_names(robot: &Robot) -> Vec<String> {
     let bodies = bodies(robot, &[], Blades::Fixed);
     let mut names: Vec<_> = driven(&bodies).map(|of| (of.of.order(), of.name.clone())).collect();
@@ -220,7 +223,7 @@ pub fn carried<'b>(bodies: &'b [Body<'b>], parent: usize) -> impl Iterator<Item 
     (0..bodies.len()).filter(move |&index| carries(&bodies[index]))
 }
 
-/// Indices of all bodies, each before what it carries, branch by branch.
+/// Indices of all bodies, branch by branch, each body before the bodies that it carries.
 pub fn depth_first(bodies: &[Body<'_>]) -> Vec<usize> {
     let mut order = Vec::new();
     let mut waiting = vec![0];
@@ -243,7 +246,7 @@ impl<N: Into<String>> FromIterator<N> for Names {
 }
 
 impl Names {
-    /// The name, with endings until it is new.
+    /// Name with as many endings as make it unique.
     pub fn unique(&mut self, name: &str, ending: &str) -> String {
         let mut name = name.to_owned();
         while !self.0.insert(name.clone()) {
@@ -253,7 +256,7 @@ impl Names {
     }
 }
 
-/// Wheels in the place of a link's blades.
+/// Wheels that replace the blades of a link.
 fn blade_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
     let blades = robot.end_effectors.iter().enumerate();
     let blades =
@@ -314,7 +317,7 @@ fn contact(end_effector: &EndEffector, center: Vector3<f64>) -> PlacedSolid<'_> 
     PlacedSolid { body_from_solid, form, role: Role::Contact(end_effector) }
 }
 
-/// The shortest turn that takes z to a direction.
+/// Shortest rotation from z to a direction.
 fn turn_z_to(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
     let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     UnitQuaternion::rotation_between(&Vector3::z(), direction).unwrap_or_else(half_turn)

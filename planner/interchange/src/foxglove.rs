@@ -1,8 +1,8 @@
-//! Messages that Foxglove and Lichtblick draw: frames of all bodies, their solids, angles of joints, forces of the ground; in a
-//! file ([`recording`]) or as they happen ([`LiveServer`]).
+//! Messages for Foxglove and Lichtblick: frames and solids of all bodies, joint angles, ground forces. They are written to a
+//! file ([`recording`]) or sent live ([`LiveServer`]).
 //!
-//! A robot is published once as solids that are locked to frames, then as frames, so that a file has its geometry once. A
-//! prefix of all frames tells robots apart: the planned one beside the measured one.
+//! A robot is published once as solids locked to frames, then as frames only, so that a file contains its geometry once. A
+//! prefix of all frames distinguishes robots, such as the planned and the measured one.
 
 mod figure;
 mod live;

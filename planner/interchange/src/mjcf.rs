@@ -1,7 +1,7 @@
 //! MJCF, the models of MuJoCo: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
-//! The model stands on level ground by itself: servos are its actuators, a gyro, an accelerometer and the motors' angles its
-//! sensors, and [`motion`] adds a plan as keyframes whose controls play it.
+//! The model contains level ground. Servos are its actuators; a gyro, an accelerometer and the motors' angles are its
+//! sensors. [`motion`] adds a plan as keyframes with the controls that play it.
 
 mod frames;
 
@@ -18,7 +18,7 @@ use rollwalk_planner::plan::Plan;
 use rollwalk_robot::{GRAVITY_M_S2, Robot, Solid};
 use std::io;
 
-/// Time step, s, and the parameters of contact with which plans were replayed (`docs/replay.md`): stiff, elliptic cones.
+/// Time step, s. Step and contact parameters (stiff, elliptic cones) equal those of the replays (`docs/replay.md`).
 const STEP_S: f64 = 0.001;
 const CONTACT_TIME_S: f64 = 0.003;
 const IMPRATIO: f64 = 20.0;
@@ -26,7 +26,8 @@ const IMPRATIO: f64 = 20.0;
 /// than any measurement of inertia.
 const INERTIA_SLACK: f64 = 1e-12;
 
-/// A robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for pictures.
+/// Writes a robot as an MJCF model with its stance as the keyframe `stand`. `parts` are the solids of each link, for
+/// pictures.
 ///
 /// # Errors
 /// None: the text is written to memory.
@@ -35,8 +36,8 @@ pub fn mjcf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
     model(robot, parts, &comment, standing(robot).as_slice())
 }
 
-/// A plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Between two of them
-/// controls are linear.
+/// Writes a plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Controls are
+/// linear between keyframes.
 ///
 /// # Errors
 /// None: the text is written to memory.
@@ -144,7 +145,8 @@ fn assets(xml: &mut Xml) -> io::Result<()> {
     })
 }
 
-/// Load of each end effector as the robot stands, N, for the drag of free wheels; an even share where it cannot stand.
+/// Load of each end effector of the standing robot, N, for the drag of free wheels. If the robot cannot stand, all loads are
+/// equal.
 fn loads(robot: &Robot) -> Vec<f64> {
     let even = robot.total_mass_kg() * GRAVITY_M_S2 / robot.end_effectors.len().max(1) as f64;
     let standing = Standing::new(&Tree::new(robot));
@@ -159,7 +161,7 @@ struct Bodies<'r> {
 }
 
 impl Bodies<'_> {
-    /// A body with all that it carries, with new names for its geoms.
+    /// Writes a body and all bodies that it carries, with new names for its geoms.
     fn body(&self, xml: &mut Xml, geoms: &mut Names, index: usize) -> io::Result<()> {
         let body = &self.bodies[index];
         let mut attributes = vec![("name", body.name.clone())];
@@ -215,8 +217,10 @@ fn inertial(xml: &mut Xml, body: &Body<'_>) -> io::Result<()> {
     xml.empty("inertial", &attributes)
 }
 
-/// Moments and products of inertia in the order of MuJoCo, which refuses bodies of which one moment exceeds the sum of the two
-/// others. Those of a thin disc are equal, and rounding would decide.
+/// Moments and products of inertia in the order of MuJoCo.
+///
+/// MuJoCo refuses bodies with a principal moment above the sum of the two others. For a thin disc both are equal, so rounding
+/// alone could lead to a refusal.
 fn full_inertia(about_com_kg_m2: &Matrix3<f64>) -> [f64; 6] {
     let slack_kg_m2 = INERTIA_SLACK * about_com_kg_m2.trace();
     let i = |row, column| about_com_kg_m2[(row, column)];
@@ -276,7 +280,7 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
     })
 }
 
-/// Hinges with motors, in channel order: those of joints, then those of wheels.
+/// Hinges with motors in channel order: joints, then wheels.
 fn channels<'b>(robot: &'b Robot, bodies: &'b [Body<'b>]) -> impl Iterator<Item = &'b Hinge<'b>> {
     let joints = robot.joints.iter().map(|joint| joint.child);
     let wheels = robot.links.len()..bodies.len();

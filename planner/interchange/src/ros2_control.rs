@@ -1,8 +1,8 @@
 //! `ros2_control` of ROS 2: the section of a URDF that names interfaces of joints and wheels, and parameters of a controller
 //! manager. <https://control.ros.org/master/doc/getting_started/getting_started.html>.
 //!
-//! Joints take positions, driven wheels speeds, as the controller's channels do; both report angle, speed and torque. What has no
-//! motor, such as a caster, has no interface.
+//! Joints accept positions and driven wheels speeds, like the controller's channels. Both report angle, speed and torque.
+//! Parts without a motor, such as casters, have no interface.
 
 use crate::bodies::{Body, Hinge, HingeOrigin, driven};
 use crate::urdf::urdf_with;
@@ -11,13 +11,13 @@ use rollwalk_robot::{Robot, Solid};
 use serde_json::json;
 use std::io;
 
-/// The hardware that every installation of `ros2_control` has: it takes commands for states, without a robot.
+/// Hardware of every installation of `ros2_control`, which copies commands to states, without a robot.
 pub const MOCK: &str = "mock_components/GenericSystem";
 
-/// Cycles of the controller manager per second, its default.
+/// Rate of the controller manager, Hz: its default.
 const UPDATE_RATE_HZ: u32 = 100;
 
-/// A robot as [`urdf`](crate::urdf), with a section for hardware of `plugin`, the name of a
+/// Writes a robot as [`urdf`](crate::urdf) does, with a section for the hardware `plugin`, the name of a
 /// `hardware_interface::SystemInterface`.
 ///
 /// # Errors
@@ -37,8 +37,8 @@ pub fn urdf_with_control(robot: &Robot, parts: &[Vec<Solid>], plugin: &str) -> i
     })
 }
 
-/// Parameters of a controller manager, as YAML: a broadcaster of joint states, trajectories for the joints, speeds for the
-/// driven wheels.
+/// Parameters of a controller manager, as YAML: a broadcaster of joint states, a trajectory controller for the joints, a
+/// velocity controller for the driven wheels.
 pub fn controllers(robot: &Robot) -> String {
     let bodies = crate::bodies::bodies(robot, &[], crate::bodies::Blades::Fixed);
     let (joints, wheels): (Vec<_>, Vec<_>) =
@@ -67,7 +67,7 @@ pub fn controllers(robot: &Robot) -> String {
     )
 }
 
-/// A controller of some joints. A string of JSON is one of YAML.
+/// Controller of some joints. A JSON string is also a YAML string.
 fn group(name: &str, hinges: &[&Hinge<'_>]) -> String {
     let joints = hinges.iter().map(|of| format!("      - {}\n", json!(of.name)));
     format!("\n{name}:\n  ros__parameters:\n    joints:\n{}", joints.collect::<String>())

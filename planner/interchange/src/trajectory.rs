@@ -1,8 +1,8 @@
-//! A plan as JSON in the form of the ROS message `moveit_msgs/RobotTrajectory`: a `trajectory_msgs/JointTrajectory` of joints and
-//! driven wheels, and a `trajectory_msgs/MultiDOFJointTrajectory` of the body.
+//! Plan as JSON in the form of the ROS message `moveit_msgs/RobotTrajectory`: a `trajectory_msgs/JointTrajectory` of joints
+//! and driven wheels, and a `trajectory_msgs/MultiDOFJointTrajectory` of the body.
 //!
-//! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node fills a message
-//! from the object without looking at it.
+//! Fields have the names and units of the messages (rad, rad/s, N·m, m, quaternions with w last), so that a node can copy the
+//! object into a message.
 
 use crate::bodies::{WORLD, joint_names};
 use nalgebra::Isometry3;
@@ -80,7 +80,7 @@ struct Xyzw {
     w: f64,
 }
 
-/// A plan from its beginning to its end. Positions of driven wheels are angles since the beginning.
+/// Trajectory of a plan from beginning to end. Positions of driven wheels are angles since the beginning.
 pub fn trajectory(plan: &Plan, rate: Rate) -> String {
     let robot = &plan.robot;
     let (spline, mut whole) = (PlanSpline::new(plan), WholeBody::new(plan));

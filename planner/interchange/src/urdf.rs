@@ -1,8 +1,8 @@
 //! URDF: <https://wiki.ros.org/urdf/XML>.
 //!
-//! Feet, blades and welded wheels become links on fixed joints, so that they have frames; joints and axles have the names that
-//! telemetry has for them. What URDF cannot say, and `rollwalk robot import` reads from a side file, is left out: kinds of
-//! contacts, friction, gains, rotors, torque-speed lines, buses.
+//! Feet, blades and welded wheels become links on fixed joints, so that they have frames. Joints and axles have their names
+//! of telemetry. URDF cannot express kinds of contacts, friction, gains, rotors, torque-speed lines and buses;
+//! `rollwalk robot import` reads these from a side file.
 
 use crate::bodies::{
     Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, WORLD, bodies,
@@ -13,7 +13,7 @@ use rollwalk_multibody::RigidPart;
 use rollwalk_robot::{Robot, Solid};
 use std::io;
 
-/// A robot as URDF. `parts` are the solids of each link, for pictures.
+/// Writes a robot as URDF. `parts` are the solids of each link, for pictures.
 ///
 /// # Errors
 /// None: the text is written to memory.
@@ -21,7 +21,7 @@ pub fn urdf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
     urdf_with(robot, parts, |_, _| Ok(()))
 }
 
-/// A robot as URDF, with what `more` writes at its end.
+/// Writes a robot as URDF, with the elements that `more` adds at the end.
 pub fn urdf_with(
     robot: &Robot,
     parts: &[Vec<Solid>],
@@ -94,7 +94,7 @@ fn inertial(xml: &mut Xml, inertia: &RigidPart) -> io::Result<()> {
     })
 }
 
-/// URDF has no capsules: a cylinder with two balls.
+/// Writes the geometry of a solid. URDF has no capsules, so a capsule becomes a cylinder with two spheres.
 fn geometry(xml: &mut Xml, element: &str, solid: &PlacedSolid<'_>) -> io::Result<()> {
     let at = &solid.body_from_solid;
     let mut one = |at: &Isometry3<f64>, name: &str, attributes: &[(&str, String)]| {

@@ -1,4 +1,4 @@
-//! XML of elements with attributes, indented, numbers to the last bit.
+//! Writer of XML elements with attributes, indented, with exact numbers.
 
 use nalgebra::Vector3;
 use quick_xml::Writer;
@@ -9,7 +9,7 @@ use std::io;
 pub struct Xml(Writer<Vec<u8>>);
 
 impl Xml {
-    /// An empty document with a comment at its beginning.
+    /// Creates an empty document that begins with a comment.
     pub fn new(comment: &str) -> io::Result<Self> {
         let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
         // In a comment two hyphens would be its end.
@@ -23,7 +23,7 @@ impl Xml {
         self.0.write_event(Event::Empty(start(name, attributes)))
     }
 
-    /// An element around what `content` writes.
+    /// Writes an element around the output of `content`.
     pub fn element(
         &mut self,
         name: &str,
@@ -58,7 +58,7 @@ fn start<'n>(name: &'n str, attributes: &[(&str, String)]) -> BytesStart<'n> {
     BytesStart::new(name).with_attributes(attributes)
 }
 
-/// Numbers with blanks between them, shortest forms that read back to the bit; no negative zeros.
+/// Numbers separated by blanks, in the shortest form that reads back exactly, without negative zeros.
 pub fn numbers<'v>(values: impl IntoIterator<Item = &'v f64>) -> String {
     let values: Vec<_> = values.into_iter().map(|value| (value + 0.0).to_string()).collect();
     values.join(" ")

@@ -68,7 +68,7 @@ fn in_python(folder: &Path) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Random poses with what follows from them.
+/// Random poses with quantities computed from them.
 fn poses(robot: &Robot) -> Value {
     let tree = Tree::new(robot);
     let mut rng = fastrand::Rng::with_seed(7);

@@ -16,7 +16,7 @@ fn robot() -> Robot {
     Robot::from_toml("legbot", &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A client that has asked for this subprotocol, and the one that was selected.
+/// Connects a client that offers a subprotocol. Returns the selected subprotocol, too.
 fn connect(live: &LiveServer, offered: &str) -> Result<(WebSocket<TcpStream>, String), String> {
     let address = live.address();
     let mut request = address.as_str().into_client_request().unwrap();
@@ -42,7 +42,7 @@ fn subscribe(socket: &mut WebSocket<TcpStream>, id: u32, channel: u32) {
     socket.send(Message::text(request)).unwrap();
 }
 
-/// Waits for something that happens in the thread of the server.
+/// Waits for a change that the server's thread makes.
 fn wait(what: &str, mut happened: impl FnMut() -> bool) {
     let start = Instant::now();
     while !happened() {

@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 const CAR: &str = include_str!("../../../shipped/robots/car.toml");
 const DRIVE: &str = include_str!("../../../shipped/motions/car_drive.toml");
 
-/// A car that turns by 5 rad on its way, which no solver has planned.
+/// Plan of a car that turns by 5 rad, made without a solver.
 fn turn() -> Plan {
     let robot = Robot::from_toml("car.toml", CAR).unwrap();
     let few = DRIVE.replacen("samples = 24", "samples = 8", 1);
@@ -57,7 +57,7 @@ fn quaternions_do_not_change_their_sign_along_a_turn() {
     }
 }
 
-/// Asserts that a message has fields of its JSON schema alone, of the types that the schema names.
+/// Asserts that a message has only fields of its JSON schema, with the types of the schema.
 fn conforms(value: &Value, schema: &Value) {
     match value {
         Value::Array(items) => items.iter().for_each(|item| conforms(item, &schema["items"])),

@@ -12,8 +12,8 @@ fn shipped(name: &str) -> Robot {
     Robot::from_toml(name, &std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// A shipped robot as it comes back from what it was exported as, with the side file that the survey proposes; and as it was.
-/// Mass, joints, their limits and torques are the same to rounding.
+/// Returns a shipped robot after export and import with the side file that the survey proposes, and the original robot. Mass,
+/// joints, limits and torques must agree to rounding.
 fn round_trip(name: &str, exported: impl Fn(&Robot) -> String) -> [Robot; 2] {
     let robot = shipped(name);
     let text = exported(&robot);
@@ -91,7 +91,7 @@ fn wheels_without_motors_come_back_without_motors() {
     }
 }
 
-/// Radii of what spins, in order of size, m.
+/// Radii of all spinning wheels in order of size, m.
 fn wheels(robot: &Robot) -> Vec<f64> {
     let spins = robot.end_effectors.iter().filter(|foot| foot.contact.spins());
     let mut radii: Vec<_> = spins.map(|foot| foot.radius_m).collect();

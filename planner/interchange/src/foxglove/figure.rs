@@ -1,4 +1,4 @@
-//! Messages about one robot: its solids, the frames of its bodies, its joints, the forces of the ground.
+//! Messages about one robot: solids, frames of bodies, joints, ground forces.
 
 use super::messages::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, FrameTransform, FrameTransforms,
@@ -12,16 +12,16 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rollwalk_planner::sample::driven_wheels;
 use rollwalk_robot::{Robot, Solid};
 
-/// Length of an arrow for the weight of the robot, m.
+/// Length of the arrow of a force equal to the robot's weight, m.
 const WEIGHT_ARROW_M: f64 = 0.5;
-/// Forces below this share of the weight are no arrows.
+/// Force below which no arrow is drawn, as a fraction of the weight.
 const NO_FORCE: f64 = 1e-3;
-/// Diameter of the shaft of a force's arrow, m.
+/// Diameter of the shaft of a force arrow, m.
 const SHAFT_M: f64 = 0.008;
-/// Drawn width of a tyre, as a multiple of its radius: the ellipsoid that touches the ground is too thin to be seen.
+/// Drawn width of a tyre, as a multiple of its radius. The ellipsoid that touches the ground is too thin to be visible.
 const TYRE_WIDTH: f64 = 0.3;
 
-/// A robot whose messages these are.
+/// Robot that the messages describe.
 pub struct Figure<'r> {
     robot: &'r Robot,
     bodies: Vec<Body<'r>>,
@@ -36,12 +36,12 @@ pub struct Posture<'p> {
     pub world_from_body: Isometry3<f64>,
     /// Angles of joints in joint order, rad.
     pub joint_rad: &'p [f64],
-    /// Angles of wheels against their links by end effector, rad; those of others are not read.
+    /// Angles of wheels relative to their links, in end-effector order, rad. Entries of other end effectors are ignored.
     pub wheel_rad: &'p [f64],
 }
 
 impl<'r> Figure<'r> {
-    /// A robot with the solids of its links, in a colour (red, green, blue, opacity).
+    /// Creates the figure of a robot with the solids of its links, in a colour (red, green, blue, opacity).
     pub fn new(robot: &'r Robot, parts: &[Vec<Solid>], prefix: &str, color: [f64; 4]) -> Self {
         let bodies = bodies(robot, parts, Blades::Fixed);
         Self { robot, bodies, joint_names: joint_names(robot), prefix: prefix.to_owned(), color }
@@ -73,7 +73,7 @@ impl<'r> Figure<'r> {
         FrameTransforms { transforms: self.bodies.iter().map(transform).collect() }
     }
 
-    /// The solids of all bodies, locked to their frames.
+    /// Solids of all bodies, locked to their frames.
     pub fn solids(&self, time_s: f64) -> SceneUpdate {
         let entity = |(index, body): (usize, &Body<'_>)| {
             let mut entity = SceneEntity {
@@ -97,7 +97,7 @@ impl<'r> Figure<'r> {
         SceneUpdate { deletions: Vec::new(), entities }
     }
 
-    /// Angles of joints and wheels with motors, by the names that URDF has for them. Speeds and torques are by channel.
+    /// Angles of joints and driven wheels, by their names in the URDF. Speeds and torques are in channel order.
     pub fn joint_states(
         &self,
         posture: &Posture<'_>,
@@ -117,7 +117,7 @@ impl<'r> Figure<'r> {
         JointStates { timestamp: timestamp(time_s), joints }
     }
 
-    /// Forces of the ground on the end effectors, N, at contact points in the world, m, as arrows.
+    /// Ground forces on the end effectors, N, as arrows at contact points in the world, m.
     pub fn forces(&self, at: &[([f64; 3], [f64; 3])], time_s: f64) -> SceneUpdate {
         let weight_n = self.robot.total_mass_kg() * rollwalk_robot::GRAVITY_M_S2;
         let arrow = |(point, force): &([f64; 3], [f64; 3])| {
@@ -187,7 +187,7 @@ fn add(entity: &mut SceneEntity, solid: &PlacedSolid<'_>, rgba: [f64; 4]) {
     }
 }
 
-/// A time of a motion as one of a recording, which begins at 0.
+/// Timestamp of a time of the motion. Recordings begin at 0.
 pub fn timestamp(time_s: f64) -> Time {
     let nanoseconds = nanoseconds(time_s);
     let (seconds, rest) = (nanoseconds / 1_000_000_000, nanoseconds % 1_000_000_000);

@@ -1,7 +1,7 @@
 //! Server of Foxglove's live protocol on loopback: <https://docs.foxglove.dev/docs/visualization/connecting/live-data>.
 //!
-//! Clients can neither command nor change anything ([`session`](super::session)). One thread serves all of them without waiting
-//! for any; a slow client loses messages and delays no other client.
+//! Clients can neither command nor change anything ([`session`](super::session)). One thread serves all clients without
+//! waiting for any of them. A slow client loses messages and does not delay other clients.
 
 use super::figure::nanoseconds;
 use super::messages::{FrameTransforms, JointStates, SceneUpdate, Schema};
@@ -26,16 +26,16 @@ use tungstenite::{Error as SocketError, HandshakeError, WebSocket};
 const LOOPBACK: &str = "127.0.0.1";
 /// Pause between two rounds over the connections.
 const PAUSE: Duration = Duration::from_millis(5);
-/// Most connections at a time; further ones are closed.
+/// Maximum number of connections; the server closes further ones.
 const CONNECTIONS_MAX: usize = 32;
-/// Time that a client has for its handshake.
+/// Timeout of a client's handshake.
 const HANDSHAKE: Duration = Duration::from_secs(10);
-/// Most bytes of a message of a client, which are requests for subscriptions.
+/// Maximum length of a client's message, bytes. Clients only send requests for subscriptions.
 const REQUEST_MAX: usize = 64 * 1024;
-/// Most messages that are read from one client, or written to it, in a round.
+/// Maximum number of messages read from a client, or written to it, in a round.
 const ROUND_MAX: usize = 64;
 
-/// Reports that the server could not be started.
+/// Failure to start the server.
 #[derive(Debug, Error)]
 #[error("cannot serve Foxglove on {LOOPBACK}:{port}: {why}")]
 pub struct LiveError {
@@ -50,7 +50,7 @@ pub struct LiveServer {
     thread: Option<JoinHandle<()>>,
     /// Frames of all robots.
     pub frames: Channel<FrameTransforms>,
-    /// Solids, to be sent again from time to time: clients come at any time.
+    /// Solids. Send them repeatedly, because clients connect at any time.
     pub robot: Channel<SceneUpdate>,
     /// Measured joints.
     pub measured: Channel<JointStates>,
@@ -60,7 +60,7 @@ pub struct LiveServer {
     pub forces: Channel<SceneUpdate>,
 }
 
-/// Sessions by connection, for the server's thread and those that publish.
+/// Sessions by connection, shared by the server's thread and the threads that publish.
 #[derive(Default)]
 struct Shared {
     sessions: Mutex<BTreeMap<u64, Session>>,
@@ -81,7 +81,7 @@ pub struct Channel<M> {
 }
 
 impl<M: Schema> Channel<M> {
-    /// Adds a channel to those that the server offers.
+    /// Adds a channel to the channels that the server offers.
     fn offer(topic: &'static str, shared: &Arc<Shared>, offers: &mut Vec<Offer>) -> Self {
         offers.push(Offer { topic, schema_name: M::NAME, schema: M::schema() });
         Self { id: offers.len(), shared: Arc::clone(shared), message: PhantomData }
@@ -100,7 +100,7 @@ impl<M: Schema> Channel<M> {
 }
 
 impl LiveServer {
-    /// Starts the server of a robot on a port of loopback; port 0 takes any free one.
+    /// Starts the server of a robot on a port of loopback. Port 0 selects a free port.
     ///
     /// # Errors
     /// The port is taken.
@@ -207,7 +207,7 @@ impl Server {
         }
     }
 
-    /// Takes new connections and goes on with their handshakes.
+    /// Accepts new connections and continues their handshakes.
     fn accept(&mut self) {
         for (begun, handshake) in mem::take(&mut self.handshakes) {
             if begun.elapsed() < HANDSHAKE {
@@ -245,10 +245,10 @@ impl Server {
     }
 }
 
-/// Reads requests of a client and writes what waits for it, as far as neither blocks.
+/// Reads requests of a client and writes its pending messages, until either would block.
 ///
 /// # Errors
-/// The client went away or violates the protocol.
+/// The client disconnected or violates the protocol.
 fn exchange(
     socket: &mut WebSocket<TcpStream>,
     id: u64,
@@ -283,7 +283,7 @@ fn exchange(
     Ok(())
 }
 
-/// Outcome of a call; `None` where it would have to wait.
+/// Outcome of a call; `None` if the call would block.
 fn would_block<T>(outcome: Result<T, SocketError>) -> Result<Option<T>, SocketError> {
     match outcome {
         Ok(done) => Ok(Some(done)),

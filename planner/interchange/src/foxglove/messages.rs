@@ -1,7 +1,7 @@
-//! Messages by Foxglove's well-known schemas, in JSON: <https://docs.foxglove.dev/docs/sdk/schemas>.
+//! Messages of Foxglove's well-known schemas, in JSON: <https://docs.foxglove.dev/docs/sdk/schemas>.
 //!
-//! One definition gives the fields of a message and its JSON schema. Lists that are always empty stand here because readers
-//! expect them.
+//! One definition gives the fields of a message and its JSON schema. Lists that are always empty are included because readers
+//! require them.
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};

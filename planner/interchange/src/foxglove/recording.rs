@@ -24,18 +24,18 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use thiserror::Error;
 
-/// The colour of a plan's robot.
+/// Colour of the planned robot.
 const PLANNED: [f64; 4] = [0.36, 0.53, 0.78, 1.0];
 
-/// A recording that could not be made.
+/// Failure to write a recording.
 #[derive(Debug, Error)]
 #[error("cannot write the recording: {0}")]
 pub struct RecordingError(#[from] McapError);
 
-/// A plan as an MCAP file, from its beginning to its end.
+/// Writes a plan as an MCAP file, from beginning to end.
 ///
 /// # Errors
-/// The library's, of which none is known for a validated plan.
+/// Errors of the MCAP library; no validated plan is known to cause one.
 pub fn recording(plan: &Plan, rate: Rate) -> Result<Vec<u8>, RecordingError> {
     let mut file = File::new()?;
     let frames = file.topic::<FrameTransforms>("/tf")?;

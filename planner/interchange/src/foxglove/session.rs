@@ -7,11 +7,11 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 
-/// Subprotocols of the server, the preferred one first. Their messages are the same as far as they are used here.
+/// Subprotocols of the server, the preferred one first. The messages used here are the same in both.
 const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// Most bytes of data that wait for a client, about a second of a robot; the oldest message is dropped beyond that.
+/// Maximum size of pending data for a client, bytes: about a second of a robot. Beyond that, the oldest message is dropped.
 const DATA_MAX: usize = 4 * 1024 * 1024;
-/// Most texts that wait for a client; further ones are dropped.
+/// Maximum number of pending texts for a client; further texts are dropped.
 const TEXTS_MAX: usize = 16;
 /// Opcode of a binary message with data.
 const MESSAGE_DATA: u8 = 1;
@@ -50,7 +50,7 @@ pub fn first_messages(name: &str, session: &str, offers: &[Offer]) -> [String; 2
     [info, json!({ "op": "advertise", "channels": channels })].map(|text| text.to_string())
 }
 
-/// Message to a client.
+/// First texts for every client: the server's name and its channels, whose identifiers count from 1.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Message {
     /// JSON.
@@ -79,7 +79,7 @@ struct Subscription {
     channel_id: usize,
 }
 
-/// Subscriptions of a client and the messages that wait for it.
+/// Subscriptions of a client and its pending messages.
 pub struct Session {
     channels: usize,
     subscriptions: BTreeMap<usize, u32>,
@@ -89,13 +89,13 @@ pub struct Session {
 }
 
 impl Session {
-    /// Begins with the greeting of a server of so many channels.
+    /// Creates a session with `channels` channels, which begins with the greeting of the server.
     pub fn new(channels: usize, greeting: [String; 2]) -> Self {
         let (subscriptions, data) = (BTreeMap::new(), VecDeque::new());
         Self { channels, subscriptions, texts: greeting.into(), data, data_bytes: 0 }
     }
 
-    /// Takes a text of the client.
+    /// Processes a text from the client.
     pub fn on_text(&mut self, text: &str) {
         match serde_json::from_str(text) {
             Ok(Request::Subscribe { subscriptions }) => {
@@ -146,7 +146,7 @@ impl Session {
         }
     }
 
-    /// Takes the next message out of the queue, texts before data.
+    /// Removes and returns the next message of the queue, texts before data.
     pub fn next(&mut self) -> Option<Message> {
         if let Some(text) = self.texts.pop_front() {
             return Some(Message::Text(text));

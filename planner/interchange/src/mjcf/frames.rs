@@ -1,4 +1,4 @@
-//! Keyframes: the whole state of a robot with the controls that its servos take there.
+//! Keyframes: state of the robot with the controls of its servos.
 
 use crate::bodies::{Blades, HingeOrigin, bodies, depth_first};
 use crate::xml::numbers;
@@ -34,7 +34,7 @@ impl Keyframe {
     }
 }
 
-/// The robot as it stands in its nominal pose, with controls that hold it; none of a robot whose wheels lie flat.
+/// Keyframe of the robot in its nominal standing pose, with controls that hold it; `None` if a wheel lies flat.
 pub fn standing(robot: &Robot) -> Option<Keyframe> {
     let tree = Tree::new(robot);
     let standing = Standing::new(&tree)?;
@@ -58,7 +58,7 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
     })
 }
 
-/// A plan from its beginning to its end.
+/// Keyframes of a plan from beginning to end.
 pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
     let (order, spline) = (Order::new(&plan.robot), PlanSpline::new(plan));
     let mut whole = WholeBody::new(plan);
@@ -90,8 +90,8 @@ pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
     rate.times_s(plan.motion.duration_s).enumerate().map(frame).collect()
 }
 
-/// Controls of servos, rad, and of drives, rad/s: setpoints with what makes the servo of the model add the speed of the
-/// setpoint and the feed-forward torque.
+/// Controls of servos, rad, and of drives, rad/s. Each control is the set-point plus an offset, through which the model's
+/// servo adds set-point speed and feed-forward torque.
 fn controls(
     robot: &Robot,
     joint_rad: &[f64],
@@ -113,13 +113,13 @@ fn controls(
     joints.chain(wheels).collect()
 }
 
-/// Joint or wheel of a coordinate, with its index.
+/// Joint or wheel that a coordinate belongs to, with its index.
 enum Coordinate {
     Joint(usize),
     Wheel(usize),
 }
 
-/// The coordinates of a model after those of its base, in the order of MuJoCo.
+/// Coordinates of a model after those of its base, in the order of MuJoCo.
 struct Order(Vec<Coordinate>);
 
 impl Order {
@@ -132,7 +132,7 @@ impl Order {
         Self(depth_first(&bodies).into_iter().filter_map(of).collect())
     }
 
-    /// The attitude is that of the state, with the sign that is continuous along a motion.
+    /// Generalised positions of a state. The sign of the quaternion `wxyz` is continuous along a motion.
     fn positions(&self, state: &State, wxyz: [f64; 4], wheel_rad: &[f64]) -> Vec<f64> {
         let mut all: Vec<_> = state.base_position_m.iter().copied().collect();
         all.extend(wxyz);
@@ -143,7 +143,7 @@ impl Order {
         all
     }
 
-    /// MuJoCo has the angular velocity of the base in the axes of the body.
+    /// Generalised velocities of a state. MuJoCo has the angular velocity of the base in body axes.
     fn velocities(&self, state: &State, wheel_rad_s: &[f64]) -> Vec<f64> {
         let part = |from: usize| Vector3::from_column_slice(&state.velocity[from..from + 3]);
         let spin_in_body = state.world_from_body.transpose() * part(ANGULAR);
