@@ -137,7 +137,9 @@ fn lighter(row: &BusLoad) -> &'static str {
         }
         _ if waits => "set a shorter return delay in the servos and as `return_delay_us`",
         _ if most.is_some_and(|most| kind.bit_rate >= most) => "spread the motors over more buses",
-        _ => "raise `bit_rate`, here and in the drives, or spread the motors over more buses",
+        _ => {
+            "raise `bit_rate` in the robot file and in the drives, or spread the motors over more buses"
+        }
     }
 }
 
@@ -189,7 +191,7 @@ mod tests {
         assert_eq!(
             loads.refusal().as_deref(),
             Some(
-                "bus 1: the bus load would be 130 %; at most 70 % is accepted; raise `bit_rate`, here and in the drives, or \
+                "bus 1: the bus load would be 130 %; at most 70 % is accepted; raise `bit_rate` in the robot file and in the drives, or \
                  spread the motors over more buses\n"
             )
         );

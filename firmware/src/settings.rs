@@ -38,8 +38,8 @@ pub struct Settings {
     pub imu_required: bool,
     /// Tilt beyond the motion's own at which the robot returns to SAFE, rad; infinite to disable this.
     pub lean_rad: f32,
-    /// Tilt beyond the motion's own at which the joints are damped, because the robot cannot recover, rad; infinite to disable
-    /// this.
+    /// Tilt beyond the motion's own at which the joints are damped, because the robot cannot recover, rad. Infinity disables
+    /// this reaction.
     pub tip_rad: f32,
     /// Time beyond `lean_rad` or `tip_rad` after which the controller reacts, µs.
     pub tilt_patience_us: u32,

@@ -153,8 +153,8 @@ impl Client {
 
     /// Creates a visitor, which sends no heartbeats, so that the controller still detects the loss of its host.
     ///
-    /// Commands depend on the controller's clock. A visitor takes it from the replies to a host, so it can send commands only
-    /// while there is one.
+    /// Commands depend on the controller's clock. A visitor reads this clock from the replies to a host, so a visitor can
+    /// send commands only beside a host.
     pub fn visitor(peer: impl Into<Peer>) -> Self {
         Self { next_heartbeat_us: u64::MAX, ..Self::new(peer) }
     }

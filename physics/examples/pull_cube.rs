@@ -108,7 +108,7 @@ fn main() {
     penalties.extend(Penalty::small(AXES.len(), 1.0));
     let start = vec![0.0; AXES.len() * knots];
     let fit = minimise(&start, &penalties, &Options::default(), evaluate).expect("it begins");
-    let found = rollout(&fit.parameters).expect("the best is one that ran");
+    let found = rollout(&fit.parameters).expect("the best parameters have run before");
     for (k, cost) in fit.costs.iter().enumerate().step_by(3) {
         println!("iteration {k}: objective {cost:.3e}");
     }

@@ -200,14 +200,14 @@ impl<'a> System<'a> {
         self.evaluate(unknowns, self.pattern.get(), Evaluation::Values, reuse)
     }
 
-    /// Differentiates the rows at a point that contribute to the energy with the multipliers `shifts`.
+    /// Differentiates the rows that contribute to the energy, at the point `unknowns` with the multipliers `shifts`.
     pub fn differentiate(&self, unknowns: &Unknowns, rows: &mut Rows, shifts: &[f64]) {
         let counts = |((row, value), shift): ((&Row, f64), &f64)| row.counts(value + shift);
         let counts: Vec<bool> = rows.iter().zip(shifts).map(counts).collect();
         self.differentiate_some(unknowns, rows, &counts);
     }
 
-    /// Differentiates at least the rows at a point whose flags are set.
+    /// Differentiates at least the rows whose flags in `wanted` are set, at the point `unknowns`.
     pub fn differentiate_some(&self, unknowns: &Unknowns, rows: &mut Rows, wanted: &[bool]) {
         if rows.differentiated != DifferentiatedRows::All {
             let values = std::mem::take(rows);

@@ -125,7 +125,7 @@ impl LibraryFile {
                 if joined != flags {
                     let name = &self.motions[index].name;
                     let message = format!(
-                        "transition `{}`: where it {does} `{name}`, other feet are in stance than in `{name}`",
+                        "transition `{}` {does} `{name}` with other feet in stance than `{name}` has there",
                         transition.motion.name
                     );
                     let marks = |stance: Option<&Vec<bool>>| -> String {
@@ -133,9 +133,9 @@ impl LibraryFile {
                         stance.map(|&stands| if stands { '#' } else { '.' }).collect()
                     };
                     let help = format!(
-                        "make the first and last mark of each row in its footfalls agree with the \
-                         joined motions; in the order of the robot's end effectors, `{name}` has \
-                         {} there and the transition {}",
+                        "correct the first and last mark of each row in the footfalls of the transition; in the \
+                         order of the robot's end effectors, `{name}` has {} there, and the \
+                         transition has {}",
                         marks(joined),
                         marks(flags)
                     );

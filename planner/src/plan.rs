@@ -259,8 +259,8 @@ impl fmt::Display for Refinement {
         let played = if residual.to_string().ends_with("as played") { "" } else { " as played" };
         write!(
             f,
-            "{samples} samples are too few: {residual}{played} is {worst:.3} {unit}; at most \
-             {tolerance:.3} {unit} is accepted"
+            "with {samples} samples, {residual}{played} was {worst:.3} {unit}; at most \
+             {tolerance:.3} {unit} is accepted, so the plan has more samples"
         )
     }
 }

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree, WHEEL_MASS_SHARE, about_com};
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
 
-/// Share of a contact up to which there is no contact, for rounding of the time.
+/// Largest share of a contact that counts as no contact, to allow for rounding of the time.
 const NO_SHARE: f64 = 1e-9;
 
 /// Smallest unit of levers, m, for a robot whose centre of mass is near the ground or below it.

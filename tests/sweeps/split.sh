@@ -39,13 +39,13 @@ timeout -s KILL 8 "$bench" explore "$sweep" -o "$out/broken" && exit 1
 "$bench" explore "$sweep" -o "$out/broken"
 same broken
 
-"$bench" explore "$sweep" -o "$out/parallel" --on parallel --shards 4
+"$bench" explore "$sweep" -o "$out/parallel" --engine parallel --shards 4
 same parallel
 campaign "$out/campaign"
 campaign "$out/campaign-parallel" --engine parallel --shards 4
 same_campaign campaign-parallel
 
-"$bench" explore "$sweep" -o "$out/whole" --on kubernetes --shards 4 --dry-run
+"$bench" explore "$sweep" -o "$out/whole" --engine kubernetes --shards 4 --dry-run
 python3 "$(dirname "$0")/read.py" "$out/whole/kubernetes.yaml"
 
 # MUNGE and Slurm with files of their own: nothing of the machine's configuration is touched.
@@ -85,7 +85,7 @@ export SLURM_CONF="$out/slurm.conf"
 slurmctld -c
 slurmd -N node1
 slurmd -N node2
-"$bench" explore "$sweep" -o "$out/slurm" --on slurm --shards 4
+"$bench" explore "$sweep" -o "$out/slurm" --engine slurm --shards 4
 same slurm
 campaign "$out/campaign-slurm" --engine slurm --shards 4
 same_campaign campaign-slurm

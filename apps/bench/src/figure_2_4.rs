@@ -1,4 +1,4 @@
-//! Figure 2.4 of the thesis: longer front legs, by hand and with other parameters that follow so that the body stays level.
+//! Figure 2.4 of the thesis: longer front legs, with the other parameters unchanged or adapted to keep the body level.
 
 use crate::{Block, Findings, Verdict, inputs, table, unless_interrupted};
 use miette::IntoDiagnostic;

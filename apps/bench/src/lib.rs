@@ -50,7 +50,7 @@ pub enum Benchmark {
     /// Figures 2.8 and 2.5: repair of infeasible designs: a car with tilted wheels, a walker below its target.
     #[command(name = "figure-2-8")]
     Figure28(figure_2_8::Args),
-    /// Figure 2.4: longer front legs, by hand and with the other parameters following so that the body stays level.
+    /// Figure 2.4: longer front legs, with the other parameters unchanged or adapted to keep the body level.
     #[command(name = "figure-2-4")]
     Figure24,
     /// Figure 3.2: convergence with and without the thesis's warm start.

@@ -21,8 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Number of motions, which are the first ones of the tracking benchmark. Their robots do not fall in closed loop with noisy
-/// sensors.
+/// Number of motions: the first ones of the tracking benchmark. Their robots do not fall in closed loop with noisy sensors.
 const COUNT: usize = 12;
 const KINDS: [(&str, SensorFaultKind); 16] = [
     ("no IMU", NoImu),

@@ -241,7 +241,7 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    /// Answers calls whose outcome is not in a message.
+    /// Answers waiting calls that no message of the operator has answered.
     fn answer_others(&mut self, view: &View) {
         let (graph, operator) = (&self.graph, &self.operated.operator);
         let phase = self.driving.as_ref().map_or(Phase::Off, NodePilot::phase);

@@ -9,7 +9,7 @@ use rollwalk_protocol::faults::Severity;
 use rollwalk_protocol::wire::{JointTelemetry, State, Status, Torque};
 use ros2_client::builtin_interfaces::Time;
 
-/// States of joints and driven wheels as reported by their motors, with their names of the URDF.
+/// States of joints and driven wheels as reported by their motors, with the names of the URDF.
 pub fn joint_state<'a>(
     stamp: Time,
     joints: impl IntoIterator<Item = (&'a String, &'a JointTelemetry)>,

@@ -115,7 +115,7 @@ fn broken_off(args: &Args, signer: Option<Fingerprint>, error: &SessionError) ->
         let path = args.library.display();
         output::print_line(match signer {
             Some(key) => format!(
-                "{path} is signed with key {key}, or was changed afterwards: check it with \
+                "{path} is signed with key {key}, or was changed after signing: check the file with \
                  `rollwalk library verify`."
             ),
             None => format!("{path} is not signed."),

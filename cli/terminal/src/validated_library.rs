@@ -20,11 +20,8 @@ pub struct ValidatedLibrary {
 }
 
 impl ValidatedLibrary {
-    /// Reads a library and validates it for the robot of `robot`, or else for the shipped robot with its configuration. For a
-    /// program with the option `--robot`.
-    ///
-    /// # Errors
-    /// Returns an error if a file is missing or wrong, or if the robot of the library is unknown.
+    /// Reads a library and validates it for the robot in the file `robot`, or otherwise for the shipped robot with the
+    /// library's configuration. Messages name the option `--robot`.
     pub fn read(path: &Path, robot: Option<&Path>) -> miette::Result<Self> {
         let other_robot = "give the robot file that the library was built for: --robot ROBOT.toml";
         if let Some(robot) = robot {

@@ -91,7 +91,7 @@ pub struct Sequence<'p> {
     last_s: Option<f64>,
     /// Index of the plan at the previous tick.
     leg: usize,
-    /// Start time of this plan, s, in times at which set-points act; `None` during the rest before the first plan.
+    /// Time at which the first set-points of this plan act, s; `None` during the rest before the first plan.
     began_s: Option<f64>,
     /// Index of the plan whose set-points the motors get if the robot cannot be tracked.
     acts: usize,
@@ -220,7 +220,7 @@ impl<'p> Sequence<'p> {
         })
     }
 
-    /// Selects, from the next tick on, if planned stance feet count as touching the ground regardless of measurements.
+    /// Selects, from the next tick on, whether planned stance feet count as touching the ground regardless of measurements.
     ///
     /// Use it for a robot without contact switches, or if their readings are not received.
     pub fn use_planned_contacts(&mut self, planned: bool) {

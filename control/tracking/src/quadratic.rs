@@ -47,7 +47,7 @@ pub enum SolveError {
     /// Constraints that cannot all be satisfied.
     #[error("no solution meets all constraints")]
     Infeasible,
-    /// Solve that exceeds [`Solver::STEPS_MAX`].
+    /// Solve that takes more than [`Solver::STEPS_MAX`] steps.
     #[error("the solver exceeded its step limit")]
     TooManySteps,
 }
@@ -79,8 +79,8 @@ pub struct Solver {
 /// Relative violation up to which a constraint counts as satisfied. A dot product of some dozens of terms is rounded by 1e-14,
 /// and a condition of 1e8 of H amplifies this to 1e-10.
 const FEASIBLE: f64 = 1e-10;
-/// Squared fraction of a normal outside of the span of the active normals, below which the normal counts as dependent: 1e-6 of
-/// its length.
+/// Largest squared fraction of a normal outside the span of the active normals at which the normal counts as dependent: 1e-6
+/// of its length.
 const DEPENDENT: f64 = 1e-12;
 
 impl Solver {

@@ -275,7 +275,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         Err(result)
     }
 
-    /// Accepts a transition from `from`, or one that is already done because the state is `to`.
+    /// Permits the transition between two states, also if the controller is already in `to`.
     fn may(&self, from: State, to: State) -> Result<(), CommandResult> {
         match self.state() {
             state if state == from || state == to => Ok(()),

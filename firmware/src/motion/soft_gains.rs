@@ -13,8 +13,8 @@ pub(super) struct SoftGains {
     parts: [[f32; 2]; MAX_CHANNELS],
     /// True if any fraction is below 1.
     is_soft: bool,
-    /// Torque of a joint's position error when its gains began to rise, divided by the full kp, rad. It stays constant while
-    /// they rise.
+    /// Torque of a joint's position error when its gains began to rise, divided by the full kp, rad. The value stays constant
+    /// while the gains rise.
     leans_rad: [f32; MAX_CHANNELS],
 }
 

@@ -134,7 +134,7 @@ impl<F: MappedFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Writes a word. Erases the unit if the word is its first, and records the progress if it completes the unit.
+    /// Writes a word. The first word of a unit erases the unit, and the last word records the progress.
     fn flush(&mut self, upload: &mut Upload, len: usize) -> Result<(), StoreError> {
         let start = slots::start(&self.flash, self.state.candidate_slot());
         let at = start.saturating_add(upload.written);

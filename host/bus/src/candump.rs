@@ -12,8 +12,8 @@ use std::str::FromStr;
 /// Identifier bit of an error report by the interface, which is not a frame.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// Inverse fraction of out-of-order entries. If more than one entry in this many is earlier than the previous one, times are
-/// differences.
+/// Inverse fraction of out-of-order entries. If more than one of this many entries is earlier than its predecessor, the times
+/// of the log are differences.
 const BACK_SHARE: usize = 8;
 /// Minimum number of entries for detecting times that are differences.
 const DIFFERENCES_MIN: usize = 30;

@@ -94,8 +94,7 @@ impl LineWriter {
         &self.name
     }
 
-    /// True if [`Self::put`] would not return [`LinkError::Busy`], because it would accept a line or report that the line is
-    /// down.
+    /// True if [`Self::put`] would accept a line or report that the line is down, instead of returning [`LinkError::Busy`].
     pub fn is_free(&self) -> bool {
         !matches!(self.ready(), Err(LinkError::Busy))
     }

@@ -37,8 +37,7 @@ pub enum Event {
 
 /// Transmitting end of a bus.
 pub trait Outlet: Send {
-    /// True if [`Self::send`] would not return [`LinkError::Busy`], because it would accept a frame or report that the bus is
-    /// lost.
+    /// True if [`Self::send`] would accept a frame or report that the bus is lost, instead of returning [`LinkError::Busy`].
     fn is_free(&self) -> bool;
 
     /// Sends a frame.

@@ -53,7 +53,7 @@ impl Observations<'_> {
             _ if all => "any actuator".to_owned(),
             _ if waiting > 0 && silent.len() == waiting + 1 => {
                 let after = if waiting == 1 { "the servo" } else { "the servos" };
-                format!("{}, for whose answer {after} after it wait", self.addressed(first))
+                format!("{}, and therefore none from {after} after it", self.addressed(first))
             }
             _ => {
                 silent.iter().map(|&channel| self.addressed(channel)).collect::<Vec<_>>().join(", ")
@@ -88,8 +88,8 @@ impl Observations<'_> {
             }
             (BusKind::ServoLine, false) => match self.twin(channels) {
                 Some(twin) => format!(
-                    "{} misses answers, as two servos with the same ID do: unplug one of them, and \
-                     set the ID of the other",
+                    "{} misses answers, as if two servos had the same ID: unplug one servo, and set \
+                     the ID of the other",
                     self.addressed(twin)
                 ),
                 None => "check the plug, and set the servo to the ID and baud rate of the robot \
@@ -111,7 +111,7 @@ impl Observations<'_> {
         }
     }
 
-    /// Single channel among `channels` that occasionally misses answers, as two servos with the same ID do.
+    /// Single channel among `channels` that occasionally misses answers, as if two servos had the same ID.
     fn twin(&self, channels: &[u8]) -> Option<u8> {
         let missed = |channel: &u8| {
             let share =

@@ -199,7 +199,7 @@ fn a_serial_line_is_diagnosed_in_its_own_words() {
             same_id,
             &[
                 "no position from knee (bus 0, ID 3)",
-                "hip (bus 0, ID 1) misses answers, as two servos with the same ID do",
+                "hip (bus 0, ID 1) misses answers, as if two servos had the same ID",
             ],
         ),
         (brown_out, &["Wrong: knee (bus 0, ID 3): supply voltage outside 3.7 to 6 V"]),
@@ -263,8 +263,8 @@ fn one_silent_servo_of_a_line_is_named() {
         text(&Observations { catalog: Some(&catalog), ..findings(heard, Some(&hello)) })
     };
     let never = of(&traffic_in(State::Disarmed, FaultBits::default(), 1));
-    let expected = "Wrong: no position from thigh (bus 0, ID 2), for whose answer the servos after \
-                    it wait: the robot cannot be armed";
+    let expected = "Wrong: no position from thigh (bus 0, ID 2), and therefore none from the servos \
+                    after it: the robot cannot be armed";
     assert!(never.contains(expected), "{never}");
     assert!(!never.contains("knee") && !never.contains("ankle"), "{never}");
     let mut stopped = traffic_in(State::Disarmed, FaultBits::default(), 4);

@@ -226,8 +226,8 @@ impl Operator {
 
     /// Sets the presence of an operator at the controls, for programs whose controls run separately from the link.
     ///
-    /// Without an operator, heartbeats are withheld, so that an armed robot returns to SAFE on the timeout. Commands that move
-    /// it are not sent.
+    /// Without an operator, heartbeats are withheld, so that an armed robot returns to SAFE on the timeout. Commands that
+    /// move the robot are not sent.
     pub fn set_attended(&mut self, now_us: u64, attended: bool) {
         if self.unattended == attended {
             if attended {

@@ -233,11 +233,16 @@ fn parameter(mut table: Table<'_>) -> Option<Parameter> {
     }
     if kind.is_positive() && min_value <= 0.0 {
         let problem = format_args!("is {min_value}; expected a value above 0");
-        table.fault(min, problem, "not above 0", "give the smallest value that can be made");
+        table.fault(
+            min,
+            problem,
+            "not above 0",
+            "give the smallest value that can be manufactured",
+        );
     }
     if step_given.is_some_and(|step| step < STEP_LEAST) {
         let problem = format_args!("must be at least {STEP_LEAST}");
-        let help = "give the smallest change that can be made, or leave out the step";
+        let help = "give the smallest step that can be manufactured, or leave out the step";
         table.fault(step, problem, "no step", help);
     }
     Some(Parameter { name, place: place?, min: min_value, max: max_value, step: step_given })

@@ -21,9 +21,9 @@ use rollwalk_planner::sensitivity::{Curvature, Objective};
 
 /// Initial radius of the trust region, in units of the parameters.
 const TRUST: f64 = 1.0;
-/// Maximum radius of the trust region.
+/// Maximum radius of the trust region, in units of the parameters.
 const TRUST_MAX: f64 = 2.0;
-/// Radius of the trust region below which the search ends.
+/// Radius of the trust region below which the search ends, in units of the parameters.
 const TRUST_MIN: f64 = 0.02;
 /// Maximum number of accepted steps.
 const STEPS_MAX: usize = 15;

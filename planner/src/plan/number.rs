@@ -86,7 +86,7 @@ impl Culprit {
 }
 
 /// Returns the motion with another duration, rounded to whole frames. Height limits that end with the motion are extended with
-/// it. `None` if the duration exceeds that of a clip.
+/// it. `None` if a clip cannot be that long.
 fn longer(mut motion: Motion, number_s: f64) -> Option<Motion> {
     let rate_hz = f64::from(RATE_HZ);
     let frames = (rate_hz * number_s).round();

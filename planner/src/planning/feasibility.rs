@@ -1,10 +1,10 @@
-//! Second look at a request that seems infeasible: searches for feasible values, and retries the request from their plans.
+//! Search for feasible values of a request that seems infeasible, and retry of the request from their plans.
 //!
-//! A diagnosis estimates to first order, at the point with the least violation, the value that would make the request feasible.
-//! This module tries such values, and the diagnosis keeps a value only if a plan was found with it. From that plan, the value
-//! moves back towards the requested one in steps, each from the plan before it. Such a continuation often reaches the request
-//! itself. Otherwise it ends between a feasible value and an infeasible one. If these are near the request, both sides confirm
-//! the verdict, and no other starts are tried.
+//! A diagnosis estimates to first order, at the point with the least violation, the value that would make the request
+//! feasible. This module tries such values, and the diagnosis keeps a value only if a plan was found with it. From that plan,
+//! the value moves back towards the requested one in steps, each from the plan before it. Such a continuation often reaches
+//! the request itself. Otherwise the continuation ends between a feasible value and an infeasible one. If both are near the
+//! request, they confirm the verdict, and no other starts are tried.
 
 use super::effort::Effort;
 use super::request::Request;
@@ -30,7 +30,7 @@ const FIRST_NEAR: f64 = 2.0;
 const FIRST: f64 = 1.1;
 /// Maximum number of trial values for the first, second and third field that a diagnosis names.
 const TRIALS: [usize; 3] = [4, 2, 2];
-/// Iteration limit of a trial.
+/// Iteration limit of a search, as a multiple of the limit of a solve.
 const OF_TRIAL: usize = 100;
 /// Total iteration limit of all trials.
 const OF_ALL: usize = 300;
@@ -63,8 +63,8 @@ const GROWTH: f64 = 1.5;
 /// Iterations that are reserved for these trials, as a fraction of the limit of all trials, and at most.
 const RESERVED_UP: (usize, usize) = (8, 80);
 
-/// Takes a second look at the solution of a request. Returns the solution and its consequence for other starts. A solution
-/// without a diagnosis is returned unchanged.
+/// Searches for feasible values after the solution of a request. Returns the solution and its consequence for other starts. A
+/// solution without a diagnosis is returned unchanged.
 pub(super) fn search_feasible_values(
     request: Request<'_>,
     ways: &dyn SolveMethods,
@@ -102,7 +102,7 @@ pub(super) fn search_feasible_values(
     (ending, solution)
 }
 
-/// Result of a second look.
+/// Result of a search.
 enum SearchOutcome {
     /// The request is feasible.
     Feasible(Box<Solution>),
@@ -122,7 +122,7 @@ struct FeasibleValue {
     cold: bool,
 }
 
-/// Second look in progress.
+/// Search in progress.
 struct FeasibilitySearch<'a, 'p> {
     trials: Trials<'a, 'p>,
     /// Solution at the point with the least violation.

@@ -46,8 +46,8 @@ pub enum TransitionError {
     },
     /// Stance feet at an end of the transition differ from those of the motion there.
     #[error(
-        "transition `{name}`: where it joins `{motion}`, other feet are in stance than in `{motion}`; make the first and last mark of each row in its footfalls agree with the \
-         joined motions"
+        "transition `{name}` joins `{motion}` with other feet in stance than `{motion}` has there; \
+         correct the first and last mark of each row in the footfalls of the transition"
     )]
     OtherFeetDown {
         /// Name of the transition.

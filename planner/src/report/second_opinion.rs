@@ -108,7 +108,7 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
     }
 }
 
-/// Family in which the script reports a violation, and a change to a state outside the motion.
+/// Residual family that the script must report, and an edit of a state outside the motion that violates this family.
 type Change = (&'static str, fn(&mut Sample));
 
 #[test]

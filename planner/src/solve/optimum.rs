@@ -129,9 +129,9 @@ impl Change {
 pub enum Curvature {
     /// Complete second derivatives: changes of the optimum are exact.
     Full,
-    /// Second derivatives of the Gauss-Newton matrix, which is positive: changes are estimates. These serve for a plan whose
-    /// optimum Newton's method does not reach, and if the Hessian of the Lagrangian is not positive definite along the
-    /// constraints.
+    /// Second derivatives of the Gauss-Newton matrix, which is positive definite, so that changes are estimates. Used if
+    /// Newton's method does not reach the optimum of a plan, or if the Hessian of the Lagrangian is not positive definite
+    /// along the constraints.
     GaussNewton,
 }
 

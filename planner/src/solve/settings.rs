@@ -6,7 +6,7 @@ pub enum Method {
     /// Gauss-Newton on every row, with multipliers.
     #[default]
     GaussNewton,
-    /// Penalty of the thesis, and Newton's method with its Filtered Hessian. That omits the second derivatives of the
+    /// Penalty of the thesis, and Newton's method with its Filtered Hessian, which omits the second derivatives of the
     /// consistency constraints 2.13 and 2.14 with respect to q.
     NewtonFiltered,
     /// Penalty of the thesis, and Newton's method with the true Hessian, regularised if indefinite.
@@ -30,9 +30,9 @@ pub struct Settings {
     pub flat: f64,
     /// Relative change of the costs in an iteration below which the solve ends if all constraints are met.
     ///
-    /// The energy is flat later than the costs: most of what is left of it belongs to inequalities that a step has taken into
-    /// the smoothing of ψ and that exert no force. Newton's method leaves an eighth of their cubic part in each iteration, while
-    /// the motion does not change.
+    /// The costs become flat before the energy. The remaining energy belongs mostly to inequalities that a step has moved
+    /// into the smoothing of ψ, and that exert no force. Newton's method leaves an eighth of their cubic part in each
+    /// iteration, while the motion does not change.
     pub flat_cost: f64,
 }
 

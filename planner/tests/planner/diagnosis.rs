@@ -331,7 +331,7 @@ fn a_limit_of_iterations_holds_for_probes_as_well() {
         let mut options = candidates(&robot, &motion, &Options::default()).swap_remove(0);
         options.settings.iterations = iterations;
         let plan = optimise(&robot, &motion, &options, &mut |_| ControlFlow::Continue(()));
-        // A request that is refused has a second look.
+        // A refused request is searched for feasible values.
         let refused = plan.solve.status == Status::Infeasible;
         let most = if refused { 3 * iterations } else { iterations };
         assert!(plan.solve.iterations <= most, "{} of {iterations}", plan.solve.iterations);

@@ -410,9 +410,9 @@ fn a_library_is_checked_against_its_motions() {
     assert_faults(
         library.check_motions("l.toml", LIBRARY, &motions),
         &[
-            (via, "`stand to walk`: where it enters `walk`, other feet are in stance", "agree"),
-            (line("[[transition]]"), "`walk to turn_in_place`", "agree"),
-            (line("[[transition]]") + 6, "`turn_in_place to walk`", "agree"),
+            (via, "`stand to walk` enters `walk` with other feet in stance", "correct the first"),
+            (line("[[transition]]"), "`walk to turn_in_place`", "correct the first"),
+            (line("[[transition]]") + 6, "`turn_in_place to walk`", "correct the first"),
         ],
     );
 }

@@ -45,7 +45,7 @@ pub struct Subject {
     pub on_the_way: Vec<(u8, u8)>,
     /// Maximum time of the return to SAFE from any motion.
     pub way_home: SimTime,
-    /// True for a robot on the ground, which is level in every other run and otherwise a slope; false for a robot on a stand.
+    /// True for a robot on the ground, false for a robot on a stand. Every other run on the ground is on a slope.
     pub on_ground: bool,
 }
 

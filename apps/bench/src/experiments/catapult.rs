@@ -38,8 +38,8 @@ const SETTLING: usize = 300;
 /// Target relative to the initial position of the solid, m.
 const TARGET_M: Vector3<f64> = Vector3::new(0.6, 0.1, 0.0);
 
-/// Fractions of the distance from the end of the first throw to the target, which are solved one after the other. With the
-/// throw, the time changes at which cloth and solid separate.
+/// Fractions of the distance from the end of the first throw to the target, solved one after the other. Each throw changes
+/// the time at which cloth and solid separate.
 const NEARER: [f64; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
 /// Initial guess, like a throw by hand: all corners move up and forward, and back.
@@ -226,10 +226,10 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     }];
     let setup = format!(
         "solid of a body, a head and two ears on a grid of 24 × 21 × 31 distances, {BUNNY_KG} kg, \
-         in a cloth of {COUNT} × {COUNT} nodes, {EDGE_M} m and {CLOTH_KG} kg; four corners with \
-         three coordinates in smooth curves of {KNOTS} knots: {} parameters, {STEPS} steps of 1/60 \
-         s, β 1e-4; target {:?} m from the initial position of the solid, after 1 s; started from \
-         motions like those of a hand; the thesis gives no numbers",
+         in a cloth of {COUNT} × {COUNT} nodes, {EDGE_M} m and {CLOTH_KG} kg. Each of four corners \
+         moves along smooth curves of {KNOTS} knots: {} parameters, {STEPS} steps of 1/60 \
+         s, β 1e-4. Target: {:?} m from the initial position of the solid, after 1 s. \
+         Start: motions like those of a hand. The thesis gives no numbers",
         found.len(),
         TARGET_M.as_slice()
     );

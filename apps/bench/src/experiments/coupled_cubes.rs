@@ -96,11 +96,11 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     };
     let charts = vec![yaws, objective(vec![("three bodies".to_owned(), pulled.convergence())])];
     let setup = format!(
-        "three cubes of {EDGE_M} m and {CUBE_KG} kg one above the other, linked by eight springs \
-         of {STRING_N_M} N/m; the upper one is in the gripper, the bottom one moves by 0.1 m and \
-         0.05 m and turns by half a turn about the vertical in 120 steps of 1/60 s; otherwise as \
-         cube-drag; springs, masses and the target are our choice; Table A.2 has no row of these \
-         three bodies"
+        "three cubes of {EDGE_M} m and {CUBE_KG} kg, one above the other, linked by eight springs \
+         of {STRING_N_M} N/m. The gripper holds the upper cube. Target of the bottom \
+         cube: 0.1 m and 0.05 m away, half a turn about the vertical, after 120 steps of \
+         1/60 s. Other values as in cube-drag. Springs, masses and target are our choice; \
+         Table A.2 has no row of these bodies"
     );
     Some(ExperimentOutcome { setup, checks, charts })
 }

@@ -125,10 +125,10 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         },
     ];
     let setup = format!(
-        "the cube of cube-drag along half a circle of {RADIUS_M} m in a second, compared every {} \
-         s; {} parameters, β {BETA}, first shift {CAREFUL}; CMA-ES from the same start, with \
-         deviations of {DEVIATION} m and rad and {PATIENCE} times the simulations; arc and times \
-         are our choice",
+        "cube of cube-drag, dragged along half a circle of {RADIUS_M} m in 1 s; target poses every \
+         {} s; {} parameters, β {BETA}, first shift {CAREFUL}. CMA-ES has the same start, \
+         standard deviations of {DEVIATION} m and rad, and {PATIENCE} times the \
+         simulations. Arc and times are our choice",
         short(EVERY as f64 * STEP_S),
         task.parameters(),
     );

@@ -77,7 +77,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     };
     let setup = format!(
         "cube of {EDGE_M} m and {CUBE_KG} kg on four strings of {STRING_N_M} N/m, 60 steps of 1/60 s (backward Euler), k_n 200 N/m, \
-         k_d 1e-3, friction 0.5, β 1e-2, 360 parameters; from a gripper at rest; strings, masses and lengths are our choice"
+         k_d 1e-3, friction 0.5, β 1e-2, 360 parameters; started from a gripper at rest. Strings, masses and lengths are our choice"
     );
     Some(ExperimentOutcome { setup, checks, charts: vec![way, objective(costs)] })
 }

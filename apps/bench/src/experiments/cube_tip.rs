@@ -188,10 +188,11 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     };
     let charts = vec![pitches, objective(vec![("tipped".to_owned(), pulled.convergence())])];
     let setup = format!(
-        "as cube-drag, with four bands of {STRING_N_M} N/m that do not push and are stretched by \
-         {STRETCH} of their length at the beginning; the lower cube is to lie on its side ahead \
-         from step {LIES} of {STEPS} on, compared every {EVERY} steps; {} parameters, started from \
-         a swing over the front edge; bands, masses and lengths are our choice",
+        "cubes, steps and contacts of cube-drag; four bands of {STRING_N_M} N/m, which only pull \
+         and are initially stretched by the share {STRETCH} of their length. Target: the \
+         lower cube, turned over its front edge, from step {LIES} of {STEPS} on, every \
+         {EVERY} steps. {} parameters, started from a swing over the front edge. Bands, \
+         masses and lengths are our choice",
         task.parameters()
     );
     Some(ExperimentOutcome { setup, checks, charts })

@@ -86,7 +86,7 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "tori",
         source: "Fig. 4.4",
-        about: "soft tori thrown at a slope and a wall, by model of friction",
+        about: "soft tori thrown at a slope and a wall, compared by friction model",
         run: tori::run,
     },
     Experiment {
@@ -116,7 +116,7 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "incline",
         source: "Fig. 4.1",
-        about: "a soft puck that slides on an incline and sticks, by model of friction",
+        about: "a soft puck that slides on an incline and sticks, with each model of friction",
         run: incline::run,
     },
     Experiment {
@@ -128,13 +128,13 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "recovery",
         source: "Fig. 4.9",
-        about: "material, friction and start of a soft ball found again from a bounce",
+        about: "material, friction and initial state of a soft ball, identified from a bounce",
         run: recovery::run,
     },
     Experiment {
         name: "landscape",
         source: "Fig. 4.2",
-        about: "the objective of a toss by its velocity, with soft and stiff contacts",
+        about: "objective of a toss as a function of its velocity, with soft and stiff contacts",
         run: landscape::run,
     },
     Experiment {
@@ -158,7 +158,7 @@ pub const ALL: &[Experiment] = &[
     Experiment {
         name: "restitution-points",
         source: "Fig. A.4",
-        about: "restitution of a cube by the number of its contact points",
+        about: "restitution of a cube as a function of the number of its contact points",
         run: restitution_points::run,
     },
     Experiment {

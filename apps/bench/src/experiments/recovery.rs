@@ -38,8 +38,8 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut outcome = ExperimentOutcome {
         setup: format!(
             "ball of 160 elements, Young's modulus 20 kPa, friction {FRICTION}, k_n 10 N/m for each of 98 nodes, one bounce in 200 steps of 1 ms, \
-             every {NODES_BETWEEN}th node seen every {SEEN_EVERY} ms; first guess {} of the modulus, {} of the friction, {} m and {} m/s \
-             away along each axis",
+             every {NODES_BETWEEN}th node seen every {SEEN_EVERY} ms; initial guess: {} of the modulus, {} of the friction, {} m and {} m/s of error along each \
+         axis",
             GUESS_SHARES[0], GUESS_SHARES[1], GUESS_SHIFT_M.x, GUESS_VELOCITY_M_S.x
         ),
         ..ExperimentOutcome::default()

@@ -46,8 +46,8 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         curves: vec![("k/N²".to_owned(), shared), ("one k".to_owned(), alike)],
     };
     let setup = format!(
-        "{MASS_KG} kg, edges {} m, thrown down at 1 m/s without gravity; {STIFFNESS_N_M} N/m and {DAMPING_N_S_M} N·s/m on the \
-         face in all, or on each four points; BDF2, {STEP_S} s",
+        "{MASS_KG} kg, edges {} m, thrown down at 1 m/s without gravity; {STIFFNESS_N_M} N/m and {DAMPING_N_S_M} N·s/m for \
+         the whole face, or for each four points; BDF2, {STEP_S} s",
         2.0 * HALF_M
     );
     Some(ExperimentOutcome { setup, checks, charts: vec![chart] })

@@ -1,5 +1,5 @@
-//! Experiment with solids given as distances on a grid (thesis Fig. 4.6): their accuracy, and a string and a cloth that fall on
-//! one.
+//! Experiment with solids given as distances on a grid (thesis Fig. 4.6): accuracy of the grid, and a string and a cloth that
+//! fall on a solid.
 
 use crate::experiments::cloth::Cloth;
 use crate::experiments::outcome::short;

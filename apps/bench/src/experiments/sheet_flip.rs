@@ -139,10 +139,10 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let charts = vec![way, objective(vec![("sheet".to_owned(), moved.convergence())])];
     let setup = format!(
         "{COUNT} × {COUNT} nodes, {EDGE_M} m, {MASS_KG} kg, springs of {STIFFNESS_N_M} N/m along \
-         edges and diagonals, k_n 1e3 N/m, friction 0.5, β 1, 120 steps of 1/60 s, two handles: {} \
-         parameters; turned over in place at 1 s, back and {SHIFT_M} m to the right at 2 s; \
-         started from motions like those of a hand, because from handles at rest the method ends \
-         at a minimum in which the sheet is dragged; size, mass and start are our choice",
+         edges and diagonals, k_n 1e3 N/m, friction 0.5, β 1, 120 steps of 1/60 s, two handles: {} parameters. Target: turned over in place at 1 s, turned back and \
+         {SHIFT_M} m to the right at 2 s. Start: motions like those of a hand, because a \
+         start at rest leads to a minimum in which the handles drag the sheet. Size, mass \
+         and start are our choice",
         task.parameters()
     );
     Some(ExperimentOutcome { setup, checks, charts })

@@ -241,7 +241,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
         |of: &TrainingResult| of.losses.iter().zip(0..).map(|(y, x)| (f64::from(x), *y)).collect();
     let charts = vec![Chart {
         name: "loss".to_owned(),
-        title: "Loss at the tests by epoch".to_owned(),
+        title: "Loss of the tests over epochs".to_owned(),
         x: "epoch".to_owned(),
         y: "soft squared distance, m²".to_owned(),
         logarithmic: false,
@@ -252,8 +252,8 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     }];
     let setup = format!(
         "ball of {RADIUS_M} m and {MASS_KG} kg from a height of {} m at targets in 1 × 1 m, {TRAINING} for training and {TESTS} for \
-         tests, friction {FRICTION}, BDF2 at 1/240 s; network 2-8-8-3 with ELU; Adam .95, .999, 1e-8, batches of {BATCH}, rate 1e-2 \
-         halved per epoch; sizes of the ball, region and network are our choice",
+         tests, friction {FRICTION}, BDF2 at 1/240 s; network 2-8-8-3 with ELU; Adam with 0.95, 0.999, 1e-8, batches of {BATCH}, rate 1e-2, halved after each epoch. \
+         Sizes of ball, region and network are our choice",
         short(HAND.z)
     );
     Some(ExperimentOutcome { setup, checks, charts })

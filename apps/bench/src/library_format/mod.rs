@@ -240,7 +240,7 @@ fn most(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Creates the row of a library with one clip of the given size and error, whose `f32` has 1000 bytes.
+    /// Creates the row of a library with one clip of the given size and error. As raw `f32` the clip has 1000 bytes.
     fn row(clip_bytes: usize, file_bytes: usize, error_mrad: f64) -> Row {
         let bytes = Bytes { library: clip_bytes, f32: 1000, ..Bytes::default() };
         let stats = ClipStats {

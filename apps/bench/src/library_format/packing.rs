@@ -46,8 +46,8 @@ impl AddAssign for Bytes {
 }
 
 impl Bytes {
-    /// Packs a clip. `planned` contains its unpacked values frame by frame; `quanta` contains the quanta that the library
-    /// stores in `library` bytes.
+    /// Packs a clip in every format. `planned` contains its values as raw `f32`, frame by frame; `quanta` contains its
+    /// quanta. `library` is the size of the clip in the library, bytes.
     pub fn of(library: usize, planned: &[u8], quanta: &[Vec<i16>]) -> miette::Result<Self> {
         let integers: Vec<u8> = quanta.iter().flatten().flat_map(|q| q.to_le_bytes()).collect();
         let deltas = deltas(quanta)?;

@@ -28,9 +28,9 @@ Examples:
   rollwalk design explore designs/table_3_2_sweep.toml -o table
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --plot peak_joint_torque_nm
   rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --shard 1/4
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on parallel --shards 8
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on slurm --shards 40
-  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --on kubernetes --shards 40 --dry-run
+  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine parallel --shards 8
+  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine slurm --shards 40
+  rollwalk design explore designs/agilebot_legs_sweep.toml -o legs --engine kubernetes --shards 40 --dry-run
 
 The formats, shards and engines are described in docs/design.md.")]
 pub struct Args {

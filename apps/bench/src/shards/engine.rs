@@ -70,7 +70,7 @@ pub fn run(
         output::print(&format!("wrote {}; next: {shown}", path.display()))?;
         if engine == Engine::Kubernetes && !dry {
             output::print(
-                "afterwards, run the same command without --on and --shards to write the tables",
+                "afterwards, run the same command without --engine and --shards to write the tables",
             )?;
         }
         return Ok(true);
@@ -167,7 +167,7 @@ impl Job<'_> {
         let line = text(&format!("exec {command} --cores 1 --shards {shards}"))?;
         let folder = text(&folder.to_string_lossy())?;
         Ok(format!(
-            "# The image has rollwalk, and the files that the command names, at the paths below; the volume is one that all nodes can write.\n\
+            "# The image contains rollwalk, and the files that the command names, at the paths below. All nodes can write to the volume.\n\
              apiVersion: batch/v1\nkind: Job\nmetadata:\n  name: rollwalk-{name}\nspec:\n  completionMode: Indexed\n  \
              completions: {shards}\n  parallelism: {shards}\n  template:\n    spec:\n      restartPolicy: OnFailure\n      \
              containers:\n        - name: shard\n          image: rollwalk:latest\n          command: [\"sh\", \"-c\", {line}]\n          \

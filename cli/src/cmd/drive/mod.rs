@@ -62,8 +62,8 @@ pub struct Args {
     /// Button mapping (TOML, docs/gamepad.md) of a gamepad without a shipped mapping.
     #[arg(long, value_name = "FILE", requires = "gamepad")]
     mapping: Option<PathBuf>,
-    /// Velocity from a time on, for steering without a terminal: forward and left in m/s, turning left in rad/s. The robot
-    /// halts if no horizon can be planned for it; --speed and --turn do not limit it.
+    /// Velocity from the time AT on: FORWARD and LEFT in m/s, TURN to the left in rad/s, for steering without a terminal.
+    /// --speed and --turn do not limit this velocity. The robot halts if no horizon can be planned.
     #[arg(
         long,
         value_name = "AT:FORWARD,LEFT,TURN",

@@ -83,11 +83,9 @@ impl Edits {
             |why: String| format!("edits cannot be kept in {}: {why}", self.place.display());
         let before = self.stored().map_or(String::new(), |kept| kept.by);
         if !before.is_empty() && before != by && before != from {
-            return Err(
-                "another tab keeps its own edits of these files; save your files here, or \
-                        close the other tab and reload this one"
-                    .to_owned(),
-            );
+            return Err("another tab keeps its own edits of these files: save your files in this \
+                        tab, or close the other tab and reload this tab"
+                .to_owned());
         }
         let (files, page, by) = (self.files.clone(), page.to_owned(), by.to_owned());
         let kept = EditsFile { files, digest, page, by };

@@ -190,7 +190,7 @@ pub fn report_failure(args: &LinkArgs, error: &SessionError) -> Exit {
     report_failure_on(args, error, None)
 }
 
-/// Reports the failure of a session as [`ended`] does, in the terms of the robot's buses if the robot is known.
+/// Reports the failure of a session like [`report_failure`], in the terms of the robot's buses if the robot is known.
 pub fn report_failure_on(args: &LinkArgs, error: &SessionError, catalog: Option<&Catalog>) -> Exit {
     if interrupt::requested() {
         return Exit::Interrupted;

@@ -294,7 +294,7 @@ impl Pipe {
         self.release(PACKET as u16, false);
     }
 
-    /// Releases the buffer to the USB controller, with a packet to send or to receive one of at most `length` bytes.
+    /// Releases the buffer to the USB controller, which sends its packet, or receives a packet of at most `length` bytes.
     fn release(self, length: u16, sends: bool) {
         let data1 = !self.state().pid(0);
         let describe = |w: &mut EpBufferControl| {

@@ -68,12 +68,16 @@ impl Parameter for Softness {
 impl Constant for Softness {
     fn value(&self, system: &System) -> f64 {
         let element = system.force::<Tetrahedron>(self.elements.start);
-        *self.of.value_mut(&mut element.expect("the force is an element").material().clone())
+        *self.of.value_mut(
+            &mut element.expect("the material belongs to a tetrahedron").material().clone(),
+        )
     }
 
     fn set(&self, system: &mut System, value: f64) {
         for number in self.elements.clone() {
-            let element = system.force_mut::<Tetrahedron>(number).expect("the force is an element");
+            let element = system
+                .force_mut::<Tetrahedron>(number)
+                .expect("the material belongs to a tetrahedron");
             let place = self.of.value_mut(element.material_mut());
             let more = value - *place;
             *place = value;
