@@ -18,6 +18,8 @@ use rollwalk_protocol::wire::{
 /// Number of telemetry messages in each 60 Hz frame: 240 a second, 6 % of a 500 kbit/s bus.
 const TELEMETRY_PER_FRAME: u8 = 4;
 const STATUS_PERIOD_US: u64 = STATUS_PERIOD_MS as u64 * 1000;
+/// Interval between readings of actuators, µs: ten channels are reported once a second.
+const READINGS_PERIOD_US: u64 = 100_000;
 /// Interval at which a lasting fault is reported again, µs.
 const REPORT_PERIOD_US: u64 = 1_000_000;
 /// Longest answer, bytes: a LOG with the maximum number of entries.
@@ -40,6 +42,7 @@ pub(crate) enum Outgoing {
     CommandAck(CommandAck),
     ParameterAck(ParameterAck),
     Telemetry { channel: u8 },
+    Readings { channel: u8 },
     Gyro,
     Accelerometer,
     Sample { number: u8 },
@@ -71,6 +74,9 @@ pub(crate) struct Link {
     report_counter: u8,
     telemetry_left: u8,
     telemetry_next: u8,
+    readings_us: u64,
+    readings_due: bool,
+    readings_next: u8,
     batch: Option<Batch>,
 }
 
@@ -105,6 +111,9 @@ impl Link {
             report_counter: 0,
             telemetry_left: 0,
             telemetry_next: 0,
+            readings_us: 0,
+            readings_due: false,
+            readings_next: 0,
             batch: None,
         }
     }
@@ -221,6 +230,7 @@ impl Link {
         let changed = self.last_status.map(essence) != Some(essence(status));
         self.last_status = Some(status);
         self.status_due |= changed | due(&mut self.status_us, now_us, STATUS_PERIOD_US);
+        self.readings_due |= due(&mut self.readings_us, now_us, READINGS_PERIOD_US);
         self.reports.0 |= status.faults.0 & !self.known_faults.0;
         self.known_faults = status.faults;
         if due(&mut self.report_us, now_us, REPORT_PERIOD_US) {
@@ -264,6 +274,11 @@ impl Link {
                     Outgoing::Sample { number }
                 }
             });
+        }
+        if core::mem::take(&mut self.readings_due) && channels > 0 {
+            let channel = self.readings_next % channels;
+            self.readings_next = channel.wrapping_add(1);
+            return Some(Outgoing::Readings { channel });
         }
         if self.telemetry_left > 0 && channels > 0 {
             self.telemetry_left -= 1;

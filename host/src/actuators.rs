@@ -4,8 +4,10 @@
 //! names a cause that this kind of bus can have. A serial line, for example, has no termination, and CAN has no adapter that
 //! servos share.
 
+mod readings;
 mod words;
 
+pub use readings::{ReadingWarning, reading_words};
 pub use words::{FaultWords, event_words, fault_names_on, fault_words};
 
 use rollwalk_protocol::actuator::ActuatorStatus;

@@ -15,9 +15,10 @@ use rollwalk_protocol::wire::transport::{
     Endpoint, MAX_MESSAGE, Reply, Request, Response, TransferResult, frame_to_controller,
 };
 use rollwalk_protocol::wire::{
-    Accelerometer, Action, Command, CommandAck, CommandResult, Estop, EstopAck, FaultReport,
-    FromController, Gyro, HEARTBEAT_PERIOD_MS, Heartbeat, JointTelemetry, MOST_VALID_MS, Node,
-    ParameterAck, ParameterAction, ParameterRequest, ParameterResult, Sample, Status,
+    Accelerometer, Action, ActuatorReadings, Command, CommandAck, CommandResult, Estop, EstopAck,
+    FaultReport, FromController, Gyro, HEARTBEAT_PERIOD_MS, Heartbeat, JointTelemetry,
+    MOST_VALID_MS, Node, ParameterAck, ParameterAction, ParameterRequest, ParameterResult, Sample,
+    Status,
 };
 
 /// Validity of a command including its repetitions, ms.
@@ -68,6 +69,8 @@ pub enum Incoming {
     Sample(Sample),
     /// Telemetry of a joint or wheel.
     Joint(JointTelemetry),
+    /// Temperature and supply voltage of an actuator.
+    Readings(ActuatorReadings),
     /// Start of an authenticated session, or the reason why none can start.
     Session(Result<(), NoSession>),
     /// Refusal of a message as not authentic. The client requests another session, after which the message can be sent again.
@@ -248,6 +251,7 @@ impl Client {
             FromController::Gyro(gyro) => Some(Incoming::Gyro(gyro)),
             FromController::Accelerometer(of) => Some(Incoming::Accelerometer(of)),
             FromController::Sample(sample) => Some(Incoming::Sample(sample)),
+            FromController::Readings(readings) => Some(Incoming::Readings(readings)),
             FromController::Transport => match self.transport.on_frame(frame.data(), now_us) {
                 isotp::Event::None => None,
                 isotp::Event::Failed(error) => Some(Incoming::TransportFailed(error)),

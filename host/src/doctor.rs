@@ -104,6 +104,7 @@ impl Observations<'_> {
         let mut below: Vec<_> = status.faults.iter().map(|fault| self.fault(fault)).collect();
         below.extend(self.silent_channels(hello, &status));
         below.extend(self.conditions());
+        below.extend(self.readings());
         below.extend(self.out_of_range());
         below.extend(self.unanswered());
         below.extend(self.last_stop());

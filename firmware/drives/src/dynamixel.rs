@@ -16,6 +16,8 @@ const RAD: f64 = TAU / 4096.0;
 const RAD_S: f64 = 0.229 * TAU / 60.0;
 /// Position in the middle of a turn, steps.
 const CENTRE: i32 = 2048;
+/// Reported temperature, °C.
+const TEMPERATURE_C: u8 = 35;
 /// Step of the bus watchdog, µs.
 const WATCHDOG_US: u64 = 20_000;
 
@@ -86,9 +88,20 @@ impl Drive {
     }
 
     fn read(&self, address: u16, count: usize, shaft: &Shaft) -> Option<Vec<u8>> {
-        if (address, count) != (126, 10) {
-            return None;
+        match (address, count) {
+            (126, 10) => Some(self.measurements(shaft)),
+            (144, 3) => Some([&self.supply_tenths().to_le_bytes()[..], &[TEMPERATURE_C]].concat()),
+            _ => None,
         }
+    }
+
+    /// Recommended supply voltage, 0.1 V.
+    fn supply_tenths(&self) -> u16 {
+        if self.kind.model.name.starts_with("XL330") { 50 } else { 120 }
+    }
+
+    /// Current, velocity and position.
+    fn measurements(&self, shaft: &Shaft) -> Vec<u8> {
         let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
         // Of servos without a current sensor, their load.
         let current = torque_nm / self.torque_step_nm();
@@ -97,7 +110,7 @@ impl Drive {
         data.extend((steps(current) as i16).to_le_bytes());
         data.extend(steps(shaft.speed_rad_s / RAD_S).to_le_bytes());
         data.extend((steps(shaft.position_rad / RAD) + CENTRE).to_le_bytes());
-        Some(data)
+        data
     }
 
     /// Answer to a query of `of` servos, after the answers of `turn` others. `data` contains the requested values.

@@ -9,6 +9,15 @@ use super::orders::PendingRequests;
 /// bus is busy.
 pub const FRESH_TICKS: u16 = 2;
 
+/// Slow measurements of an actuator.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Readings {
+    /// Temperature, °C; `None` if it was never reported.
+    pub temperature_c: Option<f32>,
+    /// Supply voltage, V; `None` if it was never reported.
+    pub voltage_v: Option<f32>,
+}
+
 /// Torque command sent most recently.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum TorqueCommand {
@@ -22,6 +31,7 @@ enum TorqueCommand {
 #[derive(Clone, Debug, Default)]
 pub struct Actuator {
     reported: Feedback,
+    pub readings: Readings,
     has_reported_pose: bool,
     has_reported_state: bool,
     /// True if a fault was reported in this control period. Further faults are then added, so a later frame without them does
@@ -93,6 +103,8 @@ impl Actuator {
         }
         reported.velocity_rad_s = news.speed_rad_s.unwrap_or(reported.velocity_rad_s);
         reported.torque_nm = news.torque_nm.unwrap_or(reported.torque_nm);
+        self.readings.temperature_c = news.temperature_c.or(self.readings.temperature_c);
+        self.readings.voltage_v = news.voltage_v.or(self.readings.voltage_v);
         if let Some(faults) = news.faults {
             let before = if self.faults_are_new { reported.status.0 } else { 0 };
             let enabled = reported.status.0 & ActuatorStatus::ENABLED;

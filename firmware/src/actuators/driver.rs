@@ -15,6 +15,10 @@ use super::orders::{self, DriveRequest};
 /// a heartbeat every 100 ms.
 const ENABLE_PATIENCE_TICKS: u16 = 24;
 
+/// Interval between queries for temperature and voltage on a bus, ticks: 0.5 s at 120 Hz. Each takes the place of a query for
+/// all poses, which are then one tick older.
+const READINGS_TICKS: u16 = 60;
+
 /// Content of a transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
@@ -48,6 +52,12 @@ pub struct BusDriver {
     moved: bool,
     /// True if the serial line is reserved for the answer to a query until the end of the control period.
     pub listening: bool,
+    /// Ticks until the next query for temperature and voltage.
+    ticks_to_readings: u16,
+    /// Channel whose temperature and voltage are due, in place of the next query.
+    reading: Option<usize>,
+    /// Channel whose temperature and voltage were queried most recently.
+    last_read: usize,
     /// Received bytes of a serial line that do not form a complete answer yet.
     pub received: ReceiveBuffer,
 }
@@ -68,6 +78,9 @@ impl BusDriver {
             idle: false,
             moved: false,
             listening: false,
+            ticks_to_readings: READINGS_TICKS,
+            reading: None,
+            last_read: 0,
             received: ReceiveBuffer::default(),
         }
     }
@@ -119,6 +132,23 @@ impl BusDriver {
             self.transmission = None;
         }
         (self.moved, self.listening) = (false, false);
+        self.ticks_to_readings = self.ticks_to_readings.saturating_sub(1);
+        if self.can.query_readings && self.ticks_to_readings == 0 {
+            self.ticks_to_readings = READINGS_TICKS;
+            self.reading = self.turns(self.last_read.saturating_add(1)).next();
+        }
+    }
+
+    /// Channels on this bus in ascending order, beginning at `first` and wrapping around.
+    fn turns(&self, first: usize) -> impl Iterator<Item = usize> + use<> {
+        let after = u32::MAX.checked_shl(first as u32).unwrap_or(0);
+        channels(self.members & after).chain(channels(self.members & !after))
+    }
+
+    /// Query for temperature and voltage that is due.
+    pub fn due_reading(&self) -> Option<Transmission> {
+        let content = Content::DriveRequest(DriveRequest::QueryReadings);
+        self.reading.map(|channel| Transmission { content, channels: bit(channel), sent: 0 })
     }
 
     /// Returns the transmission to continue or to begin.
@@ -134,9 +164,7 @@ impl BusDriver {
             }
         }
         let waits = |&channel: &usize| list.get(channel).is_some_and(|a| a.setpoint.is_some());
-        let first = u32::MAX.checked_shl(self.next as u32).unwrap_or(0);
-        let mut turns = channels(self.members & first).chain(channels(self.members & !first));
-        single(Content::Setpoint, turns.find(waits)?)
+        single(Content::Setpoint, self.turns(self.next).find(waits)?)
     }
 
     /// Records that one of the `frames` frames of a transmission was sent. The transmission ends after its final frame, or if
@@ -161,6 +189,9 @@ impl BusDriver {
                     match request {
                         DriveRequest::Disable if frames > 0 => actuator.switched_off(),
                         DriveRequest::Enable if frames > 0 => actuator.switched_on(),
+                        DriveRequest::QueryReadings => {
+                            (self.reading, self.last_read) = (None, channel);
+                        }
                         _ => {}
                     }
                 }

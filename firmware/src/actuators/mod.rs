@@ -32,7 +32,7 @@ mod orders;
 mod serial;
 
 use actuator::Actuator;
-pub use actuator::FRESH_TICKS;
+pub use actuator::{FRESH_TICKS, Readings};
 use driver::BusDriver;
 pub use orders::GainMode;
 use orders::{DriveRequest, PendingRequests};
@@ -156,6 +156,13 @@ impl Actuators {
     pub fn take_unanswered(&mut self, channel: usize, oldest_ticks: u16) -> bool {
         let actuator = self.list.get_mut(channel);
         actuator.is_some_and(|a| a.take_unanswered() || a.silent_ticks > oldest_ticks)
+    }
+
+    /// Temperature and supply voltage of an actuator; `None` if it reports neither, or if its feedback is older than
+    /// `oldest_ticks`.
+    pub fn readings(&self, channel: usize, oldest_ticks: u16) -> Option<Readings> {
+        let actuator = self.list.get(channel).filter(|a| a.silent_ticks <= oldest_ticks)?;
+        Some(actuator.readings).filter(|readings| *readings != Readings::default())
     }
 
     /// Latest feedback of an actuator.

@@ -30,6 +30,7 @@ pub enum DriveRequest {
     Gains = 1 << 3,
     Enable = 1 << 4,
     Query = 1 << 5,
+    QueryReadings = 1 << 6,
 }
 
 /// Pending requests to an actuator: at most one of each kind, without a queue.
@@ -75,6 +76,7 @@ impl PendingRequests {
             3 => DriveRequest::Gains,
             4 => DriveRequest::Enable,
             5 => DriveRequest::Query,
+            6 => DriveRequest::QueryReadings,
             _ => return None,
         })
     }
@@ -105,6 +107,7 @@ pub fn command(
             }
             ChannelKind::WheelSpeed => Command::EnableWheel,
         },
+        DriveRequest::QueryReadings => Command::QueryReadings,
         DriveRequest::Query if can.query => Command::Query,
         // It answers whatever it is told: what changes nothing.
         DriveRequest::Query if feedback.status.enabled() => limp(limits, feedback),

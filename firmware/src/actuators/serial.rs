@@ -1,6 +1,7 @@
 //! Serial lines: a packet addresses all actuators of a line, and one actuator answers at a time.
 //!
-//! In a control period the controller sends torque commands, then set-points, then one query. It then stays silent until the
+//! In a control period the controller sends torque commands, then set-points, then one query: for all poses, or now and then
+//! for temperature and voltage of one servo. It then stays silent until the
 //! end of the period to receive the answers. A stop is sent at once and may collide with an answer, so it is repeated until
 //! confirmed.
 
@@ -41,6 +42,7 @@ impl BusDriver {
             .or_else(|| request(DriveRequest::Enable))
             .or_else(|| setpoints(true))
             .or_else(|| setpoints(false))
+            .or_else(|| self.due_reading())
             .or_else(|| request(DriveRequest::Query))
     }
 }
@@ -74,6 +76,8 @@ impl Actuators {
                 }
             }
             let question = transmission.content == Content::DriveRequest(DriveRequest::Query);
+            let reading =
+                transmission.content == Content::DriveRequest(DriveRequest::QueryReadings);
             if question && driver.bus.protocol.adapter_answers() {
                 orders.truncate(1);
             }
@@ -81,7 +85,7 @@ impl Actuators {
                 Ok((packet, packets)) => {
                     driver.frame_sent(&mut self.list, transmission, packets);
                     if packet.is_some() {
-                        driver.listening = question;
+                        driver.listening = question || reading;
                         if question {
                             members(&mut self.list, driver).for_each(Actuator::record_query);
                         }

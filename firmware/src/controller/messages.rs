@@ -7,12 +7,13 @@ use rollwalk_protocol::library::{FORMAT_MAJOR, FORMAT_MINOR, NodeId};
 use rollwalk_protocol::wire::authentication::request_id;
 use rollwalk_protocol::wire::transport::{Hello, MAX_BLOCK, Reply, TransferResult, TransportError};
 use rollwalk_protocol::wire::{
-    Action, Command, CommandAck, CommandResult, DecodeError, Discovered, EstopAck, FaultReport,
-    JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterAck, ParameterRequest, Request,
-    Response, SCHEMA_HASH, Sample, State, ToController, Torque,
+    Action, ActuatorReadings, Command, CommandAck, CommandResult, DecodeError, Discovered,
+    EstopAck, FaultReport, JointTelemetry, Node, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterAck,
+    ParameterRequest, Request, Response, SCHEMA_HASH, Sample, State, ToController, Torque,
 };
 
 use super::Controller;
+use crate::actuators::Readings;
 use crate::authentication::Admission;
 use crate::gate::{Permit, Verdict};
 use crate::imu::{Imu, SampleContent};
@@ -95,8 +96,9 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
         let channels = self.setup.config.channels.len() as u8;
-        // Channels without telemetry and an IMU that is not there are skipped; all other messages are sent as they come.
-        for _ in 0..=channels.saturating_add(2) {
+        // Channels without telemetry or readings and an IMU that is not there are skipped; all other messages are sent as they
+        // come.
+        for _ in 0..=channels.saturating_add(3) {
             let frame = match self.link.next(now_us, channels)? {
                 Outgoing::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
                 Outgoing::HeartbeatReply(reply) => Some(reply.encode(node)),
@@ -107,6 +109,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 Outgoing::CommandAck(ack) => Some(ack.encode(node)),
                 Outgoing::ParameterAck(ack) => Some(ack.encode(node)),
                 Outgoing::Telemetry { channel } => self.telemetry(channel).map(|t| t.encode(node)),
+                Outgoing::Readings { channel } => self.readings(channel).map(|r| r.encode(node)),
                 Outgoing::Gyro => self.imu.sampled().gyro.map(|gyro| gyro.encode(node)),
                 Outgoing::Accelerometer => {
                     self.imu.sampled().accelerometer.map(|of| of.encode(node))
@@ -458,6 +461,13 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
             torque_nm: feedback.torque_nm,
             status: feedback.status,
         })
+    }
+
+    fn readings(&self, channel: u8) -> Option<ActuatorReadings> {
+        let oldest_ticks = self.motion.patience_ticks(&self.setup);
+        let readings = self.motion.actuators.readings(usize::from(channel), oldest_ticks)?;
+        let Readings { temperature_c, voltage_v } = readings;
+        Some(ActuatorReadings { channel, temperature_c, voltage_v })
     }
 
     fn fault_report(&self, now_us: u64, bit: u8, counter: u8) -> Option<FaultReport> {

@@ -17,7 +17,8 @@ use rollwalk_protocol::actuators::{Codec, UpdatePolicy};
 use rollwalk_protocol::config::{ChannelKind, RobotConfig};
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FromController, Parameter, ParameterAction, ParameterResult, State,
+    Action, ActuatorReadings, CommandResult, FromController, Parameter, ParameterAction,
+    ParameterResult, State,
 };
 
 pub fn mit(model: usize, answers_from: AnswerId) -> Protocol {
@@ -477,6 +478,63 @@ fn only_a_pose_is_a_sign_of_life() {
 }
 
 /// A Maestro cannot report the positions of its servos.
+/// Readings of every channel in the messages of the next `ticks` control periods.
+fn readings(rig: &mut Rig, ticks: u32) -> Vec<ActuatorReadings> {
+    rig.heard.clear();
+    rig.run(ticks);
+    let of = |(_, message): &(u64, FromController)| match message {
+        FromController::Readings(readings) => Some(*readings),
+        _ => None,
+    };
+    rig.heard.iter().filter_map(of).collect()
+}
+
+/// Temperature and supply voltage reach the link, ten channels a second, with torque and without.
+#[test]
+fn temperature_and_voltage_are_told_of_those_that_report_them() {
+    for (protocol, temperature_c, voltage_v) in [
+        (dynamixel(), Some(35.0), Some(12.0)),
+        (feetech(), Some(35.0), Some(7.4)),
+        (cybergear(), Some(25.0), None),
+        (mit(0, AnswerId::Own), Some(30.0), None),
+        (Protocol::Rollwalk, None, None),
+    ] {
+        let mut rig = bench(protocol);
+        for state in [State::Disarmed, State::Ready, State::Playing] {
+            if state == State::Ready {
+                rig = aligned(rig);
+            } else if state == State::Playing {
+                rig.play(CODE_WALK);
+            }
+            // Three servos of a line are read in 1.5 s.
+            rig.run(200);
+            let told = readings(&mut rig, 240);
+            if (temperature_c, voltage_v) == (None, None) {
+                assert_eq!(told, []);
+                continue;
+            }
+            assert!((19..=21).contains(&told.len()), "{protocol:?}: {} in 2 s", told.len());
+            for (index, of) in told.iter().enumerate() {
+                let channel =
+                    (usize::from(told[0].channel) + index) % rig.brain.config().channels.len();
+                let expected =
+                    ActuatorReadings { channel: channel as u8, temperature_c, voltage_v };
+                assert_eq!(*of, expected, "{protocol:?}, {state:?}");
+            }
+        }
+    }
+}
+
+/// Readings of a silent servo are out of date.
+#[test]
+fn a_silent_servo_has_no_temperature() {
+    let mut rig = bench(dynamixel());
+    rig.run(200);
+    rig.drives.list[1].mute = true;
+    rig.run(100);
+    assert!(readings(&mut rig, 240).iter().all(|of| of.channel != 1));
+}
+
 #[test]
 fn a_pose_that_nobody_measures_has_to_be_assumed() {
     let config = robot::config();

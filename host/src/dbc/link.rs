@@ -104,7 +104,7 @@ impl Kind {
     }
 }
 
-fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
+fn kinds(names: Option<&RobotNames>) -> [Kind; 21] {
     let kind = |schema, class, number, len, from, comment, layout| {
         let (to_all, period_ms) = (false, 0);
         Kind { schema, class, number, len, from, to_all, period_ms, comment, layout }
@@ -189,6 +189,14 @@ fn kinds(names: Option<&RobotNames>) -> [Kind; 20] {
             imu(5e-3, "m/s2"),
         ),
         from("sample", 4, 4, 8, "End of the measurements of one sample", sample()),
+        from(
+            "readings",
+            4,
+            5,
+            6,
+            "Temperature and supply voltage of one channel; channels alternate",
+            readings(names),
+        ),
         kind("transport_to_controller", 5, 0, 8, Sender::Host, "ISO-TP: requests", isotp()),
         from("transport_to_host", 5, 1, 8, "ISO-TP: responses", isotp()),
         to("parameter", 6, 8, "Reads or sets gains and limits at run time", parameter()),
@@ -314,6 +322,28 @@ fn joint(names: Option<&RobotNames>) -> Layout {
     let mut layout = layout.names(names.clone()).selects();
     for (i, name) in names {
         layout = layout.when(i, servo::telemetry_of(&name, 8));
+    }
+    layout
+}
+
+/// Slow readings of an actuator; signals as in [`joint`].
+fn readings(names: Option<&RobotNames>) -> Layout {
+    let values = |layout: Layout, prefix: &str| {
+        layout
+            .steps(&format!("{prefix}temperature"), 16, 0.1)
+            .unit("degC")
+            .steps(&format!("{prefix}voltage"), 16, 0.01)
+            .unit("V")
+            .comment("Supply voltage")
+    };
+    let layout = Layout::sealed().unsigned("channel", 8);
+    let Some(names) = names else {
+        return values(layout.comment("Numbered as in the robot's configuration"), "");
+    };
+    let names: Vec<_> = (0..).zip(names.identified()).map(|(i, (name, _))| (i, name)).collect();
+    let mut layout = layout.names(names.clone()).selects();
+    for (i, name) in names {
+        layout = layout.when(i, values(Layout::new().at(16), &format!("{name}_")).finish());
     }
     layout
 }

@@ -1,11 +1,11 @@
 //! Observations about actuators: silent, irregular, faulty, or outside the range of their joint.
 
 use super::{Finding, Gravity, Observations, finding};
-use crate::actuators::{ActuatorBus, BusKind, conditions};
+use crate::actuators::{ActuatorBus, BusKind, ReadingWarning, conditions};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::config::ChannelKind;
 use rollwalk_protocol::wire::transport::Hello;
-use rollwalk_protocol::wire::{JointTelemetry, State, Status};
+use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, State, Status};
 
 /// Fraction of unanswered reports above which two servos probably have the same ID. It is low because some of their colliding
 /// answers are still readable.
@@ -132,8 +132,7 @@ impl Observations<'_> {
         }
     }
 
-    /// Actuators that are too hot, have a bad supply voltage, or lost torque for another reason. Telemetry has no temperatures
-    /// and voltages, but flags for these conditions.
+    /// Actuators that are too hot, have a bad supply voltage, or lost torque for another reason.
     pub(super) fn conditions(&self) -> Vec<Finding> {
         let all = self.heard.joints.values().filter(|joint| joint.status.faulty());
         let each = |joint: &JointTelemetry| {
@@ -159,6 +158,38 @@ impl Observations<'_> {
             )
         };
         all.map(each).collect()
+    }
+
+    /// Ranges of the temperatures and supply voltages, and servos close to their limits.
+    pub(super) fn readings(&self) -> Vec<Finding> {
+        let all: Vec<_> = self.heard.readings.values().collect();
+        let range = |name, unit, digits: usize, value: fn(&ActuatorReadings) -> Option<f32>| {
+            let mut known: Vec<_> =
+                all.iter().filter_map(|of| Some((value(of)?, of.channel))).collect();
+            known.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let (&(least, low), &(most, high)) = (known.first()?, known.last()?);
+            Some(format!(
+                "{name} {least:.digits$} {unit} ({}) to {most:.digits$} {unit} ({})",
+                self.channel(low),
+                self.channel(high)
+            ))
+        };
+        let temperature = range("temperatures", "°C", 0, |of| of.temperature_c);
+        let voltage = range("supply voltages", "V", 1, |of| of.voltage_v);
+        let ranges: Vec<_> = temperature.into_iter().chain(voltage).collect();
+        let mut found = Vec::new();
+        if !ranges.is_empty() {
+            found.push(finding(Gravity::Fine, ranges.join("; "), String::new()));
+        }
+        for readings in all {
+            let Some(limits) = self.actuators().limits(readings.channel) else { continue };
+            for warning in ReadingWarning::all(readings, limits) {
+                let words = warning.words(readings, limits);
+                let what = format!("{}: {words}", self.addressed(readings.channel));
+                found.push(finding(Gravity::Note, what, warning.help().into()));
+            }
+        }
+        found
     }
 
     /// Joints so far outside their ranges that the controller refuses to arm.

@@ -6,7 +6,7 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::config::{Channel, ChannelKind};
 use rollwalk_protocol::faults::{FaultBits, Severity};
-use rollwalk_protocol::wire::{JointTelemetry, Node, State, Status};
+use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, Node, State, Status};
 
 fn hello() -> Hello {
     Hello {
@@ -184,6 +184,11 @@ fn a_serial_line_is_diagnosed_in_its_own_words() {
     brown_out.take(1, &joint(1, ActuatorStatus::BAD_VOLTAGE).encode(node));
     let mut hot = traffic_in(State::Disarmed, FaultBits::default(), 2);
     hot.take(1, &joint(1, ActuatorStatus::OVERHEATED).encode(node));
+    let mut warm = traffic_in(State::Disarmed, FaultBits::default(), 2);
+    for (channel, temperature_c, voltage_v) in [(0, 31.0, 5.0), (1, 64.0, 3.8)] {
+        let (temperature_c, voltage_v) = (Some(temperature_c), Some(voltage_v));
+        warm.take(1, &ActuatorReadings { channel, temperature_c, voltage_v }.encode(node));
+    }
     for (heard, expected) in [
         (
             gone,
@@ -200,6 +205,15 @@ fn a_serial_line_is_diagnosed_in_its_own_words() {
             &[
                 "no position from knee (bus 0, ID 3)",
                 "hip (bus 0, ID 1) misses answers, as if two servos had the same ID",
+            ],
+        ),
+        (
+            warm,
+            &[
+                "Fine: temperatures 31 °C (hip) to 64 °C (knee); supply voltages 3.8 V (knee) to 5.0 V (hip)",
+                "Note: knee (bus 0, ID 3): 64 °C; its torque goes off at 70 °C",
+                "Note: knee (bus 0, ID 3): supply 3.8 V; it needs at least 3.7 V",
+                "charge the battery",
             ],
         ),
         (brown_out, &["Wrong: knee (bus 0, ID 3): supply voltage outside 3.7 to 6 V"]),

@@ -1,7 +1,9 @@
 //! Traffic on the link, counted for a diagnosis.
 
 use rollwalk_protocol::can::Frame;
-use rollwalk_protocol::wire::{FaultReport, FromController, JointTelemetry, Status};
+use rollwalk_protocol::wire::{
+    ActuatorReadings, FaultReport, FromController, JointTelemetry, Status,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of consecutive reports without an answer after which an actuator counts as silent. Two servos with the same ID answer
@@ -21,6 +23,8 @@ pub struct Traffic {
     pub others: BTreeSet<u8>,
     /// Latest telemetry of each channel.
     pub joints: BTreeMap<u8, JointTelemetry>,
+    /// Latest temperature and supply voltage of each actuator that reports them, by channel.
+    pub readings: BTreeMap<u8, ActuatorReadings>,
     /// Answers of each actuator, by channel.
     pub answers: BTreeMap<u8, Answers>,
     /// Duration of the time span, µs.
@@ -44,6 +48,9 @@ impl Traffic {
                     let answers = self.answers.entry(joint.channel).or_default();
                     answers.count(joint.status.is_unanswered());
                     self.joints.insert(joint.channel, joint);
+                }
+                FromController::Readings(readings) => {
+                    self.readings.insert(readings.channel, readings);
                 }
                 _ => {}
             },

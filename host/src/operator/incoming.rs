@@ -41,6 +41,7 @@ impl Operator {
                 self.link.on_joint(now_us, joint);
                 self.setpoints.on_measurement(|samples| samples.on_joint(joint));
             }
+            Some(Incoming::Readings(readings)) => self.link.on_readings(now_us, readings),
             Some(Incoming::Gyro(gyro)) => {
                 self.setpoints.on_measurement(|samples| samples.on_gyro(gyro))
             }

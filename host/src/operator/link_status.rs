@@ -6,7 +6,9 @@ use crate::actuators::{Actuators, BusKind, fault_names_on, fault_words};
 use crate::client::Client;
 use crate::describe::{LEFT_ALONE, condition, state_words};
 use rollwalk_protocol::faults::{Fault, FaultBits};
-use rollwalk_protocol::wire::{FaultReport, JointTelemetry, State, Status, Torque};
+use rollwalk_protocol::wire::{
+    ActuatorReadings, FaultReport, JointTelemetry, State, Status, Torque,
+};
 use std::collections::BTreeMap;
 
 /// Age of the latest STATUS at which contact is lost, µs.
@@ -15,6 +17,9 @@ const CONTACT_US: u64 = 500_000;
 const COUNTED_US: u64 = 16 * 45_000;
 /// Time for which a fault that refused ARM but is not latched is shown, µs.
 const SHOWN_US: u64 = 5_000_000;
+
+/// Age from which temperature and voltage are not shown, µs. A controller sends those of 24 actuators in 2.4 s.
+const READINGS_US: u64 = 5_000_000;
 
 /// Latest reports of the controller.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +30,7 @@ pub struct LinkStatus {
     contact: Option<bool>,
     reports: BTreeMap<u8, (u64, FaultReport)>,
     joints: BTreeMap<u8, (u64, JointTelemetry)>,
+    readings: BTreeMap<u8, (u64, ActuatorReadings)>,
     actuators: Actuators,
     received: u64,
     lost: u64,
@@ -130,6 +136,11 @@ impl LinkStatus {
         self.joints.insert(joint.channel, (now_us, joint));
     }
 
+    /// Processes temperature and supply voltage of an actuator.
+    pub fn on_readings(&mut self, now_us: u64, readings: ActuatorReadings) {
+        self.readings.insert(readings.channel, (now_us, readings));
+    }
+
     /// Records the loss of contact after a loss of the bus, which was reported already.
     pub fn lose_contact(&mut self) {
         self.contact = self.contact.map(|_| false);
@@ -173,7 +184,12 @@ impl LinkStatus {
     /// Joints and wheels by channel.
     pub fn joints(&self, now_us: u64) -> BTreeMap<u8, JointView> {
         let view = |(&channel, &(at_us, telemetry)): (&u8, &(u64, JointTelemetry))| {
-            (channel, JointView { telemetry, age_us: now_us.saturating_sub(at_us) })
+            let age_us = now_us.saturating_sub(at_us);
+            let readings = self
+                .readings
+                .get(&channel)
+                .filter(|(at_us, _)| now_us.saturating_sub(*at_us) < READINGS_US);
+            (channel, JointView { telemetry, age_us, readings: readings.map(|(_, of)| *of) })
         };
         self.joints.iter().map(view).collect()
     }

@@ -4,7 +4,7 @@ use super::log::Message;
 use crate::transfer::Progress;
 use rollwalk_protocol::faults::Fault;
 use rollwalk_protocol::wire::transport::Hello;
-use rollwalk_protocol::wire::{JointTelemetry, Status};
+use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, Status};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Snapshot for a console.
@@ -87,6 +87,8 @@ pub struct JointView {
     pub telemetry: JointTelemetry,
     /// Age of the telemetry, µs.
     pub age_us: u64,
+    /// Latest temperature and supply voltage; `None` if the actuator does not report them.
+    pub readings: Option<ActuatorReadings>,
 }
 
 /// Stage of the operator's exit.

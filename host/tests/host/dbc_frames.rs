@@ -183,7 +183,7 @@ fn setpoints() -> impl Strategy<Value = Sample> {
 }
 
 fn samples() -> impl Strategy<Value = Sample> {
-    prop_oneof![status(), fault(), joint(), imu(), sample()]
+    prop_oneof![status(), fault(), joint(), readings(), imu(), sample()]
 }
 
 fn imu() -> impl Strategy<Value = Sample> {
@@ -290,6 +290,27 @@ fn measures([position, velocity, torque]: [i16; 3], status: u8) -> Vec<(String, 
         values.push((format!("status_{name}"), f64::from(status >> bit & 1)));
     }
     values
+}
+
+fn readings() -> impl Strategy<Value = Sample> {
+    (node(), any::<u8>(), any::<i16>(), any::<i16>()).prop_map(
+        |(node, channel, temperature, voltage)| {
+            let value = |steps: i16, per_unit: f32| {
+                (steps != i16::MIN).then(|| f32::from(steps) / per_unit)
+            };
+            let readings = ActuatorReadings {
+                channel,
+                temperature_c: value(temperature, 10.0),
+                voltage_v: value(voltage, 100.0),
+            };
+            let values = named_values([
+                ("channel", channel.into()),
+                ("temperature", f64::from(temperature) / 10.0),
+                ("voltage", f64::from(voltage) / 100.0),
+            ]);
+            sealed("readings", readings.encode(node), values)
+        },
+    )
 }
 
 fn joint() -> impl Strategy<Value = Sample> {

@@ -179,6 +179,7 @@ impl Codec for CyberGear {
             measures_position: true,
             measures_torque: true,
             query: false,
+            query_readings: false,
             reports_enabled: true,
             // Stop is answered, also when it changes nothing.
             pose_while_disabled: true,
@@ -201,7 +202,7 @@ impl Codec for CyberGear {
                 send(self.command(STOP, motor, 1));
                 return Ok(());
             }
-            Command::Query => {
+            Command::Query | Command::QueryReadings => {
                 return Err(Refusal::Unsupported("query"));
             }
             Command::Gains(_) => return Err(Refusal::Unsupported("gains outside setpoints")),
@@ -292,6 +293,7 @@ impl CanCodec for CyberGear {
                     speed_rad_s: Some(SPEED.decode(u16::from_be_bytes([c, d]))),
                     torque_nm: Some(TORQUE.decode(u16::from_be_bytes([e, f]))),
                     temperature_c: Some(f32::from(u16::from_be_bytes([g, h])) / 10.0),
+                    voltage_v: None,
                     // 0 reset, 1 calibrating, 2 running.
                     enabled: Some(data16 >> 14 == 2),
                     faults: Some(Faults::translate(faults, &FEEDBACK_FAULTS)),

@@ -11,6 +11,8 @@ pub struct Feedback {
     pub torque_nm: Option<f32>,
     /// Temperature of the motor, °C.
     pub temperature_c: Option<f32>,
+    /// Supply voltage, V.
+    pub voltage_v: Option<f32>,
     /// True if torque is on.
     pub enabled: Option<bool>,
     /// Faults of the actuator.
@@ -24,6 +26,7 @@ impl Feedback {
         self.speed_rad_s = newer.speed_rad_s.or(self.speed_rad_s);
         self.torque_nm = newer.torque_nm.or(self.torque_nm);
         self.temperature_c = newer.temperature_c.or(self.temperature_c);
+        self.voltage_v = newer.voltage_v.or(self.voltage_v);
         self.enabled = newer.enabled.or(self.enabled);
         self.faults = newer.faults.or(self.faults);
     }

@@ -187,6 +187,7 @@ impl Codec for Maestro {
             measures_position: false,
             measures_torque: false,
             query: true,
+            query_readings: false,
             reports_enabled: false,
             pose_while_disabled: false,
             watchdog: Watchdog::GoesHome,
@@ -208,6 +209,7 @@ impl Codec for Maestro {
                 self.set_target(channel, self.target(joint.position_rad)?)
             }
             Command::Query | Command::ClearFaults => self.get_errors(),
+            Command::QueryReadings => return Err(Refusal::Unsupported("readings")),
             Command::EnableWheel | Command::Wheel(_) => {
                 return Err(Refusal::Unsupported("wheel speed"));
             }

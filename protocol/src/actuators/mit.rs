@@ -249,6 +249,7 @@ impl Codec for Mit {
             measures_position: true,
             measures_torque: true,
             query: false,
+            query_readings: false,
             reports_enabled: false,
             // Exit is answered, also when it changes nothing.
             pose_while_disabled: true,
@@ -269,7 +270,7 @@ impl Codec for Mit {
                 return Ok(());
             }
             // Every frame is answered, and every frame does something.
-            Command::Query => return Err(Refusal::Unsupported("query")),
+            Command::Query | Command::QueryReadings => return Err(Refusal::Unsupported("query")),
             Command::ClearFaults => return Err(Refusal::Unsupported("clear faults")),
             Command::Gains(_) => return Err(Refusal::Unsupported("gains outside setpoints")),
             Command::Limits { .. } => return Err(Refusal::Unsupported("limits")),
@@ -352,6 +353,7 @@ impl CanCodec for Mit {
             speed_rad_s: Some(self.speed().decode(speed)),
             torque_nm: Some(self.torque().decode(torque)),
             temperature_c,
+            voltage_v: None,
             enabled: None,
             faults,
         };

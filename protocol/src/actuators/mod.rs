@@ -71,6 +71,8 @@ pub enum Command {
     EnableTorque,
     /// Requests feedback; changes nothing.
     Query,
+    /// Requests temperature and supply voltage, which the answer to [`Command::Query`] lacks; changes nothing.
+    QueryReadings,
     /// Clears latched faults. Never switches torque on.
     ClearFaults,
     /// Stores gains in the actuator ([`UpdatePolicy::Stored`]).
@@ -214,6 +216,9 @@ pub struct Capabilities {
     /// True if [`Command::Query`] is supported. Otherwise a command that changes nothing replaces it, if the actuator answers
     /// every command.
     pub query: bool,
+    /// True if [`Command::QueryReadings`] is supported. Other actuators report temperature and voltage, if at all, with their
+    /// feedback.
+    pub query_readings: bool,
     /// True if actuators report whether their torque is on. Otherwise the state follows from the last command.
     pub reports_enabled: bool,
     /// True if the pose can be read while torque is off: with [`Command::Query`], with a repeated [`Command::Disable`] that is

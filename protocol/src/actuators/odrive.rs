@@ -266,6 +266,7 @@ impl Codec for Odrive {
             measures_position: true,
             measures_torque: true,
             query: false,
+            query_readings: false,
             reports_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
@@ -298,7 +299,7 @@ impl Codec for Odrive {
                 send(self.state(node, CLOSED_LOOP_CONTROL));
             }
             Command::Torque { torque_nm } => send(self.torque(node, torque_nm)?),
-            Command::Query => return Err(Refusal::Unsupported("query")),
+            Command::Query | Command::QueryReadings => return Err(Refusal::Unsupported("query")),
             // The byte is 0.6's "identify", and not looked at by 0.5.
             Command::ClearFaults => send(frame(node, CLEAR_ERRORS, [0])),
             Command::Gains(gains) => self.gains(node, gains)?.into_iter().for_each(send),

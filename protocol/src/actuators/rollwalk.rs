@@ -27,6 +27,7 @@ fn frame(id: u8, command: &Command) -> Result<Frame, Refusal> {
         Command::Disable | Command::ClearFaults => control(Control::Disable),
         Command::EnableJoint { .. } | Command::EnableWheel => control(Control::Enable),
         Command::Query => control(Control::Query),
+        Command::QueryReadings => Err(Refusal::Unsupported("readings")),
         Command::Gains(_) => Err(Refusal::Unsupported("gains outside setpoints")),
         Command::Limits { .. } => Err(Refusal::Unsupported("limits outside setpoints")),
         Command::EnableTorque | Command::Torque { .. } => Err(Refusal::Unsupported("torque")),
@@ -84,6 +85,7 @@ impl Codec for Rollwalk {
             measures_position: true,
             measures_torque: true,
             query: true,
+            query_readings: false,
             reports_enabled: true,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
@@ -115,6 +117,7 @@ impl CanCodec for Rollwalk {
             speed_rad_s: Some(feedback.velocity_rad_s),
             torque_nm: Some(feedback.torque_nm),
             temperature_c: None,
+            voltage_v: None,
             enabled: Some(feedback.status.enabled()),
             faults: Some(Faults::translate(
                 u32::from(feedback.status.0 & ActuatorStatus::FAULTS),

@@ -2,8 +2,8 @@
 
 use super::transport::{TO_CONTROLLER, TO_HOST};
 use super::{
-    Accelerometer, Command, CommandAck, DecodeError, Discover, Discovered, Estop, EstopAck,
-    FaultReport, Gyro, Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck,
+    Accelerometer, ActuatorReadings, Command, CommandAck, DecodeError, Discover, Discovered, Estop,
+    EstopAck, FaultReport, Gyro, Heartbeat, HeartbeatReply, JointTelemetry, Node, ParameterAck,
     ParameterRequest, Sample, Setpoint, Status,
 };
 use crate::can::Frame;
@@ -65,6 +65,8 @@ pub enum FromController {
     Accelerometer(Accelerometer),
     /// End of a batch of measurements.
     Sample(Sample),
+    /// Temperature and supply voltage of an actuator.
+    Readings(ActuatorReadings),
     /// Segment of a [`super::Response`], or flow control; pass it to [`super::isotp::Endpoint::on_frame`].
     Transport,
     /// Result of a parameter request.
@@ -86,6 +88,7 @@ impl FromController {
             0x402 => Gyro::decode(frame).map(|(node, m)| (node, Self::Gyro(m))),
             0x403 => Accelerometer::decode(frame).map(|(node, m)| (node, Self::Accelerometer(m))),
             0x404 => Sample::decode(frame).map(|(node, m)| (node, Self::Sample(m))),
+            0x405 => ActuatorReadings::decode(frame).map(|(node, m)| (node, Self::Readings(m))),
             0x501 => TO_HOST.node(frame).map(|node| (node, Self::Transport)),
             0x601 => ParameterAck::decode(frame).map(|(node, m)| (node, Self::ParameterAck(m))),
             0x701 => Discovered::decode(frame).map(|(node, m)| (node, Self::Discovered(m))),
@@ -146,6 +149,7 @@ mod tests {
         let gyro = Gyro { rad_s: [0.5, -1.0, 0.0] };
         let accelerometer = Accelerometer { m_s2: [0.0, -1.0, 9.5] };
         let sample = Sample { number: 7, answered: None, contacts: Some(0b1010) };
+        let readings = ActuatorReadings { channel: 2, temperature_c: Some(41.5), voltage_v: None };
         let result = ParameterResult::Ok;
         let kind = ParameterAction::Save.kind();
         let saved = ParameterAck { seq: 1, kind, result, parameter: 0, channel: None, value: 0.0 };
@@ -160,6 +164,7 @@ mod tests {
             (gyro.encode(node()), M::Gyro(gyro)),
             (accelerometer.encode(node()), M::Accelerometer(accelerometer)),
             (sample.encode(node()), M::Sample(sample)),
+            (readings.encode(node()), M::Readings(readings)),
             (Frame::known(TO_HOST.id(node()), [1, 2]), M::Transport),
             (saved.encode(node()), M::ParameterAck(saved)),
             (found.encode(node()), M::Discovered(found)),

@@ -9,7 +9,7 @@
 //! | 1 | [`Heartbeat`], [`HeartbeatReply`] | both | every [`HEARTBEAT_PERIOD_MS`] |
 //! | 2 | [`Command`] | host | answered by [`CommandAck`] |
 //! | 3 | [`Status`], [`FaultReport`], [`CommandAck`] | controller | every [`STATUS_PERIOD_MS`] and on change |
-//! | 4 | [`JointTelemetry`] | controller | may be dropped |
+//! | 4 | [`JointTelemetry`], [`ActuatorReadings`] | controller | may be dropped |
 //! | 4 | [`Gyro`], [`Accelerometer`], [`Sample`] | controller | measurements for a host that closes a control loop |
 //! | 4 | [`Setpoint`] | host | streamed at 60 Hz for each channel, or the answer to a [`Sample`] |
 //! | 5 | [`transport`]: [`Request`], [`Response`] over ISO-TP | both | hello, library transfer, log |
@@ -47,7 +47,7 @@ pub use safety::{Estop, EstopAck};
 pub use sample::{Accelerometer, Gyro, Sample, SampleAnswer};
 pub use setpoint::Setpoint;
 pub use status::{FaultReport, State, Status, Torque};
-pub use telemetry::JointTelemetry;
+pub use telemetry::{ActuatorReadings, JointTelemetry};
 pub use transport::{Request, Response};
 
 use crate::can::Frame;
@@ -57,7 +57,7 @@ use thiserror::Error;
 /// Major protocol version. Two sides with different major versions may only exchange HELLO, DISCOVER and ESTOP.
 pub const PROTOCOL_MAJOR: u8 = 2;
 /// Minor protocol version. A higher one has further messages, which this version ignores.
-pub const PROTOCOL_MINOR: u8 = 3;
+pub const PROTOCOL_MINOR: u8 = 4;
 /// Period of the host's heartbeats, ms.
 pub const HEARTBEAT_PERIOD_MS: u32 = 50;
 /// Timeout after which the host counts as lost, ms.
@@ -81,6 +81,7 @@ pub const SCHEMA: &str = "\
 4n2 gyro crc8 x:i16*2e-3rad/s y:i16*2e-3rad/s z:i16*2e-3rad/s
 4n3 accelerometer crc8 x:i16*5e-3m/s2 y:i16*5e-3m/s2 z:i16*5e-3m/s2
 4n4 sample crc8 number:u8 answered:u8 delay:u8*2e-4s contacts:24 has_contacts:1 has_answered:1 zero:6
+4n5 readings crc8 channel:u8 temperature:i16*0.1C voltage:i16*0.01V
 5n0 transport_to_controller isotp
 5n1 transport_to_host isotp
 6n0 parameter crc8 seq:4 kind:4 parameter:4 zero:4 channel:u8 value:f32

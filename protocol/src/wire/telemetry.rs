@@ -1,4 +1,4 @@
-//! Class 4: measurements of joints and wheels. The messages may be dropped, since nothing depends on them.
+//! Class 4: measurements of actuators. The messages may be dropped, since nothing depends on them.
 
 use super::{DecodeError, Kind, Node};
 use crate::actuator::{
@@ -7,6 +7,12 @@ use crate::actuator::{
 use crate::can::Frame;
 
 const JOINT: Kind = Kind::new(4, 0);
+const READINGS: Kind = Kind::new(4, 5);
+
+/// Number of steps per °C in a temperature.
+const TEMPERATURE_STEPS: f32 = 10.0;
+/// Number of steps per volt in a voltage.
+const VOLTAGE_STEPS: f32 = 100.0;
 
 /// Measurements of one channel. Channels are sent in rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,5 +51,36 @@ impl JointTelemetry {
             status: ActuatorStatus(status),
         };
         Ok((node, telemetry))
+    }
+}
+
+/// Slow measurements of an actuator, beside [`JointTelemetry`]. Channels are sent in rotation; actuators that measure neither
+/// value are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActuatorReadings {
+    /// Channel, as in the robot's configuration.
+    pub channel: u8,
+    /// Temperature, °C; `None` if the actuator does not report it.
+    pub temperature_c: Option<f32>,
+    /// Supply voltage, V; `None` if the actuator does not report it.
+    pub voltage_v: Option<f32>,
+}
+
+impl ActuatorReadings {
+    /// Encodes `[crc8][channel u8][temperature i16 0.1 °C][voltage i16 10 mV]`, with −32768 for a missing value. Values beyond
+    /// their scale saturate; NaN becomes 0.
+    pub fn encode(self, from: Node) -> Frame {
+        let code = |value: Option<f32>, steps| value.map_or(i16::MIN, |of| measured(of, steps));
+        let [t0, t1] = code(self.temperature_c, TEMPERATURE_STEPS).to_le_bytes();
+        let [v0, v1] = code(self.voltage_v, VOLTAGE_STEPS).to_le_bytes();
+        READINGS.seal(from, [0, self.channel, t0, t1, v0, v1])
+    }
+
+    /// Decodes sender and readings.
+    pub fn decode(frame: &Frame) -> Result<(Node, Self), DecodeError> {
+        let (node, [_, channel, t0, t1, v0, v1]) = READINGS.unseal(frame)?;
+        let temperature_c = signed(t0, t1, TEMPERATURE_STEPS);
+        let voltage_v = signed(v0, v1, VOLTAGE_STEPS);
+        Ok((node, Self { channel, temperature_c, voltage_v }))
     }
 }

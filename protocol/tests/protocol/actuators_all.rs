@@ -122,6 +122,7 @@ fn capabilities_are_true() {
             assert!(!does(Command::Torque { torque_nm }), "{name}");
         }
         assert_eq!(does(Command::Query), can.query, "{name}");
+        assert_eq!(does(Command::QueryReadings), can.query_readings, "{name}");
         assert!(can.query || can.answers != Answers::OnQuery, "{name}");
         assert!(does(Command::Disable), "{name}");
         assert!(sent(protocol, can.max_id, Command::Disable).is_ok(), "{name}");
@@ -276,6 +277,7 @@ fn rollwalk_profile_behind_the_trait() {
         speed_rad_s: Some(0.0),
         torque_nm: Some(1.0),
         temperature_c: None,
+        voltage_v: None,
         enabled: Some(true),
         faults: Some(Faults::OVERHEATED),
     };
@@ -320,6 +322,7 @@ fn any_command() -> impl Strategy<Value = Command> {
         Just(Command::Disable),
         Just(Command::EnableWheel),
         Just(Command::Query),
+        Just(Command::QueryReadings),
         Just(Command::ClearFaults),
     ]
 }
@@ -327,7 +330,7 @@ fn any_command() -> impl Strategy<Value = Command> {
 /// True if every value is finite.
 fn finite(told: Option<(u8, Feedback)>) -> bool {
     told.is_none_or(|(_, f)| {
-        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
+        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c, f.voltage_v];
         all.into_iter().flatten().all(f32::is_finite)
     })
 }

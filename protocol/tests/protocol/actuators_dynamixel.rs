@@ -11,7 +11,7 @@ use rollwalk_protocol::actuators::dynamixel::table::{self, XM430_W210, XM540_W15
 use rollwalk_protocol::actuators::dynamixel::{
     Dynamixel, SyncWrite, fast_sync_read, goal_pwm, position_gains, sync_read,
 };
-use rollwalk_protocol::actuators::serial::ReceiveBuffer;
+use rollwalk_protocol::actuators::serial::{Answer, ReceiveBuffer};
 use rollwalk_protocol::actuators::{
     ActuatorCommand, Codec, Command, Faults, MAX_PACKET, Refusal, SerialCodec, UpdatePolicy,
 };
@@ -262,6 +262,7 @@ fn control_table() {
         (table::PRESENT_CURRENT, 126),
         (table::PRESENT_VELOCITY, 128),
         (table::PRESENT_POSITION, 132),
+        (table::PRESENT_INPUT_VOLTAGE, 144),
         (table::PRESENT_TEMPERATURE, 146),
     ];
     assert!(addresses.iter().all(|(ours, theirs)| ours == theirs));
@@ -384,6 +385,27 @@ fn measurements() {
     assert_eq!(id, 9);
     assert!(near(told.position_rad, -FRAC_PI_2) && near(told.speed_rad_s, 11.45 * PI / 30.0));
     assert!(near(told.torque_nm, -0.269 * 3.0 / 2.3));
+    assert_eq!((told.temperature_c, told.voltage_v), (None, None));
+}
+
+/// Voltage and temperature are read from 144 up, also on a line with fast reads, whose parts have another size.
+#[test]
+fn readings() {
+    let query = |id| ActuatorCommand { id, command: Command::QueryReadings };
+    for servos in [SERVOS, Dynamixel { reads_fast: true, ..SERVOS }] {
+        let mut sent = Vec::new();
+        servos.encode(&[query(3), query(5)], &mut |packet| sent.push(packet)).unwrap();
+        assert_eq!(sent, [sync_read(144, 3, &[3, 5]).unwrap()]);
+        let mut line = ReceiveBuffer::default();
+        let bytes = packet(3, STATUS, &[0, 119, 0, 41]).unwrap();
+        bytes.iter().for_each(|&byte| servos.receive(&mut line, byte, true));
+        let Some(Answer::Actuator(3, told)) = servos.take(&mut line, false) else {
+            panic!("an answer")
+        };
+        assert!((told.voltage_v.unwrap() - 11.9).abs() < 1e-5, "{told:?}");
+        assert_eq!((told.temperature_c, told.position_rad), (Some(41.0), None));
+        assert_eq!(told.faults, Some(Faults::NONE));
+    }
 }
 
 /// Number of positions at which a packet with a valid CRC begins; packets may overlap.

@@ -65,6 +65,7 @@ fn answers_of_the_manual() {
     let told: Vec<_> = received(&bytes(both)).iter().map(|answer| SERVOS.decode(answer)).collect();
     assert_eq!(told.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [1, 2]);
     assert_eq!((told[0].1.position_rad, told[0].1.temperature_c), (Some(0.0), Some(30.0)));
+    assert!((told[0].1.voltage_v.unwrap() - 12.1).abs() < 1e-5);
     // A step less than the middle.
     let below = told[1].1.position_rad.unwrap();
     assert!((below + PI / 2048.0).abs() < 1e-7, "{below}");

@@ -88,6 +88,7 @@ fn answers_of_all_lengths() {
         speed_rad_s: Some(-50.0),
         torque_nm: Some(18.0),
         temperature_c: Some(41.0),
+        voltage_v: None,
         enabled: None,
         faults: Some(Faults::OVERHEATED),
     };

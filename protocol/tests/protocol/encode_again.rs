@@ -28,6 +28,7 @@ pub fn encode_from(node: Node, message: FromController) -> Option<Frame> {
         FromController::Gyro(m) => m.encode(node),
         FromController::Accelerometer(m) => m.encode(node),
         FromController::Sample(m) => m.encode(node),
+        FromController::Readings(m) => m.encode(node),
         FromController::ParameterAck(m) => m.encode(node),
         FromController::Discovered(m) => m.encode(node),
         FromController::Transport => return None,

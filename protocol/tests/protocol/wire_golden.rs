@@ -17,7 +17,7 @@ fn node() -> Node {
 
 #[test]
 fn schema_is_pinned() {
-    assert_eq!(SCHEMA_HASH, 0x3c0c_8b48);
+    assert_eq!(SCHEMA_HASH, 0x267e_427b);
 }
 
 #[test]
@@ -153,6 +153,25 @@ fn setpoint() {
     let wild = Setpoint { frame: 0, channel: 0, stiff: false, value: 1e9, torque_nm: f32::NAN };
     let (_, read) = Setpoint::decode(&wild.encode(node())).unwrap();
     assert_eq!((read.value, read.torque_nm), (838.8607, 0.0));
+}
+
+#[test]
+fn readings() {
+    for (temperature_c, voltage_v, golden) in [
+        (Some(41.5), Some(11.9), "435#67059f01a604"),
+        (Some(-5.0), None, "435#0e05ceff0080"),
+        (None, Some(5.0), "435#8d050080f401"),
+        (None, None, "435#680500800080"),
+    ] {
+        let m = ActuatorReadings { channel: 5, temperature_c, voltage_v };
+        assert_eq!(text(m.encode(node())), golden);
+        assert_eq!(ActuatorReadings::decode(&m.encode(node())), Ok((node(), m)));
+    }
+    // What does not fit saturates, and what is no number is 0.
+    let (temperature_c, voltage_v) = (Some(f32::NEG_INFINITY), Some(f32::NAN));
+    let wild = ActuatorReadings { channel: 0, temperature_c, voltage_v };
+    let read = ActuatorReadings::decode(&wild.encode(node())).unwrap().1;
+    assert_eq!((read.temperature_c, read.voltage_v), (Some(-3276.7), Some(0.0)));
 }
 
 #[test]

@@ -84,7 +84,7 @@ fn command(u: &mut Unstructured<'_>) -> Result<Command> {
     let maybe = |u: &mut Unstructured<'_>| -> Result<Option<f32>> {
         Ok(if u.arbitrary()? { Some(number(u)?) } else { None })
     };
-    Ok(match u.arbitrary::<u8>()? % 10 {
+    Ok(match u.arbitrary::<u8>()? % 11 {
         0 => Command::Disable,
         1 => Command::EnableJoint { measured_rad: number(u)? },
         2 => Command::EnableWheel,
@@ -98,6 +98,7 @@ fn command(u: &mut Unstructured<'_>) -> Result<Command> {
             kd_nm_s_rad: maybe(u)?,
             torque_limit_nm: maybe(u)?,
         }),
+        8 => Command::QueryReadings,
         _ => Command::Joint(JointSetpoint {
             position_rad: number(u)?,
             speed_rad_s: number(u)?,
@@ -110,7 +111,7 @@ fn command(u: &mut Unstructured<'_>) -> Result<Command> {
 /// Checks that every value is finite.
 fn assert_finite(told: Option<(u8, Feedback)>) {
     if let Some((_, f)) = told {
-        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c];
+        let all = [f.position_rad, f.speed_rad_s, f.torque_nm, f.temperature_c, f.voltage_v];
         assert!(all.into_iter().flatten().all(f32::is_finite), "{f:?}");
     }
 }

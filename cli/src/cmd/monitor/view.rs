@@ -1,6 +1,8 @@
 //! Text output of a monitor: changes, and the joints.
 
-use rollwalk_host::actuators::{Actuators, conditions, fault_names_on, new_faults};
+use rollwalk_host::actuators::{
+    Actuators, ReadingWarning, conditions, fault_names_on, new_faults, reading_words,
+};
 use rollwalk_host::catalog::{Catalog, channel_name};
 use rollwalk_host::describe::{fault_report_on, state_words};
 use rollwalk_host::refusal::command_refusal;
@@ -8,8 +10,8 @@ use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::can::Frame;
 use rollwalk_protocol::faults::FaultBits;
 use rollwalk_protocol::wire::{
-    Action, CommandResult, FaultReport, FromController, JointTelemetry, Node, State, Status,
-    ToController,
+    Action, ActuatorReadings, CommandResult, FaultReport, FromController, JointTelemetry, Node,
+    State, Status, ToController,
 };
 use rollwalk_terminal::output;
 use std::collections::BTreeMap;
@@ -30,6 +32,7 @@ pub struct View<'a> {
     /// Sequence number of the unanswered command, and the command.
     asked: Option<(u8, Action)>,
     measured: BTreeMap<u8, JointTelemetry>,
+    readings: BTreeMap<u8, ActuatorReadings>,
     shown_us: u64,
     actuators: Actuators,
 }
@@ -47,6 +50,7 @@ impl<'a> View<'a> {
             clip: None,
             asked: None,
             measured: BTreeMap::new(),
+            readings: BTreeMap::new(),
             shown_us: start_us,
             actuators: catalog.map_or_else(Actuators::default, |of| of.actuators.clone()),
         }
@@ -95,6 +99,11 @@ impl<'a> View<'a> {
                 self.measured.insert(joint.channel, joint);
                 self.show_joints(at_us)
             }
+            FromController::Readings(readings) => {
+                let words = self.new_warnings(readings);
+                self.readings.insert(readings.channel, readings);
+                self.warn(at_us, readings.channel, &words)
+            }
             _ => Ok(()),
         }
     }
@@ -134,10 +143,24 @@ impl<'a> View<'a> {
     fn conditions(&self, at_us: u64, joint: JointTelemetry) -> miette::Result<()> {
         let before = self.measured.get(&joint.channel).map(|before| before.status);
         let words = new_faults(before, joint.status, self.actuators.limits(joint.channel));
+        self.warn(at_us, joint.channel, &words)
+    }
+
+    /// Warnings about temperature and supply voltage that do not follow from the previous readings.
+    fn new_warnings(&self, readings: ActuatorReadings) -> Vec<String> {
+        let Some(limits) = self.actuators.limits(readings.channel) else { return Vec::new() };
+        let before = self.readings.get(&readings.channel);
+        let known = before.map_or_else(Vec::new, |before| ReadingWarning::all(before, limits));
+        let all = ReadingWarning::all(&readings, limits).into_iter();
+        let new = all.filter(|warning| !known.contains(warning));
+        new.map(|warning| warning.words(&readings, limits)).collect()
+    }
+
+    fn warn(&self, at_us: u64, channel: u8, words: &[String]) -> miette::Result<()> {
         if words.is_empty() {
             return Ok(());
         }
-        let name = self.channel_name(joint.channel);
+        let name = self.channel_name(channel);
         self.print_event(at_us, &format!("warning: {name}: {}", words.join(", ")))
     }
 
@@ -185,13 +208,14 @@ impl<'a> View<'a> {
             return Ok(());
         }
         self.shown_us = at_us;
-        let mut table = output::Table::new(["", "rad", "rad/s", "N·m", "condition"]);
+        let mut table = output::Table::new(["", "rad", "rad/s", "N·m", "readings", "condition"]);
         for (&channel, joint) in &self.measured {
             table.row([
                 self.channel_name(channel),
                 format!("{:.3}", joint.position_rad),
                 format!("{:.2}", joint.velocity_rad_s),
                 format!("{:.2}", joint.torque_nm),
+                self.readings.get(&channel).map_or_else(String::new, reading_words),
                 self.condition(joint).join(", "),
             ]);
         }
@@ -254,5 +278,24 @@ mod tests {
         }
         let words = |channel| view.condition(&view.measured[&channel]).join(", ");
         assert_eq!([words(0), words(1), words(2)], ["", "did not answer", "waits for knee"]);
+    }
+
+    /// A servo that becomes hot is reported once, and again after it has cooled.
+    #[test]
+    fn a_hot_servo_is_reported_when_it_becomes_hot() {
+        let (names, actuators) = (vec!["hip".to_owned()], Actuators::default());
+        let of = ChannelActuator { bus: 0, id: 1, model: "XL330-M288-T".into() };
+        let actuators = Actuators { channels: vec![of], ..actuators };
+        let catalog = Catalog::of_robot("pup", 7, names).with_actuators(actuators);
+        let mut view = View::new(Some(&catalog), true, false, 0);
+        let told = [40.0, 65.0, 66.0, 50.0, 65.0].map(|temperature_c| {
+            let temperature_c = Some(temperature_c);
+            let readings = ActuatorReadings { channel: 0, temperature_c, voltage_v: Some(5.0) };
+            let words = view.new_warnings(readings);
+            view.readings.insert(0, readings);
+            words.join(", ")
+        });
+        let hot = "65 °C; its torque goes off at 70 °C";
+        assert_eq!(told, ["", hot, "", "", hot]);
     }
 }

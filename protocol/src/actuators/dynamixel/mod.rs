@@ -29,7 +29,7 @@ use packet::{
     BROADCAST, FAST_SYNC_READ, MAX_ID, MAX_PARTS, Message, PART_BYTES, Part, ReceivedPacket,
     SYNC_READ, SYNC_WRITE,
 };
-use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, XM430_W210};
+use table::{CENTRE, Model, STEPS_PER_TURN, VELOCITY_STEP_RAD_S, VOLTAGE_STEP_V, XM430_W210};
 
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,6 +91,8 @@ const WATCHDOGS_MS: RangeInclusive<u32> = 0..=127 * WATCHDOG_STEP_MS;
 const RETURN_DELAYS_US: RangeInclusive<u32> = 0..=508;
 /// Size of current, velocity and position, bytes.
 const PRESENT_BYTES: u16 = PART_BYTES as u16;
+/// Size of input voltage and temperature, bytes.
+const READINGS_BYTES: u16 = 3;
 
 /// Write of one address range of many servos in one packet.
 #[derive(Clone, Debug)]
@@ -141,6 +143,15 @@ fn read_all(instruction: u8, address: u16, bytes: u16, ids: &[u8]) -> Option<Pac
     append(&mut parameters, &bytes.to_le_bytes())?;
     append(&mut parameters, ids)?;
     (!ids.is_empty()).then(|| packet::packet(BROADCAST, instruction, &parameters)).flatten()
+}
+
+/// Addresses of the servos that receive `command`, which has no values.
+fn addressed(orders: &[ActuatorCommand], command: Command) -> Vec<u8, MAX_CHANNELS> {
+    let mut ids = Vec::new();
+    for order in orders.iter().filter(|order| order.command == command) {
+        let _ = ids.push(order.id);
+    }
+    ids
 }
 
 /// Gains of the position controller in the servo's units: D, I, P, from [`table::POSITION_D_GAIN`] up. `None` if a gain is
@@ -213,6 +224,10 @@ impl Dynamixel {
             feedback.speed_rad_s = Some(velocity as f32 * VELOCITY_STEP_RAD_S);
             feedback.position_rad = Some(position as f32 * (TAU / STEPS_PER_TURN));
         }
+        if let &[v0, v1, temperature] = data {
+            feedback.voltage_v = Some(f32::from(u16::from_le_bytes([v0, v1])) * VOLTAGE_STEP_V);
+            feedback.temperature_c = Some(temperature.into());
+        }
         feedback
     }
 
@@ -254,7 +269,7 @@ impl Dynamixel {
                 let [t0, t1] = goal;
                 one(table::GOAL_CURRENT, [t0, t1, 0, 0])
             }
-            Command::Query => Vec::new(),
+            Command::Query | Command::QueryReadings => Vec::new(),
             Command::Gains(_) => return Err(Refusal::Unsupported("gains")),
             Command::Limits { speed_rad_s, torque_nm } => {
                 let positive = |x: f32| x > 0.0;
@@ -336,6 +351,7 @@ impl Codec for Dynamixel {
             measures_position: true,
             measures_torque: true,
             query: true,
+            query_readings: true,
             reports_enabled: false,
             pose_while_disabled: true,
             watchdog: Watchdog::Latches,
@@ -352,7 +368,7 @@ impl Codec for Dynamixel {
         self.writes(order).map(|_| ())
     }
 
-    /// Encodes orders: a sync write for each address range, torque switches before set-points, and finally a sync read. One
+    /// Encodes orders: a sync write for each address range, torque switches before set-points, and finally sync reads. One
     /// packet carries the set-points of all servos, so they begin together.
     fn encode(
         &self,
@@ -381,13 +397,14 @@ impl Codec for Dynamixel {
                     sync.packet().into_iter().for_each(&mut *send);
                 }
             }
-            let mut ids = Vec::<u8, MAX_CHANNELS>::new();
-            for order in orders.iter().filter(|order| order.command == Command::Query) {
-                let _ = ids.push(order.id);
-            }
-            let is_fast = self.reads_fast && ids.len() <= MAX_PARTS;
+            let asked = addressed(orders, Command::Query);
+            let is_fast = self.reads_fast && asked.len() <= MAX_PARTS;
             let instruction = if is_fast { FAST_SYNC_READ } else { SYNC_READ };
-            let read = read_all(instruction, table::PRESENT_CURRENT, PRESENT_BYTES, &ids);
+            let read = read_all(instruction, table::PRESENT_CURRENT, PRESENT_BYTES, &asked);
+            read.into_iter().for_each(&mut *send);
+            // Parts of a fast answer always have the size of the present values.
+            let asked = addressed(orders, Command::QueryReadings);
+            let read = sync_read(table::PRESENT_INPUT_VOLTAGE, READINGS_BYTES, &asked);
             read.into_iter().for_each(&mut *send);
         }
         Ok(())

@@ -43,6 +43,8 @@ pub const PRESENT_CURRENT: u16 = 126;
 pub const PRESENT_VELOCITY: u16 = 128;
 /// Present position, 4 bytes, 4096 steps per turn.
 pub const PRESENT_POSITION: u16 = 132;
+/// Present input voltage, 2 bytes, steps of 0.1 V. The present temperature follows, 1 byte, °C.
+pub const PRESENT_INPUT_VOLTAGE: u16 = 144;
 /// Present temperature, 1 byte, °C.
 pub const PRESENT_TEMPERATURE: u16 = 146;
 
@@ -52,6 +54,8 @@ pub const STEPS_PER_TURN: f32 = 4096.0;
 pub const CENTRE: i32 = 2048;
 /// Velocity step, rad/s.
 pub const VELOCITY_STEP_RAD_S: f32 = 0.229 * TAU / 60.0;
+/// Step of the input voltage, V.
+pub const VOLTAGE_STEP_V: f32 = 0.1;
 /// PWM step, fraction of the supply voltage.
 pub const PWM_STEP: f32 = 1.13e-3;
 /// Largest PWM, steps.

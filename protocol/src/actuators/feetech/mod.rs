@@ -26,7 +26,7 @@ pub mod packet;
 pub mod table;
 
 use packet::{ANSWER_BYTES, BROADCAST, MAX_ID, SYNC_READ, SYNC_WRITE};
-use table::{CENTRE, Model, STEP_RAD, STS3215_C001};
+use table::{CENTRE, Model, STEP_RAD, STS3215_C001, VOLTAGE_STEP_V};
 
 /// Servos of one model on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,6 +135,7 @@ impl Feetech {
                 all(&[Write::byte(ACCELERATION, 0), Write::word(VELOCITY, [0; 2]), on])
             }
             Command::Query => Vec::new(),
+            Command::QueryReadings => return Err(Refusal::Unsupported("readings")),
             Command::Limits { speed_rad_s, torque_nm } => {
                 // Not sent: for a wheel it would be a goal.
                 velocity(speed_rad_s)?;
@@ -161,7 +162,7 @@ impl Feetech {
 
     /// Converts an answer to address and feedback.
     pub fn decode(&self, answer: &packet::Answer) -> (u8, Feedback) {
-        let [p0, p1, v0, v1, l0, l1, _voltage, temperature] = answer.data;
+        let [p0, p1, v0, v1, l0, l1, voltage, temperature] = answer.data;
         let position = signed([p0, p1], 15).wrapping_sub(CENTRE);
         let load = signed([l0, l1], 10) as f32 * 1e-3;
         let feedback = Feedback {
@@ -169,6 +170,7 @@ impl Feetech {
             speed_rad_s: Some(signed([v0, v1], 15) as f32 * STEP_RAD),
             torque_nm: Some(load * self.model.stall_torque_nm),
             temperature_c: Some(temperature.into()),
+            voltage_v: Some(f32::from(voltage) * VOLTAGE_STEP_V),
             enabled: None,
             faults: Some(Faults::translate(answer.status.into(), &STATUS)),
         };
@@ -203,6 +205,7 @@ impl Codec for Feetech {
             measures_position: true,
             measures_torque: true,
             query: true,
+            query_readings: false,
             reports_enabled: false,
             pose_while_disabled: true,
             watchdog: Watchdog::Missing,

@@ -28,6 +28,8 @@ pub const PRESENT_POSITION: u8 = 56;
 pub const CENTRE: i32 = 2048;
 /// Position step, rad; also the velocity step, rad/s.
 pub const STEP_RAD: f32 = TAU / 4096.0;
+/// Step of the voltage, V.
+pub const VOLTAGE_STEP_V: f32 = 0.1;
 /// Bit rates, bit/s, indexed by the value of the register "baud rate" (6).
 pub const BIT_RATES: [u32; 8] =
     [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];

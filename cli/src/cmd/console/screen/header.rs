@@ -7,8 +7,8 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use rollwalk_host::actuators::{conditions, fault_words};
-use rollwalk_host::operator::{ExitStage, FaultView, JointView, View};
+use rollwalk_host::actuators::{ReadingWarning, conditions, fault_words};
+use rollwalk_host::operator::{ExitStage, FaultView, View};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, Quantity, Severity};
 use rollwalk_protocol::wire::State;
@@ -192,15 +192,24 @@ pub fn draw_faults(frame: &mut Frame, scene: &Scene, area: Rect) {
     frame.render_widget(Paragraph::new(vec![first, next]), area);
 }
 
-/// Descriptions of actuators that are too hot, have a wrong supply voltage, or failed otherwise.
+/// Descriptions of actuators that are too hot, have a wrong supply voltage, or failed otherwise, and then of servos close to
+/// their limits.
 fn servos(scene: &Scene) -> Vec<String> {
-    let all = scene.view.joints.iter().filter(|(_, joint)| joint.telemetry.status.faulty());
-    let each = |(&channel, joint): (&u8, &JointView)| {
-        let status = ActuatorStatus(joint.telemetry.status.0 & ActuatorStatus::FAULTS);
-        let words = conditions(status, scene.names.actuators.limits(channel)).join(", ");
-        format!("{}: {words}", scene.names.channel(channel))
-    };
-    all.map(each).collect()
+    let (mut failed, mut close) = (Vec::new(), Vec::new());
+    for (&channel, joint) in &scene.view.joints {
+        let name = scene.names.channel(channel);
+        let limits = scene.names.actuators.limits(channel);
+        if joint.telemetry.status.faulty() {
+            let status = ActuatorStatus(joint.telemetry.status.0 & ActuatorStatus::FAULTS);
+            failed.push(format!("{name}: {}", conditions(status, limits).join(", ")));
+        }
+        if let (Some(readings), Some(limits)) = (&joint.readings, limits) {
+            let all = ReadingWarning::all(readings, limits).into_iter();
+            close.extend(all.map(|of| format!("{name}: {}", of.words(readings, limits))));
+        }
+    }
+    failed.append(&mut close);
+    failed
 }
 
 /// Short description of a fault with its channel, and with its value if that has a unit.

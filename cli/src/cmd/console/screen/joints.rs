@@ -1,4 +1,4 @@
-//! Joints and wheels: position within the range, speed, torque, and age of these values.
+//! Joints and wheels: position within the range, speed, torque, age of these values, temperature and supply voltage.
 
 use super::super::scene::{Range, Scene};
 use super::{fit, shorten};
@@ -12,19 +12,24 @@ use rollwalk_terminal::output::unsigned_zero;
 
 /// Minimum number of columns.
 pub const LEAST_WIDTH: u16 = 46;
+/// Number of columns from which the temperatures are shown.
+const TEMPERATURE_WIDTH: usize = 60;
 /// Age from which values are marked as old, µs. A robot with 24 channels reports each channel ten times a second.
 const OLD_US: u64 = 500_000;
 
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let (width, height) =
         (usize::from(area.width.saturating_sub(2)), usize::from(area.height.saturating_sub(2)));
-    // Beside name and bar there are 29 columns.
-    let spare = width.saturating_sub(29);
+    // Beside name, bar and temperature there are 29 columns.
+    let is_hot_known = temperatures(scene).next().is_some() && width >= TEMPERATURE_WIDTH;
+    let spare = width.saturating_sub(if is_hot_known { 34 } else { 29 });
     let bar = (spare / 3).clamp(5, 15);
     let name = spare.saturating_sub(bar).min(24);
     let bold = Style::new().add_modifier(Modifier::BOLD);
     let (joint, range) = (fit("joint", name), fit("range", bar));
-    let head = format!("  {joint} {:>6} {range} {:>6} {:>6}{:>5}", "rad", "rad/s", "N·m", "age");
+    let celsius = if is_hot_known { "   °C" } else { "" };
+    let head =
+        format!("  {joint} {:>6} {range} {:>6} {:>6}{:>5}{celsius}", "rad", "rad/s", "N·m", "age");
     let mut lines = vec![Line::styled(head, bold)];
     let all: Vec<_> = scene.view.joints.iter().collect();
     let room = height.saturating_sub(1);
@@ -32,14 +37,39 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     for &(&channel, joint) in all.iter().skip(first).take(room) {
         let range = scene.names.ranges.get(usize::from(channel)).copied().flatten();
         let wheel = scene.names.ranges.len() > usize::from(channel) && range.is_none();
-        lines.push(row(&shorten(&scene.names.channel(channel), name), joint, range, wheel, bar));
+        let mut line = row(&shorten(&scene.names.channel(channel), name), joint, range, wheel, bar);
+        if is_hot_known {
+            line.push_span(
+                joint
+                    .readings
+                    .and_then(|of| of.temperature_c)
+                    .map_or_else(|| " ".repeat(5), |temperature_c| format!("{temperature_c:>5.0}")),
+            );
+        }
+        lines.push(line);
     }
-    let title = if all.len() > room {
-        format!(" Joints {} to {} of {}, ↑ ↓ ", first + 1, (first + room).min(all.len()), all.len())
+    let shown = if all.len() > room {
+        format!(" {} to {} of {}, ↑ ↓", first + 1, (first + room).min(all.len()), all.len())
     } else {
-        " Joints ".to_owned()
+        String::new()
     };
+    let title = format!(" Joints{shown}{} ", supply(scene));
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+}
+
+/// Temperatures of the actuators that report them, °C.
+fn temperatures(scene: &Scene) -> impl Iterator<Item = f32> {
+    scene.view.joints.values().filter_map(|joint| joint.readings?.temperature_c)
+}
+
+/// Range of the supply voltages, to follow the title; empty if no actuator reports its supply.
+fn supply(scene: &Scene) -> String {
+    let voltages = scene.view.joints.values().filter_map(|joint| joint.readings?.voltage_v);
+    let range = voltages.fold(None, |range, voltage_v| {
+        let (low, high) = range.unwrap_or((voltage_v, voltage_v));
+        Some((voltage_v.min(low), voltage_v.max(high)))
+    });
+    range.map_or_else(String::new, |(low, high)| format!(", supply {low:.1} to {high:.1} V"))
 }
 
 fn row(

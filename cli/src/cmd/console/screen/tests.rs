@@ -11,7 +11,7 @@ use rollwalk_host::describe::state_name;
 use rollwalk_host::operator::{ExitStage, FaultView, JointView, LinkView, Message, View, Weight};
 use rollwalk_protocol::actuator::ActuatorStatus;
 use rollwalk_protocol::faults::{Fault, FaultBits, Severity};
-use rollwalk_protocol::wire::{JointTelemetry, State, Status};
+use rollwalk_protocol::wire::{ActuatorReadings, JointTelemetry, State, Status};
 use std::collections::BTreeMap;
 use std::{env, fs};
 
@@ -90,6 +90,7 @@ fn view(state: State, clip: Option<u8>) -> View {
             status: ActuatorStatus(if channel == 3 { ActuatorStatus::OVERHEATED } else { 1 }),
         },
         age_us: if channel == 4 { 2_000_000 } else { 80_000 },
+        readings: None,
     };
     let say = |at_us, weight, text: &str| {
         let text = text.into();
@@ -230,7 +231,7 @@ fn what_stopped_a_robot_is_not_mistaken_for_another_cause() {
     assert!(lost.contains("FAULT: the serial adapter of the servos is gone"), "{lost}");
 }
 
-/// Telemetry contains flags for temperature and supply voltage, but no values. The screen shows the limits of the data sheet.
+/// The screen shows the limits of the data sheet.
 #[test]
 fn a_servo_that_is_too_hot_is_named_with_its_limit() {
     let mut names = names();
@@ -238,6 +239,31 @@ fn a_servo_that_is_too_hot_is_named_with_its_limit() {
     let screen = render(&scene(&view(State::TorqueOff, None), &names), 120, 24);
     let expected = "WARNING: front_right_hip: hotter than 70 °C, torque is off";
     assert!(screen.contains(expected), "{screen}");
+}
+
+/// Readings of servos are shown, and a servo close to a limit is a warning.
+#[test]
+fn temperatures_and_supply_are_shown() {
+    let mut names = names();
+    names.actuators = of_a_serial_line();
+    let mut view = view(State::Ready, None);
+    for (&channel, joint) in &mut view.joints {
+        joint.telemetry.status = ActuatorStatus(1);
+        let temperature_c = Some(if channel == 2 { 66.0 } else { 41.0 });
+        let voltage_v = Some(4.5 + 0.1 * f32::from(channel));
+        joint.readings = Some(ActuatorReadings { channel, temperature_c, voltage_v });
+    }
+    let screen = render(&scene(&view, &names), 160, 40);
+    let name = &names.channels[2];
+    for expected in [
+        &format!("WARNING: {name}: 66 °C; its torque goes off at 70 °C"),
+        "supply 4.5 to 5.8 V",
+        "age   °C",
+        "0.1   41",
+        "0.1   66",
+    ] {
+        assert!(screen.contains(expected), "{expected}: {screen}");
+    }
 }
 
 fn of_a_serial_line() -> Actuators {
