@@ -23,7 +23,12 @@ pub const STYLE: &str = "\
     .foot{fill:#102a43}\
     .wheel{fill:#d9e2ec;fill-opacity:.9;stroke:#102a43}\
     .spoke{stroke:#ba2525}\
-    .force{stroke:#009e73;stroke-width:2;stroke-linecap:round;stroke-linejoin:round;fill:none}";
+    .force{stroke:#009e73;stroke-width:2;stroke-linecap:round;stroke-linejoin:round;fill:none}\
+    @media(prefers-color-scheme:dark){\
+    .limb{stroke:#6d8aa6}\
+    .foot{fill:#bcccdc}\
+    .wheel{fill:#243b53;stroke:#bcccdc}\
+    .spoke{stroke:#ef6c6c}}";
 
 /// Drawing of a robot.
 pub struct Figure {

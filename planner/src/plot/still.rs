@@ -2,7 +2,7 @@
 
 use super::camera::Camera;
 use super::robot::{Figure, STYLE, closed_path};
-use super::style::{self, FAINT, HEADER_HEIGHT, MARGIN, heading, px};
+use super::style::{self, FAINT, HEADER_HEIGHT, INK, MARGIN, heading, px};
 use crate::plan::{EndEffectorSample, Sample};
 use crate::problem::state::tilt_and_yaw;
 use nalgebra::Vector3;
@@ -130,7 +130,7 @@ fn column(mut names: Vec<(&str, [f64; 2])>, side: Side, width: f64, height: f64)
         let text = Text::new(*name).set("x", px(text_x)).set("y", px(y + 4.0));
         group
             .add(line.set("stroke", FAINT).set("stroke-width", 0.7))
-            .add(text.set("font-size", 12).set("text-anchor", anchor))
+            .add(text.set("font-size", 12).set("text-anchor", anchor).set("fill", INK))
     })
 }
 
