@@ -128,7 +128,7 @@ fn lighter(row: &BusLoad) -> &'static str {
     let BusLoad { kind, traffic, .. } = row;
     let bits_s = f64::from(traffic.bits_per_period) / f64::from(kind.bit_rate.max(1));
     let waits = f64::from(traffic.waiting_us_per_period) * 1e-6 > bits_s;
-    // Of CAN, and of servos whose makers have a list.
+    // Bit rates of CAN, and of servos whose makers list them.
     let most = kind.protocol.bit_rates().iter().max().copied();
     let most = most.or((!kind.protocol.is_serial()).then_some(1_000_000));
     match &kind.protocol {

@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(codes(&["monitor"]), ["0", "1", "2", "5", "130"]);
         assert_eq!(codes(&["plan"]), ["0", "1", "2", "3", "130"]);
         assert_eq!(codes(&["demo"]), ["0", "1", "2", "3", "4", "130"]);
-        // A command above others has theirs.
+        // A command with subcommands lists the codes of all of them.
         assert_eq!(codes(&["library"]), ["0", "1", "2", "3", "130"]);
         assert_eq!(codes(&[]), ["0", "1", "2", "3", "4", "5", "130"]);
     }

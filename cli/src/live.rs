@@ -148,7 +148,7 @@ impl<'r> View<'r> {
         let feet = self.robot.end_effectors.iter().enumerate();
         let angle_rad = |(number, foot)| world.wheel_rad(number, foot).unwrap_or_default();
         let mut wheel_rad: Vec<_> = feet.map(angle_rad).collect();
-        // Those of motors count turns.
+        // Angles of motors count full turns.
         for (channel, wheel) in wheels(self.robot) {
             wheel_rad[wheel] = shafts[channel][0];
         }

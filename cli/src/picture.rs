@@ -101,11 +101,11 @@ pub fn film(frame_s: f64, pictures: &[String], ending: &str) -> miette::Result<V
     let rate = (1.0 / frame_s).to_string();
     let film = format!("film.{ending}");
     let make: &[&str] = match ending {
-        // Colours of a GIF are chosen from all of its frames.
+        // The palette of a GIF is chosen from all its frames.
         "gif" => {
             &["-filter_complex", "split[a][b];[a]palettegen[p];[b][p]paletteuse", "-loop", "0"]
         }
-        // Players want even sizes and this form of colours.
+        // Players require even sizes and this pixel format.
         _ => &["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"],
     };
     let input = ["-loglevel", "error", "-framerate", &rate, "-i", "%05d.png"];

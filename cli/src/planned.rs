@@ -92,7 +92,7 @@ impl PlanSummary {
 fn of_a_period(way: NetDisplacement, periods: f64) -> NetDisplacement {
     let [forward_m, left_m, turn_rad] = way.values();
     let turn_rad = turn_rad / periods;
-    // The sum of all headings, as a complex number.
+    // Sum of all headings as a complex number.
     let (mut re, mut im) = (0.0, 0.0);
     for period in 0..periods as u32 {
         let (sine, cosine) = (turn_rad * f64::from(period)).sin_cos();

@@ -68,7 +68,7 @@ pub fn new_pair(path: &Path) -> miette::Result<Pair> {
     });
     let secret_key = random()?;
     let key = SigningKey::from_bytes(&secret_key).verifying_key();
-    // The first version of PKCS #8, without the public key: OpenSSL reads no other.
+    // Version 1 of PKCS #8, without the public key, because OpenSSL reads no other version.
     let private = KeypairBytes { secret_key, public_key: None }.to_pkcs8_pem(LineEnding::LF);
     let private = private.map_err(|error| miette!("{error}"))?;
     let pem = key.to_public_key_pem(LineEnding::LF).into_diagnostic()?;
@@ -96,7 +96,7 @@ pub fn private_key(path: &Path) -> miette::Result<SigningKey> {
             path.display()
         )
     })?;
-    // Only a secret is to be kept from others.
+    // Only a private key must be unreadable for others.
     warn_if_readable_by_others(path);
     Ok(key)
 }
@@ -206,7 +206,7 @@ mod tests {
         let public = public_key(&made.public).unwrap();
         assert_eq!(private.verifying_key(), public);
         assert_eq!(Fingerprint::of(&public), made.fingerprint);
-        // Neither half is written over, and no half is made alone.
+        // No file of the pair is overwritten, and no file is made alone.
         fs::remove_file(at("owner.pem")).unwrap();
         assert!(new_pair(&at("owner.pem")).err().unwrap().to_string().contains("exists"));
         assert!(!at("owner.pem").exists());

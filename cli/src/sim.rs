@@ -145,7 +145,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
     let (robot, parts) = Source::Disk.robot_and_parts(&cli.robot)?;
     let loads = BusLoads::new(&robot).into_diagnostic()?;
     loads.check(&cli.robot)?;
-    // Drives on buses of this computer may be real ones.
+    // Drives on buses of this computer may be real drives.
     if !cli.actuators.is_empty() && cli.only != Some(Part::Motors) {
         output::print_warnings(&loads.warnings());
     }
@@ -240,7 +240,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             ));
         }
         (None, Some(bus)) => {
-            // Two members of every bus, as the real ones are.
+            // Two nodes on every bus, as on a real bus.
             let ports = ports(&actuators)?;
             let names = actuators.clone();
             let mut body = motors_of(&robot, cli, ground.as_ref());
@@ -248,7 +248,7 @@ fn run(cli: &Cli) -> miette::Result<Exit> {
             let motors = std::thread::spawn(move || {
                 let mut lost = LostBuses { link: None, actuators: &names, says: false };
                 let ended = simulate_motors(&mut body, ports, &mut lost, world_log);
-                // A controller without motors has nothing to do.
+                // Without motors, the controller has nothing to do.
                 interrupt::request();
                 ended
             });
@@ -332,7 +332,7 @@ fn run_whole(
         port,
         &mut LostBuses { link: Some(bus), actuators: &[], says: true },
         |rig, entries| {
-            // Not from the frames on the link: anyone may send a status there.
+            // State and faults are those of the controller, because anyone may send a status on the link.
             let controller = rig.core().controller();
             printer.print(rig.now().as_s(), controller.state(), controller.faults());
             world.print(rig);
@@ -376,7 +376,7 @@ fn run_controller(
     actuators: &[BusName],
     kept: StoredFlash,
 ) -> miette::Result<()> {
-    // Motors that wait for their setpoints do so for a busy computer, too.
+    // Motors that wait for their set-points also wait if the computer is busy.
     priority::raise();
     let (mut core, memory) = core(robot, keys, kept)?;
     let period = Duration::from_secs(1) / u32::from(Settings::default().control_hz);

@@ -193,7 +193,7 @@ mod tests {
     fn advice_is_about_the_ground_that_was_asked_for() {
         let text = include_str!("../../shipped/robots/agilebot.toml");
         let mut robot = Robot::from_toml("agilebot.toml", text).unwrap();
-        // Its legs are too short for its body.
+        // The legs are too short for the body.
         for end in &mut robot.end_effectors {
             end.center_in_link_m.z += 0.2;
         }

@@ -166,7 +166,7 @@ fn go(
 ) -> miette::Result<()> {
     let code = library.code_of(to).expect("a validated library has a code for every motion");
     session.select(code).into_diagnostic()?;
-    // The present motion may have to come to its end first, and a transition takes its time.
+    // The present motion may have to end first, and a transition takes time.
     let seconds = |duration_s: f64| (duration_s * 1e6) as u64;
     let clip_s = |clip| library.clip(clip).as_ref().map_or(0.0, duration_s);
     let transitions = library.edges().filter_map(|edge| library.edge(edge));
@@ -182,7 +182,7 @@ fn go(
         })
         .into_diagnostic()?;
     if library.clip(ClipId(to.0)).is_some_and(|clip| clip.looping) {
-        // What is selected next begins at the end of the last round.
+        // The next motion begins at the end of the last round.
         let rounds = f64::from(cycles) - 0.5;
         let mut left_us = seconds(rounds * clip_s(ClipId(to.0)));
         while left_us > 0 && !interrupt::requested() {
@@ -208,7 +208,7 @@ fn tour<N: Copy + PartialEq>(start: N, mut unplayed: Vec<(N, N)>) -> Vec<N> {
         match unplayed.iter().position(|&(from, _)| from == here) {
             Some(index) => here = unplayed.remove(index).1,
             None => {
-                // The controller finds the way; edges that it plays on it are played again later.
+                // The controller plans the route. Edges that the route contains are played again later.
                 here = unplayed[0].0;
             }
         }

@@ -95,7 +95,7 @@ impl Observer for WorldLog {
     fn on_motor_step(&mut self, _: SimTime, body: &Body) {
         let Some(ground) = body.ground() else { return };
         let time_s = ground.world().system().time_s();
-        // Motors have many steps in one of the world.
+        // Motors make many steps in one step of the world.
         if time_s <= self.written_s || self.failed.is_some() {
             return;
         }

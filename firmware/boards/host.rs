@@ -36,7 +36,7 @@ impl<P: Copy + PartialEq> Host<P> {
         match packet {
             Packet::Link(frame) => self.take_frame(controller, now_us, port, frame),
             Packet::Message { id, bytes } => {
-                // Its identifier names sender and receiver.
+                // The identifier of a frame contains sender and receiver.
                 if Frame::standard(*id, &[]).is_some_and(|frame| self.is_from_a_host(&frame)) {
                     self.turn_to(port);
                     self.gateway.receive(*id, bytes);

@@ -24,7 +24,7 @@ static ROLLWALK_KEYS: [u8; key_block::LEN] = key_block::BLANK;
 /// Keys of the image; `None` if no keys were written into it.
 #[cfg(any(feature = "authenticated", feature = "signed"))]
 fn keys() -> Option<Keys> {
-    // SAFETY: it reads a static. Volatile, because the compiler knows the blank block only.
+    // SAFETY: reads a static. The read is volatile, because the compiler knows only the blank block.
     Keys::decode(&unsafe { (&raw const ROLLWALK_KEYS).read_volatile() })
 }
 
@@ -52,7 +52,7 @@ pub fn require_key<S: LibraryStore, P: ParameterStore, F: MappedFlash>(
     {
         let key = rollwalk_protocol::wire::authentication::LinkKey::new(&keys()?.link?);
         let mut boots = rollwalk_firmware::store::BootCounter::mount(boots).ok()?;
-        // A boot that cannot be counted gives no session: the robot obeys emergency stops only.
+        // If a boot cannot be counted, no session is possible, and the robot obeys emergency stops only.
         controller.require_key(key, boots.count().ok());
     }
     Some(())

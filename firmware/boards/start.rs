@@ -32,7 +32,7 @@ pub struct ReadyController {
 pub fn settings(uid: [u8; 6]) -> (Settings, u32) {
     let settings = Settings { uid, ..Settings::default() };
     let period_us = 1_000_000 / u32::from(settings.control_hz.max(1));
-    // A period that was missed is one too many.
+    // One missed period is already too late.
     (Settings { overrun_us: period_us * 3 / 2, ..settings }, period_us)
 }
 

@@ -112,7 +112,7 @@ pub fn run() -> Result<Run, Box<dyn Error>> {
         }
         controller.tick(now_us);
         while let Some(frame) = controller.poll_link(now_us) {
-            // Torque needs a second command, with the nonce from the answer to the first.
+            // Torque needs a second command with the nonce from the answer to the first.
             if let Ok((_, FromController::CommandAck(ack))) = FromController::decode(&frame)
                 && ack.kind == Action::ArmRequest.kind()
             {

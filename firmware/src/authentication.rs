@@ -164,7 +164,7 @@ mod present {
                 session.session.short() == authenticator.session && session.is_alive(now_us)
             };
             let sessions = self.sessions.iter_mut().flatten().chain(&mut self.offered);
-            // No two sessions that are alive have the same short number.
+            // No two live sessions have the same short number.
             let found = sessions.into_iter().find(named)?;
             let counter = found.counters.get_mut(authenticator.subject.counter())?;
             let next = authenticator.counter_after(*counter)?;
@@ -223,7 +223,7 @@ mod present {
                 Some(offered) => offered.session,
                 None => self.new_session(now_us, nonce)?,
             };
-            // Lives from its last request.
+            // The lifetime starts at the last request.
             self.offered = Some(Session { session, counters: [0; COUNTERS], used_us: now_us });
             let tag = self.key.as_ref()?.offer_tag(&session, response_id(node));
             Some(SessionOffer { number: session.number, tag })

@@ -208,7 +208,7 @@ mod tests {
         for seq in 2..11 {
             gate.answered(0, play(seq, 2), ack(play(seq, 2), CommandResult::Ok));
         }
-        // Its number is now 6 ahead of the latest.
+        // The number of the late command is now 6 ahead of the latest.
         assert_eq!(gate.judge(0, late), Verdict::Refuse(CommandResult::OutOfOrder));
     }
 

@@ -84,8 +84,7 @@ impl GraphCursor {
             GraphPosition::Transition(edge) => (edge.to, true),
         };
         if from == goal && (arriving || self.stays_at(library, goal)) {
-            // The cursor is at the goal or on the way to it: all that changes is that another goal
-            // is dropped.
+            // The cursor is at the goal or on the way to it, so only another goal is dropped.
             self.goal = arriving.then_some(goal);
         } else {
             library.next_hop(from, goal).ok_or(GoalError::Unreachable)?;

@@ -108,7 +108,7 @@ impl Limiter {
     ) -> Option<Target> {
         let last = self.last.get_mut(channel)?.as_mut()?;
         let (torque_nm, offset) = if target.torque_nm == 0.0 && last.torque_nm == 0.0 {
-            // What a library without torques should cost.
+            // Cost of a library without torques.
             (0.0, 0.0)
         } else {
             let torque_nm = limited_torque(limits, last.torque_nm, target.torque_nm, self.period_s);
@@ -116,8 +116,8 @@ impl Limiter {
         };
         let offset_target = Target { value: target.value + offset, ..target };
         let mut out = limited(limits, last.value, offset_target, self.period_s);
-        // Range and rate may have cut the offset. The intended value is then the one nearest to the target that differs
-        // from what goes out by no more than the offset.
+        // Range and rate may have cut the offset. The intended value is then the value that is nearest to the target and
+        // differs from the output by at most the offset.
         let without = out.value - offset;
         let (low, high) = if offset < 0.0 { (out.value, without) } else { (without, out.value) };
         let wanted = if target.value.is_finite() { target.value } else { without };
@@ -268,7 +268,7 @@ mod tests {
                 last_nm = out.torque_nm;
                 let (low, high) = (last.min(-1.0), last.max(2.0));
                 prop_assert!(out.value >= low && out.value <= high, "{out:?} after {last}");
-                // One rounding of `last + step` beyond the step itself.
+                // The result may exceed the step by one rounding of `last + step`.
                 prop_assert!((out.value - last).abs() <= 6.0 * period + 4.0 * f32::EPSILON);
                 prop_assert!(out.slope.abs() <= 6.0);
                 last = out.value;
@@ -281,7 +281,7 @@ mod tests {
             let (kp, kd, nm) = gains_within_torque(gains, e, de, most);
             let asked = gains.0 * e + gains.1 * de + gains.2;
             let torque = kp * e + kd * de + nm;
-            // Cancellation: a few roundings of the largest of the parts.
+            // Cancellation: a few roundings of the largest term.
             let rounding = 1e-6 * (kp * e).abs().max((kd * de).abs()).max(nm.abs());
             prop_assert!(torque.abs() <= most + rounding);
             prop_assert!(asked.abs() > most || (kp, kd, nm) == gains);
@@ -296,7 +296,7 @@ mod tests {
         fn a_torque_gets_through(kind in kinds(), asked in -1.0f32..=1.0) {
             let config = config(kind);
             let c = &config.channels[0];
-            // As much as the largest offset of the kind stands for.
+            // The torque that the maximum offset of the kind replaces.
             let (gain, most) = match kind {
                 ChannelKind::JointPosition => (c.kp_nm_rad, MAX_OFFSET_RAD),
                 ChannelKind::WheelSpeed => (c.kd_nm_s_rad, MAX_OFFSET_RAD_S),
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn a_clamped_joint_has_the_speed_at_which_it_moves() {
         let config = config(ChannelKind::JointPosition);
-        // The range ends at 2 rad and the rate at 6 rad/s.
+        // The range ends at 2 rad, and the maximum rate is 6 rad/s.
         for (start, value, slope) in [(0.5, 1.5, 6.0), (0.5, -0.9, -6.0), (1.97, 2.5, 3.0)] {
             let mut limiter = Limiter::new(0.01);
             limiter.start(0, start);

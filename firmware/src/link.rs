@@ -139,7 +139,7 @@ impl Link {
     pub fn on_heartbeat(&mut self, now_us: u64, heartbeat: Heartbeat, timeout_us: u32) {
         let feeds = self.last_heartbeat.is_none_or(|(seq, at_us)| {
             let ahead = u32::from(heartbeat.seq.wrapping_sub(seq));
-            // A division of 64 bits is a kilobyte of code.
+            // A 64-bit division takes a kilobyte of code.
             let silent_us = u32::try_from(now_us.saturating_sub(at_us)).unwrap_or(u32::MAX);
             (1..=AHEAD + silent_us / AHEAD_US).contains(&ahead) || silent_us > timeout_us
         });

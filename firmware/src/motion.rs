@@ -247,7 +247,7 @@ impl Motion {
         }
         if let Stage::Tracking(track) = &self.stage {
             if !track.holds() {
-                // An answer says where all gains are to be.
+                // The answer contains the target of all gains.
                 self.soft_gains.drop_leans();
             }
             let periods = setup.settings.ticks_per_frame().saturating_mul(WINDOW as u16);
@@ -323,13 +323,13 @@ impl Motion {
     }
 
     fn emit_targets(&mut self, setup: &Setup) {
-        // The share of libraries' torques, which those of a ramp are already.
+        // Feed-forward share of a library's torques. Torques of a ramp contain the share already.
         let feed_forward = match self.stage {
             Stage::Playing(_) | Stage::Streaming(_) => self.parameters.feed_forward(),
             _ => 1.0,
         };
         let period_s = setup.settings.period_s();
-        // Else nothing is to be looked up.
+        // Otherwise no look-up is needed.
         let may_be_soft = self.soft_gains.take_soft() || self.is_tracking();
         for i in 0..setup.config.channels.len() {
             let mut wanted = [1.0; 2];
@@ -406,7 +406,7 @@ impl Motion {
             (&mut limited, parts, limits.kind)
             && target.slope.is_finite()
         {
-            // Its setpoint may be far from where it is, and come nearer or go away at once: that is no speed of the joint.
+            // The set-point may be far from the joint's position, and jump. Its slope is not a speed of the joint.
             limited.slope = within(target.slope, -limits.max_rate, limits.max_rate);
         }
         if let (Some(target), Some(slot)) = (limited, self.emitted.get_mut(channel)) {

@@ -148,7 +148,7 @@ impl Parameters {
         let (least, most) = range(limits, settings, which);
         let whole = configured(limits).get(usize::from(parameter)).copied();
         let standing = whole.filter(|_| driven).map_or(least, |whole| LEAST_WHILE_DRIVEN * whole);
-        // What is lower already may be raised.
+        // A value that is lower already may be raised.
         check((least.max(standing.min(present)), most), value)?;
         let ramp_ticks = self.ramp_ticks;
         let values = self.channels.get_mut(usize::from(channel)).ok_or(UNKNOWN_CHANNEL)?;
@@ -346,7 +346,7 @@ mod tests {
             assert_eq!(set(&mut p, which, 0.4 * whole, true), refused, "{which:?}");
             assert_eq!(set(&mut p, which, 0.5 * whole, true).0, ParameterResult::Ok);
         }
-        // What was set lower before may be raised, not lowered further; and lowered while torque is off.
+        // A value that was set lower before may be raised, but not lowered further. While torque is off, it may be lowered.
         assert_eq!(set(&mut p, (KP, 0), 2.0, false).0, ParameterResult::Ok);
         assert_eq!(set(&mut p, (KP, 0), 1.9, true), (ParameterResult::OutOfRange, 2.0));
         assert_eq!(set(&mut p, (KP, 0), 2.5, true).0, ParameterResult::Ok);
@@ -374,7 +374,7 @@ mod tests {
         assert_eq!(last, 20.0, "and not yet what is in force");
         let ticks = 60;
         for _ in 0..ticks {
-            // The same value again and again does not delay the ramp.
+            // Repetition of the same value does not delay the ramp.
             set(&mut p, (KP, 0), 12.0, true);
             p.advance(&config());
             let now = driven(&p, 0).kp_nm_rad;

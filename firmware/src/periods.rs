@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn as_many_periods_as_the_rate_says_whenever_it_is_asked() {
-        // 120 Hz is no whole number of microseconds.
+        // 120 Hz is not a whole number of microseconds.
         let mut periods = Periods::start(5_000, 120);
         let starts = (5_000..10_005_000).step_by(7).filter(|&now| periods.next(now) == Some(0));
         assert_eq!(starts.count(), 1200);

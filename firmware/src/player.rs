@@ -69,7 +69,7 @@ impl Frame {
     }
 
     /// Copies the frame at which a cursor stands.
-    // Once in the image instead of where it is called.
+    // One copy in the image instead of one at each call.
     #[inline(never)]
     fn take(
         &mut self,

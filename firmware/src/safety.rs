@@ -92,7 +92,7 @@ pub fn step(state: State, event: Event) -> (State, Action) {
             V::Damp,
             _,
         ) => (S::Damped, A::Damp),
-        // In Disarmed as well: only the operator's CLEAR leads to where ARM is granted again.
+        // The robot is disarmed as well: only the operator's CLEAR leads to a state that grants ARM.
         (_, V::TorqueOff, _) if state == S::Disarmed || state.torque() != Torque::Off => {
             (S::TorqueOff, A::CutTorque)
         }

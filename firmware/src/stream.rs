@@ -132,7 +132,7 @@ impl Stream {
             self.ring.get(ring_index(number)).map_or(0, |waiting| waiting.heard & all)
         };
         let complete = heard(0) == all;
-        // The first frame is compared with the pose in which the robot rests, so all of it has to be there.
+        // The first frame is compared with the pose in which the robot rests, so it must be complete.
         let may_fill = self.begun && self.gaps < MOST_GAPS;
         let goes_on = may_fill && (1..DEPTH).any(|ahead| heard(ahead) != 0);
         if !(complete || goes_on) {

@@ -153,7 +153,7 @@ mod tests {
             tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &settings, &mut events);
         }
         assert_eq!(events.pop(), Some(Event::Leaning));
-        // Without the requirement, a silent IMU is no lean.
+        // Without the requirement, a silent IMU is not an excess tilt.
         for tick in 0..10 {
             tilt.watch(STALE_US + 1 + tick, &Attitude::LEVEL, &SETTINGS(), &mut events);
         }

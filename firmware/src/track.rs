@@ -80,7 +80,7 @@ pub struct Track {
 
 impl Track {
     /// Starts tracking for a robot that rests in a pose with these values and torques.
-    // Inlined, its arrays are copied number by number: 18 kB of code.
+    // Inlined, its arrays are copied element by element: 18 kB of code.
     #[inline(never)]
     pub fn start(
         tracking: Tracking,
@@ -181,7 +181,7 @@ impl Track {
             self.since_sample = 0;
         }
         self.samples = self.samples.saturating_add(u16::from(is_due));
-        // Its number is modulo 256 anyway.
+        // The sample number is modulo 256 anyway.
         if self.samples == u16::MAX {
             self.samples = 0xFF;
         }
@@ -198,7 +198,7 @@ impl Track {
             let moves = self.answers > 0 && between > 0 && self.held == 0;
             *slope = if moves { (new - old) / between_s } else { 0.0 };
         }
-        // Drives answered one after the other in the period before the sample: a period on the mean.
+        // Drives answered one after the other in the period before the sample, half a period earlier on average.
         let age = u16::from(self.age(self.whole.number).unwrap_or(0));
         let since_sample =
             age.saturating_mul(self.tracking.periods).saturating_add(self.since_sample);

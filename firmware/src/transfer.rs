@@ -103,7 +103,7 @@ impl<S: LibraryStore> LibraryStorage<S> {
         self.suspect |= event == Event::PlaybackFailed;
         self.proof = match (event, self.proof) {
             (Event::MotionStarted, Proof::None) => Proof::Asked,
-            // The player was sent back to SAFE before it had left.
+            // The player was sent back to SAFE before it had left SAFE.
             (Event::SafeReached, Proof::Asked) => Proof::None,
             (Event::SafeReached, Proof::Playing) => Proof::Played,
             (event, _) if event.fault().is_some() => Proof::None,
@@ -345,7 +345,7 @@ mod tests {
             send(&mut storage, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
         );
-        // A repeated block, one too far ahead, and an incomplete library.
+        // A repeated block, a block too far ahead, and an incomplete library.
         assert_eq!(
             send(&mut storage, Request::Block { offset: 0, bytes: &bytes[..100] }),
             (R::Ok, 100)
@@ -390,7 +390,7 @@ mod tests {
         send(&mut storage, Request::Begin { len: bytes.len() as u32, digest: 7 });
         send(&mut storage, Request::Block { offset: 0, bytes: &bytes });
         assert_eq!(send(&mut storage, Request::Finish).0, R::BadCrc);
-        // The transfer begins from the start, not where the damaged one ended.
+        // The transfer begins from the start, not from the end of the damaged transfer.
         assert_eq!(send(&mut storage, begin(&bytes)), (R::Ok, 0));
         assert!(storage.library().is_none());
     }
@@ -504,7 +504,7 @@ mod tests {
         storage.observe(Event::SafeReached);
         storage.settle(State::Disarmed);
         assert!(storage.on_trial());
-        // One complete motion, the next one not: this proves nothing either.
+        // One complete motion, but not the next: this proves nothing either.
         storage.observe(Event::MotionStarted);
         storage.on_clip(ClipId(1));
         storage.observe(Event::SafeReached);
@@ -519,7 +519,7 @@ mod tests {
         storage.settle(State::Disarmed);
         assert!(!storage.on_trial());
 
-        // A library for another robot is refused and the first stays active, now and after a reset.
+        // A library for another robot is refused. The first library stays active, now and after a reset.
         let mut other = config();
         other.channels[0].max_torque_nm = 2.0;
         let second = library(&other);

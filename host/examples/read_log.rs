@@ -94,7 +94,7 @@ pub fn summary(log: &str) -> Result<Summary, Box<dyn Error>> {
         };
         *rates_hz.entry(kind).or_insert(0.0) += 1.0 / duration_s;
     }
-    // A log has no limits and no gains, and traces do not use them.
+    // A log contains no limits and gains, and traces do not use them.
     let channel = |&(interface, id): &(&str, u8)| Channel {
         kind: ChannelKind::JointPosition,
         min: 0.0,

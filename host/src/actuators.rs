@@ -154,7 +154,7 @@ pub struct ServoLimits {
 /// Limits of a model, found by the beginning of its name. The suffixes `-T` and `-R` denote connectors.
 fn limits(model: &str) -> Option<ServoLimits> {
     let sheet = |min_v, max_v, max_c| ServoLimits { min_v, max_v, max_c };
-    // ROBOTIS e-manual, specifications and default temperature limits.
+    // Source: ROBOTIS e-manual, specifications and default temperature limits.
     let sheets = [
         ("XL330", sheet(3.7, 6.0, 70)),
         ("XL430", sheet(6.5, 12.0, 72)),
@@ -276,7 +276,7 @@ mod tests {
         };
         assert_eq!(waits(&[2, 3, 4]), [None, None, None, Some(2), Some(2)]);
         assert_eq!(waits(&[4]), [None; 5]);
-        // A servo before one that answers is silent by itself.
+        // If a later servo answers, a silent servo is itself the cause.
         assert_eq!(waits(&[2]), [None; 5]);
         assert_eq!(waits(&[1, 3, 4]), [None, None, None, None, Some(3)]);
         assert_eq!(waits(&[0, 1, 2, 3, 4]), [None, None, Some(1), Some(1), Some(1)]);

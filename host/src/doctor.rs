@@ -176,7 +176,7 @@ impl Observations<'_> {
         let value = report.map(|report| report.value);
         let actuators = self.actuators();
         let mut described = fault_report_on(fault, number, channel, value, actuators);
-        // What is reported is the tilt of now; the fault is latched since that of then.
+        // The report contains the present tilt; the fault is latched since an earlier tilt.
         let is_level = |report: &FaultReport| (0.0..LEVEL_RAD).contains(&report.value);
         if fault == Fault::Tilt && report.is_some_and(is_level) {
             described = "the body was tilted, and is level again".to_owned();

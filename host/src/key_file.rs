@@ -44,7 +44,7 @@ pub fn refusal() -> String {
 #[cfg(unix)]
 pub fn is_open_to_others(path: &Path) -> bool {
     use std::os::unix::fs::PermissionsExt;
-    // A pipe has no permissions that matter.
+    // Permissions of a pipe do not matter.
     let found = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
     found.is_some_and(|found| found.permissions().mode() & 0o077 != 0)
 }

@@ -165,7 +165,7 @@ mod tests {
         assert!(has_host(bus_with([ours(7), ours(8)])));
         assert!(has_host(bus_with((0..9).map(|seq| heartbeat(seq, Node::BROADCAST)))));
         assert!(!has_host(bus_with((0..9).map(|seq| heartbeat(seq, other)))));
-        // What a host that is gone has left in a queue, and a frame that a bridge repeats.
+        // A frame that a former host left in a queue, and a frame that a bridge repeats.
         assert!(!has_host(bus_with([ours(7)])));
         assert!(!has_host(bus_with([ours(7); 9])));
     }
@@ -195,7 +195,7 @@ mod tests {
         let listener = find_pause(&mut calm, nothing_yet(), PAUSE_TIMEOUT_US).unwrap();
         assert!(listener.has_controller());
         assert_eq!(calm.now_us(), PAUSE_US);
-        // Time spent listening before counts too.
+        // Time of earlier listening also counts.
         find_pause(&mut calm, listener, PAUSE_TIMEOUT_US).unwrap();
         assert_eq!(calm.now_us(), PAUSE_US);
     }

@@ -112,7 +112,7 @@ pub fn parameter_refusal(result: ParameterResult, limit: f32, state: Option<Stat
         }
         ParameterResult::UnknownChannel => "the robot does not have this channel",
         ParameterResult::OutOfRange => {
-            // All its digits: whether it is the largest value or the smallest is not known here.
+            // All digits, because the limit may be the largest or the smallest value.
             return format!("the value is not a number, or is beyond the limit of {limit}");
         }
         ParameterResult::WrongState => match state {
@@ -259,7 +259,7 @@ mod tests {
         assert!(silent.contains(Fault::ActuatorSilent.description().name), "{silent}");
         assert!(silent.contains(Fault::ActuatorSilent.description().advice), "{silent}");
         assert_eq!(told(None), command_refusal(CommandResult::PoseUnknown));
-        // A fault has nothing to do with a code that there is not.
+        // A fault is unrelated to a code that does not exist.
         let unrelated = Some(report(Fault::HostLost, None, 0.0));
         let told =
             command_refusal_in(CommandResult::UnknownCode, Some(State::Ready), unrelated, None);

@@ -54,7 +54,7 @@ impl Stream {
     /// Processes the number of frames in a STATUS of the state Streaming, modulo 4096.
     pub fn on_status(&mut self, frame: u16) {
         let more = u64::from(frame).wrapping_sub(self.taken) & 0xFFF;
-        // An older STATUS does not count back.
+        // An older STATUS does not decrease the count.
         if more < 0x800 {
             self.taken += more;
         }
@@ -114,7 +114,7 @@ mod tests {
         let expected: Vec<_> = (0..LEAD as u8).flat_map(|f| (0..3).map(move |c| (f, c))).collect();
         assert_eq!(first, expected);
         assert!(sent(&mut stream).is_empty());
-        // The controller's count wraps, and so does the number on the wire.
+        // The controller's count wraps, as does the number on the wire.
         let mut all = LEAD as usize;
         for taken in (3..=590).step_by(3) {
             stream.on_status(taken & 0xFFF);

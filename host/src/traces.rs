@@ -115,7 +115,7 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     if unpacked > most {
         return Err(TraceError::Unpacked { unpacked, most });
     }
-    // The reader takes no more out of a chunk than it declares.
+    // The reader takes at most the declared size out of a chunk.
     let options = LinearReaderOptions::default().with_skip_end_magic(true);
     let options = options.with_record_length_limit(RECORD_MAX);
     let messages = MessageReader::new_with_options(bytes, options);
@@ -135,7 +135,7 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
         let states = states.map_err(|_| TraceError::Message(topic.to_owned()))?;
         turns.entry(topic).or_default().push((message.log_time, states));
     }
-    // What was read before it was cut off or damaged is enough, or the damage is why it is not.
+    // Data before the end or the damage suffices. Otherwise the damage is the reason of the error.
     if let Some(error) = cut_off.filter(|_| turns.len() < 2) {
         return Err(error.into());
     }
@@ -156,7 +156,7 @@ pub fn of_mcap(bytes: &[u8], config: &RobotConfig, names: &[String]) -> Result<T
     };
     let mut motors = vec![Motor::default(); names.len()];
     for pair in measured.windows(2) {
-        // The channels have reported one after the other since the message before.
+        // The channels have reported one after the other since the previous message.
         let (from_s, to_s) = (at_s(pair[0].0), at_s(pair[1].0));
         let joints = &pair[1].1.joints;
         for (place, joint) in joints.iter().enumerate() {
@@ -196,7 +196,7 @@ fn unpacked_bytes(bytes: &[u8]) -> u64 {
     };
     while let (Some(&opcode), Some(length)) = (rest.first(), number(rest, 1)) {
         let record = &rest[HEAD..];
-        // Of a chunk: two times, size, checksum and the name of the compression, empty without.
+        // Head of a chunk: two times, size, checksum, and the name of the compression, which is empty without compression.
         let is_packed = record.get(28..32).is_some_and(|length| length != [0; 4]);
         if opcode == mcap::records::op::CHUNK && is_packed {
             unpacked = unpacked.saturating_add(number(record, 16).unwrap_or(0));
@@ -224,7 +224,7 @@ pub fn of_candump(
     let interfaces: BTreeSet<&str> = entries.iter().map(|entry| entry.interface.as_str()).collect();
     let has_feedback = |interface: &&str| {
         let own = entries.iter().filter(|entry| entry.interface == *interface);
-        // Frames of the link with identifiers of feedback are shorter.
+        // Frames of the link that have identifiers of feedback are shorter.
         own.filter_map(|entry| Feedback::decode(&entry.frame)).next().is_some()
     };
     let found: Vec<&str> = interfaces.into_iter().filter(has_feedback).collect();
@@ -270,7 +270,8 @@ pub fn of_candump(
                 continue;
             }
             extend(&mut own_s, [from_s, to_s], 0.0);
-            // In force up to the next one. A line between such ends has, at the end of a step of the same length, the mean over the step.
+            // A command is in force until the next command. At the end of a step, a line between these ends has the mean over
+            // the step.
             let [angle, speed, torque] = values;
             motor.target_rad.push((to_s, angle));
             motor.target_rad_s.push((to_s, speed));
@@ -395,7 +396,7 @@ mod tests {
         let bytes = file.into_inner();
         let error = of_mcap(&bytes, &config, &names).unwrap_err().to_string();
         assert!(error.contains("/planned_joint_states") && error.contains("--library"), "{error}");
-        // Planned states, as for a library, with a pause.
+        // Planned states as in a library, with a pause.
         let planned = |k: u64| {
             let time_s = k as f64 * 0.05;
             let state = |name: &str, position: Option<f64>, velocity: Option<f64>| serde_json::json!({ "name": name, "position": position, "velocity": velocity });
@@ -407,7 +408,7 @@ mod tests {
             serde_json::json!({ "timestamp": { "sec": 0, "nsec": 0 }, "joints": joints })
         };
         let mut file = Cursor::new(Vec::new());
-        // Compressed, as `mcap filter` and its like leave it.
+        // Compressed as by `mcap filter` and similar tools.
         let compressed = WriteOptions::new().compression(Some(Compression::Zstd));
         let mut writer = compressed.create(&mut file).unwrap();
         for message in MessageStream::new(&bytes).unwrap() {
@@ -433,7 +434,7 @@ mod tests {
         assert!((traces.commanded_s[1][0] - 1.5).abs() < 1e-6);
         for channel in 0..2 {
             let motor = &traces.motors[channel];
-            // To the wire's step of 0.2 mrad: each at its own time, not when the last one had reported.
+            // Accurate to the wire's step of 0.2 mrad: each channel at its own time, not at the time of the last report.
             near(&motor.rad, |time_s| angle(channel, time_s), 1.1e-4);
             near(&motor.target_rad, |time_s| angle(channel, time_s), 1e-9);
             let slope = |time_s: f64| 0.6 * (2.0 * time_s + channel as f64).cos();
@@ -486,7 +487,7 @@ mod tests {
         // The reader stops at the size that a chunk declares.
         let error = why(&bomb(64 << 20, 1000));
         assert!(error.contains("decompress"), "{error}");
-        // Many chunks, each of an allowed size.
+        // Many chunks, each with an allowed size.
         let small = bomb(8 << 20, 8 << 20);
         let chunk =
             mcap::MAGIC.len() + 9 + u64::from_le_bytes(*small[9..].first_chunk().unwrap()) as usize;
@@ -497,7 +498,7 @@ mod tests {
         }
         let error = why(&in_turn);
         assert!(error.contains("unpack to 167"), "{error}");
-        // A record that is not compressed has a bound of its own.
+        // A record without compression has a separate limit.
         let mut long = small[..chunk].to_vec();
         long.push(mcap::records::op::MESSAGE);
         long.extend_from_slice(&(1_u64 << 40).to_le_bytes());
@@ -515,7 +516,7 @@ mod tests {
             let (at_us, time_s) = (k * 10_000, k as f64 * 0.01);
             for (interface, id, channel) in [("can1", 1, 0), ("can2", 1, 1)] {
                 let position_rad = angle(channel, time_s) as f32;
-                // Limp in the middle.
+                // The joint is limp in the middle.
                 let kp_nm_rad = if k == 60 && channel == 1 { 0.0 } else { 10.0 };
                 let torque_nm = if k > 30 { 0.5 } else { 0.0 };
                 let setpoint = JointSetpoint {

@@ -170,17 +170,17 @@ mod tests {
             (254, None, 0, Some(3))
         );
         assert_eq!(first.gyro_rad_s, Some([1.0, 0.0, 0.0]));
-        // The numbers wrap; what did not come is older or missing.
+        // The numbers wrap. A missing channel has an older value or none.
         samples.on_joint(joint(1, 0.3));
         let next = samples.on_sample(sample(1, Some(254))).unwrap();
         assert_eq!((next.number, next.late, next.stale, next.gyro_rad_s), (257, Some(3), 1, None));
         assert_eq!(next.joints[0].unwrap().position_rad, 0.1);
         assert_eq!(next.joints[1].unwrap().position_rad, 0.3);
         assert_eq!(samples.lost(), 2);
-        // One that is repeated, or that was overtaken.
+        // A repeated sample, and an overtaken sample.
         assert_eq!(samples.on_sample(sample(1, None)), None);
         assert_eq!(samples.on_sample(sample(0, None)), None);
-        // A channel beyond all.
+        // A channel beyond the last.
         samples.on_joint(joint(255, 0.0));
         assert_eq!(samples.on_sample(sample(2, None)).unwrap().joints.len(), 2);
     }

@@ -30,7 +30,7 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
             radius_m: 0.0,
             tip: Tip::Sphere,
             normal: Normal { stiffness_n_m: 1e3, damping_n_s_m: 4.0, ramp_m: 1e-3, pulls: true },
-            // The smooth model: where the linear one sticks, nothing depends on the coefficient.
+            // The smooth model, because in the linear model sticking does not depend on the coefficient.
             friction: Friction {
                 model: FrictionModel::Tanh,
                 coefficient: friction,
@@ -43,7 +43,7 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
     let settings = Settings { scheme: Scheme::Bdf2, tolerance: 1e-10, ..Settings::default() };
     let mut system = System::new(settings, assembly);
 
-    // One number of all four contacts, and the speed at the beginning.
+    // One coefficient for all four contacts, and the initial speed.
     let of_all = ContactParameter::new(&system, 0..4, ContactQuantity::Friction);
     debug_assert_eq!(of_all.value(&system), friction);
     let ahead = Initial { bodies: vec![0], freedom: Freedom::Velocity, axis: Vector3::x() };
@@ -55,7 +55,7 @@ fn slide([friction, speed_m_s]: [f64; 2]) -> Option<Rollout> {
 }
 
 fn main() {
-    // A camera sees the box every fourth step.
+    // A camera measures the box in every fourth step.
     let truth = [0.27, 1.1];
     let real = slide(truth).expect("the box slides");
     let mut rng = fastrand::Rng::with_seed(1);
@@ -65,7 +65,7 @@ fn main() {
         .map(|step| (step, real.motions(step)[0].position + Vector3::x() * (NOISE_M * normal())))
         .collect();
 
-    // Residuals in units of their own deviation: then the Hessian is the inverse covariance of the parameters.
+    // Residuals are divided by their standard deviation, so that the Hessian is the inverse covariance of the parameters.
     let evaluate = |parameters: &[f64]| {
         let rollout = slide([parameters[0], parameters[1]])?;
         let miss = |(step, place): &(usize, Vector3<f64>)| {

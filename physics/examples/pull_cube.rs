@@ -77,7 +77,7 @@ fn rollout(values: &[f64]) -> Option<Rollout> {
     });
     let mut recorder = Recorder::new(&system, handles.collect());
     for _ in 0..STEPS {
-        // The place at the end of the step.
+        // Position at the end of the step.
         let time_s = system.time_s() + STEP_S;
         let shift = AXES.iter().enumerate().map(|(k, axis)| {
             let of_axis: Vec<_> = values.chunks(AXES.len()).map(|knot| knot[k]).collect();
@@ -96,14 +96,14 @@ fn main() {
         let mut residuals = Vec::new();
         for axis in AXES {
             residuals.push(Residual::position(&rollout, STEPS, 0, &TARGET_M, axis));
-            // And it shall stand there.
+            // The cube must stand there.
             let still = Vector3::zeros();
             residuals.push(Residual::velocity(&rollout, STEPS, 0, &still, axis * 0.1));
         }
         Some(Evaluation::from((rollout, residuals)))
     };
     let knots = curve().knots;
-    // Neighbouring knots are alike, so that the way is smooth; the first is where the handle is.
+    // Neighbouring knots are similar, so that the path is smooth. The first knot is at the handle.
     let mut penalties = Penalty::smooth(AXES.len(), knots, false, 1e-4);
     penalties.extend(Penalty::small(AXES.len(), 1.0));
     let start = vec![0.0; AXES.len() * knots];

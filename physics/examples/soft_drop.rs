@@ -13,14 +13,14 @@ const STEP_S: f64 = 1.0 / 240.0;
 const STEPS: usize = 120;
 
 fn main() -> Result<(), StepError> {
-    // A block of 20 cm in 3 × 3 × 3 cells, its lower side 5 cm above the ground; 150 kg/m³, Young's modulus 20 kPa.
+    // A block of 20 cm with 3 × 3 × 3 cells, 5 cm above the ground; 150 kg/m³, Young's modulus 20 kPa.
     let mesh = Mesh::block(Vector3::new(-0.1, -0.1, 0.05), Vector3::repeat(0.2), [3; 3]);
     let material = Material { viscosity_pa_s: 5.0, ..Material::elastic(150.0, 2e4, 0.3) };
     let mut assembly = Assembly::default();
     let soft = SoftBody::add(&mut assembly, &mesh, &material).expect("a mesh of positive volume");
     let elements = 0..assembly.forces.len();
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
-    // Stiffness and damping are by area, so that a finer mesh is as stiff.
+    // Stiffness and damping are per area, so that a finer mesh is equally stiff.
     soft.touch(
         &mut assembly,
         &ground,
@@ -39,7 +39,7 @@ fn main() -> Result<(), StepError> {
     let mut system = System::new(settings, assembly);
     println!("{} nodes, {} tetrahedra", soft.nodes.len(), elements.len());
 
-    // The shear modulus of all tetrahedra.
+    // Shear modulus of all tetrahedra.
     let shear = Softness { elements, of: MaterialQuantity::Mu };
     let mut recorder = Recorder::new(&system, vec![Box::new(shear)]);
     let mut iterations = 0;

@@ -33,7 +33,7 @@ pub const STEP_S: f64 = 1e-3;
 
 /// Simulates a throw and records its derivatives.
 pub fn throw(velocity: Vector3<f64>) -> Result<Rollout, StepError> {
-    // What moves, and what acts on it.
+    // Bodies and forces.
     let mut assembly = Assembly::default();
     let about_com_kg_m2 = Matrix3::identity() * (0.4 * 0.1 * RADIUS_M * RADIUS_M);
     let inertia = Inertia { mass_kg: 0.1, about_com_kg_m2 };
@@ -48,11 +48,11 @@ pub fn throw(velocity: Vector3<f64>) -> Result<Rollout, StepError> {
         resistance: Resistance::default(),
         ground: Arc::new(Plane::level()),
     });
-    // BDF2 keeps the energy of what flies and bounces.
+    // BDF2 conserves the energy of bodies that fly and bounce.
     let settings = Settings { scheme: Scheme::Bdf2, tolerance: 1e-10, ..Settings::default() };
     let mut system = System::new(settings, assembly);
 
-    // What derivatives are by: here the velocity along each axis.
+    // Parameters of the derivatives: velocity along each axis.
     let parameters = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| -> Box<dyn Parameter> {
         Box::new(Initial { bodies: vec![ball], freedom: Freedom::Velocity, axis })
     });
@@ -72,7 +72,7 @@ fn miss(rollout: &Rollout) -> Vec<Residual> {
 /// Derivatives of a throw: d(place)/d(velocity), s, and the gradient of ½ |miss|² by the direct and by the adjoint method.
 pub fn derivatives(rollout: &Rollout) -> (DMatrix<f64>, [DVector<f64>; 2]) {
     let residuals = miss(rollout);
-    // Rows are residuals, columns parameters. Its transpose times the residuals is the gradient.
+    // Rows are residuals, columns parameters. The transpose times the residuals is the gradient.
     let jacobian = rollout.jacobian(&residuals);
     let values = DVector::from_iterator(3, residuals.iter().map(|miss| miss.value));
     let direct = jacobian.tr_mul(&values);

@@ -61,7 +61,7 @@ impl BlockLu {
             firsts.push(firsts[firsts.len() - 1] + unknown);
         }
 
-        // What a pivot is coupled with later: its own neighbours, and those of pivots that it is the first to inherit.
+        // Later couplings of a pivot: its own neighbours, and those of pivots that it is the first to inherit.
         let mut later: Vec<Vec<usize>> = Vec::with_capacity(count);
         let mut heirs: Vec<Vec<usize>> = vec![Vec::new(); count];
         for (place, &body) in order.iter().enumerate() {

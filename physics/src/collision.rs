@@ -128,13 +128,14 @@ impl Force for Collision {
         let levers = spot.arms.map(|arm| skew(&arm));
         let spins = [0, 1].map(|k| skew(&view.now[k].spin));
         let (one, none) = (Matrix3::identity(), Matrix3::zeros());
-        // Of the point and its velocity as an observer on the solid has them: what turns with the solid does not change.
+        // Derivatives of the point and its velocity for an observer on the solid, for whom a rotation with the solid changes
+        // nothing.
         let of_point = [one, -levers[0], none, none];
         let of_solid = [-one, levers[1], none, none];
         let drift = spins[1];
         let velocity_of_point = [-drift, (drift - spins[0]) * levers[0], one, -levers[0]];
         let velocity_of_solid = [drift, skew(&spot.velocity), -one, levers[1]];
-        // Of the arm from the solid's centre of mass, which is seen from the world.
+        // Derivatives of the arm from the solid's centre of mass, in the world.
         let arm_of = [of_point, [-one, none, none, none]];
         for j in 0..2 {
             let (place, velocity) = match j {
@@ -175,7 +176,7 @@ impl Force for Collision {
             lever.fixed_view_mut::<3, 3>(3, 0).copy_from(&(skew(&arm) * sign));
             lever
         });
-        // The surface is taken to be flat.
+        // The surface is assumed to be flat.
         let law = move |gain: f64, shift: &Vector3<f64>| {
             let normal = spot.surface.normal;
             let gap_m = spot.surface.gap_m + normal.dot(shift);
@@ -233,7 +234,7 @@ mod tests {
                 let mut force = collision(Arc::clone(&solid), model);
                 force.normal.pulls = pulls;
                 agrees_at(&force, 20, |now| {
-                    // The point 1 cm deep.
+                    // The point is 1 cm deep.
                     let (place, _) = now[0].point(&force.point);
                     let out = (place - now[1].position).normalize();
                     let center = now[1].position + now[1].rotation * BALL.center;
@@ -262,7 +263,7 @@ mod tests {
         let after = (system.momentum(), system.angular_momentum());
         assert!(system.motions()[1].velocity.norm() > 0.1, "{:?}", system.motions());
         assert!((after.0 - before.0).norm() < 1e-9, "{before:?}, {after:?}");
-        // Of the first order in the step: positions are those of its end.
+        // First order in the step, because positions are those of the end of the step.
         assert!((after.1 - before.1).norm() < 1e-3, "{before:?}, {after:?}");
     }
 }

@@ -264,7 +264,7 @@ impl Force for GroundContact {
         let press = self.normal.press(gap_m, opening);
         let spring = press.spring_n;
 
-        // What slides, and for a blade what resists along it.
+        // Sliding direction, and for a blade the resistance along it.
         let mut sliding = VectorWithDerivatives {
             value: velocity.value - normal.value * opening,
             by: [0, 1, 2, 3]
@@ -416,7 +416,7 @@ mod tests {
             for tip in [Tip::Sphere, Tip::Rim { axis }, Tip::Blade { axis }] {
                 for model in [FrictionModel::Linear, FrictionModel::Tanh] {
                     let mut contact = contact(tip, Arc::clone(&ground), model);
-                    // Deep enough that it touches, and not near a kink.
+                    // The point is deep enough for contact, and not near a kink.
                     for (depth, pulls) in [(0.005, true), (0.05, true), (0.005, false)] {
                         contact.normal.pulls = pulls;
                         agrees_at(&contact, 8, |now| {
@@ -502,7 +502,7 @@ mod tests {
         let mut contact = contact(Tip::Sphere, Arc::new(Plane::level()), FrictionModel::Linear);
         let mut body = BodyMotion::at(Vector3::new(0.0, 0.0, 0.14));
         body.velocity = Vector3::new(0.0, 0.0, 2.0);
-        // 200 N/m and half of 3 N·s/m at a depth of 1 cm: 2 N against 3 N.
+        // 200 N/m and half of 3 N·s/m at a depth of 1 cm are 2 N and 3 N.
         assert!((contact.touch_at(&body).force.z + 1.0).abs() < 1e-12);
         contact.normal.pulls = false;
         assert_eq!(contact.touch_at(&body).force, Vector3::zeros());
@@ -527,7 +527,7 @@ mod tests {
         let mut body = BodyMotion::at(Vector3::new(-0.02, 0.01, 0.149));
         body.spin = Vector3::y() * 4.0;
         body.velocity = Vector3::x() * 4.0 * 0.15;
-        // The centre of the wheel is 0.1 m below the body's, which the wheel turns about.
+        // The centre of the wheel is 0.1 m below the centre of the body, about which the wheel rotates.
         let touch = contact.touch_at(&body);
         assert!((touch.point - Vector3::new(0.0, 0.0, -0.001)).norm() < 1e-12, "{touch:?}");
         assert!((touch.sliding.x).abs() < 1e-12, "{touch:?}");

@@ -76,7 +76,7 @@ impl Friction {
             return self.force(sliding, normal_n);
         };
         let force = Self { stick_n_s_m, ..*self }.force(&(sliding - force / stick_n_s_m), normal_n);
-        // How firm the hold is, is no number of the contact's.
+        // Stiffness of the hold is not a parameter of the contact.
         FrictionForce { by_stick: Vector3::zeros(), ..force }
     }
 
@@ -94,7 +94,7 @@ impl Friction {
             slips: false,
         };
         if limit <= 0.0 {
-            // Of a contact without friction, to the side of more of it.
+            // Without friction, the one-sided derivative towards more friction.
             let by_coefficient = sliding * (-normal_n.max(0.0) / speed.max(f64::MIN_POSITIVE));
             return FrictionForce {
                 force: Vector3::zeros(),

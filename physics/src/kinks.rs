@@ -196,7 +196,7 @@ impl Compliance {
                 }
             }
         }
-        // The factors have the laws' tangents D in them: W = (W0⁻¹ − D)⁻¹, so that W0 = (1 + W D)⁻¹ W.
+        // The factors contain the tangents D of the laws: W = (W0⁻¹ − D)⁻¹, so that W0 = (1 + W D)⁻¹ W.
         let mut with_tangents = DMatrix::identity(size, size);
         let mut moved = DVector::zeros(size);
         for (k, port) in ports.iter().enumerate() {
@@ -279,7 +279,7 @@ impl Compliance {
         compliance: &Matrix3<f64>,
         mut shift: Vector3<f64>,
     ) -> Vector3<f64> {
-        // It stays open.
+        // The contact stays open.
         if port.law(self.gain, from).0 == Vector3::zeros() {
             return *from;
         }
@@ -321,7 +321,7 @@ impl Compliance {
             let (force, by_shift) = port.law(self.gain, &Vector3::new(shift, 0.0, 0.0));
             (shift - from - compliance * force.x, 1.0 - compliance * by_shift[(0, 0)])
         };
-        // The displacement without the force, and with what it would give there, have the root between them.
+        // The root lies between the displacement without force and the displacement with the force at that point.
         let (mut low, mut high) = (from, from - wrong(from).0);
         if low > high {
             std::mem::swap(&mut low, &mut high);

@@ -61,7 +61,7 @@ impl BlockMatrix {
     /// that may be nonzero, as pairs of row and column.
     pub fn new(unknowns: &[usize], coupled: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut blocks: BTreeSet<(usize, usize)> = (0..unknowns.len()).map(|k| (k, k)).collect();
-        // By column, then row.
+        // Sorted by column, then row.
         blocks.extend(coupled.map(|(row, column)| (column, row)));
         let mut firsts = vec![0];
         firsts.extend(unknowns.iter().scan(0, |sum, &count| {
@@ -156,7 +156,7 @@ impl BlockMatrix {
     /// Factorises the matrix with these values, for later right-hand sides. Returns false if the matrix is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         self.values.copy_from_slice(values);
-        // How exact the factors are shows at a right side: here at one that has a part of everything.
+        // The accuracy of the factors is visible for a right side; this one contains every direction.
         let mut side = vec![1.0; self.solution.len()];
         self.solve(&mut side)
     }

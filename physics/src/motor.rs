@@ -200,7 +200,7 @@ impl Motor {
         let normal = self.axis_in_world(&now[0]).cross(&along);
         let other = now[1].rotation * self.across[1];
         let (sine, cosine) = (normal.dot(&other), along.dot(&other));
-        // δ(m·n) = (n × m)·… for a turn of `other`: δθ·(other × normal), δθ·(other × along).
+        // δ(m·n) = (n × m)·… for a rotation of `other`: δθ·(other × normal), δθ·(other × along).
         let gradient = (other.cross(&normal) * cosine - other.cross(&along) * sine)
             / (sine * sine + cosine * cosine);
         (sine, cosine, gradient)

@@ -89,7 +89,7 @@ impl Newton {
         self.equations.begin(step);
         self.sticking.begin(step);
         let (mut trial, mut norm, guessed) = self.guess(step, tolerance);
-        // Whether the matrix is that of the trial, and whether it is, or is to be, the tame one.
+        // `derived` tells whether the matrix is that of the trial, `tame` whether it is, or is to be, the tame one.
         let (mut derived, mut tame, mut iterations) = (guessed, false, 0);
         loop {
             if norm < tolerance.sqrt() && self.sticking.decide(step, &self.equations) {
@@ -122,7 +122,7 @@ impl Newton {
             }
             iterations += 1;
             report.iterations += 1;
-            // Particles that are held have other equations than their forces.
+            // Held particles have equations other than their forces.
             let leap = if self.sticking.holds().is_empty() {
                 let Self { equations, correction, kinks, sticking } = self;
                 kinks.correct(step, equations, sticking.held(), norm, correction)
@@ -137,19 +137,19 @@ impl Newton {
             self.cap_turns();
             let before = norm;
             let (moved, share, found) = self.search(step, &trial, norm, report);
-            // Beyond kinks, what is no lowest point leads far away.
+            // Beyond kinks, a step towards a saddle point leads far away.
             let astray = found > GROWTH * norm || !found.is_finite();
             if leap == KinkOutcome::Leaps && !tame && astray {
                 tame = true;
                 continue;
             }
             (trial, norm) = (moved, found);
-            // The matrix is wrong by about the share of the residual that it left.
+            // The error of the matrix is about the fraction of the residual that remains.
             let ends = norm >= tolerance && norm * (norm / before) <= tolerance;
             if ends && share == 1.0 && leap == KinkOutcome::Stays {
                 (trial, norm) = self.again(step, trial, norm);
             }
-            // Where a kink cut the step short, the next one goes by the tame matrix.
+            // After a step that a kink cut short, the next step uses the tame matrix.
             let converges = share == 1.0 && norm < CONVERGES * before;
             tame = if iterations < TAME_RUNS[0].start {
                 !tame && share < SHORT
@@ -252,12 +252,12 @@ impl Newton {
                 share *= 0.5;
                 continue;
             };
-            // Regula falsi, kept away from the ends; bisection where the residual is no number.
+            // Regula falsi, kept away from the ends; bisection if the residual is NaN.
             let guess = low.1 / (low.1 - power);
             let within = if guess.is_finite() { guess.clamp(0.1, 0.9) } else { 0.5 };
             share = low.0 + (end - low.0) * within;
         }
-        // The whole step leads to the other side of a kink, whose derivatives know better.
+        // The full step leads to the other side of a kink, where the derivatives are better.
         let moved = self.moved(trial, 1.0);
         let found = self.evaluate(step, &moved, Derive::Nothing);
         (moved, 1.0, found)

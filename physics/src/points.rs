@@ -67,7 +67,7 @@ impl Points {
     ) {
         let levers = self.arms(now).map(|arm| skew(&arm));
         for (j, of_j) in [(0, -1.0), (1, 1.0)] {
-            // The force on the first body by the motion of body j.
+            // Derivative of the force on the first body with respect to the motion of body j.
             let lever = levers[j];
             // δ(ω × ρ) = [ω] δρ with δρ = −[ρ] δθ.
             let turning = -(pull.by_offset * lever + pull.by_velocity * skew(&now[j].spin) * lever);
@@ -84,7 +84,7 @@ impl Points {
                     derivative.add_moment(*by, &(levers[i] * block * on_i));
                 }
                 if i == j && !tame {
-                    // The moment's own arm turns: δρ × f = [f] [ρ] δθ.
+                    // The moment's own arm rotates: δρ × f = [f] [ρ] δθ.
                     derivative
                         .add_moment(StateBlock::Rotation, &(skew(&pull.force) * levers[i] * on_i));
                 }

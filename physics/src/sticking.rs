@@ -171,7 +171,7 @@ impl Sticking {
             self.decided = true;
             for &(force, body) in self.able.iter().filter(|(force, _)| is_hybrid(step, *force)) {
                 let sticks = touch(force, body).filter(|touch| !touch.slips);
-                // Two contacts of one particle would hold it twice.
+                // Two contacts of one particle would hold the particle twice.
                 let free = self.holds.iter().all(|hold| hold.body != body);
                 if let (Some(touch), true, false) = (sticks, free, let_go.contains(&body)) {
                     self.holds.push(StickConstraint::new(body, &touch));

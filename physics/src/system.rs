@@ -199,7 +199,7 @@ impl System {
     /// State of the contact at a force index; `None` for other forces.
     pub fn touch(&self, force: usize) -> Option<Touch> {
         let touch = self.of_force(force, |force, now| force.touch(now))?;
-        // What a hard hold takes is no force of the contact's own.
+        // The force of a hard hold is not a force of the contact itself.
         let held = self.newton.sticking().friction(force).unwrap_or_default();
         Some(Touch { force: touch.force + held, ..touch })
     }
@@ -305,7 +305,7 @@ impl System {
         let Settings { scheme, gravity_m_s2, tolerance, iterations } = self.settings;
         let goes_on = self.state.last_step_s == Some(step_s);
         let weights = Weights::new(if goes_on { scheme } else { Scheme::Bdf1 }, step_s);
-        // At the end of a step of BDF1 bodies have the velocity of the whole step.
+        // At the end of a step of BDF1, bodies have the mean velocity of the step.
         let acceleration_share = match (goes_on, scheme) {
             (false, _) => 0.0,
             (true, Scheme::Bdf1) => 1.0,

@@ -81,7 +81,7 @@ impl World {
     pub fn standing(robot: &Robot, ground: &Arc<dyn Ground>, parameters: &Parameters) -> Self {
         let mut state = RobotState::nominal(robot, Vector3::zeros());
         let mut world = Self::new(robot, ground, parameters, &state);
-        // Along the vertical, and again where the ground is not level.
+        // Shifts along the vertical, repeatedly because the ground may be uneven.
         for _ in 0..20 {
             state.base_position_m.z -= lowest_m(world.foot_touches());
             world = Self::new(robot, ground, parameters, &state);

@@ -46,7 +46,7 @@ pub fn walk() -> Result<Walk, Box<dyn Error>> {
     let plan = optimise(&robot, &motion, &Options::default(), progress);
     let cpu_s = begin.elapsed().as_secs_f64();
 
-    // Torques of the motion as played, at any time: the samples of the plan are 50 ms apart.
+    // Torques of the played motion at any time. Samples of the plan are 50 ms apart.
     let mut dynamics = InverseDynamics::new(&plan);
     let (mut mean_force_n, mut largest_force_n, mut largest_torque_nm) = (0.0, (0, 0.0), (0, 0.0));
     for k in 0..TIMES {

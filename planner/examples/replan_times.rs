@@ -70,7 +70,7 @@ fn measured(
     let (mut iterations, mut times_ms, mut accepted) = (Vec::new(), Vec::new(), 0);
     for k in 0..PLANS {
         let at = k * every;
-        // As of a joystick: on, on with a turn, back, and let go.
+        // Commands of a joystick: forward, forward with a turn, backward, and released.
         let [forward_m_s, turn_rad_s] =
             [[0.1, 0.0], [0.1, 0.2], [-0.1, 0.0], [0.0; 2]][(k / 25) as usize % 4];
         let steering = Steering { forward_m_s, left_m_s: 0.0, turn_rad_s };

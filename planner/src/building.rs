@@ -119,7 +119,7 @@ impl Contents {
         let file = LibraryFile::from_toml(name, text, &robot).map_err(|why| shelf.faults(why))?;
         let (mut motions, mut plans) = (Vec::new(), Vec::new());
         for item in &file.motions {
-            // Plans, plots and progress speak of it as the library does.
+            // Plans, plots and progress use the library's name of the motion.
             let named = |motion: Motion| Motion { name: item.name.clone(), ..motion };
             let (other, at, advice) = match &item.source {
                 MotionSource::Motion(file) => {

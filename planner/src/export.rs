@@ -211,7 +211,7 @@ mod tests {
             near(at("base_z_m"), sample.base_position_m[2]);
             near(at("com_x_m"), sample.com_m[0]);
             near(at("rl-hip_rad"), sample.joint_rad[2]);
-            // Times that differ in their last bit stop the solver of the forces elsewhere.
+            // Times that differ in the last bit change the end point of the force solver.
             let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-7, "sample {i}: {a} {b}");
             near(at("rl-hip_nm"), sample.joint_torque_nm[2]);
             near(
@@ -222,12 +222,12 @@ mod tests {
             near(at("fr-wheel_x_m"), sample.end_effectors[1].position_m[0]);
             near(at("fr-wheel_contact"), 1.0);
         }
-        // The speed of the body adds up to its way.
+        // The integral of the body's speed is its displacement.
         let way: f64 = column(&table, "base_vx_m_s").iter().sum::<f64>() / 20.0;
         let moved = plan.samples[plan.samples.len() - 1].base_position_m[0];
         assert!((way - moved).abs() < 1e-3, "{way} {moved}");
         assert_eq!(column(&table, "base_wz_rad_s")[0], 0.0);
-        // Speeds are derivatives: the legs move 0.3 rad in the first second, whatever the way.
+        // Speeds are derivatives: the legs move 0.3 rad in the first second, independent of the path.
         let mean = column(&table, "fl-hip_rad_s")[..20].iter().sum::<f64>() / 20.0;
         assert!((mean - 0.3).abs() < 1e-3, "{mean}"); // rectangle rule on a bump that vanishes at its ends
     }

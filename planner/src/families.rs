@@ -309,12 +309,12 @@ impl Family {
         match self {
             // 1.15 times the most of a motion that holds, and less than of any that missed its way by more than 8 %.
             Self::MeanSlip => OfSpeed(0.0035),
-            // Of robots that nobody tuned for, walks with up to 1.33 % of the height held; from 1.37 % on some came to 0.95 or
-            // less.
+            // Of robots that were not tuned, walks with up to 1.33 % of the height held. From 1.37 % on, some reached 0.95 of
+            // the distance or less.
             Self::Creep => OfHeight(0.014),
             // Peaks of some milliseconds, the highest where passive wheels land.
             Self::Slip | Self::LandingSlip => OfSpeed(0.15),
-            // 1 mm for a robot of 0.25 m: what stands higher does not carry, what stands lower carries all.
+            // 1 mm for a robot of 0.25 m. A foot that stands higher carries nothing; a foot that stands lower carries all.
             Self::ContactHeight => OfHeight(0.004),
             Self::SwingDepth => OfHeight(0.015),
             Self::UnmetForce => OfWeight(0.06),
@@ -437,7 +437,7 @@ mod tests {
         for &family in Family::ALL.iter().filter(|family| family.kind() != Kind::Cost) {
             let (unit, factor) = family.unit().shown();
             let level = match family.level() {
-                // Rounded as the table has it: 0.5° in mrad.
+                // Rounded as in the table: 0.5° in mrad.
                 Residual(level) => {
                     format!("{} {unit}", (level * factor * 1e7).round() / 1e7)
                 }

@@ -122,10 +122,10 @@ fn instant(
     ));
     let mut columns = Matrix3xX::zeros(tree.dofs());
     for (row, &j) in standing.iter().enumerate() {
-        // A wheel's spin is none of the joints: it yields as `Roll`.
+        // A wheel's spin is not a joint; it yields as `Roll`.
         frames.point_jacobian(tree, rims[j].link, &rims[j].position(), &mut columns);
         jacobian.view_mut((3 * row, 0), (3, joints)).copy_from(&columns.columns(JOINTS, joints));
-        // ∂J_b/∂q_a = axis_a × J_b for a joint a that carries joint b, and the same the other way round.
+        // ∂J_b/∂q_a = axis_a × J_b for a joint a that carries joint b, and vice versa.
         let chain = tree.joints_to_link(rims[j].link);
         for (k, &a) in chain.iter().enumerate() {
             for &b in &chain[k..] {
@@ -140,7 +140,7 @@ fn instant(
     }
     let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
     let height_m = spline.ground().height_above_m(&com);
-    // Not `solve`, which panics for a robot without joints.
+    // `try_inverse` instead of `solve`, which panics for a robot without joints.
     let mut compliance = &jacobian * stiffness.try_inverse()? * jacobian.transpose();
     (0..compliance.nrows()).for_each(|k| compliance[(k, k)] += GROUND_YIELDS * height_m / weight_n);
     Some(Instant {
@@ -184,7 +184,7 @@ fn roll(
             foot.radius_m.powi(2) / motor.kd_nm_s_rad
         }
         (_, Some(drag)) => {
-            // The slope of Eq. 2.6 at speed, where small errors do not change its sign.
+            // Slope of Eq. 2.6 at speed, where small errors do not change the sign.
             let drag_n_s_m = drag.rolling_drag_s_m * force_n.dot(rim.normal()).max(0.0);
             1.0 / drag_n_s_m.max(LEAST_DRAG_N_S_M)
         }

@@ -96,7 +96,7 @@ impl Format {
                     "the file is empty; expected JSON".to_owned()
                 }
                 Category::Eof => "the JSON is incomplete: the file ends too early".to_owned(),
-                // serde_json says so of numbers, keys and words that are no others, too.
+                // serde_json reports this message also for invalid numbers, keys and words.
                 _ if serde_json::from_str::<IgnoredAny>(text).is_ok() => in_words(path, &message),
                 _ => format!("{}: {message}", not_json(text, error)),
             };
@@ -186,7 +186,7 @@ fn in_words(path: &str, message: &str) -> String {
     let named = |rest: &str| {
         let (name, rest) =
             rest.rsplit_once("`, expected ").unwrap_or((rest.trim_end_matches('`'), ""));
-        // Every other piece stands between backticks.
+        // Every second piece is in backticks.
         let known: Vec<_> = rest.split('`').skip(1).step_by(2).map(str::to_owned).collect();
         (name.to_owned(), known)
     };

@@ -426,7 +426,7 @@ mod tests {
         assert!(message.starts_with("drive: fl-hip changes by"), "{message}");
         assert!(message.contains("the limit is 6.00 rad per second"), "{message}");
 
-        // What a plan that holds may be too fast by is spread over more frames.
+        // The excess speed of a plan that holds is spread over more frames.
         let less_quick = drive(1.0, |t| 0.2 * slower_leg(t).sin(), slower_leg);
         let (robot, config) =
             (test_plans::robot(), test_plans::robot().controller_config().unwrap());

@@ -189,7 +189,7 @@ impl SolveSummary {
     pub fn ending(&self) -> StartOutcome {
         let grave = self.diagnosis.as_ref().is_some_and(|diagnosis| diagnosis.verdict.is_grave());
         match self.status {
-            // What fails between samples fails from other starts, too, and each costs its refinements.
+            // A failure between samples also occurs from other starts, and each would cost refinements.
             Status::Converged | Status::FailsAsPlayed | Status::Interrupted => {
                 StartOutcome::Decided
             }
@@ -255,7 +255,7 @@ impl fmt::Display for Status {
 impl fmt::Display for Refinement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { samples, residual, worst, tolerance, unit } = self;
-        // Some are of motions as they are played by their name.
+        // Names of some residuals contain "as played" already.
         let played = if residual.to_string().ends_with("as played") { "" } else { " as played" };
         write!(
             f,

@@ -211,7 +211,7 @@ impl Horizon {
         let stands =
             &self.schedule.from(at, self.samples, &self.contact_states(measured)).stance[0];
         let state = measured::on_contacts(&self.tree, self.ground(), measured.state, stands);
-        // On its contacts, the robot holds what swings a little higher or lower.
+        // On its contacts, the robot holds a swing foot a little higher or lower.
         let places = self.contact_states(MeasuredState { state: &state, touches: stands });
         let footfalls = self.schedule.from(at, self.samples, &places);
         let world_from_plan = measured::isometry(&measured::over_ground(&state));
@@ -316,7 +316,7 @@ impl Horizon {
         let ground = self.ground();
         let place = |(j, &touches): (usize, &bool)| {
             let contact = RimContact::on(&self.tree, &kinematics.frames, j, ground);
-            // A wheel that lies flat has no lowest point, and touches nothing.
+            // A wheel whose axis is vertical has no lowest point, and touches nothing.
             let at = contact.map(|of| {
                 let (position, velocity) =
                     (of.position(), of.motion(&kinematics).geometric_velocity);

@@ -147,7 +147,7 @@ impl Report {
             text += &format!("\n{coarser}");
         }
         if solve.diagnosis.is_some() || solve.status == crate::plan::Status::Interrupted {
-            // What would become of it if it were played is no news.
+            // The prediction of playback adds nothing.
             return text;
         }
         if let Some(taken_back) = self.taken_back.filter(UndoneGoal::is_said)

@@ -249,7 +249,7 @@ impl<'a> Solver<'a> {
         self.normal.assemble(rows, &self.shifts, self.system.penalty());
         let mut rejected = false;
         let mut may_look = self.iteration > EASY_ITERATIONS;
-        // Trial before looking ahead, and the amount by which the model with planes exceeds the energy.
+        // `plain` is the trial before look-ahead, `excess` the amount by which the model with planes exceeds the energy.
         let (mut plain, mut excess) = (None, None);
         while self.damping < DAMPING_LIMIT {
             let Self { system, trials, normal, point, energy, shifts, damping, .. } = self;
@@ -296,7 +296,7 @@ impl<'a> Solver<'a> {
             let lost = energy - trial.energy;
             self.trials.spare.push(trial.point.rows);
             if excess.take().is_some() {
-                // Planes have not helped.
+                // Planes did not help.
                 self.normal.assemble(&self.point.rows, &self.shifts, self.system.penalty());
             } else if lost > -1e-13 * energy {
                 break; // As low as rounding lets it get.

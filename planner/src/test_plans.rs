@@ -215,7 +215,7 @@ impl BoxMotion {
             let (front, rear) = (contacts[0].x - pose.com.x, contacts[2].x - pose.com.x);
             let needed = -pose.com.z * force.x - wrench[4];
             let front_force = (needed - rear * force.z) / (front - rear);
-            // Wheel centres move by the body and by the swing of the leg.
+            // The body and the swing of the leg move the wheel centres.
             let travel = |k: usize| grid[k].0 - LEG_M * grid[k].1.sin();
             let wheel_speed_rad_s = (travel(k + 1) - travel(k)) / h / RADIUS_M;
             let leg_speed = (grid[k + 1].1 - grid[k].1) / h;

@@ -119,7 +119,7 @@ const SHORT_MOST: u32 = (1 << 11) - 1;
 /// Encodes a non-negative value in an 11-bit short code: exponent e in the upper 4 bits, mantissa m in the lower 7. The code
 /// stands for m steps if e = 0, otherwise for `(128 + m) · 2^(e−1)` steps. The rounding error is at most half a step below 128
 /// steps, and 1/256 of the value above.
-// Once in the image instead of where it is called; so are the others.
+// One copy in the image instead of one at each call; likewise below.
 #[inline(never)]
 fn short(value: f32, per_unit: f32, rounding: u32) -> Option<u64> {
     let steps = value * per_unit;

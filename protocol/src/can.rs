@@ -22,7 +22,7 @@ const EXTENDED: u32 = 1 << 31;
 impl Frame {
     /// Creates a frame; `None` if `data` is longer than 8 bytes.
     pub fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
-        // Byte by byte: copying slices can panic, as far as an optimiser for size can see.
+        // Byte by byte, because for a size optimiser a copy of slices contains a panic.
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(slot, byte)| *slot = *byte);
         let raw = match id.into() {

@@ -80,7 +80,7 @@ impl RobotConfig {
     /// Identity of the configuration: CRC-32C of its postcard encoding (docs/formats/wire-format.md). It changes with the
     /// robot's name and with every channel, limit, gain and address.
     pub fn hash(&self) -> u32 {
-        // Written out, as postcard would encode it, so that it cannot fail.
+        // Written by hand in the encoding of postcard, so that it cannot fail.
         let mut crc = crc32c(&self.robot.to_le_bytes());
         let mut append = |bytes: &[u8]| crc = crc32c_append(crc, bytes);
         append(&[self.channels.len() as u8]);

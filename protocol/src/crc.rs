@@ -17,7 +17,7 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
 
 /// Continues a CRC-32C with `bytes`. `before` is the CRC of the bytes before them, 0 if there are none.
 pub fn crc32c_append(before: u32, bytes: &[u8]) -> u32 {
-    // The register is the CRC before its final XOR, and a reflected one takes its start reversed.
+    // The register is the CRC before its final XOR, and a reflected CRC takes its start value reversed.
     let mut digest = CRC_32C.digest_with_initial((!before).reverse_bits());
     digest.update(bytes);
     digest.finalize()
@@ -34,7 +34,7 @@ pub fn file_digest(bytes: &[u8]) -> u32 {
 
 /// Continues a digest with `bytes`. `before` is the digest of the bytes before them, 0 if there are none.
 pub fn file_digest_append(before: u32, bytes: &[u8]) -> u32 {
-    // As for CRC-32C.
+    // As in CRC-32C.
     let mut digest = DIGEST.digest_with_initial((!before).reverse_bits());
     digest.update(bytes);
     digest.finalize()

@@ -222,7 +222,7 @@ impl FaultBits {
     pub fn first(self) -> Option<Fault> {
         let urgency = |fault: &Fault| {
             let event = fault.events().map(|event| core::cmp::Reverse(event.code())).max();
-            // Without an event the more specific one has the higher code.
+            // Without an event, the more specific fault has the higher code.
             (fault.severity(), event, fault.code())
         };
         self.iter().max_by_key(urgency)
@@ -364,7 +364,7 @@ mod tests {
         assert_eq!(Fault::Tilt.severity(), Severity::Damp);
         assert_eq!(Fault::NoLibrary.severity(), Severity::Notice);
         for &event in Event::ALL {
-            // Each reaction is explained by a fault, but for that to a command.
+            // Every reaction is explained by a fault, except for the reaction to a command.
             let explained = event.fault().is_some() || event == Event::Disarm;
             assert_eq!(event.severity() != Severity::None, explained, "{event:?}");
         }

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(read(b"C\rS8\rO\r"), [Message::Close, Message::Bitrate(8), Message::Open]);
         assert_eq!(read(b"\rz\r\x07"), [Message::Ok, Message::Ok, Message::Error]);
         assert_eq!(read(b"V\rN\r"), [Message::Other(b'V'), Message::Other(b'N')]);
-        // With a time stamp.
+        // A frame with a time stamp.
         assert_eq!(read(b"t1002113312AF\r"), [standard(0x100, &[0x11, 0x33])]);
         assert_eq!(standard(0x7FF, &[0xAB; 8]).encode().unwrap(), b"t7FF8ABABABABABABABAB\r");
         assert_eq!([bitrate_digit(1_000_000), bitrate_digit(10_000)], [Some(8), Some(0)]);
@@ -212,7 +212,7 @@ mod tests {
             b"t12320011223\r",
             b"t1232001\r",
             b"tXYZ0\r",
-            // A time stamp that is no number.
+            // A time stamp that is not a number.
             b"t1230XYZW\r",
             b"T200000000\r",
             b"T1FFFFFFF8000102030405060708\r",

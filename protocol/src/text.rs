@@ -110,7 +110,7 @@ impl fmt::Display for Number {
 
 impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // As whoever types it in will have it read.
+        // As the typed text will be read.
         let is_allowed = |text: &str| {
             text.parse().is_ok_and(|given: T| match self {
                 Self::AtLeast(least) => given >= *least,
@@ -124,7 +124,7 @@ impl<T: Copy + PartialOrd + Into<f64> + FromStr> fmt::Display for Limit<T> {
         let mut candidates = [0.0, inwards].into_iter().filter_map(|steps| digits(limit, steps));
         match candidates.find(|text| is_allowed(text)) {
             Some(text) => f.write_str(&text),
-            // Added to 0, -0 is 0.
+            // −0 plus 0 is 0.
             None => write!(f, "{}", 0.0 + limit),
         }
     }
@@ -146,7 +146,7 @@ fn digits(value: f64, steps: f64) -> Option<heapless::String<32>> {
     let mut digits = heapless::String::new();
     write!(digits, "{:.decimals$}", value + steps * step).ok()?;
     while decimals > 0 && digits.ends_with(['0', '.']) {
-        // The point is the last to go.
+        // The decimal point is removed last.
         decimals = if digits.pop() == Some('.') { 0 } else { decimals };
     }
     Some(digits)
@@ -254,7 +254,7 @@ mod tests {
             assert_eq!(format!("{}", Limit::AtLeast(limit)), least);
             assert_eq!(format!("{}", Limit::AtMost(limit)), most);
         }
-        // In single precision 655.35 is what was given.
+        // In single precision, 655.35 prints as given.
         for limit in [655.35f32, 0.1, 6.5] {
             assert_eq!(format!("{}", Limit::AtMost(limit)), format!("{limit}"));
         }

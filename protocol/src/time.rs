@@ -4,7 +4,7 @@
 //! 64-bit values that the controller divides.
 
 /// Divides a time by a small divisor of at least 1, and rounds down: microseconds to milliseconds by 1000.
-// Once in the image instead of where it is called.
+// One copy in the image instead of one at each call.
 #[inline(never)]
 pub fn divided(time: u64, by: u16) -> u64 {
     let by = u32::from(by.max(1));

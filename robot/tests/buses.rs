@@ -124,7 +124,7 @@ fn every_protocol_is_read_with_its_parameters() {
     let robot = read(1, &fast).unwrap();
     let text = serde_json::to_string(&robot).unwrap();
     assert_eq!(serde_json::from_str::<Robot>(&text).unwrap(), robot);
-    // The speeds of this arm are beyond those of an STS3215 at 12 V.
+    // The speeds of this arm exceed those of an STS3215 at 12 V.
     let text = ROBOT.replace("speed_max_rad_s = 5.0", "speed_max_rad_s = 4.7");
     let text = format!("{text}\n[[bus]]\nnumber = 1\n{FEETECH}");
     let protocol = Protocol::Feetech(Feetech { model: STS3215_C018, return_delay_us: 500 });
@@ -172,7 +172,7 @@ fn what_a_bus_speaks_is_part_of_the_configuration() {
     hashes.sort_unstable();
     hashes.dedup();
     assert_eq!(hashes.len(), 9);
-    // Do not change: libraries that have been built are for these numbers.
+    // These numbers must not change, because built libraries contain their hash.
     assert_eq!(
         [(0, MIT), (1, ODRIVE), (1, CYBERGEAR), (1, DYNAMIXEL)]
             .map(|(number, lines)| hash(number, lines)),
@@ -298,7 +298,7 @@ fn a_bus_that_cannot_be_is_refused() {
     assert_fault(1, &range, "max_position_rad", "is 12 rad", "12.5 or 12.566");
     let alone = "protocol = \"rollwalk\"\ncontrol = \"on_controller\"\n";
     assert_fault(0, alone, "control", "Rollwalk has no torque command", "leave out `control`");
-    // A bus that no controller has is a fault of the motor on it alone.
+    // A bus that the controller does not have is a fault only of the motor on it.
     let text = ROBOT.replace("bus = 1", "bus = 4");
     let error = Robot::from_toml("arm.toml", &format!("{text}\n[[bus]]\nnumber = 4\n{MIT}"));
     let error = error.expect_err("it is wrong");
@@ -347,7 +347,7 @@ fn numbers_that_no_drive_can_be_set_to_are_refused_from_json_too() {
 /// Tests faults that the self-test of a controller does not detect, and that would leave a drive silent.
 #[test]
 fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
-    // The limits of the data sheet, above what the bus can say.
+    // Limits of the data sheet, above those of the bus.
     assert_fault(0, ODRIVE, "id = 70", "is 70, beyond the range of ODrive on bus 0", "0 to 63");
     let wheel = MAESTRO;
     assert_fault(1, wheel, "bus = 1", "cannot drive this motor", "wheel speed");
@@ -370,7 +370,7 @@ fn what_an_actuator_cannot_be_told_is_found_at_the_motor() {
         ),
         ("torque_max_nm = 1.5", "torque_max_nm = 4.5", DYNAMIXEL, "at most 4.18"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 5.5", MIT, "at most 5 N·m·s/rad"),
-        // No frame limits its torque: it gives up to the end of its scale.
+        // No frame limits its torque: the drive may apply the full scale.
         ("torque_max_nm = 1.5", "torque_max_nm = 18.5", MIT, "at most 18 N·m"),
         ("kd_nm_s_rad = 1.0", "kd_nm_s_rad = 0", ODRIVE, "give kd above 0"),
         ("speed_max_rad_s = 5.0", "speed_max_rad_s = 9.0", DYNAMIXEL, "at most 7.91"),

@@ -107,7 +107,7 @@ fn every_robot_file_is_looked_at() {
 
 #[test]
 fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
-    // The tilted wheels of car_tilted hang above the ground: that is what it shows.
+    // The tilted wheels of car_tilted hang above the ground, which is its purpose.
     for (robot, ..) in all().into_iter().filter(|(robot, ..)| robot.name != "car_tilted") {
         let links = nominal_links(&robot);
         let contacts = contacts_in_body(&robot);
@@ -126,7 +126,7 @@ fn robots_stand_level_on_lateral_wheels_with_the_com_between_them() {
         }
         let center = contacts.iter().sum::<Vector3<f64>>() / contacts.len() as f64;
         let com = com_in_body(&robot);
-        // 5 % of the wheel base or so: all feet carry about the same.
+        // About 5 % of the wheel base: all feet carry about the same.
         assert!((com.x - center.x).abs() < 0.008, "com at {com}, feet at {center}");
         // ANYmal's body is not quite symmetric, and Brainbot's rear leg stands beside its hip.
         let lateral = match robot.name.as_str() {

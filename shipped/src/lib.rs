@@ -16,7 +16,7 @@ macro_rules! shipped {
     };
 }
 
-// The mappings of gamepads are beside the crate that reads them.
+// Mappings of gamepads are beside the crate that reads them.
 shipped!(
     "../host/": "gamepads/xbox.toml", "gamepads/playstation.toml";
     "":

@@ -33,7 +33,7 @@ impl Body {
             let plant = match channel {
                 Channel::Joint(joint) => Plant::new(&joint.actuator, joint.nominal_rad)
                     .with_stops(joint.position_min_rad, joint.position_max_rad),
-                // The wheel itself is part of its link in the robot file: only its rotor is separate.
+                // In the robot file, the wheel is part of its link. Only its rotor is separate.
                 Channel::Wheel(_, actuator) => Plant::new(actuator, 0.0),
             };
             let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();

@@ -176,7 +176,7 @@ impl CanBus {
 
     /// Queues a frame of `node` at `now`. All deliveries up to `now` must have been pulled.
     pub fn post(&mut self, now: SimTime, node: NodeId, frame: Frame) -> Result<(), QueueFull> {
-        // A frame that won arbitration before this instant can be neither replaced nor overtaken any more.
+        // A frame that won arbitration before this instant can no longer be replaced or overtaken.
         if self.in_flight.is_none()
             && let Some(winner) = self.winner()
             && winner.start < now
@@ -329,9 +329,8 @@ mod tests {
     fn lowest_id_wins_at_every_idle_instant() {
         let mut bus = CanBus::new(DEFAULT_BITRATE);
         let (a, b) = (bus.add_node(KEEP), bus.add_node(KEEP));
-        // Counted on paper. Id 0x555 without data: 0 10101010101 000 0000, CRC 0x674C =
-        // 110011101001100. Of the seven zeros before the CRC, five are followed by a stuff bit; there
-        // is no other run of five. 34 + 1 stuffed bits, 10 of fixed form: 45.
+        // Computed by hand. Id 0x555 without data: 0 10101010101 000 0000, CRC 0x674C = 110011101001100. Of the seven zeros
+        // before the CRC, five are followed by a stuff bit; no other run has five. 34 + 1 stuffed bits, 10 of fixed form: 45.
         // Id 0: 34 zeros with CRC 0. A stuff bit after each five: 34 + 6 + 10 = 50.
         bus.post(us(10), a, frame(0x555, &[])).unwrap();
         bus.post(us(11), b, frame(0, &[])).unwrap();
@@ -357,7 +356,7 @@ mod tests {
         let frames: Vec<_> = sent.iter().map(|d| d.frame).collect();
         let first = long(0x2A9 << 18 | 0x3_FFFF);
         assert_eq!(frames, [first, frame(0x2AA, &[]), long(base), long(base | 1)]);
-        // The lengths that the frames count for themselves, against a second algorithm in `rollwalk_protocol`.
+        // Lengths according to the frames, against a second algorithm in `rollwalk_protocol`.
         let mut end = 0;
         for delivery in sent {
             end += u64::from(delivery.frame.exact_bits());

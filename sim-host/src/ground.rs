@@ -256,7 +256,7 @@ impl Grounded {
             return;
         }
         let fall = self.fall_watch.check(&self.world).filter(|_| !self.has_fallen);
-        // One that sinks down when its torque goes off has not fallen, unless it topples.
+        // A robot that sinks after torque-off has not fallen, unless it topples.
         let is_up = match self.lets_go {
             ReleaseCondition::WhenItPlays => self.travel.is_some(),
             ReleaseCondition::WhenItStands(_) => has_torque,

@@ -143,7 +143,7 @@ impl SerialLine {
             self.statistics.packets += 1;
             self.statistics.busy = self.statistics.busy + (at - start);
             self.statistics.collisions += u64::from(is_damaged);
-            // Who waits for a packet that is damaged does not hear it end.
+            // A servo that waits for a damaged packet does not detect its end.
             if !is_damaged && from != LineSender::Controller {
                 self.turns.since = at;
                 self.turns.next += 1;

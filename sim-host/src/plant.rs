@@ -77,8 +77,8 @@ impl Plant {
 
     /// Advances by `dt_s` under the control law `law`.
     pub fn step(&mut self, law: &Law, dt_s: f64) {
-        // With v the mean of old and new speed, the midpoint angle is q + v dt/2 and the rule reads
-        //   v = v0 + dt/(2I) (kp (q* - q - v dt/2) + kd (v* - v) + tau + tau_load).
+        // With v the mean of old and new speed, the midpoint angle is q + v dt/2, and the rule is v = v0 + dt/(2I) (kp (q* - q
+        // - v dt/2) + kd (v* - v) + tau + tau_load).
         let half = 0.5 * dt_s;
         let gain = half / self.inertia_kg_m2();
         let &Law { kp_nm_rad: kp, kd_nm_s_rad: kd, .. } = law;
@@ -90,7 +90,7 @@ impl Plant {
         let wanted = still - self.load_torque_nm - (kd + half * kp) * mean;
         self.torque_nm = self.available(wanted, law.torque_limit_nm, gain);
         self.torque_limited = self.torque_nm != wanted;
-        // Where nothing was clamped this is `mean` again.
+        // Without clamping, this equals `mean`.
         let mean = self.speed_rad_s + gain * (self.torque_nm + self.load_torque_nm);
         self.position_rad += dt_s * mean;
         self.speed_rad_s = 2.0 * mean - self.speed_rad_s;
@@ -109,7 +109,7 @@ impl Plant {
     fn available(&self, wanted: f64, limit_nm: f64, gain: f64) -> f64 {
         let most = self.torque_max_nm.min(limit_nm);
         let torque = wanted.clamp(-most, most);
-        // The torque with which this step ends exactly at top speed, in the direction of `torque`.
+        // Torque with which this step ends exactly at the maximum speed, in the direction of `torque`.
         let top = self.speed_max_rad_s.copysign(torque);
         let to_top = (top - self.speed_rad_s) / (2.0 * gain) - self.load_torque_nm;
         if torque > 0.0 { torque.min(to_top.max(0.0)) } else { torque.max(to_top.min(0.0)) }
@@ -198,7 +198,7 @@ mod tests {
         for _ in 0..20_000 {
             plant.step(&law, DT_S);
         }
-        // The midpoint rule conserves quadratic energies exactly; rounding is all that is left.
+        // The midpoint rule conserves quadratic energies exactly; only rounding remains.
         assert!((energy(&plant) / before - 1.0).abs() < 1e-10);
     }
 
@@ -220,7 +220,7 @@ mod tests {
         for _ in 0..100 {
             plant.step(&law, DT_S);
         }
-        // 2 N·m on 0.004 kg·m² for 50 ms.
+        // 2 N·m act on 0.004 kg·m² for 50 ms.
         assert!((plant.speed_rad_s - 25.0).abs() < 1e-9, "{}", plant.speed_rad_s);
         assert!((plant.position_rad - 0.625).abs() < 1e-9, "{}", plant.position_rad);
     }
@@ -233,7 +233,7 @@ mod tests {
             plant.step(&law, DT_S);
         }
         assert!((plant.position_rad - 0.2).abs() < 1e-12);
-        // Alone it accelerates as any torque does: 0.5 N·m on 0.004 kg·m² for 50 ms.
+        // A torque alone accelerates: 0.5 N·m on 0.004 kg·m² for 50 ms.
         let mut plant = Plant::new(&actuator(), 0.0);
         let law = Law { torque_nm: 0.5, ..FREE };
         for _ in 0..100 {

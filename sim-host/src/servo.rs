@@ -186,7 +186,7 @@ mod tests {
             [Control::Disable, Control::Enable, Control::Query].map(|c| c.encode(5).unwrap());
         servo.on_frame(SimTime::ZERO, &enable).unwrap();
         run(&mut servo, SimTime::ZERO, SimTime::from_ms(10), Some(setpoint(0.3, 5)));
-        // Queries must not keep it alive.
+        // Queries must not feed the watchdog.
         run(&mut servo, SimTime::from_ms(10), SimTime::from_ms(200), Some(query));
         let late = SimTime::from_ms(200);
         for frame in [setpoint(1.0, 5), enable, query] {

@@ -86,7 +86,7 @@ pub fn with(library: &[u8]) -> SimStore {
     let mut store = blank();
     let crc = file_digest(library);
     store.begin(library.len(), crc).expect("the library fits");
-    // In blocks, as over the link.
+    // In blocks, as on the link.
     for (number, block) in library.chunks(MAX_BLOCK).enumerate() {
         store.write(number * MAX_BLOCK, block).expect("a memory without faults");
     }

@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(text("walk.toml", "q.toml"), None, "two namesakes");
         let shipped = rollwalk_shipped::text("robots/agilebot.toml");
         assert_eq!(text("walk.toml", "../robots/agilebot.toml"), shipped);
-        // Two motions that ship have this name.
+        // Two shipped motions have this name.
         assert_eq!(text("walk.toml", "x/swizzlebot_forward.toml"), None);
         let shipped = rollwalk_shipped::text("motions/swizzlebot_forward.toml");
         assert_eq!(text("", "motions/swizzlebot_forward.toml"), shipped);

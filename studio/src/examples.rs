@@ -13,7 +13,7 @@ fn entry(path: &'static str, text: &str) -> Option<ShippedFile> {
         "robots" => ShippedKind::Robot,
         "motions" if path.ends_with("_library.toml") => ShippedKind::Library,
         "motions" => ShippedKind::Motion,
-        // Sweeps are for the command line.
+        // Sweeps are only for the command line.
         "designs" if path.ends_with("_sweep.toml") => return None,
         "designs" => ShippedKind::Design,
         _ => return None,

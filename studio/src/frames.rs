@@ -24,7 +24,7 @@ pub fn frames(plan: &Plan, rate_hz: f64) -> (FramesHeader, Vec<u8>) {
     let columns = Columns { bodies: 0, com, end_effectors, joints, wheels };
     let duration_s = plan.motion.duration_s;
     let periodic = plan.motion.ends == Ends::Periodic;
-    // A whole number of rows that rounding left a hair short still counts; a period ends where the next begins.
+    // A whole number of rows still counts if rounding made it slightly shorter. A period ends where the next begins.
     let last = (duration_s * rate_hz + 1e-6).floor();
     let repeats = periodic && last + 1e-3 > duration_s * rate_hz;
     let count = last as usize + usize::from(!repeats);

@@ -23,7 +23,7 @@ const ENDING: &str = "_library.toml";
 pub fn graph(documents: &Documents<'_>, path: &str) -> Result<Graph, Answer> {
     let DocumentText { path, text } =
         documents.find(path).ok_or_else(|| missing("library file", path, ""))?;
-    // What is missing is a fault of the file that names it, at its beginning.
+    // A missing file is a fault at the beginning of the file that names it.
     let faults = match library::faults_of(documents, path) {
         Ok(faults) => faults,
         Err(Answer::Error { message, help }) => vec![fault(path, message, help)],
@@ -115,7 +115,7 @@ pub fn begun(documents: &Documents<'_>, motion: &str) -> Result<Vec<File>, Answe
     let safe = match stands {
         Some((_, motion)) => motion.name.clone(),
         None => {
-            // No file of the project may be replaced, such as what another robot calls so.
+            // No file of the project may be replaced, such as a motion of another robot with the same name.
             let is_there = |path: String| documents.files().iter().any(|file| file.path == path);
             let name = free("stand", |name| {
                 named.iter().any(|(known, _)| known == name)

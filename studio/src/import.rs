@@ -90,7 +90,7 @@ fn first_motion(robot: &Robot, stem: &str, robot_path: &str) -> File {
             .z
             .max(robot.end_effectors.iter().map(|foot| foot.radius_m).fold(0.01, f64::max))
     });
-    // Whole frames of a library, and no more digits than a person would type.
+    // Whole frames of a library, and as few digits as a person would type.
     let seconds = |units: f64| (60.0 * units * (height_m / GRAVITY_M_S2).sqrt()).round() / 60.0;
     let file = |name: &str, ends: &str, duration_s: f64, rest: String| {
         motion_file(stem, robot_path, [name, ends], duration_s, &rest)

@@ -66,7 +66,7 @@ fn culprit(culprit: &plan::Culprit, project: &Project<'_>) -> Culprit {
 /// Edit that sets a feasible value found by the planner, in the file with that value.
 fn fix(culprit: &plan::Culprit, project: &Project<'_>) -> Option<Fix> {
     let (field, given) = (culprit.field.clone()?, culprit.given?);
-    // As many digits as the diagnosis shows.
+    // The number of digits that the diagnosis shows.
     let value: f64 = format!("{:.3e}", culprit.would_do?).parse().ok()?;
     let (unit, everywhere) = match &*field {
         DURATION => ("s", false),

@@ -83,7 +83,7 @@ impl Session {
             Ok((done, bytes)) => (Answer::Done(Box::new(done)), bytes),
             Err(answer) => (answer, Vec::new()),
         };
-        // Nothing is left to be broken off.
+        // Nothing remains to be cancelled.
         let _ = send_answer(tell, seq, &answer, &bytes);
     }
 
@@ -328,7 +328,7 @@ fn amend(
     edit: &Edit,
 ) -> Result<RequestResult, Answer> {
     let found = documents.find(path).ok_or_else(|| documents::missing("document", path, ""))?;
-    // Of a drag of a number, which has neither, every step comes through here.
+    // During a drag of a number, which has neither, every step passes here.
     let before = LazyCell::new(|| documents.project(motion));
     let known = || match &*before {
         Ok(Project { robot, motion, .. }) => Ok(ValidDocuments { robot, motion }),
@@ -387,6 +387,6 @@ fn send_answer(
     bytes: &[u8],
 ) -> ControlFlow<()> {
     let told = NumberedAnswer { seq, binary: !bytes.is_empty(), answer };
-    // Only maps with keys that are no strings can fail to become JSON; answers have none.
+    // Only maps with non-string keys cannot become JSON, and answers have none.
     tell(&serde_json::to_string(&told).unwrap_or_default(), bytes)
 }

@@ -35,7 +35,7 @@ pub fn slopes(
     let watch = &mut |motion: &str, state: &_| progress(&Answer::progress(state, motion));
     let mut optimal = plans::optimal(solution, watch).map_err(|failed| answer(&failed))?;
 
-    // A parameter at a limit of robot files has a neighbour that breaks a rule: it has no slope, the others do.
+    // A parameter at a limit of robot files has no slope, because one neighbour breaks a rule. The others have slopes.
     let motion = &solution.plan.motion;
     let around = |k| Some((k, designed.around(designed.original(), k).ok()?));
     let around: Vec<_> = (0..designed.original().len()).filter_map(around).collect();
@@ -64,7 +64,7 @@ pub fn slopes(
         QuantitySlopes { name: of.name, unit: of.unit, value, little: of.little, slopes }
     };
     let found = found.map_err(|why| answer(&why.into()))?;
-    // Sliders show slopes without a word.
+    // Sliders show slopes without an explanation.
     if optimal.curvature() == Curvature::GaussNewton {
         let (motion, reason) =
             (motion.name.clone(), "the second derivatives are not positive there");

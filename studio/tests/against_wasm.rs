@@ -99,7 +99,7 @@ fn webassembly_plans_what_the_command_line_plans() {
         let text = rollwalk_shipped::text(&path).unwrap();
         let request = |from: &str| request(&path, text, from);
         let (mut node, mut session) = (Node::start(&wasm), Session::default());
-        // Node compiles while it runs: the first call is not typical.
+        // Node compiles while it runs, so the first call is not typical.
         node.ask(&request("scratch"));
         let mut times: [Vec<f64>; 4] = Default::default();
         for _ in 0..5 {
@@ -113,7 +113,7 @@ fn webassembly_plans_what_the_command_line_plans() {
             }
             let [a, b] = [&ours, &theirs].map(|answer| solve(answer, "energy").as_f64().unwrap());
             assert!((a / b - 1.0).abs() < ENERGY, "{motion}: energy {a} and {b}");
-            // The same request once more starts from its own plan.
+            // The same request starts from its own plan.
             times[2].push(native(&mut session, &request("good")).1);
             times[3].push(node.ask(&request("good")).1);
         }

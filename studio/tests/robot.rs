@@ -158,16 +158,16 @@ fn a_gamepad_moves_the_robot_only_with_its_deadman_and_arms_by_holding() {
     let view = page.pass(0.9, &tick(pad(&[DEADMAN, START])));
     assert_eq!(view["torque"], false, "not yet a second");
     page.pass(0.2, &tick(pad(&[DEADMAN, START])));
-    // The leg has one wheel and falls soon: no step takes longer than it must.
+    // The leg has one wheel and falls soon, so no step takes longer than necessary.
     page.until_with("SAFE", &tick(pad(&[DEADMAN])), |view| view["state"] == "ready");
     page.pass(0.02, &tick(pad(&[DEADMAN, 12])));
     page.until_with("the motion", &tick(pad(&[DEADMAN])), |view| view["playing"]["rate"] == 1.0);
-    // A page that does not look at the gamepad holds nothing.
+    // A page without the gamepad's state holds no button.
     page.pass(0.2, &json!({ "robot": "tick", "attended": true }));
     assert_eq!(page.pass(0.02, &json!({ "robot": "tick", "attended": true }))["state"], "playing");
     let view = page.pass(0.1, &json!({ "robot": "tick", "attended": true }));
     assert_eq!(view["state"], "paused", "{view}");
-    // What was held all the time has to be let go of first.
+    // A button that was held all the time must be released first.
     let view = page.pass(0.2, &tick(pad(&[DEADMAN, 12])));
     assert_eq!(view["state"], "paused");
     // A tap on the emergency stop within one tick.

@@ -33,7 +33,7 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     let send = || with_key(&["send", "--arm", "rest"]);
     once_more_when_late(send, || with_key(&["clear"])).succeeds();
     with_key(&["gains", "set", "all", "--kd", "1"]).succeeds();
-    // What needs no key takes none amiss.
+    // Commands without need of a key accept one.
     for command in ["discover", "doctor", "estop"] {
         with_key(&[command]).succeeds();
     }
@@ -46,8 +46,8 @@ fn a_robot_with_a_link_key_obeys_those_who_have_it() {
     assert!(!refused.stdout.contains("arm the robot"), "{}", refused.stdout);
     refused.succeeds_with(5, &["another link key", "it cannot be armed"]);
 
-    // Numbers of sessions begin with the count of boots, which outlives the process: what was recorded is no session of the next
-    // one.
+    // Session numbers begin with the count of boots, which outlives the process, so a recorded session is not valid in the next
+    // process.
     let boots = || {
         let mut files = fs::read_dir(desk.path("state/rollwalk/boots")).expect("a folder");
         let file = files.next().expect("a count of boots").expect("an entry");

@@ -61,7 +61,7 @@ fn a_drive_that_cannot_do_what_the_file_says_is_named_with_its_line() {
         desk.run(&["robot", "check", file]).fails(1, &[words, &[file]].concat());
         simulate(&desk, file).fails(1, words);
     }
-    // What depends on the control rate.
+    // A robot that depends on the control rate.
     let desk = desk_with_shipped_files();
     desk.edit(file, "estimates_hz = 125", "estimates_hz = 50");
     simulate(&desk, file)
@@ -106,7 +106,7 @@ fn a_malformed_robot_shows_file_line_and_field() {
         // A missing name is reported at the table that lacks it, one line above the wrong key.
         let place = if to.starts_with("nam ") { file_alone } else { &[place.as_str()] };
         outcome.fails(1, &[words, place].concat());
-        // All commands that use the robot report the same message.
+        // All commands that read the robot print the same message.
         desk.run(&["plan", "motions/walk.toml", "-o", "plan.json"]).fails(1, words);
         assert!(!desk.path("plan.json").exists());
     }
@@ -258,12 +258,12 @@ fn a_library_of_another_robot_is_refused() {
     built_library(&desk);
     desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/creature3.toml"])
         .fails(1, &["built for another robot", "build the library again"]);
-    // The simulator has no option `--robot`, and its hint names none.
+    // The simulator has no option `--robot`, so its hint does not name it.
     let args = ["robots/creature3.toml", "--bus", "sim:none.sock", "--library", "a.rwl"];
     let refused = Robot::refuses(&desk, &args);
     assert!(!refused.stderr.contains("--robot"), "{}", refused.stderr);
     refused.fails(1, &["built for another robot", "start rollwalk-sim with the robot file"]);
-    // The same robot with a stiffer servo is another one: gains are part of its configuration.
+    // The same robot with a stiffer servo is another robot, because gains are part of its configuration.
     desk.edit("robots/agilebot.toml", "kp_nm_rad = 80.0", "kp_nm_rad = 81.0");
     desk.run(&["library", "inspect", "a.rwl", "--robot", "robots/agilebot.toml"])
         .fails(1, &["built for another robot"]);
@@ -290,7 +290,7 @@ fn an_unwritable_output_is_named() {
     desk.run(&["plan", "motions/stand.toml", "-o", "in_the_way/plan.json"])
         .fails(1, &["cannot write into in_the_way"]);
     desk.run(&["plan", "motions/stand.toml", "-o", "motions"]).fails(1, &["cannot write motions"]);
-    // Before a long run, not after it.
+    // The error comes before a long run, not after it.
     let outcome = desk.run(&["demo", "--out", "in_the_way"]);
     assert!(!outcome.stderr.contains("Planning"), "{}", outcome.stderr);
     outcome.fails(1, &["cannot write into in_the_way: it is not a folder"]);

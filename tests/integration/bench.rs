@@ -77,7 +77,7 @@ fn figure_3_6_compares_plan_and_world() {
     }
     let plots = ["ahead", "up", "pitch"].map(|name| format!("out/figure-3-6-{name}.svg"));
     let rows = written_rows(&desk, &text, "figure-3-6", &plots.each_ref().map(String::as_str));
-    // The body dips beneath the table, in the plan and in the world.
+    // The body dips below the table, both in the plan and in the world.
     for of in ["planned", "simulated"] {
         let heights = rows.iter().map(|row| row[of][1].as_f64().unwrap());
         let lowest = heights.fold(f64::INFINITY, f64::min);
@@ -95,7 +95,7 @@ fn figure_3_8_tracks_the_duck_and_the_turn() {
         let turn = rows.iter().filter(|row| row["motion"] == "anymal_turn");
         turn.map(|row| row[of]["body"][5].as_f64().unwrap()).collect()
     };
-    // Two periods of 0.4 rad, and the robot is not the plan.
+    // Two periods of 0.4 rad each; the simulated robot differs from the plan.
     for of in ["planned", "tracked"] {
         assert!((yaws(of).last().unwrap() - 0.8).abs() < 0.03, "{of}");
     }
@@ -113,7 +113,7 @@ fn fault_campaign_on_the_ground_tells_what_the_robot_does() {
     for row in results["rows"].as_array().unwrap() {
         let world = &row["world"];
         assert_eq!((&row["broken"], &world["falls"]), (&0.into(), &0.into()), "{row}");
-        // Without torque it sinks down, which is no fall, and leans.
+        // Without torque the robot leans and sinks, which is not a fall.
         let tilt_rad = world["tilt_max_rad"].as_f64().unwrap();
         assert!((0.05..0.5).contains(&tilt_rad), "{row}");
         assert!(world["rested_after_s"].as_f64().is_some_and(|s| s > 0.0 && s < 2.5), "{row}");
@@ -133,7 +133,7 @@ fn samples_has_a_row_for_each_number() {
     let samples: Vec<_> = rows.iter().map(|row| &row["samples"]).collect();
     assert_eq!(samples, [12, 24]);
     assert!(rows.iter().all(|row| row["solved"] == true && row["cpu_s"].as_f64() > Some(0.0)));
-    // One number has no growth.
+    // A single sample count shows no growth.
     let text = bench(&desk, &["samples", "--samples", "12"]).succeeds();
     assert!(!text.contains("grows"), "{text}");
     bench(&desk, &["samples", "--samples", "12,13"]).fails(2, &["'13'", "multiple of 12"]);
@@ -171,7 +171,7 @@ fn figure_2_8_repairs_the_car() {
     let cases = written_rows(&desk, &text, "figure-2-8", &["out/figure-2-8-car.svg"]);
     let rows = cases[0]["rows"].as_array().unwrap();
     assert!((3..=4).contains(&rows.len()) && cases[0]["holds"] == true, "{text}");
-    // The displacement of the thesis's own method: about half of what is asked for, then nearly all.
+    // Displacement by the thesis's method: about half of the request, then nearly all.
     let reached = |row: &Value| row["thesis"][1].as_f64().unwrap();
     let (first, last) = (reached(&rows[0]), reached(&rows[rows.len() - 1]));
     assert!(first < 0.4 && (last - 0.5).abs() < 2e-3, "{first} {last}");
@@ -211,7 +211,7 @@ fn table_3_3_finds_a_speed_that_holds() {
     let text = bench(&desk, &["table-3-3", "--only", "roll", "--steps", "1"]).succeeds();
     let titles = ["motion", "top speed m/s", "thesis m/s", "stopped by"];
     let row = row(&text, &titles, "AgileBot rolling");
-    // The shipped motion, or one step of a quarter beyond it; the wheels' servos end at 0.34 m/s.
+    // The shipped motion, or one step of a quarter beyond it. The servos of the wheels end at 0.34 m/s.
     let speed: f64 = row[1].parse().unwrap();
     assert!((0.2..0.34).contains(&speed) && row[2] == "0.338", "{row:?}");
     let rows = written_rows(&desk, &text, "table-3-3", &[]);
@@ -239,7 +239,7 @@ fn library_format_keeps_what_was_measured_on_real_plans() {
         for clip in rows[0]["clips"].as_array().unwrap() {
             assert!(clip["times_smaller"].as_f64() >= Some(5.0), "{clip}");
             let error = clip["worst_joint_error_mrad"].as_f64().unwrap();
-            // Half a quantum: less would be another quantum, more another frame than was planned.
+            // Half a quantum at most. A larger error would mean another frame than planned.
             assert!((0.2..=0.5).contains(&error), "{clip}");
         }
     }
@@ -282,7 +282,7 @@ fn fault_campaign_counts_outcomes_and_repeats_a_run() {
     let first = log("first.log");
     assert!(first.contains(" link0 010#"), "the stop is in it");
     assert!(first == log("second.log"));
-    // A closer look at one run leaves what the campaign has found.
+    // A run of a single case leaves the results of the campaign.
     assert_eq!(written(&desk, &text, "fault-campaign", &[]), results);
     bench(&desk, &["fault-campaign", "--scenario", "sabotage"]).fails(2, &["sabotage", "bus-off"]);
     let no_loss = bench(&desk, &["fault-campaign", "--scenario", "estop", "--loss", "31"]);
@@ -299,12 +299,12 @@ fn shards_of_a_fault_campaign_come_to_the_files_of_the_whole() {
         desk.run(&[&["bench"][..], &args, rest, &["--out", out]].concat())
     };
     let whole = run("whole", &[]).succeeds();
-    // Ten seeds of each scenario, and the eleventh.
+    // Ten seeds of each scenario, and an eleventh.
     run("parts", &["--shard", "2/3"]).succeeds_with(0, &["3 of 4 blocks of runs are left"]);
     let journal = desk.read_text("parts/fault-campaign.journal-2-of-3.jsonl");
     assert_eq!(journal.lines().count(), 2, "{journal}");
     run("parts", &["--shard", "1/3"]).succeeds_with(0, &["1 of 4"]);
-    // The last process does the rest, and writes the files.
+    // The last process does the rest and writes the files.
     let merged = run("parts", &["--shard", "1/1", "--cores", "2"]).succeeds();
     assert_eq!(merged, whole);
     for file in ["fault-campaign.json", "fault-campaign.md"] {

@@ -30,7 +30,7 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     console.press("q");
     assert_eq!(console.ends(), Some(0));
 
-    // A robot that is left stopped is not done.
+    // A command that leaves the robot stopped is not done.
     let mut console = start(&desk, &bus);
     console.wait_for_screen("DISARMED");
     console.press(" ");
@@ -39,7 +39,7 @@ fn a_robot_is_armed_played_stopped_and_left_by_keys() {
     assert_eq!(console.ends(), Some(5));
     on(&desk, &bus, &["clear"]).succeeds();
 
-    // Another, ended from outside: it leaves as by `q`, and the terminal is as it was.
+    // A console that a signal ends leaves as with `q`, and restores the terminal.
     let before = stty(&console.device, &["-g"]);
     let mut console = start(&desk, &bus);
     console.wait_for_screen("DISARMED");

@@ -15,7 +15,8 @@ fn answers(desk: &Desk, args: &[&str], lines: &[String]) -> Outcome {
     let mut program = Program::start(&mut command);
     let mut input = program.input().expect("a pipe");
     let lines = lines.concat();
-    // While its answers are read, which fill the pipe. A program that has refused a line has closed its input.
+    // The lines are written while answers are read, because answers fill the pipe. A program that has refused a line has closed
+    // its input.
     let writing = thread::spawn(move || drop(input.write_all(lines.as_bytes())));
     let outcome = program.ends();
     writing.join().expect("it does not panic");
@@ -69,11 +70,11 @@ fn a_robot_that_stands_as_planned_gets_torques_that_hold_it() {
     let said = answers(&desk, &[], &[line(&start), line(&lifted)]).succeeds();
     let said: Vec<&str> = said.lines().collect();
     let (held, lowered) = (torque(said[1]), torque(said[2]));
-    // Knees carry the weight, and less of it where the body is too high.
+    // Knees carry the weight, and less of it if the body is too high.
     for knee in [2, 5, 8, 11] {
         assert!(held[knee].abs() > 5.0 && lowered[knee].abs() < held[knee].abs(), "{said:?}");
     }
-    // Turned about the vertical with its plan it gets the same.
+    // A robot that is rotated about the vertical together with its plan gets the same answer.
     let mut turned = start.clone();
     let half = std::f64::consts::FRAC_1_SQRT_2;
     turned["world_from_plan"] =
@@ -100,7 +101,7 @@ fn an_imu_takes_the_place_of_the_base() {
     sensed.as_object_mut().unwrap().remove("base");
     let said = answers(&desk, &[], &[line(&known), line(&sensed)]).succeeds();
     assert_eq!(said.matches("\"untracked\":null").count(), 2, "{said}");
-    // A robot that has not stood still does not know where it is.
+    // A robot that has not stood still does not know its position.
     let said = answers(&desk, &["--feedback", "tasks"], &[line(&sensed)]).succeeds();
     assert!(said.contains("\"untracked\":\"the robot has not stood still yet\""), "{said}");
 }
@@ -215,7 +216,7 @@ fn lines_that_are_wrong_are_named() {
     let words = "field time_s changes from 0.02 s to 0.04 s; expected ticks of 0.002 s";
     refused(at(&[0.0, 0.02, 0.04]), &["line 3 of the input", words]);
     refused(at(&[0.0, 0.001, 0.002]), &["line 3 of the input", "from 0.001 s to 0.002 s"]);
-    // A line is left out, and the motion ends within a tick.
+    // One line is missing, and the motion ends within a tick.
     at(&[0.0, 0.002, 0.006, 0.008, 0.0085, 0.0085, 0.0085]).succeeds();
     let placed = |field: &str, value: Value, words: &str| {
         let mut record = start.clone();

@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 fn demo() -> &'static (Desk, Value) {
     static DEMO: OnceLock<(Desk, Value)> = OnceLock::new();
     DEMO.get_or_init(|| {
-        // In an empty folder: the binary carries robot and motions.
+        // In an empty folder, because the binary contains robot and motions.
         let desk = desk();
         let text = desk.run(&["demo", "--out", "out", "--json"]).succeeds();
         (desk, serde_json::from_str(&text).expect("JSON"))
@@ -47,7 +47,7 @@ fn the_demo_plays_everything_within_its_bounds() {
     let tour = outcome["tour"].as_array().unwrap();
     assert_eq!((&tour[0], &tour[tour.len() - 1]), (&"stand".into(), &"stand".into()));
 
-    // The folder holds what the help promises, and other tools can read it.
+    // The folder contains the files that the help lists, and other tools can read them.
     assert_eq!(desk.read("out/agilebot.rwl").len() as u64, outcome["library_bytes"]);
     desk.run(&["library", "inspect", "out/agilebot.rwl"]).succeeds();
     for clip in clips {
@@ -145,7 +145,7 @@ fn the_controller_refuses_bad_libraries_and_plays_none_of_them() {
         let error = session.arm().unwrap_err();
         assert!(error.to_string().contains("library"), "{error}");
     }
-    // A good one puts things right.
+    // A valid library ends the problem.
     session.flash(&good, |_| {}).unwrap();
     session.arm().unwrap();
     session.select(3).unwrap();

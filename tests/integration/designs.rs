@@ -30,7 +30,7 @@ fn a_longer_leg_is_edited_into_the_robot_file_and_planned() {
     let figure = desk.read_text("longer/trot.svg");
     assert!(figure.contains("dashed lines: before") && !figure.contains("NaN"));
     assert!(desk.read_text("longer/report.md").contains("![trot](trot.svg)"));
-    // What was written is the design's robot, to the digit.
+    // The written robot equals the design's robot in every digit.
     let text = desk.read_text("designs/legs.toml");
     desk.write("longer/legs.toml", text.replace("../robots/", ""));
     let again = ["design", "check", "longer/legs.toml", "--json"];
@@ -83,7 +83,7 @@ fn legs_that_are_too_short_for_a_target_are_made_longer() {
     let longer = run(&["edit", "legs.toml", "thigh=0.14", "shank=0.14", "-o", "longer"]);
     longer.succeeds_with(0, &["consistent: ", "before: not simulated"]);
     desk.run(&["report", "longer/reach.plan.json"]).succeeds();
-    // Of bounds that reach nowhere the design is refused.
+    // A design whose bounds are equal is refused.
     desk.write("legs.toml", design.replace("0.16", "0.08"));
     run(&["edit", "legs.toml", "thigh=0.08", "-o", "x"]).fails(1, &["beyond reach"]);
 }
@@ -140,7 +140,7 @@ fn requests_that_make_no_sense_are_refused_with_what_would() {
     );
     let robot = ["check", "robots/agilebot.toml"];
     run(&robot).fails(1, &["robots/agilebot.toml is a robot file"]);
-    // An input is not written over.
+    // An input is not overwritten.
     desk.edit(legs, "peak_speed = 1.0", "peak_joint_speed = 1.0");
     run(&["edit", legs, "front_thigh=0.13", "-o", "robots"]).fails(1, &["robots/agilebot.toml"]);
 }
@@ -153,7 +153,7 @@ fn a_car_that_cannot_drive_is_repaired_or_what_it_misses_is_named() {
     let run = |folder: &str| desk.run(&["design", "optimise", design, "-o", folder, "--json"]);
     let found = json(&run("car").succeeds());
     assert_eq!(found["motions"][0]["consistent"], true, "{found}");
-    // The tilted wheels hang 14.645 mm above the ground: half of it in front, half at the rear.
+    // The tilted wheels hang 14.645 mm above the ground. Front and rear each change by half.
     for (wheels, change) in [(0, -0.007_322), (1, 0.007_322)] {
         let after = found["parameters"][wheels]["after"].as_f64().unwrap();
         assert!((after + 0.03 - change).abs() < 3e-5, "{found}");

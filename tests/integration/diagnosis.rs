@@ -31,7 +31,7 @@ fn a_walk_too_far_is_told_how_far_works_and_that_works() {
     let nearer = goal["would_do"].as_f64().unwrap();
     assert!(nearer > 0.8, "{goal}");
     desk.edit("motions/walk.toml", "forward_m = 1.5", &format!("forward_m = {nearer}"));
-    // At the samples: between them, so close to what the legs can do, joints are too fast.
+    // Limited to the samples, because between them joints are too fast so close to the limits.
     let near = ["plan", "motions/walk.toml", "-o", "near.json", "--samples-fixed", "--json"];
     let told: Value = serde_json::from_str(&desk.run(&near).stdout).unwrap();
     assert_eq!(told["status"], "converged", "{told}");

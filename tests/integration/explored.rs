@@ -25,7 +25,7 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
     explore(&["-o", "whole"]).succeeds_with(0, &["8 rows, 8 of which hold", "results.csv"]);
     let first = explore(&["-o", "parts", "--shard", "1/2"]);
     first.succeeds_with(0, &["2 of 4 chains are left"]);
-    // A run that was killed within a line, and is taken up again.
+    // A run that was killed within a line continues.
     let journal = "parts/sweep.journal-1-of-2.jsonl";
     let text = desk.read_text(journal);
     desk.write(journal, &text[..text.len() - 10]);
@@ -38,7 +38,7 @@ fn shards_and_interrupted_sweeps_come_to_the_tables_of_the_whole() {
             "{table}"
         );
     }
-    // Another figure takes no planning.
+    // Another figure needs no planning.
     let figure = desk.read_text("whole/results.svg");
     assert!(figure.contains("front_thigh, m") && figure.contains("MX-64AT"), "{figure}");
     let other = ["-o", "whole", "--plot", "peak_joint_torque_nm"];

@@ -217,7 +217,7 @@ fn what_has_no_end_is_no_input() {
         desk.edit(STAND, "../robots/agilebot.toml", robot);
         fails_soon(&desk, &["plan", STAND, "-o", "x"], &[words]);
     }
-    // A shell's `<(program)` is a pipe, too.
+    // A shell's `<(program)` is also a pipe.
     desk.copy_folder(&checkout().join("shipped/motions"), "motions");
     let program = env!("CARGO_BIN_EXE_rollwalk-under-test");
     let line = format!("cat robots/agilebot.toml | {program} robot check /dev/stdin");

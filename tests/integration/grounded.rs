@@ -17,7 +17,7 @@ fn a_plan_is_played_on_the_ground_and_compared_with_what_becomes_of_it() {
     );
     let said = desk.run(&["simulate", "drive.json", "--json", "--rate", "60"]).succeeds();
     assert!(said.contains("\"holds\": true") && said.contains("\"fell_at_s\": null"), "{said}");
-    // It slides down a roof.
+    // The robot slides down a roof.
     desk.run(&["simulate", "drive.json", "--slope", "40"])
         .succeeds_with(3, &["the robot falls after"]);
     desk.run(&["simulate", "drive.json", "--slope", "60"])
@@ -99,7 +99,7 @@ fn a_robot_on_the_ground_tells_how_far_it_went() {
     desk.run(&["plot", "bad.csv", "-o", "run.svg"]).fails(1, &["bad.csv: line 2, column `"]);
     desk.run(&["plot", "run.csv", "bad.csv", "-o", "x.svg"])
         .fails(1, &["draw the world log alone"]);
-    // Without what the figure shows.
+    // Without the columns of the figure.
     let base: Vec<_> = desk.read_text("run.csv").lines().map(first_cells).collect();
     desk.write("base.CSV", base.join("\n") + "\n");
     desk.run(&["plot", "base.CSV", "-o", "base.svg"]).succeeds();

@@ -26,8 +26,7 @@ fn hidden_run(desk: &Desk, plan: &str) -> String {
         scale(&mut wheel["contact"]["actuator"]);
     }
     desk.write("hidden.json", document.to_string());
-    // Steps of first order, of which there are more than there are measurements, so that their damping is no part of what is
-    // found.
+    // Steps of first order. Their number exceeds that of the measurements, so that their damping does not affect the result.
     let args = ["simulate", "hidden.json", "--cycles", "2", "--rate", "400", "--no-feed-forward"];
     desk.run(&[&args[..], &["--world-log", "hidden.csv"]].concat()).succeeds();
     let log = desk.read_text("hidden.csv");
@@ -82,7 +81,7 @@ fn a_robot_is_identified_from_what_it_measures() {
     let run = measured(&log, 1);
     desk.write("run.csv", &run);
     let identify = ["identify", "run.csv", "--robot", "robots/agilebot.toml"];
-    // So short that it is not fitted in parts, too.
+    // So short that parts of it are not fitted.
     let quick = ["--fit", "friction,kp,kd.xm430_drive", "--to", "3", "-o", "fitted.toml", "--json"];
     let found = parsed(&desk.run(&[&identify[..], &quick].concat()).succeeds());
     let parameters = found["parameters"].as_array().unwrap();
@@ -91,11 +90,11 @@ fn a_robot_is_identified_from_what_it_measures() {
     for (parameter, truth) in parameters.iter().zip(truths) {
         let [fitted, deviation] =
             ["fitted", "deviation"].map(|key| parameter[key].as_f64().unwrap());
-        // Their kd, which is not fitted here, is another one, too.
+        // Their kd, which is not fitted here, differs too.
         assert!((fitted / truth - 1.0).abs() < 0.15, "{parameter}, {truth}");
         assert!(deviation < 0.1 * fitted, "{parameter}");
         assert_eq!(parameter["verdict"], "changed");
-        // A single run has no errors of the model in its deviations.
+        // Deviations of a single run do not contain errors of the model.
         assert_eq!(parameter["between_runs"], Value::Null);
         assert_eq!(parameter["runs"], json!(["run.csv"]));
     }
@@ -116,7 +115,7 @@ fn a_robot_is_identified_from_what_it_measures() {
     );
     desk.run(&["robot", "check", "fitted.toml"]).succeeds();
 
-    // What is missing is named.
+    // The message names the missing column.
     let fails = |arguments: &[&str], words: &[&str]| {
         desk.run(&[&["identify"], arguments].concat()).fails(1, words);
     };
@@ -151,7 +150,7 @@ fn a_robot_is_identified_from_what_it_measures() {
         ["other.csv: the run is of another robot", "`fore_left_", "`front_left_", "--robot"];
     fails_with("other.csv", &[], &words);
 
-    // Of several runs each is looked at before anything is fitted.
+    // All runs are checked before a fit starts.
     for (second, words) in [
         ("cut.csv", &["cut.csv", "column `front_left_knee_target_rad` is missing"][..]),
         ("other.csv", &["other.csv", "another robot"]),
@@ -186,7 +185,7 @@ fn several_runs_are_fitted_each_alone_and_together() {
     let desk = desk_with_shipped_files();
     desk.make(&["plan", "motions/slalom.toml", "-o", "plan.json"]);
     let log = hidden_run(&desk, "plan.json");
-    // Of files with one name the folder counts.
+    // Files with equal names are distinguished by their folders.
     for (file, seed) in [("one/run.csv", 1), ("two/run.csv", 2)] {
         desk.write(file, measured(&log, seed));
     }

@@ -59,7 +59,7 @@ fn libraries_of_other_robots_play_within_the_bounds() {
         let told: Value = serde_json::from_str(&told).unwrap();
         assert_eq!(told["world"].is_null(), on == "stand", "{robot}");
     }
-    // One leg does not stand by itself.
+    // One leg cannot stand alone.
     desk.run(&["demo", "--library", "motions/test_leg_library.toml", "--out", "leg"])
         .fails(1, &["test_leg cannot stand on the ground", "--on stand"]);
 }

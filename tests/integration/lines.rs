@@ -45,7 +45,7 @@ fn received(line: &mut TTYPort) -> Vec<u8> {
 pub fn cable(mut from: TTYPort, mut to: TTYPort) {
     thread::spawn(move || {
         loop {
-            // Bytes are lost while no program has the device open.
+            // Bytes are lost if no program has opened the device.
             let _ = to.write_all(&received(&mut from));
         }
     });

@@ -98,7 +98,7 @@ fn all_gains_are_those_that_there_are() {
     on(&desk, &socket, &args).fails(5, &["--kp 20 N·m/rad: this channel does not have this value"]);
     let args = ["gains", "set", "0", "--torque-limit", "0.01"];
     on(&desk, &socket, &args).fails(5, &["--torque-limit 0.01 N·m is too low: give at least"]);
-    // A car has wheels only.
+    // A car has only wheels.
     let socket = format!("sim:{}", desk.path("car.sock").display());
     let _car = Robot::on_ground(&desk, "robots/car.toml", &socket);
     on(&desk, &socket, &["gains", "set", "all", "--kp", "20"])
@@ -129,7 +129,7 @@ fn a_simulated_robot_keeps_its_library_and_loses_none() {
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     run(&["flash", "second.rwl"]).succeeds();
     until("kept.rwl", &second);
-    // The library found on the robot may be the only copy; the one that was just flashed is not.
+    // The library found on the robot may be the only copy, but not the library that was just flashed.
     assert_eq!(has("kept.2.rwl"), first);
     run(&["flash", "first.rwl"]).succeeds();
     until("kept.rwl", &first);
@@ -156,7 +156,7 @@ fn a_reader_that_has_seen_enough_does_not_change_how_a_command_ends() {
     drop(reader);
     let mut doctor = command_on(&desk, &bus, &["doctor"]);
     let outcome = Program::start(doctor.stdout(writer).stderr(Stdio::null())).ends();
-    // It has no library.
+    // The robot has no library.
     assert_eq!(outcome.code, 5);
 }
 

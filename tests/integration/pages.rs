@@ -61,7 +61,7 @@ fn every_command_of_the_documents_is_understood() {
 #[test]
 fn every_command_that_the_documents_name_in_passing_exists() {
     let (mut faults, mut checked) = (Vec::new(), 0);
-    // History names what there was.
+    // The changelog may name past commands.
     for document in documents().iter().filter(|one| one.path != "CHANGELOG.md") {
         for (line, span) in &document.spans {
             checked +=
@@ -79,7 +79,7 @@ fn every_command_that_the_documents_name_in_passing_exists() {
 #[test]
 fn the_commands_of_documents_without_a_robot_run() {
     let (files, commands) = follow(|document| !document.has_robot());
-    // The tutorial of README has five files: robot, three motions and library.
+    // The README's tutorial has five files: robot, three motions and library.
     assert!(files >= 5 && commands > 10, "{files} files, {commands} commands");
 }
 

@@ -137,7 +137,7 @@ fn a_problem_keeps_to_its_own_options_and_place() {
         .fails(1, &["cannot write x.json and x.json: they are the same file"]);
     desk.run(&["report", "it.json"]).fails(1, &["it.json is a problem file, not a plan"]);
     desk.run(&["robot", "check", "it.json"]).fails(1, &["is a problem file, not a robot file"]);
-    // A problem that carries a plan is still none; a plan is no problem.
+    // A problem that contains a plan is not a plan, and a plan is not a problem.
     desk.run(&["plan", "it.json", "-o", "plan.json"]).succeeds();
     desk.run(&["plan", "plan.json", "-o", "x.json"]).fails(1, &["is a plan, not a motion file"]);
     assert!(!desk.path("x.json").exists());

@@ -74,7 +74,7 @@ fn planned_joint_states_are_those_of_the_library() {
     let args = ["monitor", "--mcap", "run.mcap", "--library", "legbot.rwl"];
     let mut monitor = command_on(&desk, &bus, &args);
     let monitor = Program::start(monitor.stdout(Stdio::null()));
-    // It listens once the file is there.
+    // The recorder listens after the file exists.
     within("run.mcap", || desk.path("run.mcap").exists().then_some(()));
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     monitor.signal("TERM");

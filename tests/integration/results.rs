@@ -38,11 +38,11 @@ fn a_plan_reaches_its_goal_and_its_report_says_so() {
         ["linear dynamics", "angular dynamics", "slip", "contact point", "displacement goal"]
     {
         let row = row(name);
-        // A converged plan is asked to stay within a fifth of every tolerance.
+        // A converged plan must be within a fifth of every tolerance.
         assert!(row["worst"].as_f64() <= row["level"].as_f64().map(|level| 0.2 * level), "{row}");
     }
 
-    // The same goal, read from the plan's own samples: the centre of mass, one metre on.
+    // The same goal, read from the plan's samples: the centre of mass moves one metre.
     let plan = json(&desk.read_text("plan.json"));
     let x = |sample: &Value| sample["com_m"][0].as_f64().unwrap();
     let samples = plan["samples"].as_array().unwrap();
@@ -94,14 +94,14 @@ fn plan_and_report_have_one_verdict() {
     assert_eq!(judged(&["motions/drive_1m.toml"]), ends(0, "consistent"));
     let few = ["motions/walk.toml", "--start", "standing", "--iterations", "1"];
     assert_eq!(judged(&few), ends(3, "not_converged"));
-    // The walk of a robot that needs feedback, as its file says.
+    // A walk that needs feedback according to its file.
     assert_eq!(judged(&["motions/table_2_1/creature3_fast_walk.toml"]), ends(0, "needs_feedback"));
-    // Six strokes of a skate with twelve samples leave the ground and slip between them.
+    // With twelve samples, six strokes of a skate leave the ground and slip between samples.
     desk.edit("motions/table_2_1/dinobot_skating.toml", "samples = 24", "samples = 12");
     let skating = "motions/table_2_1/dinobot_skating.toml";
     assert_eq!(judged(&[skating, "--samples-fixed"]), ends(3, "fails_as_played"));
 
-    // With more samples the same plan is consistent, and says why there are more.
+    // With more samples, the same plan is consistent, and the report gives the reason for more samples.
     let (code, told) = agreed(&desk, &[skating]);
     assert_eq!((code, &told["judgement"]), (0, &"consistent".into()));
     let coarser = &told["solve"]["refinements"][0];
@@ -110,7 +110,7 @@ fn plan_and_report_have_one_verdict() {
     let told = desk.run(&["report", "plan.json"]).stdout;
     assert!(told.contains("with 12 samples, "), "{told}");
 
-    // A plan that was changed after it converged.
+    // A plan that was changed after its solve converged.
     let mut plan = json(&desk.read_text("plan.json"));
     plan["samples"][3]["com_m"][1] = 0.5.into();
     desk.write("plan.json", plan.to_string());
@@ -125,7 +125,7 @@ fn a_library_with_a_plan_that_does_not_converge_is_not_written_and_says_which() 
     let desk = desk_with_shipped_files();
     desk.edit("motions/walk.toml", "forward_m = 0.12", "forward_m = 8.0");
     let file = "motions/agilebot_library.toml";
-    // Its name in the library, not in its own file, is what messages and file names use.
+    // Messages and file names use the name in the library, not the name in the motion's own file.
     for name in ["name = \"walk\"", "from = \"walk\"", "to = \"walk\""] {
         desk.edit(file, name, &name.replace("walk", "stride"));
     }
@@ -199,7 +199,7 @@ fn a_library_holds_what_its_file_asks_for() {
     let codes: Vec<_> = content["motions"].as_array().unwrap().iter().map(|m| &m["code"]).collect();
     assert_eq!(codes, [1, 2, 3, 4]);
     let transitions = content["transitions"].as_array().unwrap();
-    // To and from SAFE for each of three motions, and walk to turn and back.
+    // For each of three motions, to and from SAFE; and walk to turn and back.
     assert_eq!(transitions.len(), 8);
 }
 
@@ -215,13 +215,13 @@ fn the_same_input_gives_the_same_library() {
 
 #[test]
 fn an_interrupted_solve_writes_nothing_and_exits_with_130() {
-    // Solves take a tenth of a second here; this one is interrupted before it starts to count.
+    // Solves take a tenth of a second here; this solve is interrupted before its first iteration.
     let desk = desk_with_shipped_files();
     desk.edit("motions/turn_in_place.toml", "samples = 16", "samples = 400");
     let mut command =
         desk.command(&["plan", "motions/turn_in_place.toml", "-o", "plan.json", "-v"]);
     let program = Program::start(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
-    // The first iterations are on stderr once the handler is in place.
+    // The first iterations are printed after the handler is installed.
     within("three iterations", || (program.wait_for_words("").lines().count() >= 3).then_some(()));
     program.signal("INT");
     let outcome = program.ends_within(PLANNED);
@@ -276,7 +276,7 @@ fn a_goal_that_only_posture_meets_is_refused_and_a_lean_is_not() {
         )
     };
     desk.write("lean.toml", lean("[goal]\nforward_m = 0.0\nleft_m = 0.0\nturn_rad = 0.1\n"));
-    // Its wheels steer: it may turn over contacts that stay, or drive there.
+    // The wheels steer: the robot may rotate over fixed contacts, or drive.
     let turned = desk.run(&["plan", "lean.toml", "-o", "plan.json", "--json"]);
     let told = json(&turned.stdout);
     let report = json(&desk.run(&["report", "plan.json", "--json"]).stdout);

@@ -23,7 +23,7 @@ fn a_plan_is_retargeted_to_soft_servos_and_played() {
     let costs: Vec<f64> =
         found["costs"].as_array().unwrap().iter().map(|cost| cost.as_f64().unwrap()).collect();
     assert!(costs.len() <= 4 && costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
-    // The motion is unchanged; the commands to the drives are not.
+    // The motion is unchanged, the commands to the drives are not.
     desk.run(&["simulate", "soft.json", "--no-feed-forward"])
         .succeeds_with(0, &["holds in simulation"]);
     desk.run(&["simulate", "soft.json", "--no-feed-forward", "--cycles", "8"]).succeeds();
@@ -59,7 +59,7 @@ fn a_library_is_retargeted_and_built_of_its_plans() {
     desk.run(&["library", "build", "soft/library.toml", "-o", "pup.rwl"]).succeeds();
     let play = ["simulate", "pup.rwl", "--robot", "soft.toml", "--cycles", "2"];
     desk.run(&play).succeeds_with(0, &["stand → walk", "no falls"]);
-    // What stands beside the corrections is the same motion.
+    // The data beside the corrections describe the same motion.
     desk.run(&["simulate", "soft/walk.json", "--no-feed-forward"])
         .succeeds_with(0, &["holds in simulation"]);
 

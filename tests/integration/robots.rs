@@ -19,7 +19,7 @@ fn agilebot_stands_within_its_limits() {
     let report = json(&desk.run(&["robot", "check", "robots/agilebot.toml", "--json"]).succeeds());
     let standing = &report["standing"];
     assert_eq!(standing["warnings"].as_array().unwrap().len(), 0, "{}", standing["warnings"]);
-    // Two links of 0.12 m, each leaning by 0.6 rad, below them 0.06 m to the wheel's centre and its 0.05 m.
+    // Two links of 0.12 m, each leaning by 0.6 rad, then 0.06 m to the wheel's centre and its radius of 0.05 m.
     let height = 2.0 * 0.12 * 0.6_f64.cos() + 0.06 + 0.05;
     assert!((standing["body_height_m"].as_f64().unwrap() - height).abs() < 1e-9);
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
@@ -51,7 +51,7 @@ fn what_speaks_against_a_robot_is_warned_of() {
     }
     let report = json(&desk.run(&["robot", "check", file, "--json"]).succeeds());
     assert!(report["standing"]["warnings"].as_array().unwrap().len() >= 8);
-    // As if it were N·m per degree; and a wheel on its side.
+    // A gain as if in N·m per degree, and a wheel on its side.
     desk.edit(file, "kp_nm_rad = 100.0", "kp_nm_rad = 1.7");
     let soft = desk.run(&["robot", "check", file]).stderr;
     assert!(soft.contains("yields by") && soft.contains("per degree by 57.3"), "{soft}");
@@ -69,7 +69,7 @@ fn planning_warns_of_what_speaks_against_the_robot() {
     let desk = desk_with_shipped_files();
     let plan = ["plan", "motions/stand.toml", "-o", "stand.plan.json"];
     assert!(!desk.run(&plan).stderr.contains("warning"));
-    // A leg that was copied, and not moved.
+    // A leg that was copied, but not moved.
     let file = "robots/agilebot.toml";
     let (front, rear) =
         ("origin_in_parent_m = [0.16, 0.08, 0.0]", "origin_in_parent_m = [-0.16, 0.08, 0.0]");
@@ -86,7 +86,7 @@ fn planning_warns_of_what_speaks_against_the_robot() {
 fn a_robot_on_its_back_is_refused() {
     let desk = desk_with_shipped_files();
     let file = "robots/agilebot.toml";
-    // A minus forgotten twice: from hip to knee and from knee to steering.
+    // Two missing minus signs: from hip to knee, and from knee to steering.
     let text = desk.read_text(file).replace("[0.0, 0.0, -0.12]", "[0.0, 0.0, 0.12]");
     desk.write(file, text);
     desk.run(&["robot", "check", file]).fails(

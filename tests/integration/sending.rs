@@ -56,10 +56,10 @@ fn interrupted(program: Program) -> Outcome {
 fn a_motion_that_is_refused_ends_at_home() {
     let desk = desk_with_library_file();
     let (_robot, bus) = robot(&desk);
-    // Codes that the library does not have are known before anything moves ...
+    // Codes that the library lacks are refused before the robot moves ...
     let missing = ["no motion with code 99", "give one of 1 (stand), 2 (rest)"];
     on(&desk, &bus, &["send", "--arm", "2", "99"]).fails(1, &missing);
-    // ... but only where its names are.
+    // ... but only if the names are known.
     let mut command = command_on(&desk, &bus, &["send", "--arm", "2:0.3", "99"]);
     command.env("XDG_CACHE_HOME", desk.path("elsewhere"));
     let outcome = program::run(&mut command, PLAYED);
@@ -101,7 +101,7 @@ fn a_controller_that_falls_silent_is_not_waited_for() {
         let outcome = send.ends();
         outcome
             .fails(5, &["does not answer (status)", "the robot did not return to SAFE and disarm"]);
-        // One that is stopped is killed, but its socket stays.
+        // A stopped robot is killed, but its socket remains.
         drop(robot);
         let _ = fs::remove_file(desk.path("robot.sock"));
     }
@@ -135,7 +135,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     }
     assert!(run(&["resume"]).succeeds().contains("the robot is playing"));
     run(&["send", "stand"]).succeeds();
-    // The end of each is waited for but of the last, with names and without.
+    // The command waits for the end of each motion except the last, with names and without.
     let named = run(&["send", "rest:0.3", "stand"]);
     assert!(named.stderr.starts_with("playing rest\nstand begins in "), "{}", named.stderr);
     named.succeeds();
@@ -152,7 +152,7 @@ fn beside_a_host_orders_are_given_without_heartbeats_and_no_second_host_begins()
     run(&["return"]).succeeds();
     let numbers = heartbeats(&mut link);
     assert!(numbers.len() > 20, "{numbers:?}");
-    // One program's: the next is always one more.
+    // Within one program, each number is one more than the previous.
     assert!(numbers.windows(2).all(|two| two[1] == two[0].wrapping_add(1)), "{numbers:?}");
     assert_eq!(interrupted(host).code, 130);
 }
@@ -191,7 +191,7 @@ fn what_another_program_paused_does_not_move_because_time_ran_out() {
     wait_for(&mut link, State::Playing);
     on(&desk, &bus, &["pause"]).succeeds();
     wait_for(&mut link, State::Paused);
-    // Longer than the seconds that the motion has.
+    // Longer than the duration of the motion.
     let until_us = link.now_us() + 3_000_000;
     while let Some(frame) = link.receive(until_us).expect("the robot is there") {
         if let Ok((_, FromController::Status(status))) = FromController::decode(&frame) {
@@ -247,7 +247,7 @@ fn a_motion_that_never_begins_beside_a_host_is_5() {
     wait_for(&mut link, State::Playing);
     on(&desk, &bus, &["pause"]).succeeds();
     wait_for(&mut link, State::Paused);
-    // It would begin after the pause.
+    // The motion would begin after the pause.
     let send = start(&desk, &bus, &["send", "stand"]);
     sleep(Duration::from_millis(1500));
     let _ = on(&desk, &bus, &["return"]);
@@ -260,13 +260,13 @@ fn a_motion_that_never_begins_beside_a_host_is_5() {
 #[test]
 fn a_robot_that_another_program_sends_home_stays_there() {
     let desk = desk_with_library_file();
-    // A motion that repeats, which would go on.
+    // A periodic motion would continue.
     desk.edit("rest.toml", "at_rest", "periodic");
     let (_robot, bus) = robot(&desk);
     let send = start(&desk, &bus, &["send", "--arm", "rest:60", "rest:60"]);
     wait_for(&mut listener(&desk), State::Playing);
     sleep(Duration::from_millis(1500));
-    // It may be disarmed before the answer is there.
+    // The robot may be disarmed before the answer arrives.
     let _ = on(&desk, &bus, &["return"]);
     let outcome = send.ends();
     assert!(outcome.stderr.contains("nothing more is played"), "{}", outcome.stderr);

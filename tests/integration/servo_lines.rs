@@ -22,7 +22,7 @@ fn the_demo_plays_a_robot_on_a_serial_line() {
     let names: Vec<_> = clips.iter().map(|clip| clip["name"].as_str().unwrap()).collect();
     assert!(["stand", "drive", "walk"].iter().all(|name| names.contains(name)), "{names:?}");
     for clip in clips {
-        // Two packets of setpoints, a question and twelve answers: 366 bytes of ten bits at 1 Mbit/s, 120 times a second.
+        // Two packets of set-points, a query and twelve answers: 366 bytes of ten bits at 1 Mbit/s, 120 times per second.
         let load = clip["bus_load"].as_f64().unwrap();
         assert!((load - 0.439).abs() < 0.01, "{clip}");
     }
@@ -53,14 +53,14 @@ fn a_controller_plays_motors_at_the_other_end_of_a_serial_line() {
     on(&desk, &bus, &["gains", "feed-forward", "0"]).succeeds();
     played(&desk, &bus, &["walk", "drive", "stand"]);
 
-    // Without its servos a robot cannot be armed; with them back it can.
+    // Without its servos, a robot cannot be armed. After they return, it can.
     motors.stop();
     sleep(Duration::from_millis(500));
     let refused = on(&desk, &bus, &["send", "--arm", "stand"]);
     assert_ne!(refused.code, 0, "{}", refused.stdout);
     assert!(desk.path("servos").symlink_metadata().is_err(), "the line is gone");
 
-    // It is named as what it is: no button was pressed, and there is no CAN.
+    // The message names the cause: no button was pressed, and there is no CAN.
     let doctor = on(&desk, &bus, &["doctor"]);
     assert_eq!(doctor.code, 5, "{}", doctor.stderr);
     let said = doctor.stdout;
@@ -86,7 +86,7 @@ fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let mut motors = Robot::motors(&desk, ROBOT, "servos", &on_ground);
     let _controller = Robot::controller(&desk, ROBOT, &bus, "servos");
     on(&desk, &bus, &["flash", "pup.rwl", "--robot", ROBOT]).succeeds();
-    // The hoist lets go while the robot stands.
+    // The hoist releases the robot while it stands.
     played(&desk, &bus, &["stand:2", "drive"]);
     motors.stop();
     let log = desk.read_text("world.csv");
@@ -96,7 +96,7 @@ fn in_real_time_a_robot_on_the_ground_is_carried_by_motors_at_a_serial_line() {
     let (held, fell, com) = (column("held"), column("fell"), column("com_x_m"));
     let rows: Vec<_> = lines.collect();
     let mut on_ground = rows.split(|row| row[held] == "1").filter(|rows| !rows.is_empty());
-    // The last time: one that had to be armed again slid back a little when it sank down.
+    // The last release, because a robot that was armed again slid back a little as it sank.
     let free = on_ground.next_back().expect("the hoist lets go");
     assert!(free.iter().all(|row| row[fell] == "0"), "it fell");
     let com_m = |row: &[&str]| row[com].parse::<f64>().unwrap();
@@ -118,7 +118,7 @@ fn with_feetech_servos(pup: &str) -> String {
 fn feetech_servos_are_played_over_a_serial_line() {
     let desk = desk_with_shipped_files();
     fs::write(desk.path(ROBOT), with_feetech_servos(&desk.read_text(ROBOT))).unwrap();
-    // Two packets of setpoints, a question and twelve answers: 240 bytes of ten bits at 1 Mbit/s, 120 times a second.
+    // Two packets of set-points, a query and twelve answers: 240 bytes of ten bits at 1 Mbit/s, 120 times per second.
     let checked = desk.run(&["robot", "check", ROBOT]);
     let warning = "warning: bus 0: its drives (STS3215-C018) have no watchdog";
     assert!(checked.stderr.contains(warning), "{}", checked.stderr);

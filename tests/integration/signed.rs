@@ -16,7 +16,7 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     on(&desk, &bus, &build).succeeds();
     let sign = |from, key, to| on(&desk, &bus, &["library", "sign", from, "--key", key, "-o", to]);
     sign("own.rwl", "other.pem", "others.rwl").succeeds();
-    // The signature is replaced, and the same library has the same signature.
+    // Signing replaces a signature, and equal libraries have equal signatures.
     sign("others.rwl", "owner.pem", "again.rwl").succeeds();
     let read = |name: &str| fs::read(desk.path(name)).unwrap();
     assert_eq!(read("again.rwl"), read("own.rwl"));
@@ -34,7 +34,7 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     verify("others.rwl").fails(1, &["others.rwl is signed with key", "not with"]);
     verify("changed.rwl")
         .fails(1, &["changed.rwl was changed after it was signed", "get the library again"]);
-    // No advice to sign what is no library.
+    // No advice to sign a file that is no library.
     verify("legbot.toml").fails(1, &["legbot.toml is a library file", "rollwalk library build"]);
     verify("owner.pub.pem").fails(1, &["owner.pub.pem is not a motion library"]);
     let shown = on(&desk, &bus, &["library", "inspect", "own.rwl"]).succeeds();
@@ -51,13 +51,13 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
     flash("others.rwl").fails(5, &[&remedy[..], &["others.rwl is signed with key"]].concat());
     flash("changed.rwl").fails(5, &remedy);
     flash("own.rwl").succeeds();
-    // It outlasts one that is refused, before it has played and after.
+    // The library remains after another one is refused, before the first play and after.
     flash("plain.rwl").fails(5, &not_signed);
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     flash("plain.rwl").fails(5, &not_signed);
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
 
-    // It is there after a restart, and a robot with another key does not begin with it.
+    // The library remains after a restart, and a robot with another key does not load it.
     robot.stop();
     assert_eq!(read("memory.rwl"), signed);
     let mut robot = Robot::with(&desk, &bus, &insists);
@@ -68,13 +68,13 @@ fn a_robot_with_a_library_key_plays_only_what_its_owner_signed() {
         Robot::refuses(&desk, &[&other[..], &["--library-key", "other.pub.pem"]].concat());
     started.fails(1, &["memory.rwl is signed with key", "not with"]);
 
-    // One without a key begins with it, too, and leaves the file as it is.
+    // A robot without a key also loads it, and does not change the file.
     let mut robot = Robot::with(&desk, &bus, &["--library", "memory.rwl"]);
     in_time(&desk, &bus, &["send", "--arm", "rest"]).succeeds();
     robot.stop();
     assert_eq!(read("memory.rwl"), signed);
 
-    // And it takes one that is sent.
+    // The robot accepts a library that is sent.
     let _robot = Robot::start(&desk, &bus);
     let flashed = flash("own.rwl");
     assert!(flashed.stderr.contains("does not check signatures"), "{}", flashed.stderr);

@@ -129,7 +129,7 @@ pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Ou
             return outcome;
         }
         eprintln!("once more: {}", outcome.stderr);
-        // The robot holds still for 1 s and is let down in 1.5 s; half a second for what a busy computer adds.
+        // The robot holds still for 1 s and sinks in 1.5 s; half a second more for a busy computer.
         sleep(Duration::from_secs(3));
         clear();
     }
@@ -138,7 +138,7 @@ pub fn once_more_when_late(command: impl Fn() -> Outcome, clear: impl Fn() -> Ou
 
 /// True if a command reports a missed deadline.
 fn is_late(stderr: &str) -> bool {
-    // What a robot answers that has not heard its host in time.
+    // Answer of a robot that has not received a heartbeat in time.
     if stderr.contains("not allowed while the robot is returning to SAFE") {
         return true;
     }
@@ -146,7 +146,7 @@ fn is_late(stderr: &str) -> bool {
         .into_iter()
         .any(|fault| {
             let causes = fault.events().map(|event| event.description());
-            // Hosts that know the robot name its servos.
+            // Hosts with the robot file name its servos.
             let kinds = [None, Some(BusKind::Can), Some(BusKind::ServoLine)];
             let names = kinds.map(|kind| fault_words(fault, kind).name);
             causes.chain(names).any(|words| stderr.contains(words))

@@ -55,7 +55,7 @@ fn a_plan_from_a_neighbour_takes_fewer_iterations() {
     let iterations = |told: &Value| told["iterations"].as_u64().unwrap();
     assert!(iterations(&near) < iterations(&cold), "{near}\n{cold}");
 
-    // A neighbour may have another sampling and another duration.
+    // A neighbour may have other samples and another duration.
     desk.edit("motions/drive_1m.toml", "samples = 25", "samples = 31");
     desk.edit("motions/drive_1m.toml", "duration_s = 4.0", "duration_s = 4.5");
     let finer = plan(&desk, "motions/drive_1m.toml", "finer.json", &["--from", "metre.json"]);
@@ -120,6 +120,6 @@ fn a_method_that_runs_out_of_iterations_says_so() {
     for words in ["iteration limit reached after 300 iterations", "did not converge"] {
         assert!(outcome.stdout.contains(words), "{words} in\n{}", outcome.stdout);
     }
-    // The plan is there to be looked at, and its report agrees.
+    // The plan is written for inspection, and its report agrees.
     assert_eq!(desk.run(&["report", "plan.json"]).code, 3);
 }

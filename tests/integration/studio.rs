@@ -81,7 +81,7 @@ impl LinkBus for Page {
             if let Some(frame) = self.frames.pop_front() {
                 return Ok(Some(frame));
             }
-            // Not none, which would be for ever.
+            // A timeout of zero would mean no timeout.
             let wait_us = deadline_us.saturating_sub(self.now_us()).max(1);
             let wait = Some(Duration::from_micros(wait_us));
             self.socket.get_ref().set_read_timeout(wait).expect("a timeout");
@@ -132,10 +132,10 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     session.wait_for_state(State::Ready, LONG_US).expect("it stands");
     session.select(2).expect("it has this motion");
     session.wait_for_state(State::Playing, LONG_US).expect("it plays");
-    // The page crashes: heartbeats end, and the robot returns to SAFE by itself.
+    // The page crashes: heartbeats end, and the robot returns to SAFE.
     drop(session);
     wait_for_words(&desk, "the page has left sim:");
-    // Once the robot takes that host for gone.
+    // After the robot has detected the loss of that host.
     let start = Instant::now();
     let mut session = loop {
         match Session::connect_alone(studio.page(), node) {
@@ -153,7 +153,7 @@ fn a_robot_is_flashed_armed_played_and_stopped_through_the_studio() {
     session.wait_for_state(State::Playing, LONG_US).expect("it plays");
     session.estop().expect("it stops");
     session.wait_for_state(State::EStopped, LONG_US).expect("it has stopped");
-    // The robot's computer goes away: page and terminal report it.
+    // The robot's computer disappears; page and terminal report it.
     robot.stop();
     let error = session.run_for(LONG_US).expect_err("there is no bus");
     assert!(error.to_string().contains("the simulated robot"), "{error}");

@@ -73,7 +73,7 @@ fn desk_with(robot: &str, buses: &str, motions: &[&str]) -> (Desk, Robot) {
         desk.write(&file, format!("{before}{limb}\nbus = {bus}\nfirst_id = 1\n{rest}"));
     }
     desk.write(&file, desk.read_text(&file) + buses);
-    // What an XM540 can do.
+    // Capability of an XM540.
     desk.edit(&file, "speed_max_rad_s = 6.05", "speed_max_rad_s = 5.0");
     desk.edit("motions/stand.toml", "agilebot.toml", &format!("{robot}.toml"));
     let mut library = format!("name = \"torques\"\nrobot = \"../{file}\"\nsafe = \"stand\"\n");
@@ -113,13 +113,13 @@ fn torque_nm(sample: &Value, channel: usize) -> f64 {
 fn drives_are_sent_the_torques_of_the_plan_and_the_share_that_is_set() {
     let (desk, robot) = desk_with("agilebot", CAN, &["walk"]);
     let plan = plan(&desk, "walk.json");
-    // Samples of 50 ms: every third frame.
+    // Samples are 50 ms apart, every third frame.
     assert_eq!(plan["samples"].as_array().map(Vec::len), Some(32));
     let mut session = armed(&desk, &robot, None);
     session.select(WALK).expect("a code");
     for share in [1.0, 0.5, 0.0] {
         session.set_parameter(Parameter::FeedForward, 0, share).expect("a share");
-        // Over the transition and the ramp of the share.
+        // During the transition and the ramp of the share.
         session.run_for(3 * S).expect("the bench runs");
         session.bus_mut().told.clear();
         session.run_for(3 * S).expect("the bench runs");
@@ -134,7 +134,7 @@ fn drives_are_sent_the_torques_of_the_plan_and_the_share_that_is_set() {
             }
             let actuator = channels[told.channel].actuator();
             let sample = &plan["samples"][usize::from(told.playing.frame / 3)];
-            // The last stage before the wire scales gains and torque alike where they ask for more than the limit.
+            // The last stage before the wire scales gains and torque alike if together they exceed the limit.
             let scale = match channels[told.channel] {
                 Channel::Joint(_) => f64::from(told.gains[0]) / actuator.kp_nm_rad,
                 Channel::Wheel(..) => f64::from(told.gains[1]) / actuator.kd_nm_s_rad,
@@ -143,14 +143,14 @@ fn drives_are_sent_the_torques_of_the_plan_and_the_share_that_is_set() {
             scaled += usize::from(rounding > 0.0);
             let scale = if rounding > 0.0 { scale } else { 1.0 };
             let planned_nm = torque_nm(sample, told.channel) * f64::from(share) * scale;
-            // The protocol's step, and the library's: half of 1/1024 of the limit.
+            // Step of the protocol and of the library: half of 1/1024 of the limit.
             let step_nm = match actuator.bus {
-                // 8 bits of mantissa, 1 mN·m at the finest.
+                // 8 bits of mantissa, at least 1 mN·m.
                 0 => 0.004 * planned_nm.abs() + 0.5e-3,
-                // 12 bits over ±18 N·m; a wheel's also makes up for half a step of 12 bits over ±50 rad/s.
+                // 12 bits for ±18 N·m. A wheel's torque also compensates for half a step of 12 bits for ±50 rad/s.
                 1 if told.channel < 16 => 4.4e-3,
                 1 => 4.4e-3 + 12.3e-3 * actuator.kd_nm_s_rad,
-                // Thousandths of the motor's torque, which turns five times.
+                // Thousandths of the torque of the motor, which rotates five times as fast.
                 2 => 2.5e-3,
                 // 16 bits over ±12 N·m.
                 _ => 0.2e-3,
@@ -191,7 +191,7 @@ fn drives_without_a_field_for_torques_are_sent_targets_that_stand_for_them() {
             let actuator = channels[told.channel].actuator();
             let planned_nm = torque_nm(sample, told.channel) * f64::from(share);
             let planned_rad = sample["joint_rad"][told.channel].as_f64().expect("an angle");
-            // Half a step: of 4096 steps a turn, of quarters of a microsecond, of 16 bits of 20 ms; the last has torques.
+            // Half a step: of 4096 steps per turn, of quarters of a microsecond, of 16 bits of 20 ms. The last has torques.
             let (step_rad, torque_nm) = match actuator.bus {
                 0 => (0.77e-3, 0.0),
                 1 => (0.42e-3, 0.0),
@@ -200,7 +200,7 @@ fn drives_without_a_field_for_torques_are_sent_targets_that_stand_for_them() {
             };
             let offset_rad = (planned_nm - torque_nm) / actuator.kp_nm_rad;
             let error_rad = (f64::from(told.value) - planned_rad - offset_rad).abs();
-            // The library's steps of angle and torque.
+            // Steps of angle and torque of the library.
             let quantum_nm = actuator.torque_max_nm / 1024.0;
             let tolerance_rad = step_rad + 0.49e-3 + 0.5 * quantum_nm / actuator.kp_nm_rad;
             assert!(error_rad <= tolerance_rad, "{told:?} for {planned_rad}: {error_rad}");

@@ -76,7 +76,7 @@ fn a_urdf_becomes_a_robot_that_trots() {
         "name = \"trot\"\nrobot = \"quad.toml\"\nduration_s = 0.6\nends = \"periodic\"\nswing_height_m = 0.04\n\
          [goal]\nforward_m = 0.15\nleft_m = 0.0\nturn_rad = 0.0\n[footfalls]\ngait = \"trot\"\nduty = 0.6\n",
     );
-    // Exit code 0 is that of a consistent plan.
+    // Exit code 0 means a consistent plan.
     desk.run(&["plan", "trot.toml", "-o", "trot.json", "--no-simulation"]).succeeds();
 }
 
@@ -108,7 +108,7 @@ fn a_template_takes_given_axes() {
     assert!(shown.contains("root `trunk` with -x forward and +z up"), "{shown}");
     assert!(desk.read_text("t.toml").contains("\nforward = \"-x\""));
     desk.run(&["robot", "import", "quad.urdf", "--with", "t.toml", "-o", "quad.toml"]).succeeds();
-    // Without a result to write, a side file alone has no use.
+    // A side file alone, without an output, has no use.
     desk.run(&["robot", "import", "quad.urdf", "--with", "t.toml"]).fails(2, &["--template"]);
 }
 

@@ -28,7 +28,7 @@ impl Desk {
             self.run(&[args, unplayed].concat()).succeeds();
             let part = kept.with_extension("part");
             fs::copy(self.path(name), &part).expect("a result");
-            // A run that is interrupted leaves no half of one.
+            // An interrupted run leaves no partial result.
             fs::rename(part, kept).expect("a result");
         } else {
             fs::copy(kept, self.path(name)).expect("a kept result");

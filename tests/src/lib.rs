@@ -51,11 +51,11 @@ impl Desk {
     pub fn with_programs(rollwalk: &str, bench: &str) -> Self {
         static FOLDER: OnceLock<PathBuf> = OnceLock::new();
         let folder = FOLDER.get_or_init(|| {
-            // On the file system of the programs, for hard links.
+            // On the file system of the programs, because hard links are needed.
             let folder = Path::new(rollwalk).with_file_name("beside-each-other");
             fs::create_dir_all(&folder).expect("a folder beside the programs");
             for (program, name) in [(rollwalk, "rollwalk"), (bench, "rollwalk-bench")] {
-                // Other runs of the tests may be using what was there.
+                // Other runs of the tests may use the present file.
                 let new = folder.join(format!("{name}.{}", std::process::id()));
                 fs::hard_link(program, &new).expect("a link to a program");
                 fs::rename(&new, folder.join(name)).expect("a link in place of an older one");

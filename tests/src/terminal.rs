@@ -37,7 +37,7 @@ impl Terminal {
         let device = line.name().expect("a name");
         let end = || OpenOptions::new().read(true).write(true).open(&device).expect("its device");
         let (input, output, held) = (end(), end(), end());
-        // As a terminal is before a program takes it.
+        // A terminal in its state before a program changes it.
         stty(&device, &["sane", "rows", "40", "cols", "120"]);
         command.env("TERM", "xterm-256color").stdin(input).stdout(output);
         let program = command.spawn().expect("the console starts");
@@ -59,10 +59,10 @@ impl Terminal {
     /// # Panics
     /// Panics if the program does not end within [`LONG`].
     pub fn hang_up(mut self) -> Option<i32> {
-        // A silent terminal takes its place.
+        // A silent terminal replaces it.
         let (mut near, _far) = TTYPort::pair().expect("a pseudo terminal");
         near.set_timeout(POLL).expect("a timeout");
-        // The last end that is not the program's.
+        // The last end that the program does not hold.
         drop(std::mem::replace(&mut self.terminal, near));
         self.ends()
     }
@@ -92,7 +92,7 @@ impl Terminal {
     #[track_caller]
     pub fn wait_for_screen(&mut self, words: &str) {
         let start = Instant::now();
-        // The screen as it is now, and not when it was looked at last.
+        // The present screen, not the screen at the last read.
         while self.read() && start.elapsed() < BACKLOG {}
         while !self.screen.screen().contents().contains(words) {
             let shown = self.screen.screen().contents();
@@ -111,7 +111,7 @@ impl Terminal {
         loop {
             self.read();
             if let Some(status) = self.program.try_wait().expect("a child") {
-                // What it said last.
+                // The last output.
                 while self.read() {}
                 return status.code();
             }

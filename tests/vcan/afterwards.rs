@@ -35,16 +35,16 @@ fn compare(theirs: &Map<String, Value>, ours: &Map<String, Value>, line: &Value)
         compared += 1;
         match (ours.as_f64(), theirs.as_f64()) {
             (Some(ours), Some(theirs)) => {
-                // Ours are single precision.
+                // Our values are single precision.
                 assert!((ours - theirs).abs() <= 1e-6 * ours.abs().max(1e-3), "{name}: {line}");
             }
-            // A serial number: digits for us, a number for them.
+            // A serial number: digits in our output, a number in theirs.
             (None, Some(theirs)) if name == "uid" => {
                 let digits = u64::from_str_radix(ours.as_str().unwrap(), 16).unwrap();
                 assert_eq!(digits as f64, theirs, "{name}: {line}");
             }
             (None, None) if ours.is_string() => assert_eq!(ours, theirs, "{name}: {line}"),
-            // No clip, no channel: ours has none, theirs a name for the number that says so.
+            // Without clip or channel, our output has no value, theirs a name for the number.
             _ => assert!(ours.is_null() && !theirs.is_null(), "{name}: {line}"),
         }
     }
@@ -57,7 +57,7 @@ fn cantools_decodes_every_frame_to_what_the_monitor_printed() {
     let theirs = decoded("link.log", "rollwalk.dbc");
     let ours = lines(&fs::read_to_string(results().join("monitor.jsonl")).expect("the monitor's"));
     let key = |line: &Value| (line["id"].clone(), line["data"].clone());
-    // The monitor started later, and decoded every frame from then on.
+    // The monitor started later, and decoded every frame since then.
     let mut rest = theirs.iter();
     let (mut compared, mut messages) = (0, BTreeSet::new());
     for line in &ours {
@@ -102,7 +102,7 @@ fn played(name: &str) -> Vec<Stretch> {
 
 /// Returns the stretches that only one of two logs contains.
 fn difference(one: &[Stretch], other: &[Stretch]) -> Vec<Stretch> {
-    // Lengths of the longest common subsequences of what is left of both.
+    // Lengths of the longest common subsequences of both remainders.
     let mut common = vec![vec![0; other.len() + 1]; one.len() + 1];
     for i in (0..one.len()).rev() {
         for j in (0..other.len()).rev() {
@@ -153,7 +153,7 @@ fn the_difference_of_two_logs_is_what_one_of_them_has() {
     assert_eq!(difference(&one, &other), stretches(&[(3, 1)]));
     assert_eq!(difference(&other, &one), stretches(&[(3, 1)]));
     assert_eq!(difference(&one, &one), []);
-    // Another order is no equal.
+    // Another order is not equal.
     assert_eq!(difference(&one, &stretches(&[(2, 9), (1, 9), (3, 1), (4, 9)])).len(), 2);
 }
 
@@ -202,6 +202,6 @@ fn the_telemetry_holds_joint_states_as_measured_and_as_planned() {
     );
     assert!(measured > 100, "{measured}");
     assert!(compared > 100, "{compared}");
-    // A status is up to 50 ms old, and joints turn with up to 6 rad/s; a wrong order would be off by more.
+    // A status is up to 50 ms old, and joints rotate at up to 6 rad/s. A wrong order would cause a greater error.
     assert!(worst_rad < 0.35, "{worst_rad}");
 }

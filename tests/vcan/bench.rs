@@ -87,7 +87,7 @@ fn flash_command(bus: &str) -> Command {
 fn ours(args: &[&str]) -> Command {
     warm();
     let mut command = Command::new(ROLLWALK);
-    // Names of motions are to come from the library alone.
+    // Names of motions must come only from the library.
     command.args(args).env("XDG_CACHE_HOME", "/nonexistent");
     command
 }
@@ -124,7 +124,7 @@ impl BackgroundProgram {
     pub fn robot_of(file: &Path, args: &[&str]) -> Self {
         warm();
         let mut command = Command::new(ROLLWALK_SIM);
-        // What is tested are the buses, in a virtual machine that has no time for a world.
+        // The test is about buses, and the virtual machine has no time for a world.
         command.arg(file).args(args);
         if !args.contains(&"--actuators") {
             command.args(["--on", "stand"]);
@@ -139,7 +139,7 @@ impl BackgroundProgram {
         warm();
         let file = File::create(log).expect("the log");
         let mut command = Command::new("candump");
-        // Every line at once, and a buffer for a loaded machine.
+        // Line-buffered, and with a large buffer for a loaded machine.
         command.args(["-L", "-r", "4000000", interface]).stdout(file).stderr(Stdio::null());
         let candump = Self(command.spawn().expect("candump starts"));
         sleep(Duration::from_millis(100));
@@ -253,7 +253,7 @@ impl Drop for BackgroundProgram {
 /// Reads the frames of a log.
 pub fn log(path: &Path) -> Vec<LogEntry> {
     let text = fs::read_to_string(path).expect("a log");
-    // The writer may have been killed within a line.
+    // The writer may have been killed in the middle of a line.
     let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
     candump::parse(whole).expect("candump's format")
 }

@@ -64,7 +64,7 @@ fn join(what: &str) {
 #[ignore = "needs CAN interfaces: cargo xtask vcan"]
 fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     let (board, line) = BackgroundProgram::board();
-    // QEMU drops output for a terminal that no program has open, and checks that only once a second.
+    // QEMU drops output to a terminal that no program has opened, and checks this only once a second.
     let mut held = OpenOptions::new().read(true).write(true).open(&line).expect("its UART");
     assert_eq!(ask(&mut held, 'V'), "V1010");
     stand_and_stop(&format!("slcan:{line}"));
@@ -74,7 +74,7 @@ fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     run("ip", &["link", "set", "slcan0", "up"]);
     stand_and_stop("can:slcan0");
 
-    // No loop: the kernel repeats a frame once.
+    // Not a loop, because the kernel repeats a frame once.
     join("-A");
     let candump = BackgroundProgram::candump("vcan0", &desk().join(LOG));
     play_stop_clear_and_play();
@@ -83,10 +83,10 @@ fn a_cortex_m4_behind_slcand_plays_is_stopped_cleared_and_plays_again() {
     keep(LOG);
 
     join("-D");
-    // Closes the channel. Its versions differ in how they end.
+    // Closes the channel. Versions of slcand differ in how they end.
     slcand.interrupt();
     wait_for("slcan0", false);
-    // The adapter's flags: no byte was lost.
+    // Flags of the adapter: no byte was lost.
     assert_eq!(ask(&mut held, 'F'), "F00");
     drop(board);
 }

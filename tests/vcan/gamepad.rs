@@ -94,7 +94,7 @@ fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     hold_and_play(&mut pad, &mut console);
     pad.key(DEADMAN, false);
     console.wait_for_screen("PAUSED");
-    // Holding it again moves nothing.
+    // Holding the deadman again moves nothing.
     pad.key(DEADMAN, true);
     console.wait_for_screen("deadman held");
     sleep(Duration::from_millis(500));
@@ -109,11 +109,11 @@ fn nothing_moves_without_the_deadman_and_the_stop_needs_nothing() {
     pad.press(CLEAR);
     console.wait_for_screen("DISARMED");
     hold_and_play(&mut pad, &mut console);
-    // Its plug is pulled, and put in again.
+    // The gamepad is unplugged and plugged in again.
     drop(pad);
     console.wait_for_screen("PAUSED");
     let mut pad = VirtualGamepad::plug_in();
-    // It is looked for once a second; what is held when it is found does not count.
+    // The program searches once a second. Buttons that are held at that time do not count.
     sleep(Duration::from_millis(1500));
     pad.key(DEADMAN, true);
     console.wait_for_screen("deadman held");

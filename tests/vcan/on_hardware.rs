@@ -20,7 +20,7 @@ fn what_is_wrong_with_an_interface_is_gone_when_one_has_typed_what_it_says() {
     let discover = |bus: &str| rollwalk(&["discover", "--bus", bus]);
     let nobody = |bus: &str| discover(bus).fails(5, &["no controller answers"]);
 
-    // As after plugging it in: no bitrate, and down.
+    // State after plugging in: no bit rate, and down.
     let down = discover("can:can0@500000");
     down.clone().fails(1, &["`can0` is down", "sudo ip link set can0 up type can bitrate 500000"]);
     type_what_it_says(&down);

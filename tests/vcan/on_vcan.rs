@@ -74,13 +74,13 @@ fn a_robot_plays_is_stopped_cleared_and_plays_again_and_a_log_of_it_says_the_sam
     assert_eq!(count(&seen, State::Disarmed, State::EStopped), 1, "{seen:?}");
     assert_eq!(count(&seen, State::EStopped, State::Disarmed), 1, "{seen:?}");
     let played = |clip| seen.contains(&(State::Playing, Some(clip)));
-    // Every motion and every transition between it and SAFE.
+    // Every motion, and every transition to and from SAFE.
     assert!((0..4).all(played), "{seen:?}");
     assert_eq!(seen.last(), Some(&(State::Disarmed, None)), "{seen:?}");
-    // Monitor and candump have heard the same.
+    // Monitor and candump recorded the same states.
     assert_eq!(states(&log(&log_of_ours)), seen);
 
-    // The log, played again without a robot: the same states.
+    // A replay of the log without a robot gives the same states.
     let again = desk.join("replayed.log");
     let candump = BackgroundProgram::candump("vcan0", &again);
     let monitor = BackgroundProgram::monitor(&LINK, &desk.join("replayed.jsonl"));
@@ -115,7 +115,7 @@ fn motors_that_die_are_noticed_and_named() {
     assert_eq!(motors.interrupt(), 0);
     send.outcome().fails(5, &["does not answer"]);
     on_link(&["doctor"]).succeeds_with(5, &["an actuator does not answer", "rollwalk clear"]);
-    // It comes back: cleared, it plays again.
+    // The motors return: after a clear, the robot plays again.
     let motors = BackgroundProgram::robot(&[&["--only", "motors"][..], &ACTUATORS].concat());
     on_link(&["clear"]).succeeds();
     on_link(&["send", "--arm", "2"]).succeeds();
@@ -179,7 +179,7 @@ fn an_adapter_that_is_unplugged_in_a_transfer_is_said_and_the_robot_outlives_it(
     unplugged.outcome().fails(5, &["vcan5", "Run the same command again"]);
     drop(candump);
     plug();
-    // It looks for its link twice a second.
+    // The simulator searches for its link twice a second.
     sleep(Duration::from_secs(1));
     flash("can:vcan5").succeeds();
     assert_eq!(robot.interrupt(), 0);

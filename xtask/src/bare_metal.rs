@@ -39,7 +39,7 @@ pub fn check() -> Result<(), String> {
 /// Returns the command that installs a toolchain if none has the target.
 pub fn build(target: &str) -> Result<Build, String> {
     let rustup = rustup_has(target);
-    // A folder for each: the artefacts of the two compilers do not mix.
+    // Two folders, because artefacts of the two compilers must not mix.
     let folder = shell::target_folder().join(if rustup { "bare-metal" } else { "debian" });
     let artefacts = folder.join(target).join("release");
     let args = ["build", "--release", "--target", target];
@@ -56,7 +56,7 @@ pub fn build(target: &str) -> Result<Build, String> {
         )
     })?;
     let mut cargo = command(DEBIAN_CARGO, &args);
-    // RUSTC_BOOTSTRAP lets a stable compiler build `core`. Debian's may be older than the workspace's minimum, which
+    // RUSTC_BOOTSTRAP lets a stable compiler build `core`. Debian's compiler may be older than the workspace's minimum, which
     // these crates do not need.
     cargo.args(["-Z", "build-std=core", "--ignore-rust-version", "--target-dir"]).arg(folder);
     cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);

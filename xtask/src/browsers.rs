@@ -52,7 +52,7 @@ fn brief(file: &str, test: &str) -> Result<(), String> {
     let path = shell::workspace_root().join("studio/web").join(file);
     let text = fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
     if !text.contains(&format!("test(\"{test}")) {
-        // Node passes if no test has the name.
+        // Node passes if no test matches the name.
         return Err(format!("{file} has no test \"{test}"));
     }
     let pattern = format!("--test-name-pattern={test}");

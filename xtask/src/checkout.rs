@@ -29,7 +29,7 @@ pub fn text_files(root: &Path) -> Result<Vec<TextFile>, String> {
         if !entry.file_type().is_some_and(|kind| kind.is_file()) {
             continue;
         }
-        // What is not UTF-8 is an image or golden bytes: no rule speaks of those.
+        // Files that are not UTF-8 are images or golden bytes, to which no rule applies.
         let Ok(text) = fs::read_to_string(entry.path()) else { continue };
         let path = entry.path().strip_prefix(root).map_err(|error| error.to_string())?;
         let path = path.to_string_lossy().replace('\\', "/");

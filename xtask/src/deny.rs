@@ -26,7 +26,7 @@ pub fn check() -> Result<(), String> {
     let mut failures = Vec::new();
     for manifest in WORKSPACES {
         eprintln!("{manifest}");
-        // Crates for other machines too, whose licences are asked for.
+        // Also crates for other machines, whose licences are checked.
         shell::run(&mut shell::cargo(&[
             "fetch",
             "--quiet",
@@ -37,7 +37,7 @@ pub fn check() -> Result<(), String> {
         let mut check = shell::command(&deny, &["deny", "--manifest-path", manifest, "--locked"]);
         check.args(["--all-features"]).args(fetched.is_err().then_some("--offline"));
         check.args(["check", "--hide-inclusion-graph"]);
-        // One list is for all workspaces, and none of them has all that is on it.
+        // One list serves all workspaces, and none has every entry.
         for unused in
             ["unmatched-skip", "license-not-encountered", "license-exception-not-encountered"]
         {

@@ -24,7 +24,7 @@ const RUSTFLAGS: [&str; 7] = [
     "-Cllvm-args=-sanitizer-coverage-inline-8bit-counters",
     "-Cllvm-args=-sanitizer-coverage-pc-table",
     "-Cllvm-args=-sanitizer-coverage-trace-compares",
-    // A folded branch would have no counter.
+    // A merged branch would have no counter.
     "-Cllvm-args=-simplifycfg-branch-fold-threshold=0",
 ];
 
@@ -116,7 +116,7 @@ impl Fuzz {
         }
         let host = host()?;
         let folder = shell::target_folder().join("fuzz");
-        // With a target named, the flags are for the fuzzed program and not for build scripts.
+        // With an explicit target, the flags apply to the fuzzed program, and not to build scripts.
         let mut build = shell::cargo(&["build", "--release", "--target", &host]);
         build.args(["--manifest-path", "tests/fuzz/Cargo.toml", "--target-dir"]).arg(&folder);
         build.env("RUSTFLAGS", RUSTFLAGS.join(" ")).env_remove("CARGO_ENCODED_RUSTFLAGS");
@@ -160,7 +160,7 @@ impl Fuzz {
         run.arg(format!("-artifact_prefix={}/", path(&artifacts)));
         run.arg(format!("-max_total_time={seconds}"));
         run.arg(format!("-max_len={}", target.max_len()));
-        // Repeatable from the same corpus. An input that takes a minute hangs.
+        // Repeatable with the same corpus. An input that takes a minute counts as a hang.
         run.args(["-seed=1", "-timeout=60", "-rss_limit_mb=1024", "-print_final_stats=1"]);
         let status = run.stdout(log).stderr(errors).status();
         let status = status.map_err(|error| failed(&program, &error))?;
@@ -178,7 +178,7 @@ impl Fuzz {
     fn find_planted_bug(&self) -> Result<(), String> {
         let name = Target::Planted.name();
         let artifacts = emptied(&workspace_root().join("tests/fuzz/artifacts").join(&name))?;
-        // From an empty corpus, not from the last run's.
+        // The run starts with an empty corpus, not with that of the last run.
         emptied(&workspace_root().join("tests/fuzz/corpus").join(&name))?;
         let (ended_well, log) = self.start(Target::Planted, PLANTED_SECONDS)?;
         let blind = |why: &str| Err(format!("{why}, so the fuzzer cannot find bugs:\n{log}"));

@@ -34,7 +34,7 @@ pub fn finding(target: &str, log: &str) -> String {
         lines.take_while(|line| !line.starts_with("stack backtrace")).collect();
     let what = match panic {
         Some(panic) => format!("{panic}\n{}", message.join("\n")),
-        // Out of memory, too slow, or not started at all.
+        // Out of memory, timeout, or not started.
         None => {
             let tail: Vec<&str> = log.lines().rev().take(30).collect();
             tail.into_iter().rev().collect::<Vec<_>>().join("\n")

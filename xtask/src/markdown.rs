@@ -56,9 +56,9 @@ impl Page {
         let mut page = Self::default();
         let mut used: BTreeMap<String, usize> = BTreeMap::new();
         let line = |at: usize| text[..at].matches('\n').count() + 1;
-        // Text since the heading, link or block began.
+        // Text since the start of the heading, link or block.
         let (mut heading, mut link, mut code) = (String::new(), String::new(), String::new());
-        // Links and blocks that have begun: line, and destination or info. An image may be the text of a link.
+        // Open links and blocks: line, and destination or info. An image may be the text of a link.
         let mut open: Vec<(usize, String)> = Vec::new();
         let events = Parser::new_ext(text, Options::ENABLE_TABLES | Options::ENABLE_STRIKETHROUGH);
         for (event, place) in events.into_offset_iter() {
@@ -74,7 +74,7 @@ impl Page {
                 }
                 Event::End(TagEnd::Link | TagEnd::Image) => {
                     if let Some((line, to)) = open.pop() {
-                        // The destination ends the link: its text may have the same letters.
+                        // The destination ends the link; its text may contain the same letters.
                         let at = text[place.clone()].rfind(&format!("]({to}"));
                         let place = at.map(|at| place.start + at + 2).map(|at| at..at + to.len());
                         page.links.push(Link { line, to, text: link.clone(), place });

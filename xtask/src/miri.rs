@@ -31,15 +31,15 @@ const RUNS: [Run; 5] = [
     },
     Run {
         name: "firmware",
-        // On x86, libm takes its square roots in assembly, which Miri does not know.
+        // On x86, libm computes square roots in assembly, which Miri does not support.
         cargo: &["-p", "rollwalk-firmware", "--lib", "--target", BIG_ENDIAN],
         only: &[],
         skip: &[
-            // Hundreds of thousands of setpoints, or of periods.
+            // Hundreds of thousands of set-points or periods.
             "as_many_periods_as",
             "nothing_gets_past_the_limits",
             "nothing_that_is_asked_for",
-            // Whole lives of stores; of the library's power cuts some are sampled.
+            // Complete lives of stores. Of the library's power cuts, some are sampled.
             "store::tests::behaviour",
             "store::tests::parameters",
             "store::tests::random_flash",
@@ -69,11 +69,11 @@ const RUNS: [Run; 5] = [
             "transport_golden",
             "wire_golden",
         ],
-        // Every setpoint of many robots.
+        // Every set-point of many robots.
         skip: &["traffic_is_the_worst_case"],
     },
     Run { name: "protocol", cargo: &["-p", "rollwalk-protocol", "--lib"], only: &[], skip: &[] },
-    // From power-on through arming to its interruption: every part of the controller, once.
+    // From power-on through arming to the interruption: every part of the controller once.
     Run {
         name: "controller",
         cargo: &["-p", "rollwalk-firmware", "--test", "integration"],
@@ -100,7 +100,7 @@ fn run_tests(run: &Run) -> Result<(), String> {
     let mut miri = toolchain::nightly_cargo(&["miri", "test"]);
     miri.args(run.cargo).arg("--target-dir").arg(shell::target_folder().join("miri"));
     miri.arg("--").args(run.only).args(run.skip.iter().flat_map(|test| ["--skip", test]));
-    // proptest looks for a file of former failures, which may be missing.
+    // proptest looks for a file of previous failures, which may be missing.
     miri.env("MIRIFLAGS", "-Zmiri-isolation-error=hide -Zmiri-env-forward=PROPTEST_CASES");
     miri.env("PROPTEST_CASES", "1");
     let output = shell::output(&mut miri).map_err(|why| format!("Miri, {}: {why}", run.name))?;

@@ -24,7 +24,7 @@ const END_TO_END_THREADS: &str = "--test-threads=4";
 /// Returns the complete output of the failed programs.
 pub fn beside_each_other(programs: &[&Program]) -> Result<(), String> {
     let mut programs = programs.to_vec();
-    // The others run while it does.
+    // The other programs run at the same time.
     programs.sort_by_key(|program| program.name != END_TO_END);
     let failures = parallel::each(&programs, |program| {
         let start = Instant::now();

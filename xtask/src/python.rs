@@ -70,7 +70,7 @@ impl Environment {
     /// Returns the errors of [`new`](Self::new).
     pub fn kept(name: &str, packages: &[&str]) -> Result<Self, String> {
         let folder = shell::target_folder().join(name);
-        // Written last: a folder that an interruption left is made anew.
+        // Written last, so that an interrupted folder is created again.
         let (made, wanted) = (folder.join("packages.txt"), packages.join("\n"));
         if fs::read_to_string(&made).is_ok_and(|there| there == wanted) {
             return Ok(Self(folder));

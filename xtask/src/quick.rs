@@ -202,7 +202,7 @@ mod tests {
     fn tests_of_dependents_are_left_and_of_tests_only_the_tests() {
         assert_eq!(left_by("protocol/src/lib.rs"), ["firmware", "drives", "simulator"]);
         assert_eq!(left_by("firmware/src/lib.rs"), ["simulator"]);
-        // The firmware's tests drive them; what runs the firmware does not.
+        // The tests of the firmware drive them; programs that run the firmware do not.
         assert_eq!(left_by("drives/src/lib.rs"), ["firmware"]);
     }
 

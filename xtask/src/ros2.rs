@@ -67,7 +67,7 @@ fn colcon() -> Result<PathBuf, String> {
         let path = env::join_paths([tools.to_owned()].into_iter().chain(others));
         build.env("PATH", path.map_err(|error| error.to_string())?);
     }
-    // It writes into the folder in which it is called.
+    // The command writes to its current folder.
     shell::run(build.current_dir(&folder))?;
     let installed = folder.join("install").join(PACKAGE);
     let missing: Vec<_> = INSTALLED.iter().filter(|file| !installed.join(file).exists()).collect();

@@ -102,7 +102,7 @@ impl Shipped {
             // Packages without programs may have none.
             let _ = fs::remove_file(bill);
         }
-        // The folder of this checkout is of no use to a reader.
+        // A reader does not need the folder of this checkout.
         let root = shell::workspace_root();
         found.map(|text| text.replace(&format!("{}", root.display()), ""))
     }

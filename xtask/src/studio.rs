@@ -86,7 +86,7 @@ fn one_file(
             );
         }
         scripts += 1;
-        // The end of a script is where the page says so, even inside a string of it.
+        // A script ends at the first end tag, even inside a string.
         let script = text(name)?.replace("</script", "<\\/script");
         one += &format!("<script>\n{script}\n</script>\n");
     }

@@ -9,7 +9,7 @@ pub fn nightly_cargo(args: &[&str]) -> Command {
     let mut words = vec!["run", "nightly", "cargo"];
     words.extend(args);
     let mut cargo = command("rustup", &words);
-    // Variables of the cargo that runs this task name its own toolchain.
+    // Variables of the cargo that runs this task select its own toolchain.
     for name in ["RUSTUP_TOOLCHAIN", "CARGO", "RUSTC", "RUSTDOC", "RUSTC_WRAPPER"] {
         cargo.env_remove(name);
     }
@@ -30,7 +30,7 @@ pub fn need_nightly(components: &[&str]) -> Result<(), String> {
     if installed() {
         return Ok(());
     }
-    // With the components named, rustup takes the newest nightly that has them.
+    // With named components, rustup selects the newest nightly that has them.
     let mut install = vec!["toolchain", "install", "nightly", "--profile", "minimal"];
     components.iter().for_each(|component| install.extend(["--component", component]));
     let done = shell::run(&mut command("rustup", &install));

@@ -22,12 +22,12 @@ static HAS_ALL: OnceLock<bool> = OnceLock::new();
 
 /// Includes every package in the builds of this process.
 pub fn select_all() {
-    // Only if something was built before is it set.
+    // The cell is set only once; a previous build may have set it.
     let _ = HAS_ALL.set(true);
 }
 
 fn selection() -> Vec<&'static str> {
-    // Without git all is built.
+    // Without git, everything is built.
     let has_changed =
         || changes::files(None).map_or(true, |files| changes::concern(&files, &APART));
     let has_all = *HAS_ALL.get_or_init(has_changed);
@@ -100,7 +100,7 @@ impl Program {
 /// # Errors
 /// Returns the command line if the build fails; warnings and errors are printed on the terminal.
 pub fn programs() -> Result<Vec<Program>, String> {
-    // Not `--all-targets`, which would make test programs of programs without tests.
+    // `--all-targets` would make test programs of programs without tests.
     of(linted(&["build", "--lib", "--bins", "--tests", "--examples", "--bench", "*"])?)
 }
 
@@ -166,7 +166,7 @@ pub fn documented_examples() -> Result<(), String> {
 /// Runs a build, and returns the programs that it produced.
 fn of(mut build: Command) -> Result<Vec<Program>, String> {
     build.args(["--message-format", "json-render-diagnostics"]);
-    // Of a build that failed, messages for programs say nothing that is not on the terminal.
+    // After a failed build, messages for programs repeat what the terminal shows.
     let failed = |error: String| match error.split_once(" failed: ") {
         Some((command, _)) => format!("{command} failed"),
         None => error,
@@ -216,7 +216,7 @@ mod tests {
         let (folder, path) = ("/w/tests".into(), "/w/target/debug/deps/vcan-1".into());
         let expected = Program { folder, name: "vcan".into(), is_test: true, path };
         assert_eq!(of_message(line), Some(expected));
-        // Nothing runs these.
+        // No step runs these.
         assert_eq!(of_message(&line.replace(r#"["test"]"#, r#"["example"]"#)), None);
         assert_eq!(of_message(r#"{"reason":"build-finished","success":true}"#), None);
         assert_eq!(of_message(r#"{"executable":null}"#), None);

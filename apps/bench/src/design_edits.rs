@@ -97,7 +97,7 @@ pub fn run(only: &RowFilter) -> miette::Result<Option<Findings>> {
 }
 
 fn summary(rows: &[Row]) -> String {
-    // `both` is what a plan from scratch costs as well.
+    // `both` is also the cost of a plan from scratch.
     let with = |both: &dyn Fn(&Row) -> f64, cost: &dyn Fn(&Row) -> Option<f64>| {
         let both = rows.iter().filter_map(|row| {
             let both = both(row);

@@ -271,7 +271,7 @@ fn subject(on: Support) -> miette::Result<Option<Subject>> {
         return Ok(None);
     };
     let longest_s = plans.iter().map(|plan| plan.motion.duration_s).fold(0.0, f64::max);
-    // A transition that has just begun, a motion and another transition, none longer than the longest of all.
+    // A transition that has just begun, a motion and another transition. None is longer than the longest motion.
     let way_home = SimTime::from_ms((1e3 * (3.0 * longest_s + HALT_S)) as u64);
     let subject = Subject::on_ground(robot, with_torques, way_home);
     subject

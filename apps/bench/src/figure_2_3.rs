@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
             options.settings.method = method;
             let factor = if method == Method::Lbfgs { 10 } else { 1 };
             options.settings.iterations = factor * args.iterations as usize;
-            // One start for all methods: a second one would begin its curve anew.
+            // All methods have one start, because a second start would begin a new curve.
             let options = candidates(&robot, &motion, &options).swap_remove(0);
             let clock = ThreadTime::now();
             let mut states = Vec::new();

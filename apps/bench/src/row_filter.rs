@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_wrong_name_is_told_the_right_ones() {
-        // Folders are no part of a name.
+        // A name does not contain folders.
         let error = choose(Some("motions")).unwrap_err();
         assert!(error.to_string().contains("`motions`"), "{error}");
         assert_eq!(error.help().unwrap().to_string(), "give one of roll, walk_and_roll, walk");

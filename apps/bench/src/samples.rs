@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> miette::Result<Option<Findings>> {
     for &samples in &args.samples {
         let strides = (samples / STRIDE) as f64;
         let mut motion = measure::goal_times(&stride, strides);
-        // Every other character of the pattern, stride after stride.
+        // Every second character of the pattern, in each stride.
         let pattern = &stride.stance;
         motion.stance =
             (0..samples).map(|i| pattern[(i % STRIDE) * pattern.len() / STRIDE].clone()).collect();

@@ -275,7 +275,7 @@ fn requests(args: &Args) -> Vec<SelectedRequest> {
     let mut all = Vec::new();
     for (files, change, [least, most]) in REQUESTS {
         for file in files {
-            // Logarithmically even.
+            // Uniform in the logarithm.
             let number = least * (most / least).powf(random.f64());
             let name = format!("{file} {change:?}").to_lowercase();
             all.push(SelectedRequest { name, number, change, file });

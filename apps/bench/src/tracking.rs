@@ -209,7 +209,7 @@ impl Bench<'_> {
         let mass_kg: f64 = self.plan.robot.links.iter().map(|link| link.mass_kg).sum();
         let weight_n = mass_kg * GRAVITY_M_S2;
         let period_s = self.plan.motion.duration_s;
-        // In the second period, or while a motion that ends moves.
+        // In the second period, or during the movement of a motion that ends.
         let begin_s = match self.plan.motion.ends {
             Ends::Periodic => period_s,
             _ => 1.0,

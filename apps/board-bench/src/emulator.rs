@@ -106,7 +106,7 @@ impl RunningEmulator {
 
 impl Drop for RunningEmulator {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The emulator may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

@@ -65,7 +65,7 @@ pub fn signing_key(path: &Path) -> Result<SigningKey, String> {
 
 /// Appends a signature to a library.
 pub fn signed(library: &[u8], key: &SigningKey) -> Vec<u8> {
-    // The fingerprint is for people, who read none of this.
+    // The fingerprint helps people. This test does not read it.
     let mut file = [library, &signature_head([0; FINGERPRINT_LEN])].concat();
     let signature = key.sign(&file);
     file.extend(signature.to_bytes());
@@ -99,6 +99,6 @@ fn text(path: &Path, kind: &str, help: &str) -> Result<String, String> {
     if bytes.len() as u64 > MAX_FILE {
         return Err(format!("{name} has more than {MAX_FILE} bytes and is not a {kind}; {help}"));
     }
-    // Text of another encoding is no key either, and is refused as such.
+    // Text in another encoding is not a key either, and is refused with the same message.
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

@@ -76,7 +76,7 @@ fn motions<C: Core>(rig: &Rig<C>, bytes: &[u8]) -> Result<Vec<LibraryMotion>, St
             duration_us: u64::from(frames) * 1_000_000 / u64::from(RATE_HZ),
         })
     });
-    // SAFE is where all begin and end.
+    // All motions begin and end at SAFE.
     Ok(motions.filter(|motion| motion.node != library.safe_node()).collect())
 }
 
@@ -91,7 +91,7 @@ fn play<C: Core>(
     say(&format!("flashed {} bytes, checked and activated", library.len()));
     session.arm()?;
     say("armed, stands in SAFE");
-    // There and back again: transitions between neighbours both ways, where the library has them.
+    // Forward and backward through the motions, if the library has transitions between neighbours in both directions.
     for motion in motions.iter().chain(motions.iter().rev()) {
         session.select(motion.code)?;
         let name = format!("motion {}", motion.name);

@@ -135,7 +135,7 @@ mod tests {
         let mut recording = Recording::new(FramePerTick(None));
         let free = Buses::default().with_actuator(0);
         for now_us in 0..4 {
-            // The tick takes the frame; the second step finds nothing, the third is not made.
+            // The tick takes the frame. The second step finds nothing, and the third step is not made.
             for input in [Some(Input::Tick), None, None] {
                 recording.step(Step { now_us, input, free }).unwrap();
             }

@@ -56,7 +56,7 @@ fn a_block_has_the_keys_of_the_files() {
     let both = keys(&digits);
     assert_eq!(both.link, Some(LINK));
     assert_eq!(both.library.unwrap()[..4], [0x8A, 0x88, 0xE3, 0xDD]);
-    // A public key is for all.
+    // A public key is not secret.
     assert_eq!(said, "");
     assert!(keys(&block(&[("--link-key", &link)]).unwrap().0).library.is_none());
     assert!(keys(&block(&[("--library-key", &library)]).unwrap().0).link.is_none());
@@ -91,7 +91,7 @@ fn what_is_no_key_says_what_it_is_and_what_would_be_right() {
         let why = block(&[(option, path)]).unwrap_err();
         assert!(why.contains(expected), "{why}");
         assert!(why.contains(path.to_str().unwrap()), "{why}");
-        // Neither a secret nor advice to keep one that is none.
+        // The message contains no secret, and no advice to protect a file that is no secret.
         assert!(!why.contains("5a5a") && !why.contains("chmod") && !why.contains("MC4C"), "{why}");
     }
 }

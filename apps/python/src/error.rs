@@ -18,7 +18,7 @@ pub fn input_error(diagnostic: impl Diagnostic) -> PyErr {
     let mut text = String::new();
     // Writing into a string does not fail.
     let _ = handler.render_report(&mut text, &diagnostic);
-    // An exception begins behind its class, and its excerpt on a line of its own.
+    // Python prints the message behind the name of the exception, so the excerpt needs its own line.
     refused(format!("\n{}", ShownLines(text.trim_end())))
 }
 

@@ -56,7 +56,7 @@ enum Built {
 
 fn build(contents: &Contents, solver: &mut ProgressSolver<'_>) -> Built {
     let wanted = contents.request();
-    // Whoever stops it raises another exception.
+    // The caller that stops the build raises another exception.
     let stopped = || Built::Refused("stopped".to_owned());
     let Some(motions) = wanted.motions(solver) else { return stopped() };
     let transitions = match wanted.transitions(&motions, solver) {

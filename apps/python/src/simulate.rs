@@ -78,7 +78,7 @@ impl Step {
             base_m: base.into(),
             turned: before.map_or(turned, |before| nearer_quaternion(turned, &before.turned)),
             com_m: world.com().0.into(),
-            // Channels are joints first, then wheels.
+            // Joints are the first channels, wheels follow.
             joints: world.shafts().take(joints).collect(),
             force_n: world.touches().map(|touch| touch.force.into()).collect(),
         }

@@ -71,7 +71,7 @@ where
             let (sender, result) = channel();
             let watch = &watch;
             let worker = scope.spawn(move || {
-                // After a stop nobody receives it.
+                // After a stop, no receiver remains.
                 let _ = sender.send(work(watch));
             });
             let waited = wait(watch, progress, &result);

@@ -139,12 +139,12 @@ impl<'a> Bridge<'a> {
     /// Exchanges messages and calls with ROS.
     fn serve(&mut self, heard: &[Frame]) -> Result<(), DdsFailure> {
         if let Err(report) = self.load_names() {
-            // Of a file that has changed since the start. The robot may be moving: it goes on without names.
+            // The file has changed since the start. The robot may be moving, so the node continues without names.
             let now_us = self.operated.now_us();
             let text = format!("the names of motions and joints cannot be read: {report}");
             self.operated.operator.notify(now_us, Weight::Warning, text);
         }
-        // Before the calls, which may stop the robot.
+        // `on_play` comes before the calls, because a call may stop the robot.
         if let Some(name) = self.graph.play()? {
             self.on_play(&name);
         }
@@ -181,7 +181,7 @@ impl<'a> Bridge<'a> {
         self.look_us = view.now_us + LOOK_US;
         self.pass_on_messages(&view);
         if !view.link.contact {
-            // With what is heard after a loss it would be a state that never was.
+            // Old measurements together with measurements after a loss would be a state that never existed.
             self.round.clear();
         }
         if self.lost.is_none()
@@ -278,7 +278,7 @@ impl<'a> Bridge<'a> {
                     let reached = view.status.map(|status| status.state);
                     let barred = view.status.is_some_and(|status| match status.state {
                         State::EStopped => true,
-                        // Without a fault they are on the way to Disarmed.
+                        // Without a fault, these states lead to Disarmed.
                         State::Damped | State::TorqueOff => !status.faults.is_empty(),
                         _ => false,
                     });
@@ -424,7 +424,8 @@ impl<'a> Bridge<'a> {
             return Ok(());
         }
         self.named = wanted;
-        // Of another library: without them, where a lookup fails, its codes are not sent to this one.
+        // The catalog is of another library. Even if a look-up fails, the node must not send codes of that library to this
+        // robot.
         self.catalog = None;
         self.operated.operator.set_catalog(None);
         self.joints.clear();
@@ -445,7 +446,7 @@ impl<'a> Bridge<'a> {
             return Ok(());
         };
         self.joints = rollwalk_interchange::joint_names(&robot);
-        // It is written to memory.
+        // The URDF is written to memory, so this cannot fail.
         self.urdf = rollwalk_interchange::urdf(&robot, &parts).ok();
         Ok(())
     }

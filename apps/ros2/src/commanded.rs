@@ -134,7 +134,7 @@ mod tests {
         commanded.command(1_000 * MS, old).unwrap();
         assert_eq!(commanded.steering(1_099 * MS), steering(0.1, 0.0, 0.0));
         assert_eq!(commanded.steering(1_100 * MS), Steering::default());
-        // Of a clock that is ahead it counts as long as one that has just been made.
+        // A command with a time in the future is valid as long as a command that was just made.
         let ahead = Velocity { age_ns: -3_000_000_000, ..velocity(0.1, 0.0, 0.0) };
         commanded.command(2_000 * MS, ahead).unwrap();
         assert_eq!(commanded.steering(2_499 * MS), steering(0.1, 0.0, 0.0));

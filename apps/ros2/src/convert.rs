@@ -269,7 +269,7 @@ mod tests {
         let status = of(&lost.view(0));
         assert_eq!((status[0].level, status[1].level), (Level::Stale, Level::Error));
         assert_eq!(status[1].message, "the bus is lost: can0 is down");
-        // What it does now is not known, nor what to do about it.
+        // The present state and its remedy are unknown.
         let (none, severity) = (FaultBits::default(), Severity::None);
         let status = of(&operator(State::Playing, none, severity).view(2_000_000));
         assert_eq!(status[0].level, Level::Stale);

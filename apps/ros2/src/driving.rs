@@ -100,7 +100,7 @@ impl NodePilot {
         self.steered.steer(self.commanded.steering(now_us));
         self.steered.turn(now_us, operator, |_| {});
         if self.phase() == Phase::Off {
-            // It begins when it is asked to, not when it is next in SAFE.
+            // The pilot begins at a request, not at the next arrival in SAFE.
             self.steered.pilot.rest();
         }
     }

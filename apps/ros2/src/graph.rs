@@ -246,7 +246,7 @@ impl Graph {
             Some(Velocities::Stamped(topic)) => {
                 let stamped = self.newest(topic, VELOCITIES)?;
                 stamped.map(|TwistStamped { header, twist }| {
-                    // Programs that have no clock leave it at zero.
+                    // Programs without a clock send a time of zero.
                     let stamp = Some(header.stamp).filter(|stamp| *stamp != Time::ZERO);
                     let age = |stamp: Time| Time::now().to_nanos().saturating_sub(stamp.to_nanos());
                     Velocity { twist, age_ns: stamp.map_or(0, age) }
@@ -311,7 +311,7 @@ impl Graph {
     pub fn answer(&self, call: &Call, success: bool, message: &str) {
         let server = self.services.iter().find(|(service, _)| *service == call.service);
         let answer = TriggerResponse { success, message: message.to_owned() };
-        // A caller that does not read its answer has none.
+        // A caller may disappear before it reads the answer.
         server.map(|(_, server)| server.send_response(call.id, answer));
     }
 }
@@ -411,7 +411,7 @@ mod tests {
     /// Tests the mapping of Fast DDS, the default of ROS; `tests/ros2/` tests the mapping of Cyclone DDS.
     #[test]
     fn a_call_is_answered_with_the_number_of_its_request() {
-        // Ports of higher domains are among those that Linux gives away.
+        // Linux assigns ports of higher domains to other programs.
         let domain = 1 + (std::process::id() % 100) as u16;
         let mapping = ServiceMapping::Enhanced;
         let environment = Environment { domain, loopback: true, mapping };
@@ -437,7 +437,7 @@ mod tests {
         let mut sent = Vec::new();
         let (id, answer) = loop {
             assert!(Instant::now() < end, "no answer to {sent:?}");
-            // Until the two have found each other, requests go nowhere.
+            // Requests are lost until client and server have discovered each other.
             sent.push(client.send_request(TriggerRequest::default()).unwrap());
             thread::sleep(Duration::from_millis(100));
             for call in graph.calls().unwrap() {

@@ -91,7 +91,7 @@ pub fn command_line() -> clap::Command {
 pub fn main() -> ExitCode {
     end(Names::split(std::env::args_os()).and_then(|(names, arguments)| {
         let matches = command_line().get_matches_from(arguments);
-        // The options of a robot are missing then.
+        // These commands need no options of a robot.
         if let Some(folder) = matches.get_one::<PathBuf>("man") {
             return generated::manual(command_line(), folder).map(|()| Exit::Ok);
         }
@@ -119,7 +119,7 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
         }
         None => None,
     };
-    // The library names the motions of a robot that cannot be driven, too.
+    // The library also names the motions of a robot that cannot be driven.
     let prepared = prepared.filter(|prepared| {
         let goes = prepared.check_goes();
         if let Err(why) = &goes {
@@ -132,7 +132,7 @@ fn run(cli: &Cli, names: &Names) -> miette::Result<Exit> {
     interrupt::install_handler();
     let mut bus = cli.link.live().map_err(cannot_open)?;
     let node = cli.link.node;
-    // A bus that is lost by now is waited for by the bridge.
+    // If the bus has been lost by now, the bridge waits for it.
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
         return Ok(report_failure(&cli.link, &SessionError::HasHost { node: node.number() }));
     }

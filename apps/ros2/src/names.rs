@@ -28,7 +28,7 @@ impl Names {
         let mut arguments = arguments.into_iter();
         let mut for_ros = false;
         while let Some(argument) = arguments.next() {
-            // Names of files need not be text; those of ROS are.
+            // File names need not be valid UTF-8; names of ROS are.
             match (argument.to_str(), for_ros) {
                 (Some("--ros-args"), _) => for_ros = true,
                 (_, false) => own.push(argument),

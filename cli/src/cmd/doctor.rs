@@ -32,7 +32,7 @@ const BITRATE: u32 = 1_000_000;
 /// With --system it checks only this computer: SocketCAN and CAN interfaces, access to serial devices and their latency timers,
 /// real-time priority, gamepads, and programs that convert pictures. It opens no bus.
 #[derive(clap::Args)]
-// No bus is opened then, but one belongs to the arguments of a link.
+// This mode opens no bus, but the arguments of a link require one.
 #[command(mut_arg("bus", |bus| bus
     .required(false)
     .required_unless_present("system")

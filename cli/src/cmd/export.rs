@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let place = Output::at(&args.output)?;
     place.write(&content)?;
     let output = args.output.display();
-    // Frames are spaced evenly, rows at multiples of what was asked for.
+    // Frames are evenly spaced. Rows are at multiples of the requested rate.
     let rate_hz =
         if format.is_table() { args.rate } else { (rate.even_hz(duration_s) * 1e6).round() / 1e6 };
     place.comment(&format!("wrote {output}: {duration_s} s at {rate_hz} Hz"))?;

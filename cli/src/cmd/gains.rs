@@ -305,7 +305,7 @@ fn set(args: &Set) -> miette::Result<Exit> {
             without.join(", ")
         ));
     }
-    // A script that takes a limit for set would go on without one.
+    // A script must not continue without a limit that it believes to be set.
     if set == 0 {
         output::print_line("nothing was set");
         return Ok(Exit::NotDone);
@@ -327,7 +327,7 @@ fn has_none(error: &SessionError) -> bool {
     let SessionError::ParameterRefused { result, value, .. } = error else { return false };
     match result {
         ParameterResult::NotSupported => true,
-        // An upper bound of 0; values are 0 or more.
+        // The upper bound is 0, so only 0 is possible.
         ParameterResult::OutOfRange => *value == 0.0,
         _ => false,
     }

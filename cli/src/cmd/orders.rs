@@ -49,17 +49,17 @@ pub fn run(order: Order, args: &Args) -> miette::Result<Exit> {
         Order::Resume => session.resume(),
         Order::Return => session.return_to_safe(),
     };
-    // Looked up after the command, which should not wait.
+    // The names are looked up after the command, because the command should not wait.
     let robot = NamesArgs::default().look_up(Some(session.hello()))?;
     if let Err(error) = outcome {
         return Ok(report_failure_on(&args.link, &error, robot.as_ref()));
     }
-    // The last status may be older than the order; it is printed even without a newer one.
+    // The last status may be older than the command. It is printed even if no newer one arrives.
     let _ = session.wait_until("its status", STATUS_US, |_| Some(true));
     if let Some(status) = session.status() {
         let actuators = robot.map_or_else(Actuators::default, |robot| robot.actuators);
         output::print(&format!("the robot is {}", condition(&status, &actuators)))?;
-        // It stopped after it had accepted the command.
+        // The robot stopped after it had accepted the command.
         if has_to_be_cleared(&status) {
             return Ok(Exit::NotDone);
         }

@@ -131,7 +131,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let mut time_s = watch.finish().as_secs_f64();
     let mut report = Report::new(&plan);
     let interrupted = interrupt::requested();
-    // An interrupted refinement leaves the last plan that converged.
+    // An interrupted refinement keeps the last plan that converged.
     let written = (plan.solve.status != Status::Interrupted).then_some(&args.output);
     if written.is_some() {
         place.write(plan.to_json().as_bytes())?;
@@ -300,7 +300,7 @@ impl<'a> PlanResult<'a> {
     fn describe(&self, interrupted: bool, is_given: bool) -> String {
         let &Self { plan, report, simulation, time_s, written } = self;
         let solve = &plan.solve;
-        // A plan that is written after Ctrl-C had converged, and more samples were being tried.
+        // A plan that is written after Ctrl-C had converged before a refinement with more samples.
         let status = match written {
             Some(_) if interrupted => {
                 format!(

@@ -51,7 +51,7 @@ fn plugin(name: &str) -> Result<String, String> {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let ending = files::ending(&args.output, "a robot", &["urdf", "xml", "yaml"])?;
     let (robot, parts) = Source::Disk.robot_and_parts(&args.robot)?;
-    // The robot would start in the ground of a simulator, too.
+    // The robot would also start in the ground of a simulator.
     let standing = StandingReport::new(&robot);
     output::print_warnings(standing.and_then(|standing| standing.shape_in_ground()).as_slice());
     let text = match (ending, &args.ros2_control) {

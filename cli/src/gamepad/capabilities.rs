@@ -35,11 +35,11 @@ mod tests {
 
     #[test]
     fn gamepads_are_told_from_keyboards_and_mice() {
-        // The capabilities of an Xbox and a DualShock controller, a joystick, ...
+        // Capabilities of gamepads: Xbox, DualShock and a joystick.
         assert!(is_gamepad("7cdb000000000000 0 0 0 0\n"));
         assert!(is_gamepad("7fdb000000000000 0 0 0 0\n"));
         assert!(is_gamepad("fff00000000 0 0 0 0\n"));
-        // ... a keyboard, a mouse, a power button, and nothing.
+        // Capabilities of other devices: keyboard, mouse, power button, and a device without keys.
         assert!(!is_gamepad("402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe\n"));
         assert!(!is_gamepad("ffff0000 0 0 0 0\n"));
         assert!(!is_gamepad("10000000000000 0\n"));

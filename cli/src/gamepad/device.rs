@@ -131,7 +131,7 @@ pub fn start_reader(found: GamepadDevice) -> Receiver<Event> {
                 return;
             }
             thread::sleep(RETRY);
-            // It may have another number when it comes back.
+            // The device may have another number after it is plugged in again.
             if let Some(again) = gamepads().0.into_iter().find(|again| again.name == found.name) {
                 path = again.path;
             }
@@ -153,10 +153,10 @@ fn forward(mut device: Device, to: &Sender<Event>) -> io::Result<()> {
         return Ok(());
     }
     loop {
-        // What the kernel had to drop is made up for by the present state.
+        // If the kernel dropped events, the present state replaces them.
         for event in device.fetch_events()? {
             let event = match event.destructure() {
-                // 2 is a key that repeats itself.
+                // Value 2 marks a repetition of a key.
                 EventSummary::Key(_, KeyCode(number), value @ (0 | 1)) => {
                     Event::Button { number, down: value == 1 }
                 }

@@ -34,7 +34,7 @@ fn count_in(path: &Path) -> miette::Result<u32> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).into_diagnostic().wrap_err_with(failed)?;
     }
-    // Another simulator with the same key waits for its own number.
+    // A second simulator with the same key waits for its own number.
     let mut file: File = OpenOptions::new()
         .read(true)
         .write(true)
@@ -47,7 +47,7 @@ fn count_in(path: &Path) -> miette::Result<u32> {
     let mut text = String::new();
     file.read_to_string(&mut text).into_diagnostic().wrap_err_with(failed)?;
     let last = match text.trim_end() {
-        // Made, and never written.
+        // The file was created, but never written.
         "" => Some(0),
         digits => digits.parse::<u32>().ok(),
     };
@@ -60,7 +60,7 @@ fn count_in(path: &Path) -> miette::Result<u32> {
             u32::MAX
         )
     })?;
-    // Always as long, so that it takes the place of the one before as a whole.
+    // The length is constant, so that a write replaces the previous number completely.
     let written = file
         .rewind()
         .and_then(|()| file.write_all(format!("{next:010}\n").as_bytes()))

@@ -60,7 +60,7 @@ impl Gains {
     /// Returns an error if the file cannot be read or written, or has another format.
     pub fn beside(library: &Path) -> miette::Result<Self> {
         let path = library.with_extension("gains.json");
-        // In this order: what has been read is no output for any other purpose.
+        // This order guarantees that a file that was read is not used for another output.
         let output = Output::of_source(&path)?;
         let saved = path.exists().then(|| read(&path)).transpose()?;
         Ok(Self { output, path, saved })
@@ -126,7 +126,7 @@ fn text(set: &ParameterSet) -> String {
         feed_forward: set.feed_forward,
         channels: set.values.iter().map(channel).collect(),
     };
-    // Only maps with non-string keys can fail to become JSON; a set has no map.
+    // Only maps with non-string keys cannot become JSON, and a set has no map.
     serde_json::to_string_pretty(&saved).unwrap_or_default() + "\n"
 }
 

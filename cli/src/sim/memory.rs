@@ -32,7 +32,7 @@ impl Memory {
     /// Returns an error if the library is for another robot, is damaged or is not signed with `key`, or if the file cannot be
     /// written.
     pub fn open(path: &Path, robot: &Path, key: Option<&VerifyingKey>) -> miette::Result<Self> {
-        // In this order: what has been read is no output for any other purpose.
+        // This order guarantees that a file that was read is not used for another output.
         let output = Output::of_source(path)?;
         let found = path.exists();
         let other_robot =

@@ -48,7 +48,7 @@ pub fn page(token: &str, bus: Option<&BusName>) -> String {
         "{CHARSET}\n<meta name=\"engine\" content=\"websocket\">\n<meta name=\"token\" content=\"{token}\">"
     );
     if let Some(bus) = bus {
-        // A device may be called anything.
+        // The name of a device may contain any character.
         let bus = bus.to_string().replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
         told += &format!("\n<meta name=\"relay\" content=\"{bus}\">");
     }

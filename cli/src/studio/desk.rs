@@ -53,7 +53,7 @@ impl Desk {
             "keep" => {
                 let [text, by, from] =
                     ["text", "by", "from"].map(|key| request[key].as_str().unwrap_or_default());
-                // Locked until the edits are stored, so that two pages do not store theirs at once.
+                // The lock lasts until the edits are stored, so that two pages cannot store edits at the same time.
                 let sheets = self.sheets();
                 let digest = digest(&sheets);
                 let edits = self.edits.as_ref();

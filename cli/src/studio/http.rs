@@ -73,7 +73,7 @@ fn parse(bytes: &[u8]) -> ParsedHead {
         let mut found =
             request.headers.iter().filter(|field| field.name.eq_ignore_ascii_case(name));
         let value = found.next().and_then(|field| std::str::from_utf8(field.value).ok());
-        // What is said twice counts as what nobody said.
+        // A header that occurs twice is ignored.
         value.filter(|_| found.next().is_none()).map(str::to_owned)
     };
     let twice = |name: &str| {
@@ -99,7 +99,7 @@ fn parse(bytes: &[u8]) -> ParsedHead {
 /// # Errors
 /// Returns an error if the connection ends.
 pub fn send(mut stream: TcpStream, asset: &Asset<'_>, port: u16) -> io::Result<()> {
-    // The page loads nothing from elsewhere and talks to this server alone.
+    // The page loads nothing from other servers, and connects to this server only.
     let policy = format!(
         "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' data: blob:; \
          connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; worker-src blob:; base-uri 'none'; \
@@ -149,8 +149,8 @@ pub fn upgrade(stream: &mut TcpStream, key: &str) -> io::Result<()> {
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
     );
     stream.write_all(head.as_bytes())?;
-    // Bytes that follow an answer must not wait until the browser has acknowledged it, which takes 40 ms.
+    // Bytes after an answer must not wait for the acknowledgement of the browser, which takes 40 ms.
     stream.set_nodelay(true)?;
-    // A page may be quiet for hours.
+    // A page may send nothing for hours.
     stream.set_read_timeout(None)
 }

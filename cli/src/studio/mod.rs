@@ -80,7 +80,7 @@ impl Shared {
     fn accept(self: &Arc<Self>, stream: TcpStream) {
         let shared = Arc::clone(self);
         thread::spawn(move || {
-            // A browser that goes away is no news.
+            // A browser that closes its connection is not an error.
             let _ = shared.serve(stream);
         });
     }

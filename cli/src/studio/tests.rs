@@ -44,7 +44,7 @@ impl TestServer {
     /// Sends bytes and returns the complete answer.
     fn exchange(&self, bytes: &[u8]) -> String {
         let mut stream = self.connect();
-        // A server that has heard enough may hang up before all is said.
+        // A server may close the connection before it has read everything.
         let _ = stream.write_all(bytes);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
@@ -115,22 +115,22 @@ fn only_those_get_in_who_have_the_address() {
         (&*page, vec![&*host], 200),
         (&page, vec![&host, &own], 200),
         ("GET /studio.js", vec![&host], 200),
-        // No token, half of one, a wrong one.
+        // No token, half a token, a wrong token.
         ("GET /", vec![&host], 403),
         (&page[..page.len() - 1], vec![&host], 403),
         (&format!("GET /?token={}", "0".repeat(32)), vec![&host], 403),
-        // Another site by its own name, or one that its name was rebound from.
+        // Another site with its own name, and a name that was rebound to this server (DNS rebinding).
         (&page, vec!["Host: evil.example"], 403),
         (&page, vec![&format!("Host: evil.example:{port}")], 403),
         (&page, vec![&host, "Origin: https://evil.example"], 403),
         (&page, vec![&host, "Origin: null"], 403),
         (&page, vec![&host, &own, "Origin: https://evil.example"], 400),
         (&page, vec![], 403),
-        // Nothing but these files, and nothing but reading.
+        // Only these files, and only for reading.
         ("GET /../Cargo.toml", vec![&host], 404),
         ("GET /studio.wasm", vec![&host], 404),
         (&format!("POST /?token={token}"), vec![&host], 405),
-        // No WebSocket without its key, and none without an origin.
+        // A WebSocket needs a key and an origin.
         (&format!("GET /engine?token={token}"), vec![&host, &own], 400),
         (&format!("GET /engine?token={token}"), vec![&host], 403),
         ("BREW", vec![], 400),
@@ -175,7 +175,7 @@ fn a_page_of_another_site_has_no_engine() {
 fn a_browser_that_breaks_the_rules_loses_its_own_session_only() {
     let server = start(&[]);
     let mut other = server.own();
-    // One frame with the length of four gigabytes.
+    // A frame with a length of 4 GB.
     let mut huge = server.own();
     huge.get_mut().write_all(&[0x81, 0xff, 0, 0, 0, 1, 0, 0, 0, 0, 1, 2, 3, 4]).unwrap();
     assert!(huge.read().is_err() || !huge.can_read());
@@ -201,7 +201,7 @@ fn files_of_the_command_line_are_opened_and_saved_and_no_others() {
     let (given, _) = ask(&mut socket, json!({ "seq": 1, "kind": "given" }));
     let name = given["desired"]["motion"].as_str().unwrap().to_owned();
     assert_eq!(given["files"].as_array().unwrap().len(), 1);
-    // The robot that it names is not there; that of the same name that ships is.
+    // The named robot file is missing; the shipped robot with the same name is used.
     let (opened, _) = ask(
         &mut socket,
         json!({ "seq": 2, "kind": "open", "files": given["files"], "motion": name }),
@@ -252,7 +252,7 @@ fn what_a_strangers_motion_names_is_opened_if_it_is_a_document_and_written_if_it
     assert_eq!(opened("../secret/credentials.toml"), None);
     assert_eq!(opened("../secret/pup.toml").as_deref(), Some("error"));
     assert_eq!(opened("below/pup.toml").as_deref(), Some("done"));
-    // A link leads elsewhere although it lies here.
+    // A link in this folder points to another folder.
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink(at("secret/pup.toml"), at("mine/link.toml")).unwrap();
@@ -272,7 +272,7 @@ fn slow_connections_keep_no_page_away() {
         .collect();
     let host = format!("Host: 127.0.0.1:{}", server.port);
     assert_eq!(server.status(&format!("GET /?token={}", server.token), &[&host]), 200);
-    // Bytes now and then are no patience for ever.
+    // A client that sends a byte now and then is disconnected in the end.
     let mut stream = slow.into_iter().next().unwrap();
     let ended = (0..60).any(|_| {
         thread::sleep(std::time::Duration::from_millis(100));
@@ -321,7 +321,7 @@ fn libraries_for_controllers_folders_and_plans_of_unknown_motions_are_refused_wi
         let said = refused(at(path)).replace(['\n', ' ', '│'], "");
         assert!(words.iter().all(|word| said.contains(&word.replace(' ', ""))), "{path}: {said}");
     }
-    // With its motion it is opened.
+    // The plan is opened together with its motion.
     fs::write(at("hop.toml"), "footfalls.all = \"stance\"\n").unwrap();
     let opened = Desk::open(&[at("hop.toml"), at("plans/hop.json")], None).unwrap();
     let given = opened.answer(r#"{"seq": 1, "kind": "given"}"#).unwrap();

@@ -86,7 +86,7 @@ fn fine(what: impl Into<String>) -> Finding {
 }
 
 fn can(system: &System) -> Vec<Finding> {
-    // A robot at a serial line needs none of it.
+    // A robot on a serial line needs no CAN tools.
     if let Some(OpenError { what, help }) = &system.no_can {
         return vec![finding(Gravity::Note, what, help)];
     }
@@ -142,7 +142,7 @@ fn serial_devices(system: &System) -> Vec<Finding> {
         let has_access = user.is_root || user.groups.iter().any(|one| one == group);
         let what = "no serial adapter and no board is plugged in";
         found.push(if has_access {
-            // Nothing to use, and nothing to mend: no tick.
+            // Nothing to use and nothing to repair, so a note.
             finding(
                 Gravity::Note,
                 format!("{what}; this user may use devices with the group `{group}`"),

@@ -57,7 +57,7 @@ fn lists_vcan(modules: &str) -> bool {
 }
 
 fn serial_device(path: String, groups: &Groups) -> SerialDevice {
-    // Access lists count, which modes do not show.
+    // `access` also considers access lists, which the mode of a file does not show.
     let access = rustix::fs::access(path.as_str(), Access::READ_OK | Access::WRITE_OK);
     let gid = fs::metadata(&path).map_or(0, |device| device.gid());
     let latency = Path::new(&path).file_name().and_then(|name| Latency::of(name.to_str()?));

@@ -45,7 +45,7 @@ pub enum Exit {
 impl Exit {
     /// Exit code of the process.
     pub fn code(self) -> u8 {
-        // 2 is clap's for a wrong command line, 130 what shells report for an interrupt.
+        // clap returns 2 for a wrong command line; shells report 130 for an interrupt.
         match self {
             Exit::Ok => 0,
             Exit::BadInput => 1,

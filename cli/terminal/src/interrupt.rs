@@ -24,7 +24,7 @@ pub fn request() {
 fn install() {
     for signal in [SIGINT, SIGTERM].into_iter().chain(hang_up()) {
         let requested = || Arc::clone(&REQUESTED);
-        // In this order: the flag is not set yet when the first signal arrives.
+        // This order matters: at the first signal, the flag is not set yet.
         let installed = flag::register_conditional_shutdown(signal, 130, requested())
             .and_then(|_| flag::register(signal, requested()));
         if let Err(error) = installed {

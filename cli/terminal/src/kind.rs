@@ -81,7 +81,7 @@ impl Kind {
     /// Detects the kind of a text by strings that only one kind contains.
     pub fn of(text: &str) -> Option<Self> {
         if text.trim_start().starts_with('{') {
-            // A problem may carry a plan; the quotes of that are escaped.
+            // A problem may contain a plan, but with escaped quotes.
             let has = |format: &str| text.contains(&format!("\"{format}\""));
             let marks = [(PROBLEM_FORMAT, Self::Problem), (plan::FORMAT, Self::Plan)];
             return marks.into_iter().find(|(format, _)| has(format)).map(|(_, kind)| kind);
@@ -125,14 +125,14 @@ impl Kind {
             | Self::Sweep
             | Self::Side => 1 << 20,
             Self::Gamepad | Self::Names | Self::Gains => 1 << 20,
-            // A file of `--rotate`: some ten minutes.
+            // A file of `--rotate` lasts about ten minutes.
             Self::WorldLog | Self::Run => 256 << 20,
             // 250,000 heights.
             Self::Terrain => 8 << 20,
             Self::LinkKey | Self::PrivateKey | Self::PublicKey => 1 << 10,
-            // The most samples of a robot with the most joints are 10 MB.
+            // The maximum number of samples, for the maximum number of joints, takes 10 MB.
             Self::Plan | Self::Packed => 32 << 20,
-            // It may carry a plan, whose quotes are escaped.
+            // A problem may contain a plan with escaped quotes.
             Self::Problem => 48 << 20,
             Self::Urdf => urdf::TEXT_MAX as u64,
         }
@@ -263,13 +263,13 @@ impl Kind {
     /// Returns an error if the text is recognised as something else.
     pub fn expect_document(path: &Path, text: &str) -> miette::Result<()> {
         const DOCUMENTS: [Kind; 4] = [Kind::Robot, Kind::Motion, Kind::Library, Kind::Design];
-        // Keys that only these have, also where no table has the name.
+        // Keys that only these kinds have, also if no table has the name.
         const KEYS: [&str; 5] = ["link", "footfalls", "motion", "motions", "parameter"];
         let is_toml = path.extension().is_some_and(|extension| extension == "toml");
         let is_document =
             |document: Document<&str>| KEYS.iter().any(|key| document.as_table().contains_key(key));
         let parsed = Document::parse(text);
-        // Other texts show how to write such files.
+        // Other texts get help on how to write such a file.
         let may_be = is_toml || parsed.is_ok();
         let (what, help) = match Self::of(text) {
             Some(kind) if DOCUMENTS.contains(&kind) && may_be => return Ok(()),

@@ -37,7 +37,7 @@ use std::process::ExitCode;
 pub fn end(outcome: miette::Result<Exit>) -> ExitCode {
     match outcome {
         Ok(exit) => exit.into(),
-        // Whoever read our output has seen enough (`| head`): not an error.
+        // The reader of our output has closed the pipe (`| head`). This is not an error.
         Err(report) if report.is::<output::PipeClosed>() => Exit::Ok.into(),
         Err(report) => match report.downcast_ref() {
             Some(link::FailedSession(exit)) => (*exit).into(),

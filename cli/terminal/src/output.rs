@@ -42,7 +42,7 @@ pub fn line(text: &str) -> miette::Result<()> {
 
 /// Prints a line on stderr. A closed stderr is ignored, because it is no reason to end a run; `eprintln!` would panic.
 pub fn print_line(text: impl Display) {
-    // A failure could only be reported in the same place.
+    // A failure could be reported only to the same stream.
     let _ = writeln!(io::stderr().lock(), "{}", escaped(text));
 }
 
@@ -63,7 +63,7 @@ struct ReportText<'r>(&'r Report);
 
 impl Display for ReportText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Errors name commands to type: a line break of ours within one would break it when it is copied.
+        // Errors contain commands to type. A line break within a command would break its copy.
         let handler = MietteHandlerOpts::new().wrap_lines(false).build();
         handler.debug(&EscapedDiagnostic::of(self.0.as_ref()), f)
     }

@@ -208,7 +208,7 @@ mod tests {
     #[test]
     #[ignore = "minutes: cargo xtask nightly --only long"]
     fn the_command_line_and_the_library_find_the_same_plan() {
-        // The first start of a flying trot leads nowhere.
+        // The first start of a flying trot does not converge.
         for motion in ["motions/stand.toml", "motions/flying_trot.toml"] {
             let (robot, motion) = Source::Shipped.motion(Path::new(motion)).unwrap();
             let options = Options::default();

@@ -93,7 +93,7 @@ impl Problem {
         };
         let parts = [(Some(&self.motion), Kind::Motion), (Some(&self.robot), Kind::Robot)];
         for (file, kind) in parts.into_iter().chain([(self.from.as_ref(), Kind::Plan)]) {
-            // As if each came from a file of its own.
+            // As if each text were its own file.
             let Some(file) = file.filter(|file| file.text.len() as u64 > kind.max_bytes()) else {
                 continue;
             };

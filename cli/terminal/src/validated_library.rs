@@ -28,7 +28,7 @@ impl ValidatedLibrary {
             return Self::of_robot(path, robot, other_robot);
         }
         let file = file(path)?;
-        // One robot after the other while the library only says that it is for another one.
+        // The loop tries robots while the library reports only that it is for another robot.
         for shipped in shipped::robots() {
             let robot = Source::Shipped.robot(shipped)?;
             match check(&file, &robot)? {
@@ -109,7 +109,7 @@ pub fn actuators(robot: &Robot) -> Actuators {
 /// Bytes of a library file.
 fn file(path: &Path) -> miette::Result<Vec<u8>> {
     let file = files::read(path, Kind::Packed)?;
-    // What a library is built from is text.
+    // Sources of a library are text.
     if let Ok(text) = std::str::from_utf8(&file) {
         Kind::Packed.expect(path, text)?;
     }

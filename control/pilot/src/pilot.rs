@@ -159,7 +159,7 @@ impl Pilot {
             }
             Phase::Stopping | Phase::Homeward if after > self.after => self.after = after,
             Phase::Stopping | Phase::Homeward if after == ActionAfterStop::Leave => {
-                // Asked for twice.
+                // The operator requested it twice.
                 operator.request(now_us, Intent::Quit);
             }
             Phase::Stopping | Phase::Homeward => {}
@@ -219,7 +219,7 @@ impl Pilot {
             Phase::Beginning if state != State::Ready => self.end(now_us, operator),
             Phase::Beginning => self.begin(now_us, operator),
             Phase::Steered | Phase::Stopping if !streams => {
-                // Streaming has ended, for any reason: the robot does not set off again by itself.
+                // Streaming has ended, for any reason. The robot must not start again by itself.
                 self.rests = true;
                 self.end(now_us, operator);
             }

@@ -74,7 +74,7 @@ impl SteeredRobot {
             }
         }
         if let Some(request) = self.pilot.request(operator) {
-            // If the planner has ended, the next look for plans tells.
+            // If the planner has ended, the next poll for plans reports it.
             let _ = self.planner.requests.send(request);
         }
     }

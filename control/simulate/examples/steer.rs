@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let options = HorizonOptions { duration_s, ..HorizonOptions::default() };
         let horizon = Horizon::new(&robot, stand.clone(), options)?;
         let begins_s = |k: usize| REST_S + KEPT_S * k as f64;
-        // Step in place, on, on with a turn, turn, step in place, stand.
+        // Step in place, forward, forward with a turn, turn, step in place, stand.
         let wanted = [
             [0.0; 2],
             [FORWARD_M_S, 0.0],

@@ -27,7 +27,7 @@ pub(crate) fn upright(tree: &Tree, reference: &mut Reference) {
     let lever = frames.com(tree) - axle;
     let lean_rad = lever.dot(&left.cross(&up)).atan2(lever.dot(&up));
     let turn = Rotation3::from_axis_angle(&left, -lean_rad);
-    // The goal of the motion is that of the centre of mass, and the wheels roll below it.
+    // The goal of the motion is a displacement of the centre of mass, and the wheels roll below it.
     let moved = lever - turn * lever;
     let shift = moved - up * moved.dot(&up);
     state.base_position_m = axle + turn * (state.base_position_m - axle) + shift;

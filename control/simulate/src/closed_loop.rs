@@ -86,11 +86,11 @@ impl<'s, 'p> ClosedLoop<'s, 'p> {
         if let Some(laws) = follower.stopped(script, *tick_s) {
             return (laws, Some(TrackingError::Stopped));
         }
-        // A motion that ends has a rest before it, in which its reference does not move: wheels would creep ahead.
+        // The reference of a motion that ends does not move before the motion. With a latency, the wheels would creep ahead.
         let moves = from_s > 0.0 || script.repeats();
         let ahead_s = if moves { *latency_s } else { 0.0 };
         let reference = plan.reference(from_s + ahead_s);
-        // Before it moves it stands still, and the estimator may align itself.
+        // Before the motion, the robot stands still, and the estimator may align.
         let followed =
             FollowedPlan { script, body: &plan.body, contacts: None, may_stop: from_s > 0.0 };
         follower.tick(&followed, &reference, to_s + ahead_s, *tick_s, measured)

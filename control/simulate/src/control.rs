@@ -81,7 +81,7 @@ impl<'s, 'p> Controller<'s, 'p> {
                 let world_from_plan = Isometry3::from_parts(shift, turn);
                 let timing = Timing { tick_s: step_s, latency_s: delay as f64 * step_s };
                 let mut closed_loop = ClosedLoop::new(script, feedback, world_from_plan, timing);
-                // The robot knows where it begins.
+                // The simulated robot knows its initial pose.
                 let start = world.state(closed_loop.tree());
                 closed_loop.align(&start).expect("the state of a world is finite");
                 let tree = closed_loop.tree();
@@ -102,8 +102,8 @@ impl<'s, 'p> Controller<'s, 'p> {
     /// Times continue over all periods. `world` is at the beginning of the step.
     pub fn laws(&mut self, [from_s, to_s]: [f64; 2], world: &World) -> Vec<Law> {
         let Some(tracking) = &mut self.tracking else {
-            // A controller sends the setpoints of a tick at its beginning, and drives hold them until the next one. Times are multiples
-            // of a step but for rounding.
+            // A controller sends the set-points of a tick at its beginning, and drives hold them until the next tick. Times are
+            // multiples of a step except for rounding.
             let tick = ((from_s + 0.5 * (to_s - from_s).abs()) * CONTROL_HZ).floor();
             return self.script.laws(tick / CONTROL_HZ);
         };

@@ -190,7 +190,7 @@ mod tests {
         let of = |a: &NetDisplacement, b: &NetDisplacement| planned.deviation(a, b);
         let one = way(0.21, 0.001, 0.01);
         assert_eq!(of(&one, &one), 0.0);
-        // A twentieth of the goal, 5 mm, 0.02 rad.
+        // A twentieth of the goal, 5 mm and 0.02 rad.
         assert!((of(&one, &way(0.205, 0.001, 0.01)) - 0.5).abs() < 1e-9);
         assert!((of(&one, &way(0.21, -0.004, 0.01)) - 1.0).abs() < 1e-9);
         assert!((of(&one, &way(0.21, 0.001, 0.05)) - 2.0).abs() < 1e-9);

@@ -111,7 +111,7 @@ impl Lines {
 /// Formats cells as a CSV line without line end.
 fn record(cells: impl Iterator<Item = String>) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    // A vector takes everything, and cells are text.
+    // Writing to a vector cannot fail, and cells are text.
     let written = writer.write_record(cells).and_then(|()| Ok(writer.flush()?));
     written.expect("memory takes it");
     let bytes = writer.into_inner().unwrap_or_default();

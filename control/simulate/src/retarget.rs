@@ -117,7 +117,7 @@ pub fn retarget(
         most: MOST_RAD,
         ..gauss_newton::Options::default()
     };
-    // Where the robot falls with these angles, it may stand without.
+    // If the robot falls with these angles, it may stand without them.
     let fit = minimise(&start, &penalties, &search, &mut run)
         .or_else(|| minimise(&vec![0.0; start.len()], &penalties, &search, &mut run))?;
     let mut corrected = bare.clone();
@@ -160,7 +160,7 @@ fn yielding(script: &Script<'_>, options: &Options, curve: &Curve) -> Vec<f64> {
     if options.feed_forward {
         return vec![0.0; actuators.len() * curve.knots];
     }
-    // Torques jump where feet touch down: the mean around a knot.
+    // Torques jump at touch-down, so the mean around a knot is used.
     const AROUND: [f64; 5] = [-0.4, -0.2, 0.0, 0.2, 0.4];
     let offset_s = if script.repeats() { 0.0 } else { REST_S };
     let of_knot = |knot: usize| {
@@ -211,7 +211,7 @@ fn rollout(
         if fall_watch.check(&world).is_some() {
             return None;
         }
-        // A motion that repeats goes on in later periods.
+        // A periodic motion continues in later periods.
         let done_s = (planned.len() + 1) as f64 * step_s;
         planned.push(script.com(if script.repeats() { done_s } else { beat.time_s }));
     }

@@ -139,7 +139,7 @@ pub(crate) fn begin(
     let world_from_plan = ground_from_world(ground.as_ref()).inverse();
     let mut start = script.start(&world_from_plan);
     start.base_position_m += plane.point;
-    // On ground that is no plane, as near to it as the plan is to its plane.
+    // On uneven ground, the robot starts as close to the ground as the plan is to its plane.
     let flat: Arc<dyn Ground> = Arc::new(plane);
     let planned_m = World::new(robot, &flat, parameters, &start).clearance_m();
     let mut world = World::new(robot, ground, parameters, &start);

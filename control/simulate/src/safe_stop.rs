@@ -62,7 +62,7 @@ impl SafeStop {
             let rolls = (1.0 - since_s / WHEELS_S).max(0.0);
             for (channel, law) in script.robot().channels().zip(&mut laws) {
                 match channel {
-                    // The planned torque bears the robot.
+                    // The planned torque supports the robot.
                     Channel::Joint(_) => law.speed_rad_s = 0.0,
                     Channel::Wheel(..) => {
                         law.speed_rad_s *= rolls;

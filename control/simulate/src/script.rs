@@ -92,7 +92,7 @@ impl<'a> Script<'a> {
             let speeds = planned.map(|(sample, end_effector)| {
                 match end_effector.contact.actuator() {
                     Some(_) => sample.motor_speed_rad_s,
-                    // A free wheel rolls: its spin about the axis, less that of its link, is near to its spin.
+                    // The spin of a free wheel about its axis, without the spin of its link, is close to its total spin.
                     None if end_effector.contact.freewheels() => sample.wheel_speed_rad_s,
                     None => 0.0,
                 }

@@ -179,7 +179,7 @@ mod tests {
         let mut random = Rng::with_seed(1);
         let samples: Vec<f64> = (0..100_000).map(|_| normal(&mut random)).collect();
         let moment = |power: i32| samples.iter().map(|x| x.powi(power)).sum::<f64>() / 1e5;
-        // Deviations of the moments of so many samples: 0.003, 0.0045, 0.03.
+        // Standard deviations of the moments with this number of samples: 0.003, 0.0045, 0.03.
         assert!(moment(1).abs() < 0.01 && (moment(2) - 1.0).abs() < 0.02, "{}", moment(2));
         assert!((moment(4) - 3.0).abs() < 0.1, "{}", moment(4));
     }

@@ -202,7 +202,7 @@ impl<'p> Sequence<'p> {
         }
         let mut follower = Follower::new(&first.script, first.plan.body.tree(), timing);
         follower.change_plan(first.gains.clone());
-        // Where an estimator that aligns itself at rest puts the robot.
+        // Pose in which an estimator that aligns at rest places the robot.
         let start = legs[0].ground_pose(0.0).inverse();
         legs[0].plan.world_from_plan = start;
         Ok(Self {
@@ -365,7 +365,7 @@ impl<'p> Sequence<'p> {
         }
         let state = match measured {
             Measurement::State(state, _) => state,
-            // An alignment keeps them.
+            // An alignment keeps the origin of the estimator.
             Measurement::Sensors(_) => self.follower.estimator.state(),
         };
         let there = ground_pose(&state.base_position_m, &state.world_from_body);

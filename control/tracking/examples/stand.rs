@@ -49,7 +49,7 @@ pub fn stand() -> Result<Stand, Box<dyn Error>> {
     let ground: Arc<dyn Ground> = Arc::new(Plane::level());
     let mut world = World::standing(&robot, &ground, &Parameters::new(&robot));
 
-    // The wheels are discs.
+    // The wheels are discs with this inertia.
     let inertia = |wheel: &EndEffector| {
         0.5 * WHEEL_MASS_SHARE * robot.links[wheel.link].mass_kg * wheel.radius_m.powi(2)
     };

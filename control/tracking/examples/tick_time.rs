@@ -29,7 +29,7 @@ fn measure(robot: &Robot, ticks: usize) {
     let tree = Tree::new(robot).with_spinning_wheels(|_| 1e-6).with_armature();
     let feet = robot.end_effectors.len();
     let part_n = tree.total_mass_kg() * GRAVITY_M_S2 / feet as f64;
-    // States are about the nominal one, whose body is at the origin: the ground is below it.
+    // States are near the nominal state, whose body is at the origin. The ground is below the body.
     let body_m = Standing::new(&tree).expect("no wheel lies flat").frames.link_origins[0].z;
     let mut reference = Reference {
         time_s: 0.0,

@@ -57,9 +57,9 @@ mod tests {
     fn what_is_to_stand_and_is_on_the_ground_stands() {
         assert!(touches(false, true, 0.01));
         assert!(touches(false, true, -0.01));
-        // A pose that is none says nothing.
+        // A NaN as height says nothing about the contact.
         assert!(!touches(false, true, f64::NAN));
-        // It may hang over a hole, or swing.
+        // The foot may be over a hole, or in swing.
         assert!(!touches(false, true, -0.05));
         assert!(!touches(false, false, 0.0));
         assert!(touches(true, false, 0.2));

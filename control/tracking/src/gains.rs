@@ -86,7 +86,7 @@ impl Stage {
     fn new(from: &Moment, to: &Moment, interval_s: f64) -> Self {
         let size = from.a.nrows();
         let h = interval_s;
-        // A moves end effectors' places to the spin, the spin to the rotation, and no further: the series of exp(h A) ends.
+        // A maps positions of end effectors to spin, and spin to rotation. A³ is zero, so the series of exp(h A) is finite.
         let square = &from.a * &from.a;
         let identity = DMatrix::identity(size, size);
         let moves = &identity * h

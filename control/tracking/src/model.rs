@@ -190,7 +190,7 @@ impl PlanModel {
                 }
                 r[(speed + row, speed + row)] = if swings { costs.swing } else { costs.roll };
             }
-            // Where the end effector is for the body: δp − δc − δθ × lever.
+            // Position of the end effector relative to the body: δp − δc − δθ × lever.
             let mut seen = DMatrix::zeros(2, n);
             let turns = rotation::skew(&lever);
             for row in 0..2 {
@@ -297,7 +297,8 @@ mod tests {
             let error = (column.rows(VELOCITY, 6) - &slope).amax();
             assert!(error < 1e-7 * (1.0 + slope.amax()), "{k}: {error} {slope}");
         }
-        // Wheels go along their way, 0.8 rad from x in the world and so along x here, but for the tilt of the body.
+        // Wheels move along their heading, which is 0.8 rad from the world's x axis and, except for the tilt of the body, along
+        // x here.
         let speed = moment.b.view((FEET, speed_of(0, 4)), (2, 2)).into_owned();
         assert!((speed[(0, 0)] - 1.0).abs() < 0.02 && speed[(1, 1)].abs() < 0.02, "{speed}");
     }

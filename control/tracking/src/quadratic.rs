@@ -204,7 +204,7 @@ impl Solver {
             let curvature = self.projected.rows_range(count..).norm_squared();
             let depends = curvature <= DEPENDENT * self.projected.norm_squared();
             if depends && is_equality {
-                // One that says again what others say needs no place; one that contradicts them has none.
+                // A redundant constraint needs no place; a contradictory constraint has no solution.
                 let says_it_again = slack.abs() <= self.rounding(program, constraint);
                 return if says_it_again { Ok(()) } else { Err(SolveError::Infeasible) };
             }

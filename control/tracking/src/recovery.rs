@@ -155,7 +155,7 @@ impl Recovery {
     /// Moves the plan along with the robot, and returns the displacement, m.
     pub fn follow(&mut self, errors: &Errors) -> Vector2<f64> {
         let most_m = match self.stage {
-            // While servos play the plan, nothing leads the robot back to its place.
+            // While servos play the plan, no feedback leads the robot back to its position.
             Stage::Resumes | Stage::Recovers { by_steps: true } => 0.0,
             Stage::OnPlan | Stage::Recovers { by_steps: false } => {
                 ANCHOR * errors.height_m.max(0.0)
@@ -200,7 +200,7 @@ mod tests {
             [0.0, 0.15, 0.21, 0.15, 0.11, 0.09, 0.15].map(&mut at),
             [false, false, true, true, true, false, false]
         );
-        // A robot that comes back to its plan has no error of its capture point.
+        // A robot that returns to its plan has no error of its capture point.
         let from_plan_m = -speed_m_s(0.3) * (0.5 / GRAVITY_M_S2).sqrt();
         let back = Errors { from_plan_m, velocity_m_s: speed_m_s(0.3), ..STILL };
         recovery.update(&back, LONG_S);
@@ -219,7 +219,7 @@ mod tests {
             recovery.update(&errors, tick_s);
             (recovery.is_active(), recovery.follow(&errors).x)
         };
-        // Pushed; turning back, which is no rest; standing; faster and faster; pushed back.
+        // Pushed; turning point, which is no rest; standing; increasing error; pushed back.
         let pushed = [(0.8, 0.002), (0.0, 0.1), (0.2, 0.1), (0.0, LONG_S)];
         let seen = pushed.map(&mut at);
         assert_eq!(seen, [(true, 0.0), (true, 0.0), (true, 0.0), (false, 0.05)]);
@@ -309,7 +309,7 @@ mod tests {
                 recovery.update(&errors, tick_s);
                 (recovery.is_active(), recovery.stumbles())
             };
-            // Pushed; standing, beside its plan or on it; coming along; pushed, and so on.
+            // Pushed; standing, beside the plan or on it; moving with the plan; pushed; and so on.
             let mut again = || {
                 assert_eq!([at(0.3, 0.002).0, at(0.0, LONG_S).0], [true, false]);
                 at(0.15, 0.002);
@@ -317,7 +317,7 @@ mod tests {
                 at(0.3, 0.002).1
             };
             let seen = [again(), again(), again()];
-            // Until it has recovered.
+            // Until the robot has recovered.
             assert_eq!(at(0.09, 0.002), (false, false));
             seen
         };

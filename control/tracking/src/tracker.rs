@@ -341,7 +341,7 @@ impl Tracker {
             false => Err(NoSetpoints::Implausible),
         };
         match solved {
-            // A tick without a solution leaves no trace.
+            // A tick without a solution changes nothing.
             Err(_) => {
                 self.recovery = recovery;
                 self.expected.fill(0.0);
@@ -349,7 +349,7 @@ impl Tracker {
             Ok(()) => self.keep(),
         }
         if self.is_caught_by_steps() {
-            // Motors that play the plan do something else.
+            // Motors that play the plan have other torques.
             self.expected.fill(0.0);
         }
         solved.map(|()| &self.setpoints[..])
@@ -363,7 +363,7 @@ impl Tracker {
         for (velocity, acceleration) in ahead.velocity.iter_mut().zip(expected.iter()) {
             *velocity += latency_s * acceleration;
         }
-        // At the mean of the speeds now and then.
+        // Displacement at the mean of the present and the future speed.
         let way = |k: usize| 0.5 * latency_s * (state.velocity[k] + ahead.velocity[k]);
         let three = |k: usize| Vector3::new(way(k), way(k + 1), way(k + 2));
         ahead.base_position_m = state.base_position_m + three(LINEAR);
@@ -454,7 +454,7 @@ impl Tracker {
         let ground_from_world = reference.world_from_ground.inverse();
         self.normal = reference.world_from_ground.rotation * Vector3::z();
         let normal = self.normal;
-        // Along the ground.
+        // Displacement along the ground.
         let anchor_m = self.recovery.anchor_m;
         let rise_m = -normal.xy().dot(&anchor_m) / normal.z;
         let base_position_m =
@@ -501,14 +501,14 @@ impl Tracker {
             let is_needed = as_planned.stands || recovers;
             let above_m = (ground_from_world * Point3::from(foot.measured)).z;
             let touches = contacts::touches(touches[j], is_needed, above_m / height_m);
-            // A wheel that lies flat has no contact to stand on.
+            // A wheel whose axis is vertical has no contact point.
             foot.phase = contacts::phase(as_planned, touches && contact.is_some(), recovers);
             let Some(contact) = contact.filter(|_| foot.stands()) else { continue };
             contact.material_jacobian(tree, &measured.frames, &mut foot.jacobian);
             let motion = contact.motion(measured);
             foot.still_m_s2 = -motion.rolling_acceleration
                 - motion.material_velocity * weights.contact_decay_per_s;
-            // A foot has no way of its own: any direction along the ground is as good.
+            // A foot has no rolling direction, so any direction along the ground serves.
             let along = contact.axis.cross(&normal).try_normalize(1e-9);
             let along = along.or_else(|| Vector3::y().cross(&normal).try_normalize(1e-9));
             foot.along = along.unwrap_or(Vector3::x());

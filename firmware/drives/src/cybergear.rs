@@ -58,7 +58,7 @@ impl Drive {
     fn mine(&self, frame: &Frame) -> Option<(u8, u16, [u8; 8])> {
         let id = frame.extended_id()?;
         let (kind, data16, target) = ((id >> 24) as u8, (id >> 8) as u16, id as u8);
-        // What motors send has a master's number there, or their own behind it.
+        // In motors' frames this field is a master's number, or the motor's own number.
         let command = target == self.id && !matches!(kind, 2 | 21);
         command.then(|| Some((kind, data16, frame.data().try_into().ok()?)))?
     }
@@ -77,7 +77,7 @@ impl Drive {
 
     fn write(&mut self, [i0, i1, _, _, value @ ..]: [u8; 8]) -> DriveCommand {
         match u16::from_le_bytes([i0, i1]) {
-            // Not while it runs.
+            // The mode cannot change while the motor runs.
             RUN_MODE if !self.enabled => {
                 self.mode = value[0];
                 DriveCommand::Mode
@@ -91,7 +91,7 @@ impl Drive {
                 self.torque_limit_nm = limit_nm;
                 DriveCommand::Limits
             }
-            // Of the position mode, which is not simulated.
+            // Limit of the position mode, which is not simulated.
             LIMIT_SPEED => DriveCommand::Limits,
             _ => DriveCommand::Odd,
         }

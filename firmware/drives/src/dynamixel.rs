@@ -103,7 +103,7 @@ impl Drive {
     /// Current, velocity and position.
     fn measurements(&self, shaft: &Shaft) -> Vec<u8> {
         let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
-        // Of servos without a current sensor, their load.
+        // Servos without a current sensor report their load.
         let current = torque_nm / self.torque_step_nm();
         let steps = |value: f64| value.round() as i32;
         let mut data = Vec::new();
@@ -116,7 +116,7 @@ impl Drive {
     /// Answer to a query of `of` servos, after the answers of `turn` others. `data` contains the requested values.
     fn answer(&self, is_fast: bool, (turn, of): (usize, usize), data: &[u8]) -> Answer {
         let delay_us = self.kind.return_delay_us.into();
-        // Error 0 in both.
+        // Error is 0 in both formats.
         if !is_fast {
             let bytes = wrapped(self.id, &[&[STATUS, 0], data].concat());
             return Answer { bytes, turn, delay_us, is_part: false };
@@ -125,7 +125,7 @@ impl Drive {
         if turn > 0 {
             return Answer { bytes: part, turn, delay_us: 0, is_part: true };
         }
-        // The header of all parts, each of which ends with a sum of two bytes.
+        // The header precedes all parts. Each part ends with a checksum of two bytes.
         let [low, high] = (1 + of as u16 * (part.len() as u16 + 2)).to_le_bytes();
         let bytes = [&HEADER[..], &[ALL, low, high, STATUS], &part].concat();
         Answer { bytes, turn, delay_us, is_part: true }
@@ -134,7 +134,7 @@ impl Drive {
     fn write(&mut self, now_us: u64, address: u16, data: &[u8]) -> Option<DriveCommand> {
         let word = || Some(i16::from_le_bytes(data.try_into().ok()?));
         let long = || Some(i32::from_le_bytes(data.try_into().ok()?));
-        // With the watchdog expired, goals cannot be written.
+        // After a timeout of the watchdog, goals cannot be written.
         if self.expired && address >= 100 {
             return None;
         }
@@ -229,7 +229,7 @@ impl Electronics for Drive {
             (u16::from_le_bytes([a0, a1]), usize::from(u16::from_le_bytes([n0, n1])));
         match instruction {
             0x82 | 0x8A => {
-                // In the order of the question.
+                // Servos answer in the order of the request.
                 let Some(turn) = rest.iter().position(|&id| id == self.id) else { return nothing };
                 self.fed_us = now_us;
                 let data = self.read(address, count, shaft);

@@ -63,7 +63,7 @@ impl Drive {
                 self.enabled = *switch == 1;
                 vec![if self.enabled { DriveCommand::Enable } else { DriveCommand::Disable }]
             }
-            // Of the acceleration every joint gets the largest; another would lag behind its setpoints.
+            // Every joint gets the maximum acceleration; with another, it would lag behind its set-points.
             (41, [0]) => vec![DriveCommand::Limits],
             (41, [0, p0, p1, _, _, v0, v1]) => {
                 self.goal_velocity = word(*v0, *v1);
@@ -93,7 +93,7 @@ impl Drive {
         }
         let torque_nm = if self.enabled { shaft.torque_nm } else { 0.0 };
         let load = torque_nm / self.stall_torque_nm() * 1000.0;
-        // A turn: it counts none.
+        // The position is within a turn, because the servo counts no turns.
         let position = (shaft.position_rad / STEP + CENTRE).round().rem_euclid(4096.0);
         let words = [(position, 15), (shaft.speed_rad_s / STEP, 15), (load, 10)];
         let mut data = vec![self.status];
@@ -161,11 +161,11 @@ impl Electronics for Drive {
     fn take_packet(&self, line: &mut Vec<u8>) -> Option<Vec<u8>> {
         loop {
             let begin = line.windows(2).position(|two| two == [0xFF, 0xFF]);
-            // The last byte may be the first of a header.
+            // The last byte may be the first byte of a header.
             line.drain(..begin.unwrap_or(line.len().saturating_sub(1)));
             let &[_, _, id, length, instruction, ..] = &line[..] else { return None };
             let whole = usize::from(length) + 4;
-            // The third of three 0xFF is the second of a header.
+            // The third of three 0xFF is the second byte of a header.
             let begins = id <= ALL && INSTRUCTIONS.contains(&instruction);
             if begins && unwrapped(line.get(..whole)?).is_some() {
                 return Some(line.drain(..whole).collect());

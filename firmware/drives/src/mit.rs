@@ -86,7 +86,7 @@ impl Electronics for Drive {
     ) -> Option<(DriveCommand, Option<Frame>)> {
         let data = self.mine(frame)?;
         let sent = match special(&data) {
-            // It follows what it was sent last.
+            // The motor follows the last set-point.
             Some(0xFC) => {
                 self.enabled = true;
                 DriveCommand::Enable
@@ -95,7 +95,7 @@ impl Electronics for Drive {
                 self.enabled = false;
                 DriveCommand::Disable
             }
-            // A new zero: nothing of ours sends it.
+            // Rollwalk never sends the command for a new zero.
             Some(_) => DriveCommand::Odd,
             None => {
                 self.last = self.setpoint(data);

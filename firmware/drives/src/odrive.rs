@@ -135,7 +135,7 @@ impl Drive {
                 _ => return None,
             },
             0x0B => {
-                // Input mode 1 passes setpoints on as they are; ramps and filters are not simulated.
+                // Input mode 1 passes set-points unchanged; ramps and filters are not simulated.
                 let (mode, 1) = (u32_at(data, 0)?, u32_at(data, 4)?) else { return None };
                 self.control_mode = mode;
                 DriveCommand::Mode
@@ -169,7 +169,7 @@ impl Drive {
                 DriveCommand::PositionGain
             }
             0x1B => {
-                // No integral gain is simulated.
+                // Integral gains are not simulated.
                 let (gain, 0.0) = (float_at(data, 0)?, float_at(data, 4)?) else { return None };
                 self.velocity_gain = Some(gain);
                 let (kp, kd) = self.gains();
@@ -228,7 +228,7 @@ impl Electronics for Drive {
         _: &Shaft,
     ) -> Option<(DriveCommand, Option<Frame>)> {
         let (command, data) = (self.command(frame)?, frame.data());
-        // What it says itself.
+        // Messages that drives send.
         if matches!(command, 0x01 | 0x03 | 0x09 | 0x14 | 0x15 | 0x1C) {
             return None;
         }
@@ -252,7 +252,7 @@ impl Electronics for Drive {
     fn on_timer(&mut self, now_us: u64, shaft: &Shaft) -> Option<Frame> {
         let index = self.due_us.iter().position(|due| *due <= now_us)?;
         let timer = Timer::ALL[index];
-        // After a pause one is late, and none is made up for.
+        // After a pause, one message is late, and missed messages are not sent.
         let (due, period) = (self.due_us[index], self.period_us(timer));
         self.due_us[index] = due + ((now_us - due) / period + 1) * period;
         Some(self.answer(timer, shaft))

@@ -64,7 +64,7 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     // 0.5 turn/s of the motor: a quarter turn a second of the output. 12 A: 0.6 N·m, 1.2 at the output.
     send_command(&mut drive, 0x0F, &floats(0.5, 12.0));
     send_command(&mut drive, 0x0B, &[3, 0, 0, 0, 1, 0, 0, 0]);
-    // A tenth of a turn of the motor: −0.05 turns of the output, 0.05 turns × 10 = 0.5 turn/s asked for.
+    // A tenth of a turn of the motor: −0.05 turns of the output. 0.05 turns × 10 = 0.5 turn/s of velocity.
     send_command(&mut drive, 0x0C, &floats(0.1, 0.0));
     assert_eq!(drive.law(&at(0.0)), None, "idle");
     assert_eq!(send_command(&mut drive, 0x07, &8u32.to_le_bytes()), DriveCommand::Enable);
@@ -76,7 +76,7 @@ fn an_odrive_limits_the_speed_and_the_torque_that_its_loops_ask_for() {
     let near = drive.law(&at(-0.04 * TAU)).unwrap();
     assert!((near.kp_nm_rad - 10.0 * kd).abs() < 1e-7 && near.speed_rad_s == 0.0, "{near:?}");
     assert!((near.position_rad + 0.05 * TAU).abs() < 1e-6, "{near:?}");
-    // Torque on top of a speed, in velocity mode: that of the motor times −2.
+    // Torque added to a speed, in velocity mode: the motor's torque times −2.
     send_command(&mut drive, 0x0B, &[2, 0, 0, 0, 1, 0, 0, 0]);
     send_command(&mut drive, 0x0D, &floats(-0.2, 0.1));
     let speed = drive.law(&at(0.0)).unwrap();
@@ -139,7 +139,7 @@ fn an_odrive_that_was_stopped_or_cannot_do_it_stays_idle() {
         send_command(&mut drive, 0x18, &[0]);
         send_command(&mut drive, 0x07, &8u32.to_le_bytes());
         assert!(drive.law(&at(0.0)).is_some());
-        // A ramp, an integral gain, frames that are cut: none of it is done.
+        // A ramp, an integral gain and truncated frames have no effect.
         for (command, data) in [
             (0x0B, vec![3, 0, 0, 0, 2, 0, 0, 0]),
             (0x1B, floats(0.02, 0.1)),
@@ -164,7 +164,7 @@ fn an_odrive_speaks_as_often_as_it_was_set_to() {
     }
     assert!(counts[0x01].abs_diff(10) <= 1, "{counts:?}");
     assert!(counts[0x09].abs_diff(100) <= 1 && counts[0x14].abs_diff(100) <= 1, "{counts:?}");
-    // After a pause none is made up for.
+    // After a pause, missed messages are not sent.
     let late = now_us + 10_000_000;
     assert_eq!(std::iter::from_fn(|| drive.on_timer(late, &at(0.5))).count(), 3);
 }
@@ -177,7 +177,7 @@ fn an_mit_drive_answers_within_its_scale() {
     let shaft = Shaft { position_rad: 100.0, speed_rad_s: -200.0, ..Shaft::default() };
     let (sent, answer) = drive.on_frame(0, &off, &shaft).unwrap();
     assert_eq!(sent, DriveCommand::Disable);
-    // The ends of the scale, and zero torque, which lies between two codes.
+    // Ends of the scale, and zero torque, which lies between two codes.
     assert_eq!(answer, Some(frame(ID.into(), &[ID, 0xFF, 0xFF, 0x00, 0x08, 0x00, 30, 0])));
     assert_eq!(drive.on_frame(0, &frame(6, &[0; 8]), &shaft), None, "for another");
     assert_eq!(drive.on_frame(0, &frame(ID.into(), &[0; 7]), &shaft), None, "cut");
@@ -243,7 +243,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     assert_eq!(drive.law(&at(0.0)), None);
     assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [DriveCommand::Enable]);
 
-    // −1 step of current and −3 of velocity have a header in them: FF FF, FD FF FF FF.
+    // −1 step of current and −3 steps of velocity contain a header: FF FF, FD FF FF FF.
     let torque_nm = -2.69e-3 * 3.0 / 2.3;
     let shaft = Shaft { torque_nm, speed_rad_s: -3.0 * 0.229 * TAU / 60.0, ..at(0.0) };
     let ask = packet(0xFE, 0x82, &[126, 0, 10, 0, ID]).unwrap();
@@ -256,7 +256,7 @@ fn a_dynamixel_takes_whole_packets_alone() {
     let bytes = resummed(answer.concat());
     let answer = Answer { bytes, turn: 0, delay_us: 0, is_part: false };
     assert_eq!((sent, said), (vec![DriveCommand::Query], Some(answer)));
-    // The same the other way round.
+    // The same in the other direction.
     let goal = i32::from_le_bytes([0xFF, 0xFF, 0xFD, 0xFF]);
     let stuffed = sync_write(116, &goal.to_le_bytes());
     assert_eq!(stuffed.len(), 8 + 4 + 1 + 5 + 2);
@@ -289,7 +289,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
         assert_eq!(drive.on_packet(0, &wrong, &at(0.0)), (vec![], None), "byte {index}");
     }
     assert_eq!(drive.on_packet(0, &on, &at(0.0)).0, [DriveCommand::Enable]);
-    // 1024 steps from the middle, a quarter turn; half of 30 kg·cm.
+    // 1024 steps from the centre are a quarter turn; half of 30 kg·cm.
     drive.on_packet(0, &write(42, &[0, 0x0C]), &at(0.0));
     drive.on_packet(0, &write(48, &[0xF4, 1]), &at(0.0));
     let law = drive.law(&at(0.0)).unwrap();
@@ -309,7 +309,7 @@ fn a_feetech_servo_takes_whole_packets_alone() {
         assert_eq!(drive.law(&at(0.0)), Some(law), "{address}");
     }
 
-    // Second of two: it waits for the first. −3 steps a second, −50.0 % of its torque.
+    // The second of two servos waits for the first. −3 steps/s, −50.0 % of the torque.
     let ask = feetech::packet::packet(0xFE, 0x82, &[56, 8, 2, ID]).unwrap();
     let shaft = Shaft { speed_rad_s: -3.0 * TAU / 4096.0, torque_nm: -1.471, ..at(TAU / 4.0) };
     let bytes = [0xFF, 0xFF, ID, 10, 0, 0, 0x0C, 3, 0x80, 0xF4, 5, 74, 35];
@@ -334,7 +334,7 @@ fn a_maestro_takes_what_its_settings_frame() {
         drive.on_packet(0, bytes, &at(0.0));
         drive.law(&at(0.0)).map(|law| law.position_rad)
     };
-    // 1750 µs: 7000 quarters, 88 and 54 with 7 bits each. The guide's example of a CRC: 83 01 has 17.
+    // 1750 µs are 7000 quarters: 88 and 54 with 7 bits each. Example of the guide: the CRC of 83 01 is 17.
     let mut plain = board(None, false);
     assert_eq!(aims(&mut plain, &[0x84, ID, 88, 54]), Some(0.5));
     assert_eq!(aims(&mut plain, &[0x84, ID + 1, 0, 0]), Some(0.5), "another channel");
@@ -359,7 +359,7 @@ fn a_drive_for_torques_gives_torques() {
     let mut drive = Drive::new(&bus, &joint());
     drive.on_packet(0, &sync_write(64, &[1]), &at(0.0));
     let (sent, _) = drive.on_packet(0, &sync_write(102, &(-100i16).to_le_bytes()), &at(0.0));
-    // 2.69 mA a step, 3.0 N·m at 2.3 A.
+    // 2.69 mA per step, 3.0 N·m at 2.3 A.
     let torque_nm = -100.0 * 2.69e-3 * 3.0 / 2.3;
     assert!(
         matches!(sent[..], [DriveCommand::Torque(t)] if (f64::from(t) - torque_nm).abs() < 1e-6)

@@ -82,7 +82,7 @@ impl Actuator {
     pub fn on_counted_feedback(&mut self, feedback: Feedback) {
         if self.feedback().is_none_or(|last| last.counter != feedback.counter) {
             self.silent_ticks = 0;
-            // It may have sent "off" before it received "on", and report otherwise now.
+            // The actuator may have sent "off" before it received "on", and have another state now.
             self.known_off = !feedback.status.enabled();
             self.reported = feedback;
             (self.has_reported_pose, self.has_reported_state) = (true, true);
@@ -111,7 +111,7 @@ impl Actuator {
             reported.status.0 = enabled | before & ActuatorStatus::FAULTS | status_of(faults);
             self.faults_are_new = true;
         }
-        // Of an actuator that does not report it, an answer since the last switch counts as confirmation.
+        // If an actuator does not report its state, an answer since the last switch counts as confirmation.
         let (enabled, off) = match self.switched {
             _ if reports_enabled => (news.enabled, news.enabled.map(|on| !on)),
             switched => (Some(switched == TorqueCommand::On), Some(switched == TorqueCommand::Off)),

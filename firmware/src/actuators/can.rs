@@ -14,10 +14,10 @@ use super::driver::order;
 impl Actuators {
     /// Returns the next frame for a bus, torque commands first.
     pub fn poll(&mut self, config: &RobotConfig, bus: u8) -> Option<Frame> {
-        // Every turn ends an order, if it does not return.
+        // Every turn completes an order, or returns.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
-            // A board polls for frames far more often than there are any.
+            // A board polls for frames far more often than frames exist.
             if driver.idle || driver.bus.protocol.is_serial() {
                 return None;
             }

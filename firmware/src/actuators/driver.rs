@@ -64,7 +64,7 @@ pub struct BusDriver {
 
 impl BusDriver {
     /// Transmit state of bus `number` of the robot.
-    // Rarely done: once in the image instead of once for each bus.
+    // Called rarely, so one copy in the image suffices instead of one for each bus.
     #[inline(never)]
     pub fn new(bus: Bus, config: &RobotConfig, number: usize) -> Self {
         let bits = config.channels.iter().enumerate();
@@ -224,8 +224,8 @@ pub fn order(
     };
     let max_torque_nm = actuator.torque_limit_nm.unwrap_or(configured.max_torque_nm);
     let limits = &Channel { max_torque_nm, ..*configured };
-    // Only torque-on needs to know the pose, and where it holds something at once, the pose of this
-    // moment. Dropped otherwise: it will be requested again.
+    // Only torque-on needs the pose; if it holds a position at once, it needs the pose of this moment. Otherwise the request is
+    // dropped, and will be repeated.
     let holds =
         !(can.gains == UpdatePolicy::EverySetpoint || bus.control == ControlLoop::OnController);
     let feedback = match actuator.feedback() {

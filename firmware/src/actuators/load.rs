@@ -74,7 +74,7 @@ pub fn loads<'a>(
 ) -> impl Iterator<Item = BusLoad> + 'a {
     (0..=u8::MAX).filter_map(move |bus| {
         let on_bus = config.channels.iter().filter(|c| c.bus == bus);
-        // No configuration has more: so the compiler knows that their traffic fits its numbers.
+        // No configuration has more channels. The limit proves to the compiler that sums of traffic do not overflow.
         let actuators =
             on_bus.fold(0u32, |count, _| count.saturating_add(1)).min(MAX_CHANNELS as u32);
         let kind = buses.get(usize::from(bus)).copied().unwrap_or_default();

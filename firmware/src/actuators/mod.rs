@@ -71,7 +71,7 @@ impl Actuators {
     /// Actuators of a robot, without feedback.
     pub fn new(config: &RobotConfig, buses: &Buses) -> Self {
         let mut list = Vec::new();
-        // A configuration has no more channels than fit.
+        // A configuration never has more channels than fit.
         let _ = list.resize_default(config.channels.len().min(MAX_CHANNELS));
         let drivers: [BusDriver; MAX_BUSES] = core::array::from_fn(|number| {
             BusDriver::new(buses.get(number).copied().unwrap_or_default(), config, number)
@@ -119,13 +119,13 @@ impl Actuators {
     }
 
     /// Health of all actuators together.
-    // Once in the image instead of where it is called.
+    // One copy in the image instead of one at each call.
     #[inline(never)]
     pub fn health(&self) -> Health {
         let mut health = Health { silent_ticks: Some(0), enabled: true, faulty: false };
         for actuator in &self.list {
             let silent = actuator.is_known().then_some(actuator.silent_ticks);
-            // Of one that is not known nothing is fresh.
+            // The state of an unknown actuator is never fresh.
             health.silent_ticks = health.silent_ticks.zip(silent).map(|(a, b)| a.max(b));
             health.enabled &= actuator.enabled();
             health.faulty |= actuator.faulty();
@@ -230,20 +230,18 @@ impl Actuators {
                 actuator.pending = if !actuator.known_off {
                     PendingRequests::of(DriveRequest::Disable).and_if(on_query, DriveRequest::Query)
                 } else if !query {
-                    // A query that has not got through yet is still meant.
+                    // A query that was not sent yet remains pending.
                     actuator.pending
                 } else if actuator.faulty() {
-                    // Also one of the Rollwalk profile: an "enable" that came late over a bad bus has it time
-                    // out once it has confirmed that it is off.
-                    //
-                    // Some have no command to clear faults: they answer another "off", and lose a fault when it is
-                    // over.
+                    // This also holds for the Rollwalk profile: on a bad bus, a late "enable" can time out after the motor
+                    // confirmed that it is off. Some protocols have no command to clear faults: motors answer another "off",
+                    // and a fault disappears when its cause does.
                     PendingRequests::of(DriveRequest::ClearFaults)
                         .and_if(!driver.can.reports_enabled, DriveRequest::Disable)
                         .and_if(on_query, DriveRequest::Query)
                 } else {
-                    // Those that do not report that they are off are disabled again. A query would feed
-                    // the watchdog of an ODrive.
+                    // Actuators that do not report that they are off are disabled again. A query would feed the watchdog of an
+                    // ODrive.
                     PendingRequests::NOTHING
                         .and_if(!driver.can.reports_enabled, DriveRequest::Disable)
                         .and_if(driver.can_be_queried(), DriveRequest::Query)
@@ -289,7 +287,7 @@ impl Actuators {
             Parameter::FeedForward => true,
             Parameter::Kp | Parameter::Kd => driver.bus.takes_gains(),
             Parameter::MaxTorque if driver.bus.control == ControlLoop::OnController => true,
-            // With gains in every setpoint they are scaled to the limit.
+            // If every set-point contains gains, the gains are scaled to the limit.
             Parameter::MaxTorque => {
                 driver.can.limits != UpdatePolicy::Never
                     || driver.can.gains == UpdatePolicy::EverySetpoint
@@ -329,11 +327,11 @@ impl Actuators {
             ControlLoop::OnController if actuator.silent_ticks <= FRESH_TICKS => {
                 Some(orders::torque(limits, target, hold, &feedback))
             }
-            // Its present pose is unknown. The command is sent all the same: it may be answered.
+            // The present pose is unknown. The command is sent nevertheless, because the actuator may answer.
             ControlLoop::OnController => Some(Command::Torque { torque_nm: 0.0 }),
         };
         driver.give_up(channel);
-        // What cannot be damped is disabled, and again until it confirms.
+        // An actuator that cannot be damped is disabled repeatedly until it confirms.
         let off = setpoint.is_none() && !(actuator.known_off && driver.can.reports_enabled);
         let mut pending = actuator.pending.without_switches();
         pending = pending.and_if(off, DriveRequest::Disable).and_if(on_query, DriveRequest::Query);
@@ -348,8 +346,8 @@ impl Actuators {
                 actuator.gains = gains;
             }
         }
-        // Where the controller makes the torque it is within the limit, and the limit of a Dynamixel
-        // would be a torque.
+        // If the controller computes the torque, the torque is within the limit already. The limit of a Dynamixel would be a
+        // torque command.
         if driver.can.limits == UpdatePolicy::Stored && in_drive {
             let torque_nm = Some(limits.max_torque_nm);
             let urgent = actuator.torque_limit_nm.is_none();

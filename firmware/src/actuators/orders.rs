@@ -109,7 +109,7 @@ pub fn command(
         },
         DriveRequest::QueryReadings => Command::QueryReadings,
         DriveRequest::Query if can.query => Command::Query,
-        // It answers whatever it is told: what changes nothing.
+        // The actuator answers any command, so the command changes nothing.
         DriveRequest::Query if feedback.status.enabled() => limp(limits, feedback),
         DriveRequest::Query => Command::Disable,
     }
@@ -158,7 +158,7 @@ pub fn torque(limits: &Channel, target: Target, hold: GainMode, feedback: &Feedb
         ChannelKind::WheelSpeed => kd * (target.value - feedback.velocity_rad_s),
     };
     let asked = asked + target.torque_nm;
-    // Not `clamp`, which panics on limits that are none.
+    // `clamp` would panic on limits that are NaN.
     let within = asked.max(-limits.max_torque_nm).min(limits.max_torque_nm);
     Command::Torque { torque_nm: if asked.is_finite() { within } else { 0.0 } }
 }
@@ -206,7 +206,7 @@ pub fn setpoint(
             );
             let (kd, torque_nm, torque_limit_nm) = match can.limits {
                 UpdatePolicy::EverySetpoint => (kd, target.torque_nm, Some(most)),
-                // Without a limit of its own, or with one that may be wrong.
+                // The drive has no limit of its own, or its limit may be wrong.
                 UpdatePolicy::Stored | UpdatePolicy::Never => (scaled_kd, scaled_nm, None),
             };
             Command::Wheel(WheelSetpoint {

@@ -54,9 +54,9 @@ impl Actuators {
         if driver.listening || !driver.bus.protocol.is_serial() {
             return None;
         }
-        // It is our turn to talk: what has begun to come in does not go on.
+        // The controller sends next, so a partly received answer ends here.
         self.take_answers(config, bus, true);
-        // Every turn ends an order, or leaves an actuator out of one, if it does not return.
+        // Every turn completes an order, leaves an actuator out of an order, or returns.
         loop {
             let driver = self.drivers.get_mut(usize::from(bus))?;
             let transmission = driver.due_together(&self.list)?;
@@ -92,7 +92,7 @@ impl Actuators {
                         return packet;
                     }
                 }
-                // Left out; the others get their command.
+                // This actuator is left out; the others get their command.
                 Err(refused) => {
                     let channel = channels(ordered).nth(refused).map_or(transmission.channels, bit);
                     driver.transmission = None;

@@ -60,7 +60,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     Admission::Admitted => self.link.on_heartbeat(now_us, heartbeat, timeout_us),
                     // A host without the key learns the clock, and from the answers to its commands what it lacks.
                     Admission::Missing => self.link.answer_heartbeat(now_us, heartbeat),
-                    // A host whose session has ended notices that nothing answers.
+                    // A host whose session has ended notices that it gets no answers.
                     Admission::Wrong => {}
                 }
             }
@@ -71,7 +71,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                     self.refuse_command(command);
                 }
             }
-            // The transport is point to point: answers to a broadcast would collide. Setpoints are of one robot.
+            // The transport is point to point, because answers to a broadcast would collide. Set-points are for one robot.
             ToController::Transport | ToController::Setpoint(_) if to == Node::BROADCAST => {}
             ToController::Setpoint(setpoint) => self.motion.stream(&self.setup, &setpoint),
             ToController::Transport => {
@@ -83,7 +83,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let ack = if self.admit_frame(now_us, frame) == Admission::Admitted {
                     self.tune(frame, request)
                 } else {
-                    // Tuning does not learn of it: it must not move the order of the host's.
+                    // Tuning must not see the request, because the order of the host's requests must not change.
                     tuning::unauthenticated(request)
                 };
                 self.link.acknowledge_parameter(ack);
@@ -96,8 +96,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
     pub fn poll_link(&mut self, now_us: u64) -> Option<Frame> {
         let node = self.link.node?;
         let channels = self.setup.config.channels.len() as u8;
-        // Channels without telemetry or readings and an IMU that is not there are skipped; all other messages are sent as they
-        // come.
+        // Channels without telemetry or readings, and a missing IMU, are skipped; all other messages are sent in order.
         for _ in 0..=channels.saturating_add(3) {
             let frame = match self.link.next(now_us, channels)? {
                 Outgoing::EstopAck => Some(EstopAck { state: self.state() }.encode(node)),
@@ -187,7 +186,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
                 let control_hz = self.setup.settings.control_hz;
                 let tracking = self.tracking(rate_hz, [kp_percent, kd_percent])?;
                 self.motion.want_tracking(Some(tracking));
-                // What was measured before is of no sample.
+                // Earlier measurements belong to no sample.
                 self.imu = Imu::default();
                 self.raise(now_us, Event::StreamStarted);
                 Ok((None, control_hz.checked_div(tracking.periods).unwrap_or(0)))
@@ -313,7 +312,7 @@ impl<S: LibraryStore, P: ParameterStore> Controller<S, P> {
         if !is_rate || percent.iter().any(|&part| part > 100) {
             return Err(CommandResult::BadTracking);
         }
-        // The next rate that is a whole number.
+        // The next rate that is an integer.
         let mut periods = control_hz.checked_div(rate_hz).unwrap_or(1).max(1);
         while periods > 1 && !control_hz.is_multiple_of(periods) {
             periods -= 1;

@@ -57,7 +57,7 @@ mod tests {
         };
         let config =
             RobotConfig { robot: 0, channels: [3, 0, 1, 0].into_iter().map(on_bus).collect() };
-        // Bus 2 has no motors; bus 3 is none of the table, and so CAN.
+        // Bus 2 has no motors. Bus 3 is not in the table, so it is CAN.
         let buses = Buses::from_slice(&[serial, Bus::default(), serial]).unwrap();
         let can = Bus::default();
         assert_eq!(assigned(&config, &buses, Transport::Can), [(1, can), (3, can)]);

@@ -113,7 +113,7 @@ impl<P: SetDutyCycle> PwmServo<P> {
             // The servo cannot damp.
             return self.let_go(self.status);
         }
-        // What the gain would turn into the torque, as far as the pulse goes.
+        // Angle that the gain turns into the torque, within the range of the pulse.
         let offset_rad = setpoint.torque_nm / setpoint.kp_nm_rad;
         let offset_rad = offset_rad.clamp(-MAX_OFFSET_RAD, MAX_OFFSET_RAD);
         let duty = self.duty(setpoint.position_rad + offset_rad);

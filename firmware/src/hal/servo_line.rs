@@ -70,7 +70,7 @@ mod tests {
         let mut on_wire = Packet::new();
         while let Some(byte) = line.next_byte() {
             on_wire.push(byte).unwrap();
-            // The echo comes while more is sent.
+            // The echo arrives while more bytes are sent.
             heard.extend(line.receive(byte));
         }
         assert_eq!(on_wire, bytes);
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn the_echo_is_dropped_and_the_answer_is_not() {
         let mut line = ServoLine::default();
-        // The answer begins as the question did.
+        // The answer begins with the same bytes as the request.
         assert_eq!(
             exchange(&mut line, &[0xFF, 0xFF, 1, 2], &[0xFF, 0xFF, 1, 9]),
             [0xFF, 0xFF, 1, 9]

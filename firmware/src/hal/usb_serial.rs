@@ -103,7 +103,7 @@ impl UsbSerial {
             }
             // GET_STATUS: powered by the bus, never halted
             (0x80..=0x82, 0) => data(&[0, 0], length),
-            // CLEAR_FEATURE, SET_FEATURE: of an endpoint, its halt
+            // CLEAR_FEATURE, SET_FEATURE: the halt of an endpoint
             (0x02, 1) if value == 0 => Reply::Restarted(index),
             (0x02, 3) if value == 0 => Reply::Accepted,
             // GET_INTERFACE, SET_INTERFACE
@@ -128,7 +128,7 @@ impl UsbSerial {
                 [byte >> 4, byte & 15]
                     .map(|digit| b"0123456789ABCDEF".get(usize::from(digit)).copied().unwrap_or(0))
             })),
-            // No others; in particular none of a faster bus.
+            // No other descriptors; in particular none of a faster bus.
             _ => None,
         }
     }

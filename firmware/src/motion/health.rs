@@ -11,8 +11,8 @@ impl Motion {
     /// Age of feedback beyond which it counts as missing, ticks.
     pub fn patience_ticks(&self, setup: &Setup) -> u16 {
         match self.stage {
-            // While torque is off the actuators are queried at a low rate, and when enabling starts the
-            // last answer may be one query interval old.
+            // While torque is off, actuators are queried at a low rate. When enabling starts, the last answer may be one query
+            // interval old.
             Stage::Off | Stage::Enabling { .. } => {
                 let query_ticks = setup.settings.control_hz / QUERY_HZ;
                 query_ticks.saturating_mul(2).saturating_add(FRESH_TICKS)
@@ -82,7 +82,7 @@ impl Motion {
         self.parameters.advance(&setup.config);
         let torque_must_be_on = match self.stage {
             Stage::Off => return,
-            // Of actuators damped during enabling, some were never enabled.
+            // Some actuators that are damped during enabling were never enabled.
             Stage::Enabling { .. } | Stage::Damped => false,
             Stage::Ramping { .. }
             | Stage::Playing(_)

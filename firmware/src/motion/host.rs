@@ -29,7 +29,7 @@ impl Motion {
     }
 
     /// Begins to follow set-points of the host, at rest in SAFE.
-    // Of its own, because a stream is large on the stack.
+    // A separate function, because a stream is large on the stack.
     #[inline(never)]
     pub fn start_stream(
         &mut self,
@@ -67,7 +67,7 @@ impl Motion {
         let library = library.ok_or(LibraryReadError)?;
         let config = &setup.config;
         let feed_forward = self.parameters.feed_forward();
-        // From what the actuators were commanded: what was streamed may be out of their limits.
+        // The ramp starts from the commands of the actuators, because a streamed set-point may exceed their limits.
         let ramp = ramp_to_safe(setup, &library, feed_forward, |i| {
             let most_nm = config.channels.get(i)?.max_torque_nm;
             let torque_nm = match &self.stage {

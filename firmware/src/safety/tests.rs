@@ -127,7 +127,7 @@ fn every_state_reaches_torque_off() {
         let seen = reachable(from, |_, e| e != Event::EStop && e != Event::BusOff);
         let off = [State::TorqueOff, State::EStopped].map(|s| seen[s as usize]);
         assert!(off.contains(&true), "{from:?}");
-        // Torque goes off without a command, except in the states that the operator holds.
+        // Torque is switched off without a command, except in the states that the operator holds.
         let seen = reachable(from, |_, e| e.severity() == Severity::None && !by_command(e));
         let idle =
             State::ALL.iter().copied().any(|s| seen[s as usize] && s.torque() == Torque::Off);

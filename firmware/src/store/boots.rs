@@ -96,7 +96,7 @@ mod tests {
     fn every_boot_has_a_higher_number() {
         let mut flash = RamFlash::new([0xFF; 3 * 4096]);
         let mut last = 0;
-        // Twice round all units.
+        // Twice around all units.
         for boot in 0..2 * 3 * 128 {
             let mut counter = BootCounter::mount(flash).unwrap();
             let count = counter.count().unwrap();
@@ -127,7 +127,7 @@ mod tests {
                         last = count;
                     }
                     if flash.has_power() {
-                        // Words that the boot before has torn, and that this one could read.
+                        // Words that the previous boot has torn, and that this boot could read.
                         flash.fade();
                     } else {
                         cuts += 1;

@@ -186,7 +186,7 @@ impl<F: MappedFlash> LibraryStore for FlashStore<F> {
         let resumes = have == len || have.is_multiple_of(F::ERASE_SIZE);
         let written = if resumes { have } else { 0 };
         if written == 0 {
-            // A library that there is none to go back from stays, in case that the incoming one is refused.
+            // If the library has no predecessor for a roll-back, it stays, in case the incoming library is refused.
             if self.on_trial() && self.active.is_some() && self.intact_confirmed().is_none() {
                 self.confirm()?;
             }

@@ -102,7 +102,7 @@ impl<F: NorFlash> ParameterStore for FlashParameters<F> {
 
 impl Record<SET_LEN> for ParameterSet {
     fn encode(&self, generation: u32) -> [u8; SET_LEN] {
-        // Firmware that does not know it reads a set in which it is 1.
+        // Firmware that does not know `feed_forward` reads a set in which it is 1.
         let has_feed_forward = self.feed_forward != 1.0;
         let head = [MAGIC, PARAMETERS as u8, self.values.len() as u8, u8::from(has_feed_forward)];
         let words = [generation, u32::from_le_bytes(head), self.config_hash];

@@ -26,7 +26,7 @@ fn arms_aligns_plays_and_comes_back() {
     let ack = rig.play(CODE_DRIVE);
     assert_eq!((ack.result, ack.motion), (CommandResult::Ok, Some(DRIVE_CLIP)));
     assert_eq!(rig.brain.state(), State::Playing);
-    // The answer says when: then, and not before, the motion plays.
+    // The answer contains the start: the motion plays then, and not before.
     let ticks = 2 * u32::from(ack.value);
     rig.run(ticks - 1);
     assert_eq!(rig.clip(), STAND_TO_DRIVE);
@@ -115,7 +115,7 @@ fn scar_2_no_enable_kick() {
     rig.clear();
     rig.run(20);
     rig.servos[2].value = 0.0;
-    // Somebody moves the legs, up to the moment when torque goes on.
+    // A person moves the legs until torque is on.
     (rig.servos[0].value, rig.servos[1].value) = (-0.7, 0.6);
     let nonce = rig.command(Action::ArmRequest).value;
     rig.servos[0].value = -0.72;
@@ -181,7 +181,7 @@ fn arming_waits_until_every_actuator_has_confirmed_that_it_is_off() {
 #[test]
 fn an_actuator_that_is_on_after_all_is_not_armed() {
     let mut rig = Rig::booted();
-    // It was told "enable" before the stop and takes it now: its answer to the stop came first.
+    // The servo got "enable" before the stop, and executes it now. Its answer to the stop came first.
     rig.servos[0].enabled = true;
     rig.carry();
     let answer = rig.servos[0].feedback();
@@ -198,7 +198,7 @@ fn an_actuator_that_is_on_after_all_is_not_armed() {
 fn an_actuator_that_timed_out_after_it_was_off_can_be_armed() {
     let mut rig = Rig::booted();
     rig.servos[1].status = ActuatorStatus::TIMED_OUT;
-    // It is asked at 20 Hz, every 6 ticks: once until it tells, and once more until it is told.
+    // The servo is queried at 20 Hz, every 6 ticks: once until it reports torque, and again until it gets "off".
     rig.run(12);
     assert_eq!(rig.servos[1].status, 0);
     rig.arm();
@@ -242,7 +242,7 @@ fn a_change_of_mind_while_actuators_are_enabled_leaves_no_fault() {
 
 #[test]
 fn a_robot_that_cannot_get_up_is_let_down() {
-    // Joints that stay where they are, 0.65 and 0.7 rad from SAFE: more than the tolerance.
+    // Joints that stay in place, 0.65 and 0.7 rad from SAFE, which exceeds the tolerance.
     let mut rig = Rig::booted();
     rig.arm();
     let mut strongest = 0.0f32;
@@ -259,7 +259,7 @@ fn a_robot_that_cannot_get_up_is_let_down() {
         for bus in 0..2 {
             while let Some(frame) = rig.brain.poll_actuator(bus) {
                 if let (0, Some((1, s))) = (bus, JointSetpoint::decode(&frame)) {
-                    // It would ask for 20 N·m/rad · 0.65 rad. Gains are rounded to their steps.
+                    // The gain would command 20 N·m/rad · 0.65 rad. Gains are rounded to their steps.
                     let torque =
                         s.kp_nm_rad * (s.position_rad - 0.9) + s.kd_nm_s_rad * s.velocity_rad_s;
                     let rounding = KP_STEP_NM_RAD * 0.65 + KD_STEP_NM_S_RAD;

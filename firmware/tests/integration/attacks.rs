@@ -134,7 +134,7 @@ fn case() -> impl Strategy<Value = Case> {
     (
         proptest::collection::vec((0u32..6, attack()), ATTACKS),
         proptest::collection::vec(0u8..5, ATTACKS),
-        // Not in every case.
+        // Some cases have no other session.
         0usize..3 * ATTACKS,
     )
 }
@@ -198,7 +198,7 @@ fn frames(rig: &mut Rig, attack: &Attack) -> Option<Vec<Frame>> {
                 OtherSession::Boot => {
                     (LinkSession { number: number ^ 1 << (32 + counter % 32), nonce }, me())
                 }
-                // With the same short number.
+                // A session with the same short number.
                 OtherSession::Number => {
                     (LinkSession { number: number ^ 1 << (4 + counter % 28), nonce }, me())
                 }
@@ -208,7 +208,7 @@ fn frames(rig: &mut Rig, attack: &Attack) -> Option<Vec<Frame>> {
                 OtherSession::Robot => (own, Node::new(me().number() ^ 2).unwrap()),
             };
             let message = now(counter as u8, play(robot::CODE_DRIVE));
-            // The counter that is due, and others near it.
+            // The expected counter, and counters near it.
             let counter = prover.counters[Subject::Command.counter()].wrapping_add(counter % 8);
             let theirs = message.encode(to);
             let (id, message) = (theirs.standard_id().unwrap(), message.encode(me()));
@@ -239,7 +239,7 @@ fn attacked(rig: &mut Rig, attack: &Attack, held: &mut Option<[Frame; 2]>) -> bo
         }
         _ => {}
     }
-    // What it kept is none of the host's.
+    // Values that the controller keeps are not the host's.
     let request = ParameterRequest { seq: 3, action: ParameterAction::Reset };
     heard.extend(send_raw(rig, &[request.encode(me())]));
     heard.iter().any(|answer| match answer {

@@ -135,7 +135,7 @@ fn without_the_key_nothing_is_obeyed_but_the_emergency_stop() {
     }
     assert!(rig.brain.library().is_some(), "it is not touched");
     assert_eq!(rig.brain.unauthenticated_messages(), 6);
-    // Who it is, and what happened to it, it tells everybody.
+    // Identity and journal are readable without authentication.
     let hello = Request::Hello { major: 2, minor: 0 };
     assert!(matches!(rig.request(&hello), Response::Hello(_)));
     assert!(matches!(rig.request(&Request::Log { since: 0 }), Response::Log(_)));
@@ -199,7 +199,7 @@ fn heartbeats_without_a_proof_are_answered_and_keep_no_robot_up() {
     assert!(rig.brain.faults().contains(Fault::HostLost));
     let answered = |(_, message): &&(u64, _)| matches!(message, FromController::HeartbeatReply(_));
     assert!(rig.heard[from..].iter().filter(answered).count() >= 4);
-    // One with a wrong proof is not answered, so that its host notices.
+    // A heartbeat with a wrong proof gets no answer, so that the host notices.
     rig.prover = prover.map(|prover| Prover { key: LinkKey::new(&[1; 32]), ..prover });
     rig.run(10);
     let from = rig.heard.len();
@@ -229,7 +229,7 @@ fn every_message_counts_once() {
         assert!(refused, "{heard:?}");
     }
     assert_eq!(rig.brain.unauthenticated_messages(), before + frames.len() as u32);
-    // A proof for one message proves no other, and none twice.
+    // A proof is valid for one message and only once.
     let pause = rig.next_command(Action::Pause);
     let proof = rig.prover.as_mut().unwrap().proof(0x210, pause.encode(me()).data()).unwrap();
     let disarm = Command { action: Action::Disarm, ..pause }.encode(me());
@@ -251,7 +251,7 @@ fn what_was_overtaken_is_refused() {
     assert_eq!(results(&send_raw(&mut rig, &[proof_2, second])), [CommandResult::Ok]);
     let refused = [CommandResult::AuthenticationRequired];
     assert_eq!(results(&send_raw(&mut rig, &[proof_1, first])), refused);
-    // What got lost leaves a gap: up to 255 messages, then the host begins another session.
+    // Lost messages leave a gap. After more than 255 lost messages, the host begins another session.
     for (lost, expected) in [(254, CommandResult::Ok), (256, CommandResult::AuthenticationRequired)]
     {
         for _ in 0..lost {
@@ -285,7 +285,7 @@ fn no_session_outlives_its_boot() {
     let former = rig.prover.take().unwrap();
     let mut rig = rig.power_cycled(robot::config());
     rig.brain.require_key(key(), Some(BOOT + 1));
-    // The same nonce again, and the same count of sessions: only the boot differs.
+    // Same nonce and same count of sessions; only the boot differs.
     let session = session(&mut rig, NONCE).unwrap();
     assert_eq!(session.short(), former.session.short());
     for (proof, id, bytes) in &former.sent {
@@ -318,20 +318,20 @@ fn sessions_end_by_silence_or_by_others_with_the_key() {
         *host = rig.prover.take().unwrap();
         result
     };
-    // The fifth took the place of the one that had been silent for the longest time.
+    // The fifth session replaced the session that had been silent for the longest time.
     let (first, others) = hosts.split_first_mut().unwrap();
     assert_eq!(ask(&mut rig, first), CommandResult::AuthenticationRequired);
     for host in &mut *others {
         assert_eq!(ask(&mut rig, host), CommandResult::Ok);
     }
-    // Requests alone end none, however many.
+    // Any number of requests ends no session.
     for nonce in 0..300 {
         session(&mut rig, 1000 + nonce).unwrap();
     }
     for host in &mut *others {
         assert_eq!(ask(&mut rig, host), CommandResult::Ok);
     }
-    // 10 s of silence.
+    // Silence of 10 s.
     rig.run(10 * u32::from(rig.settings.control_hz) - 2);
     assert_eq!(ask(&mut rig, &mut others[0]), CommandResult::Ok);
     rig.run(4);

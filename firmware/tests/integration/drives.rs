@@ -144,9 +144,9 @@ impl Drive {
                 match &self.inner.kind {
                     _ if motor.gives_way => {}
                     _ if motor.inertia_kg_m2 > 0.0 => motor.push(torque_nm),
-                    // They make up for the rounding of a wheel's speed.
+                    // MIT drives compensate for the rounding of a wheel's speed.
                     Kind::Mit(_) => {}
-                    // The nearest code to 0 of 16 bits over ±12 N·m.
+                    // The code nearest to 0, with 16 bits for ±12 N·m.
                     _ => assert!(torque_nm.abs() < 2e-4, "{torque_nm} N·m on top"),
                 }
             }
@@ -241,12 +241,12 @@ impl Drives {
                 let shaft = drive.motor.shaft();
                 let (sent, answer) = drive.inner.on_packet(now_us, &packet, &shaft);
                 sent.into_iter().for_each(|sent| drive.obey(sent));
-                // Of the servos behind one board each gives the board's answer.
+                // Each of the servos behind a board would send the board's answer.
                 if let Some(answer) = answer.filter(|_| !drive.mute) {
                     answers.insert(answer.turn, answer);
                 }
             }
-            // In portions, as a UART hands them out.
+            // In portions, as a UART returns them.
             let said = answers.values().fold(Vec::new(), |mut said, answer: &Answer| {
                 said.extend(answer.line_answer(&said));
                 said

@@ -90,7 +90,7 @@ fn a_load_is_held_with_every_protocol() {
         let sagged = sag(&rig);
         assert!((sagged - LOAD_NM / KP).abs() < steps_rad + 1e-4, "{protocol:?}: {sagged}");
         assert_eq!(rig.brain.state(), State::Ready);
-        // Through a motion and back, on and on.
+        // Repeatedly through a motion and back.
         assert_eq!(set_feed_forward(&mut rig, 1.0), ParameterResult::Ok);
         assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::Ok);
         rig.run(5);
@@ -195,7 +195,7 @@ fn wheels_are_fed_too() {
 fn an_offset_is_limited() {
     let mut config = robot::config();
     slow_down(&mut config);
-    // By kp 20 a sixth of a radian or more; by kd 0.5 six rad/s.
+    // With kp 20 a sixth of a radian or more; with kd 0.5, 6 rad/s.
     let library = library_with_torques(&config, 0.5, &|_| [3.0, -3.0, 3.0]);
     let mut rig = aligned(bench_with(config, [dynamixel(); 2], Bus::default(), &library));
     rig.run(100);
@@ -219,7 +219,7 @@ proptest! {
         gain in 0.0f32..40.0,
     ) {
         let config = robot::config();
-        // Any number from −limit to limit, another one for each value.
+        // A different number between −limit and limit for each value.
         let wild = |frame: &[f32]| {
             let of = |i: usize| (frame[i] * seeds[i] * 1e3 + seeds[(i + 1) % 3]).sin();
             [0, 1, 2].map(|i| config.channels[i].max_torque_nm * of(i) * 0.49)

@@ -101,7 +101,7 @@ fn a_library_that_has_played_is_confirmed_once_disarmed() {
     assert_eq!(flash(&mut rig, &library_that_settles()), TransferResult::Ok);
     assert!(rig.brain.library_on_trial());
 
-    // Armed and disarmed again: nothing was played.
+    // Armed and disarmed again without a motion.
     rig.arm();
     rig.run_until(State::Ready, 1000);
     rig.command(Action::Disarm);
@@ -109,7 +109,7 @@ fn a_library_that_has_played_is_confirmed_once_disarmed() {
     rig.run(10);
     assert!(rig.brain.library_on_trial());
 
-    // Played, but it ended in a fault.
+    // A motion played, but it ended in a fault.
     play_and_return(&mut rig);
     rig.servos[0].powered = false;
     rig.run_until(State::TorqueOff, 2000);
@@ -140,7 +140,7 @@ fn the_library_in_use_outlasts_a_transfer() {
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     let block = Request::Block { offset: 0, bytes: &next[..MAX_BLOCK] };
     assert_eq!(result(rig.request(&block)), TransferResult::Ok);
-    // Another call that goes nowhere: too long.
+    // A transfer that fails because the library is too long.
     let long = Request::Begin { len: 1 << 20, digest: 1 };
     assert_eq!(result(rig.request(&long)), TransferResult::TooLong);
     assert_eq!(rig.brain.library().unwrap().index().id(), active);
@@ -150,7 +150,7 @@ fn the_library_in_use_outlasts_a_transfer() {
 
     assert_eq!(flash(&mut rig, &next), TransferResult::Ok);
     assert_ne!(rig.brain.library().unwrap().index().id(), active);
-    // On trial; a transfer that begins drops it, and the confirmed one is back.
+    // On trial. A transfer that begins drops the library, and the confirmed library is used again.
     assert_eq!(result(rig.request(&Request::Begin { len: 99, digest: 1 })), TransferResult::Ok);
     assert_eq!(rig.brain.library().unwrap().index().id(), active);
 }

@@ -13,7 +13,7 @@ use crate::stimuli::{Stimulus, act, assert_way_home};
 
 fn frame() -> impl Strategy<Value = Frame> {
     let any_id = 0u16..0x800;
-    // Mostly identifiers that mean something to the controller.
+    // Mostly identifiers of messages to the controller.
     let known = prop::sample::select(vec![
         0x010u16, 0x0F0, 0x110, 0x1F0, 0x210, 0x411, 0x510, 0x610, 0x710, 0x7F0,
     ]);

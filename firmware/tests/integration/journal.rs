@@ -75,7 +75,7 @@ fn a_day_from_power_on_to_disarm() {
     assert!(all.iter().all(|entry| entry.fault.is_none() && entry.channel.is_none()));
     assert!(all.windows(2).all(|w| w[0].after == w[1].before && w[0].at_ms <= w[1].at_ms));
     assert_eq!((log.first, log.next, log.now_ms), (0, 11, (rig.now_us / 1000) as u32));
-    // Who was here before asks for what is new.
+    // A host that was connected before requests only new entries.
     assert_eq!(ask(&mut rig, 11).entries().count(), 0);
     rig.arm();
     let log = ask(&mut rig, 11);
@@ -121,7 +121,7 @@ fn each_way_to_stop_leaves_the_entry_that_tells_why() {
             17.0..=17.0,
         ),
         (
-            // Says nothing, and has no torque.
+            // The servo sends nothing, and has no torque.
             |rig| (rig.servos[0].enabled, rig.servos[0].refuses) = (false, true),
             ActuatorFault,
             Damped,
@@ -172,7 +172,7 @@ fn each_way_to_stop_leaves_the_entry_that_tells_why() {
         rig.run(200);
         let since = ask(&mut rig, 0).next;
         cause(&mut rig);
-        // Asked for much later, by somebody else.
+        // Requested much later by another host.
         rig.run(2000);
         let all: Vec<_> = ask(&mut rig, since).entries().map(|(_, entry)| entry).collect();
         let why = all.first().unwrap_or_else(|| panic!("nothing about {event:?}"));
@@ -231,7 +231,7 @@ fn asking_is_possible_in_every_state_and_changes_nothing() {
         assert_eq!((state, playing), (rig.brain.state(), rig.brain.playing()));
     };
     same(&mut rig);
-    // Between the steps of arming, ...
+    // Between the steps of arming:
     let nonce = rig.command(Action::ArmRequest).value;
     same(&mut rig);
     rig.command(Action::ArmConfirm { nonce });

@@ -85,7 +85,7 @@ fn damaged_frames_are_counted_and_do_nothing() {
         rig.send(&Frame::new(good.id(), &data).unwrap());
     }
     assert_eq!(rig.brain.damaged_link_frames(), 64);
-    // Telemetry of another controller on the same bus is not damaged, only not ours.
+    // Telemetry of another controller on the same bus is valid, but not for this host.
     rig.send(&Frame::standard(0x450, &[1, 2, 3]).unwrap());
     assert_eq!(rig.brain.damaged_link_frames(), 64);
     assert_eq!(rig.brain.state(), State::Ready);
@@ -103,7 +103,7 @@ fn status_comes_at_20_hz_and_on_change() {
     assert!((19..=20).contains(&statuses), "{statuses}");
     let replies = count(|m| matches!(m, FromController::HeartbeatReply(_)));
     assert!((19..=20).contains(&replies), "{replies}");
-    // Budget: four in each 60 Hz frame.
+    // Budget: four frames in each 60 Hz period.
     for channel in 0..3 {
         let of_it = |m: &FromController| matches!(m, FromController::JointTelemetry(t) if t.channel == channel);
         assert_eq!(second.iter().filter(|(_, m)| of_it(m)).count(), 80);
@@ -214,7 +214,7 @@ fn a_fault_that_lasts_is_reported_every_second() {
         FromController::FaultReport(r) => (r.fault, r.channel) == (Fault::ActuatorFault, Some(0)),
         _ => false,
     });
-    // When it appears, and five seconds long.
+    // At the start, and for five seconds.
     let count = reports.count();
     assert!((5..=6).contains(&count), "{count}");
 }

@@ -32,7 +32,7 @@ fn only(config: &RobotConfig, bus: Bus, control_hz: u16) -> BusLoad {
 
 #[test]
 fn what_does_not_fit_is_refused_and_what_fits_is_not() {
-    // 270 bits each and period: 10 take 32.4 % at 120 Hz. 21 take 68 %, 22 take 71 %.
+    // 270 bits for each actuator and period: 10 use 32.4 % at 120 Hz, 21 use 68 %, 22 use 71 %.
     let row = only(&joints(10), Bus::default(), 120);
     assert_eq!((row.bus, row.actuators, row.problem), (0, 10, None));
     assert!((row.load - 0.324).abs() < 1e-6);
@@ -58,7 +58,7 @@ fn every_protocol_fits_on_a_bus_of_its_own() {
     ] {
         assert_eq!(only(&joints(4), on(protocol), 120).problem, None, "{protocol:?}");
     }
-    // From 500 µs of return delay that they have from the factory.
+    // The return delay is 500 µs by default.
     let Protocol::Dynamixel(prompt) = dynamixel() else { unreachable!() };
     let mut calm = joints(4);
     calm.channels.iter_mut().for_each(|c| c.max_rate = 5.0);
@@ -78,7 +78,7 @@ fn what_cannot_be_told_is_found_before_it_has_to_be() {
         Some(BusProblem::CannotCarry { channel, refusal }) => (channel, refusal),
         other => panic!("{other:?}"),
     };
-    // AK80-64: 8 rad/s at most. The gains of an MIT frame end at 500 and 5.
+    // AK80-64: at most 8 rad/s. Gains of an MIT frame end at 500 and 5.
     let mut config = joints(2);
     config.channels[1].max_rate = 8.5;
     let slow = Mit { model: MODELS[5], answers_from: AnswerId::Own };
@@ -88,11 +88,11 @@ fn what_cannot_be_told_is_found_before_it_has_to_be() {
     // An ODrive's kp is a multiple of its kd.
     config.channels[0].kd_nm_s_rad = 0.0;
     assert_eq!(cannot(&config, on(odrive(Version::V06))), (0, Refusal::OutOfRange("kd")));
-    // 63 nodes.
+    // 63 nodes at most.
     let mut config = joints(1);
     config.channels[0].id = 64;
     assert_eq!(cannot(&config, on(odrive(Version::V06))), (0, Refusal::Address));
-    // Beyond the pulses of a servo; a wheel.
+    // Range beyond the pulses of a servo, and a wheel.
     let mut config = joints(1);
     (config.channels[0].min, config.channels[0].max) = (-2.0, 2.0);
     assert_eq!(cannot(&config, on(maestro())), (0, Refusal::OutOfRange("position")));
@@ -100,7 +100,7 @@ fn what_cannot_be_told_is_found_before_it_has_to_be() {
     config.channels.retain(|c| c.bus == 1);
     config.channels[0].bus = 0;
     assert_eq!(cannot(&config, on(maestro())), (0, Refusal::Unsupported("wheel speed")));
-    // No torque without a drive that takes it, nor more than its scale.
+    // A torque needs a drive that accepts it, and must be within the drive's scale.
     let torque = |protocol| Bus { control: ControlLoop::OnController, ..on(protocol) };
     assert_eq!(cannot(&joints(1), torque(Protocol::Rollwalk)), (0, Refusal::Unsupported("torque")));
     let mut config = joints(1);

@@ -79,7 +79,7 @@ fn what_is_out_of_range_is_answered_with_the_limit_and_changes_nothing() {
     for (request, limit) in [
         (set(KP, 0, 40.5), 40.0),
         (set(KP, 0, f32::NAN), 40.0),
-        // While torque is on nobody makes a joint limp.
+        // While torque is on, no request makes a joint limp.
         (set(KP, 0, 0.0), 10.0),
         (set(MAX_TORQUE, 2, 3.5), 3.0),
         (set(MAX_TORQUE, 2, f32::INFINITY), 3.0),
@@ -120,7 +120,7 @@ fn a_repeated_request_is_executed_once_and_a_late_one_not_at_all() {
     let ack = rig.parameter_again(first);
     assert_eq!(rig.parameter_again(first), ack);
     assert_eq!(rig.parameter_again(second).result, ParameterResult::Ok);
-    // The first one once more, from a bridge that repeats.
+    // A bridge repeats the first request.
     assert_eq!(rig.parameter_again(first).result, ParameterResult::OutOfOrder);
     let other = ParameterRequest { seq: 2, ..first };
     assert_eq!(rig.parameter_again(other).result, ParameterResult::OutOfOrder);
@@ -156,7 +156,7 @@ fn what_was_saved_survives_a_power_cycle_and_what_was_not_does_not() {
     rig.run_until(State::Ready, 1000);
     assert!(sent_stiffness(&rig, 0).iter().all(|&kp| kp == 11.0));
 
-    // Flash is not written while the robot moves. What was refused may be asked for again as it was.
+    // Flash is not written while the robot moves. The refused request may be repeated unchanged.
     let save = ParameterRequest { seq: rig.next_parameter_seq(), action: SAVE };
     assert_eq!(rig.parameter_again(save).result, ParameterResult::WrongState);
     disarm(&mut rig);
@@ -177,7 +177,7 @@ fn a_set_saved_for_another_configuration_is_not_applied_and_the_host_can_see_it(
     stiffer.channels[1].kp_nm_rad = 25.0;
     let mut rig = rig.power_cycled(stiffer);
     assert_eq!((kp(&mut rig), origin(&mut rig)), (20.0, ParameterOrigin::OtherConfiguration));
-    // It is still there for the robot that it was saved for.
+    // The robot for which the gains were saved still has them.
     let mut rig = rig.power_cycled(config());
     assert_eq!((kp(&mut rig), origin(&mut rig)), (11.0, ParameterOrigin::Saved));
     // The board's settings have become stricter.

@@ -21,7 +21,7 @@ fn walking() -> Rig {
 fn pause(rig: &mut Rig) {
     assert_eq!(rig.command(Action::Pause).result, CommandResult::Ok);
     assert_eq!(rig.brain.state(), State::Paused);
-    // From the planned speed in no less than 0.4 s and no more than 2 s.
+    // A halt from the planned speed takes 0.4 to 2 s.
     rig.run(240);
 }
 
@@ -105,11 +105,11 @@ fn nobody_watches_a_slow_robot_whose_host_is_lost() {
     rig.run(600);
     rig.host_alive = false;
     rig.run_until(State::Returning, 60);
-    // Transition, gait and transition of 91 frames, two ticks each, 0.4 s to speed up, a second of hold.
+    // Transition, gait and transition of 91 frames with two ticks each, 0.4 s of acceleration, and a hold of one second.
     let ticks = rig.run_until(State::Damped, 1000);
     assert!(ticks < 2 * 91 + 60 + 130, "{ticks}");
 
-    // Or is lost on a slow way home.
+    // The host is lost during a slow return.
     let mut rig = Rig::ready();
     assert_eq!(rig.command(slow).result, CommandResult::Ok);
     rig.run(600);
@@ -118,7 +118,7 @@ fn nobody_watches_a_slow_robot_whose_host_is_lost() {
     rig.host_alive = false;
     assert!(rig.run_until(State::Damped, 1000) < 2 * 91 + 60 + 130 + 31);
 
-    // Who disarms watches, and wanted it slow.
+    // An operator who disarms watches the robot, and chose the low speed.
     let mut rig = Rig::ready();
     let slow = Action::Play { code: CODE_WALK, speed_64ths: 16 };
     assert_eq!(rig.command(slow).result, CommandResult::Ok);
@@ -162,7 +162,7 @@ fn slow_playback_goes_the_same_way() {
     };
     let (planned, high, fast) = ticks_of(64);
     let (half, same_high, half_fast) = ticks_of(32);
-    // The 0.2 s in which it slows down are played faster than that.
+    // During the deceleration of 0.2 s, playback is faster than the final speed.
     assert!((half - 2.0 * planned).abs() < 40.0, "{planned} {half}");
     assert!((high - same_high).abs() < 2e-3, "{high} {same_high}");
     assert!((half_fast - 0.5 * fast).abs() < 2e-2, "{fast} {half_fast}");
@@ -204,14 +204,14 @@ fn playback_time_is_exact_at_every_speed() {
             player.advance(&library, &config).unwrap();
             player.playing()
         };
-        // Into the gait at the planned speed or less, and until the speed holds.
+        // At the planned speed or slower into the gait, until the speed is constant.
         let begins = (0..4000).find(|_| advance().clip.0 == WALK_CLIP);
         assert!(begins.is_some(), "{speed_64ths}");
         let mut last = (0..240).map(|_| advance()).last().unwrap();
         for _ in 0..256 {
             let now = advance();
             assert_eq!(now.clip.0, WALK_CLIP);
-            // Exact in f32: frames below 64, phases in parts of a power of two.
+            // Exact in f32: frames are below 64, and phases are fractions of a power of two.
             let frames = f32::from((now.frame + WALK_FRAMES - last.frame) % WALK_FRAMES);
             let advanced = frames + (now.phase - last.phase);
             assert_eq!(advanced, f32::from(speed_64ths) / 128.0, "{last:?} {now:?}");

@@ -65,7 +65,7 @@ fn a_motion_that_ends_goes_back_to_safe_by_itself() {
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
     assert!(!walk.rests_in_safe(&lib));
 
-    // The last frame of a transition has the name that it has in its target.
+    // The last frame of a transition is named after the frame in its target.
     let mut expected = run(STAND_TO_DRIVE, 1..=TRANSITION_FRAMES - 2);
     expected.extend(run(DRIVE_CLIP, 0..=DRIVE_FRAMES - 1));
     expected.extend(run(DRIVE_TO_STAND, 1..=TRANSITION_FRAMES - 2));
@@ -85,7 +85,7 @@ fn a_loop_is_left_only_at_its_exit_frame() {
     expected.extend(run(WALK_CLIP, 0..=WALK_FRAMES - 1));
     assert_eq!(go(&mut walk, &lib, expected.len()), expected);
 
-    // Just past the exit frame a whole round is left to go.
+    // Just after the exit frame, a whole cycle remains.
     assert_eq!(
         go(&mut walk, &lib, usize::from(WALK_EXIT) + 2).last(),
         Some(&(WALK_CLIP, WALK_EXIT + 1))
@@ -106,12 +106,12 @@ fn a_motion_asked_for_again_is_played_again() {
     let mut walk = GraphCursor::start(&lib).unwrap();
     let drive = node(&lib, CODE_DRIVE);
     walk.set_goal(&lib, drive).unwrap();
-    // On the way there, asking again is the same request.
+    // On the way, a repeated request has no effect.
     go(&mut walk, &lib, 3);
     walk.set_goal(&lib, drive).unwrap();
     go(&mut walk, &lib, usize::from(TRANSITION_FRAMES));
     assert_eq!(walk.at().0, ClipId(DRIVE_CLIP));
-    // While it plays, asking again is for once more.
+    // While the motion plays, a repeated request queues it once more.
     walk.set_goal(&lib, drive).unwrap();
     let clips: Vec<u8> = go(&mut walk, &lib, 400).into_iter().map(|(clip, _)| clip).collect();
     let mut order = clips;
@@ -138,12 +138,12 @@ fn the_latest_goal_counts() {
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
     assert_eq!(go(&mut walk, &lib, 1), [(STAND_TO_WALK, 1)]);
-    // Taken back while under way: the transition is finished first, then straight back.
+    // The request is cancelled on the way: the robot completes the transition, then returns directly.
     walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
     let at: Vec<_> = go(&mut walk, &lib, 300);
     assert!(at.contains(&(WALK_CLIP, WALK_EXIT)));
     assert!(walk.rests_in_safe(&lib));
-    // Taken back before it left.
+    // The request is cancelled before the robot left.
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
     assert!(walk.rests_in_safe(&lib));
@@ -164,7 +164,7 @@ fn a_safe_motion_that_ends_is_played_to_its_end_and_held() {
     assert!(!walk.rests_in_safe(&lib), "on its way into the pose");
     assert_eq!(go(&mut walk, &lib, usize::from(last)), run(STAND_CLIP, 1..=last));
     assert!(walk.rests_in_safe(&lib));
-    // Asked for while it settles: that is where it goes already.
+    // SAFE is requested while the robot moves to it.
     walk.set_goal(&lib, lib.safe_node()).unwrap();
     assert_eq!(go(&mut walk, &lib, 1), [(STAND_CLIP, last)]);
 }
@@ -229,8 +229,8 @@ fn the_curve_is_c1_over_all_seams() {
         if let Some(last) = last {
             for c in 0..2 {
                 let ((p0, v0), (p1, v1)) = (last[c], now[c]);
-                // The second derivative of the curve at a frame is 2·d1 − d2 in second differences
-                // of frames, and linear in between: never above three times the largest one.
+                // The second derivative of the curve at a frame is 2·d1 − d2 of second differences of frames, and linear
+                // between frames. It is at most three times the largest difference.
                 let acceleration = 3.0 * largest_second_difference[c] * 3600.0;
                 assert!((v1 - v0).abs() <= acceleration * dt * 1.01 + 1e-4, "slope jumps");
                 // Trapezoid rule, exact up to dt² · change of acceleration / 12, plus rounding.
@@ -310,7 +310,7 @@ proptest! {
             }
         }
         player.set_goal(&lib, lib.safe_node()).unwrap();
-        // The longest way: a transition, a motion, a transition, and the frames ahead.
+        // The longest route: a transition, a motion, a transition, and the frames ahead.
         let longest = 2 * (2 * TRANSITION_FRAMES + DRIVE_FRAMES + WALK_FRAMES + 8);
         for _ in 0..longest {
             player.advance(&lib, &config()).unwrap();
@@ -354,15 +354,15 @@ fn the_way_to_a_goal_is_checked_when_it_is_set() {
     let lib = loaded.open();
     let damaged = with_damaged(STAND_TO_WALK);
     let mut walk = GraphCursor::start(&lib).unwrap();
-    // Damaged before it was looked at: found at the latest on the way in.
+    // A block that was damaged before its check is found at the latest on entry.
     walk.set_goal(&damaged.open(), node(&lib, CODE_WALK)).unwrap();
     assert!(!gets_into(STAND_TO_WALK, walk.clone(), &damaged.open()));
-    // Damaged after: nothing is left to be checked in the frame that leaves.
+    // A block that was damaged after its check: the frame of the exit checks nothing.
     walk.set_goal(&lib, node(&lib, CODE_STAND)).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
     assert!(gets_into(STAND_TO_WALK, walk.clone(), &damaged.open()));
 
-    // The same for a goal that is set with the last frame of a transition.
+    // The same holds for a goal that is set during the last frame of a transition.
     let damaged = with_damaged(WALK_TO_STAND);
     go(&mut walk, &lib, usize::from(TRANSITION_FRAMES) - 2);
     assert_eq!(walk.at().0, ClipId(STAND_TO_WALK));
@@ -377,7 +377,7 @@ fn the_way_to_a_goal_is_checked_when_it_is_set() {
 fn what_comes_by_itself_is_checked_on_the_way() {
     let loaded = LoadedLibrary::new();
     let lib = loaded.open();
-    // Where the transition arrives.
+    // The damage is in the target of the transition.
     let damaged = with_damaged(WALK_CLIP);
     let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_WALK)).unwrap();
@@ -385,7 +385,7 @@ fn what_comes_by_itself_is_checked_on_the_way() {
     go(&mut walk, &lib, usize::from(TRANSITION_FRAMES) - 3);
     assert!(gets_into(WALK_CLIP, walk, &damaged.open()));
 
-    // And where a motion leads that ends.
+    // The damage is in the transition after a finite motion.
     let damaged = with_damaged(DRIVE_TO_STAND);
     let mut walk = GraphCursor::start(&lib).unwrap();
     walk.set_goal(&lib, node(&lib, CODE_DRIVE)).unwrap();

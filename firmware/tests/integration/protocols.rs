@@ -144,7 +144,7 @@ fn every_protocol_arms_aligns_plays_and_comes_back() {
         rig.run(5);
         rig.run_until(State::Ready, 2000);
         for (drive, before) in rig.drives.list.iter().zip(before) {
-            // One setpoint each tick, no more.
+            // At most one set-point per tick.
             let setpoints = drive.motor.setpoints - before;
             assert!((200..2000).contains(&setpoints), "{protocol:?}: {setpoints}");
         }
@@ -161,7 +161,7 @@ fn no_protocol_kicks_when_it_is_enabled_again() {
         rig.run(40);
         assert!(rig.drives.list.iter().all(|d| !d.motor.enabled), "{protocol:?}");
         rig.clear();
-        // Somebody moves the legs; the drives remember their last setpoint.
+        // A person moves the legs. The drives keep their last set-point.
         (rig.drives.list[0].motor.value, rig.drives.list[1].motor.value) = (-0.7, 0.6);
         rig.drives.list[2].motor.value = 0.0;
         rig.run(40);
@@ -225,7 +225,7 @@ fn an_order_that_stuck_halfway_begins_again() {
             for _ in 0..taken {
                 rig.drives.pass(&mut rig.brain, rig.now_us, 0);
             }
-            // It is moved while it has not been enabled.
+            // The drive is moved while it is disabled.
             rig.run(3);
             for drive in rig.drives.list.iter_mut().filter(|d| !d.motor.enabled) {
                 drive.motor.value += if drive.motor.is_wheel() { 0.0 } else { 0.3 };
@@ -319,7 +319,7 @@ fn an_order_that_enables_is_whole() {
                     Protocol::Dynamixel(servos),
                     [DriveCommand::Setpoint { .. }, DriveCommand::Enable, ..],
                 ) if !servos.model.has_current() => {}
-                // The limit of its torque; acceleration and speed, and of a joint the pose; torque on.
+                // Torque limit; acceleration and speed, and for a joint the pose; torque on.
                 (
                     Protocol::Feetech(_),
                     [
@@ -452,12 +452,12 @@ fn a_servo_that_does_not_answer_once_is_told_of_once() {
         assert_eq!(unanswered(&mut rig, 60), [1], "{protocol:?}");
         assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
         assert_eq!(rig.brain.state(), State::Playing);
-        // With torque off switches go out before each question.
+        // While torque is off, switches are sent before each query.
         rig.command(Action::Disarm);
         rig.run_until(State::Disarmed, 2000);
         assert_eq!(unanswered(&mut rig, 60), [0; 0], "{protocol:?}");
     }
-    // Drives on CAN are not asked, or on timers of their own.
+    // Drives on CAN need no query, or send on timers.
     let mut rig = playing(odrive(Version::V06));
     assert_eq!(unanswered(&mut rig, 60), [0; 0]);
 }
@@ -544,7 +544,7 @@ fn a_pose_that_nobody_measures_has_to_be_assumed() {
     assert_eq!(refused.result, CommandResult::PoseUnknown);
 
     let mut rig = bench_of(config, mixed, Bus { pose: Pose::AssumedSafe, ..Bus::default() });
-    // As the operator has put them.
+    // The pose in which the operator has placed the drives.
     for (drive, safe) in rig.drives.list.iter_mut().zip(STAND) {
         drive.motor.value = safe;
     }
@@ -555,7 +555,7 @@ fn a_pose_that_nobody_measures_has_to_be_assumed() {
     rig.run_until(State::Ready, 2000);
     assert_no_kick(&rig, &maestro());
     assert!(rig.drives.list.iter().all(|d| d.motor.setpoints > 200));
-    // The board falls silent: no signal is left, and servos that cannot be damped are let go.
+    // The board stops sending. No signal remains, and servos that cannot be damped lose torque.
     rig.drives.list[0].motor.log.clear();
     rig.estop();
     rig.run(1);
@@ -586,7 +586,7 @@ fn drives_that_keep_gains_and_limits_are_told_new_ones_while_they_run() {
         _ => None,
     });
     let gains: Vec<f32> = gains.collect();
-    // Three drives take turns: each third tick of half a second at 120 Hz.
+    // Three drives alternate: every third tick of half a second at 120 Hz.
     assert!((18..=22).contains(&gains.len()), "{gains:?}");
     assert!((gains[gains.len() - 1] - 40.0).abs() < 1e-3, "{gains:?}");
     assert!(gains.windows(2).all(|g| g[1] - g[0] > 0.0 && g[1] - g[0] < 1.01), "{gains:?}");
@@ -605,7 +605,7 @@ fn a_parameter_that_makes_no_difference_to_a_drive_is_refused() {
         let expected = match protocol {
             Protocol::Maestro(_) => (ParameterResult::NotSupported, ParameterResult::NotSupported),
             Protocol::Feetech(_) => (ParameterResult::NotSupported, ParameterResult::Ok),
-            // Without a current sensor it has no torque limit.
+            // A servo without a current sensor has no torque limit.
             Protocol::Dynamixel(servos) if servos.model.has_current() => {
                 (ParameterResult::NotSupported, ParameterResult::Ok)
             }

@@ -119,11 +119,11 @@ impl Servo {
             ChannelKind::WheelSpeed => WHEEL_SPEED_STEP_RAD_S,
         };
         if self.enabled {
-            // Measured values come in steps of 0.2 mrad or 2 mrad/s, setpoints go out in theirs.
+            // Measured values have steps of 0.2 mrad or 2 mrad/s, set-points their own steps.
             let last = self.setpoints.last().map_or(self.value, |s| s.0);
             let rounding = if self.setpoints.is_empty() { 2.5e-3 } else { 1.01 * step };
-            // A bus that took nothing for some ticks gets the present value: rate is over time.
-            // The first setpoint is the measured value; a brake may already begin.
+            // A bus that accepted nothing for some ticks gets the present value, so the rate is over that time. The first
+            // set-point is the measured value; the robot may brake already.
             let ticks = match (self.setpoints.is_empty(), state) {
                 (true, State::Damped) => 1,
                 (true, _) => 0,
@@ -142,7 +142,7 @@ impl Servo {
             assert!(value >= low - rounding && value <= high + rounding, "{value} out of range");
             self.set_at = tick;
             self.setpoints.push((value, kp));
-            // A torque begins at 0, and takes the time to its limit that the limiter has for it.
+            // A torque begins at 0, and reaches its limit in the time of the limiter.
             let last_nm = self.meant_nm;
             let most = c.max_torque_nm;
             let rounding = 2e-3 + 0.01 * most;
@@ -315,8 +315,8 @@ impl Rig {
         self.seq = (self.seq + 1) & 0xF;
         let valid_until_ms = ((self.now_us / 1000) as u16).wrapping_add(500);
         let mut command = Command { seq: self.seq, action, valid_until_ms };
-        // A host uses a number again when the command that had it has expired. This one gives sixteen commands
-        // in no time, so it sees to it that they differ.
+        // A host reuses a number after the command with that number has expired. This host sends sixteen commands at once, so
+        // it makes them differ.
         let former = self.commands[usize::from(self.seq)].replace(command);
         if former.is_some_and(|former| former == command) {
             command.valid_until_ms = valid_until_ms.wrapping_sub(1);
@@ -482,7 +482,7 @@ impl Rig {
                     response = Response::decode(self.endpoint.received()).ok();
                 }
             } else {
-                // Whoever sent it, garbage that happened to be a command included: numbers go on from it.
+                // The sender does not matter, not even for garbage that is a valid command: numbers continue from it.
                 if let FromController::CommandAck(ack) = message
                     && !matches!(
                         ack.result,
@@ -519,7 +519,7 @@ impl Rig {
     pub fn carry(&mut self) {
         self.drives.carry(&mut self.brain, self.now_us);
         for bus in 0..3 {
-            // Two frames per actuator at most: mailboxes, no queue.
+            // At most two frames per actuator: mailboxes, not a queue.
             for n in 0.. {
                 let Some(frame) = self.brain.poll_actuator(bus) else { break };
                 assert!(n < 2 * self.servos.len(), "more frames than mailboxes");
@@ -547,15 +547,15 @@ impl Rig {
             let meant_nm = meant_nm(&self.brain, to);
             (id, servo) = (to, self.servo(bus, to));
             assert_eq!(servo.channel.kind, ChannelKind::JointPosition);
-            // Half a step of a setpoint with torque.
+            // Half a step of a set-point with torque.
             let rounding = 4e-3;
             assert!(s.velocity_rad_s.abs() <= servo.channel.max_rate + rounding, "{s:?}");
-            // Gains may be raised to twice those of the configuration; half a step of rounding.
-            // With a torque they are off by up to 0.4 %.
+            // Gains may be raised to twice the configured gains, plus half a step of rounding. With a torque, their error is up
+            // to 0.4 %.
             let (kp, kd) = (s.kp_nm_rad / 1.004, s.kd_nm_s_rad / 1.004);
             assert!(kp <= 2.0 * servo.channel.kp_nm_rad + 0.5 * KP_STEP_NM_RAD, "{s:?}");
             assert!(kd <= 2.0 * servo.channel.kd_nm_s_rad + 0.5 * KD_STEP_NM_S_RAD);
-            // By the pose that the servo told last; roundings of gains and pose.
+            // Based on the last reported pose of the servo; gains and pose are rounded.
             let error = s.position_rad - servo.value;
             let torque = s.kp_nm_rad * error + s.kd_nm_s_rad * s.velocity_rad_s + s.torque_nm;
             assert!(

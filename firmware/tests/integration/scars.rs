@@ -24,7 +24,7 @@ use rollwalk_protocol::wire::{Action, CommandResult, Discover, Estop, Heartbeat,
 /// Other controllers check the first set-point only after sending it, and continue with an aborted motion.
 #[test]
 fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
-    // Measured outside its range: nothing is sent at all.
+    // The measured angle is out of range, so nothing is sent.
     let mut rig = Rig::booted();
     rig.servos[1].value = 1.9;
     rig.run(20);
@@ -34,7 +34,7 @@ fn scar_3_checked_before_it_is_sent_and_an_abort_aborts() {
     assert_eq!(rig.servos[1].setpoints.len(), from);
     assert!(rig.servos.iter().all(|servo| !servo.enabled));
 
-    // A joint that does not follow ends the motion: all that comes afterwards is damping.
+    // A joint that does not follow ends the motion; only damping follows.
     let mut rig = Rig::ready();
     rig.play(CODE_WALK);
     rig.run(200);
@@ -63,7 +63,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     let stuck = Heartbeat { seq: 9, host_ms: 1 }.encode(me());
     let mut damaged = Heartbeat { seq: 0, host_ms: 0 }.encode(me());
     for tick in 0..60u8 {
-        // An old heartbeat, a damaged one, commands, requests, discovery: talk, but no host.
+        // An old heartbeat, a damaged heartbeat, commands, requests, discovery: messages, but no host.
         rig.send(&stuck);
         let mut data = [0; 8];
         let len = damaged.data().len();
@@ -83,7 +83,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
     assert_eq!(rig.brain.state(), State::TorqueOff, "it stays off when the host is back");
     assert!(rig.brain.faults().contains(Fault::HostLost));
 
-    // A bridge that says the last few over and over, wherever their numbers wrap, and in any order.
+    // A bridge repeats the last few messages, in any order, and across the wrap of their numbers.
     for pattern in [
         &[9, 10][..],
         &[10, 9],
@@ -95,7 +95,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
         &[0, 51, 102, 153, 204],
         &EVERY_16TH,
     ] {
-        // As fast as it can, and as a host does, each 50 ms.
+        // As fast as possible, and every 50 ms like a host.
         for ticks in [1, 6] {
             let mut rig = Rig::ready();
             rig.play(CODE_WALK);
@@ -110,7 +110,7 @@ fn scar_6_only_new_heartbeats_feed_the_watchdog_and_its_end_latches() {
                 rig.step();
                 lost = lost.or((rig.brain.state() == State::Returning).then_some(tick));
             }
-            // 250 ms are 30 ticks of 120 Hz, and the first round of them may be new.
+            // 250 ms are 30 ticks at 120 Hz, and the first round of the messages may be new.
             let in_time = lost.is_some_and(|tick| tick <= 31 + ticks * pattern.len());
             assert!(in_time, "{pattern:?}: {lost:?}, {:?}", rig.brain.state());
         }
@@ -167,7 +167,7 @@ fn scar_7_any_fault_shows_in_the_status_word() {
         let status = rig.statuses().last().unwrap().1;
         assert!(status.faults.contains(fault), "{fault:?}: {status:?}");
         assert!(status.severity.code() > Severity::Notice.code(), "{fault:?}: {status:?}");
-        // And stays there, whatever is well again.
+        // The state remains after the causes are gone.
         rig.servos.iter_mut().for_each(|servo| (servo.powered, servo.status) = (true, 0));
         rig.run(700);
         assert!(rig.statuses().last().unwrap().1.faults.contains(fault), "{fault:?}");
@@ -223,7 +223,7 @@ proptest! {
         }
         if let Some(newest) = newest {
             rig.run(1200);
-            // DRIVE and STAND end in SAFE; WALK goes on.
+            // DRIVE and STAND end in SAFE; WALK repeats.
             let walks = codes[newest % 3] == CODE_WALK;
             prop_assert_eq!(rig.clip() == WALK_CLIP, walks);
             prop_assert_eq!(rig.brain.state() == State::Playing, walks);
@@ -252,7 +252,7 @@ fn scar_9_a_host_that_stalls_does_not_disturb_the_motion() {
     assert_eq!(state, State::Playing);
     // 0.2 s.
     assert_eq!(play(300..324), (State::Playing, undisturbed.clone()));
-    // 0.6 s, which is what stops others: home, and then off.
+    // 0.6 s, the timeout without the requirement: return, then torque off.
     let (state, way) = play(200..272);
     assert_ne!(state, State::Playing);
     assert_eq!(way[..225], undisturbed[..225], "until the timeout");

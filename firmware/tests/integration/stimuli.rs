@@ -104,7 +104,7 @@ pub fn act(rig: &mut Rig, stimulus: &Stimulus) {
                     FromController::Sample(sample) => Some(sample.number),
                     _ => None,
                 });
-                // Without samples it answers some that there were not.
+                // Without samples, the host answers samples that never existed.
                 let frame = number.unwrap_or(with.frame);
                 for (channel, value) in (0..).zip(STAND) {
                     let value = if channel == with.channel { with.value } else { value };
@@ -120,7 +120,7 @@ pub fn act(rig: &mut Rig, stimulus: &Stimulus) {
 /// it returns to SAFE and plays.
 pub fn assert_way_home(rig: &mut Rig) {
     rig.host_alive = false;
-    // Timeout, the longest way through the graph, hold, damping.
+    // Timeout, longest route through the graph, hold and damping.
     rig.run(40 + 700 + 130 + 200);
     assert_eq!(rig.brain.state().torque(), Torque::Off);
 
@@ -137,7 +137,7 @@ pub fn assert_way_home(rig: &mut Rig) {
     if rig.brain.library().is_none() {
         act(rig, &Stimulus::Flash);
     }
-    // A joint without gain gets nowhere.
+    // A joint without gain does not move.
     assert_eq!(rig.parameter(ParameterAction::Reset).result, ParameterResult::Ok);
     rig.arm();
     rig.run_until(State::Ready, 1500);

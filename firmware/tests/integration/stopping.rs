@@ -17,13 +17,13 @@ fn scar_1_stale_command_after_power_return() {
     rig.run(2 * u32::from(ack.value) + 60);
     assert!(rig.servos[2].value > 3.0, "it drives");
 
-    // Motor power fails: nobody takes frames, nobody answers. Meanwhile everything goes on.
+    // Motor power fails: no drive accepts frames or answers. Playback continues.
     rig.buses_up = false;
     rig.servos.iter_mut().for_each(|servo| servo.enabled = false);
     let damped_after = rig.run_until(State::Damped, 100);
     assert!(damped_after <= u32::from(rig.settings.silent_ticks) + 2);
     rig.run(2);
-    // Power returns for a moment: one frame each, and it is damping.
+    // Power returns for a moment: the bus gets one damping frame for each drive.
     for bus in [0, 1] {
         let mut frames = vec![];
         while let Some(frame) = rig.brain.poll_actuator(bus) {
@@ -40,7 +40,7 @@ fn scar_1_stale_command_after_power_return() {
     }
     rig.run_until(State::TorqueOff, 1000);
     rig.run(500);
-    // Power returns for good: what comes is "off", once for each, and nothing that moves.
+    // Power returns for good: each drive gets one "off", and no command that moves it.
     for bus in [0, 1] {
         while let Some(frame) = rig.brain.poll_actuator(bus) {
             assert_eq!(Control::decode(&frame).map(|(_, c)| c), Some(Control::Disable));
@@ -51,7 +51,7 @@ fn scar_1_stale_command_after_power_return() {
     assert_eq!(rig.brain.state(), State::TorqueOff);
     assert!(rig.brain.faults().contains(Fault::ActuatorSilent));
 
-    // A motion command that was stuck somewhere meanwhile is answered, not executed.
+    // A delayed motion command is answered, but not executed.
     rig.clear();
     rig.run(20);
     let stuck = rig.next_command(Action::Play { code: CODE_DRIVE, speed_64ths: 64 });
@@ -68,7 +68,7 @@ fn scar_1_stale_command_after_power_return() {
 fn heartbeat_loss_returns_to_safe() {
     let mut rig = Rig::ready();
     lose_the_host(&mut rig);
-    // And again: nothing of the first time is left.
+    // The second time, nothing of the first time remains.
     rig.clear();
     rig.run(20);
     rig.arm();
@@ -82,7 +82,7 @@ fn lose_the_host(rig: &mut Rig) {
     assert_eq!(rig.clip(), WALK_CLIP);
     rig.host_alive = false;
     let after = rig.run_until(State::Returning, 100);
-    // 250 ms at 120 Hz, from a heartbeat that was up to 50 ms old.
+    // 250 ms at 120 Hz, after a heartbeat that was up to 50 ms old.
     assert!((24..=31).contains(&after), "{after}");
     assert_eq!(rig.play(CODE_DRIVE).result, CommandResult::WrongState);
 
@@ -104,7 +104,7 @@ fn lose_the_host(rig: &mut Rig) {
     assert!(rig.servos[..2].iter().all(|s| s.setpoints.last().unwrap().1 == 0.0), "kp 0");
     rig.run_until(State::TorqueOff, 300);
 
-    // The host is back: nothing happens by itself.
+    // The host returns: the robot does nothing without a command.
     rig.host_alive = true;
     rig.run(500);
     assert_eq!(rig.brain.state(), State::TorqueOff);
@@ -132,7 +132,7 @@ fn a_robot_plays_through_all_numbers_of_heartbeats() {
     rig.play(CODE_WALK);
     rig.host_alive = false;
     let mut seq = rig.heartbeat_seq;
-    // Of 6 ticks of 120 Hz each: 300 heartbeats.
+    // 300 heartbeats of 6 ticks each at 120 Hz.
     for tick in 0..1800 {
         if tick % 6 == 0 {
             seq = seq.wrapping_add(1);
@@ -223,7 +223,7 @@ fn estop_stops_in_one_tick_from_every_state() {
         let mut rig = rig();
         assert_eq!(rig.brain.state(), state);
         rig.brain.tick(rig.now_us);
-        // The identifier alone stops; not that of another controller.
+        // The identifier alone stops this controller; the identifier of another controller does not.
         let other = Estop.encode(Node::new(5).unwrap());
         rig.brain.on_link_frame(rig.now_us, &other);
         if state != State::EStopped {
@@ -300,7 +300,7 @@ fn an_actuator_that_faults_or_drops_its_torque_damps_all() {
     rig.run(2);
     assert_eq!(rig.brain.state(), State::Damped);
     assert!(rig.brain.faults().contains(Fault::ActuatorFault));
-    // It is told which one; when all are off nobody knows any more.
+    // The fault names the bus. After all buses are off, the cause is unknown.
     rig.run(400);
     let blamed = rig.heard.iter().filter_map(|(_, m)| match m {
         FromController::FaultReport(r) if r.fault == Fault::ActuatorFault => Some(r.channel),
@@ -320,7 +320,7 @@ fn disarm_goes_home_first_and_leaves_no_fault() {
     while rig.clip() != STAND_CLIP {
         rig.step();
     }
-    // The operator waits for it: nothing is held once the frames ahead are through.
+    // The operator waits: the robot does not hold its pose after the buffered frames.
     assert!(rig.run_until(State::Damped, 1000) <= 8);
     assert!(rig.stands());
     rig.run_until(State::Disarmed, 300);
@@ -365,7 +365,7 @@ fn wheels_brake_while_damped() {
     assert!(speed > 5.0);
     rig.servos[0].status = ActuatorStatus::OVERHEATED;
     rig.run_until(State::Damped, 5);
-    // At its rate of 60 rad/s², 120 times a second.
+    // With the deceleration of 60 rad/s², 120 times per second.
     rig.run((speed / 60.0 * 120.0) as u32 + 3);
     assert_eq!(rig.brain.state(), State::Damped);
     assert_eq!(rig.servos[2].value, 0.0);
@@ -378,7 +378,7 @@ fn a_slow_bus_serves_all_actuators_in_turn() {
     let mut served = vec![];
     for _ in 0..6 {
         rig.step();
-        // Room for one frame in each period.
+        // The bus has room for one frame per period.
         let frame = rig.brain.poll_actuator(0).expect("there is always something to say");
         served.push(JointSetpoint::decode(&frame).expect("a setpoint").0);
     }
@@ -390,7 +390,7 @@ fn a_leg_that_is_held_fast_is_not_pushed_for_long() {
     let mut rig = Rig::ready();
     rig.play(CODE_WALK);
     rig.run(200);
-    // Something holds it where no motion of the library brings it.
+    // An obstacle holds the joint where no motion of the library moves it.
     rig.servos[0].jammed_at = Some(-1.4);
     let after = rig.run_until(State::Damped, 200);
     assert!((60..=130).contains(&after), "{after}");
@@ -400,7 +400,7 @@ fn a_leg_that_is_held_fast_is_not_pushed_for_long() {
     assert_eq!(report.channel, Some(0));
     assert!(report.value > rig.settings.follow_tolerance_rad);
 
-    // A stumble is none of that.
+    // A short jam does not stop the robot.
     let mut rig = Rig::ready();
     rig.servos[0].jammed_at = Some(-1.4);
     rig.run(50);
@@ -439,7 +439,7 @@ fn a_bus_that_nobody_acknowledges_damps_and_bus_off_stops() {
         assert!(rig.brain.faults().contains(fault));
         assert_eq!(rig.fault_report(fault).value, 1.0);
         rig.run_until(State::TorqueOff, 300);
-        // Cleared, but not armed while it lasts.
+        // The stop is cleared, but arming is refused while the cause lasts.
         rig.clear();
         rig.run(20);
         assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::FaultPresent);
@@ -447,7 +447,7 @@ fn a_bus_that_nobody_acknowledges_damps_and_bus_off_stops() {
         rig.arm();
     }
 
-    // One goes off while the other waits to be started again.
+    // One bus goes off while the other waits for its restart.
     let mut rig = Rig::ready();
     rig.brain.on_bus_state(rig.now_us, 1, BusState::Off);
     rig.run(20);

@@ -67,14 +67,14 @@ fn joint(rig: &Rig, channel: usize) -> f32 {
 #[test]
 fn every_frame_is_met_when_it_is_due() {
     let (mut rig, mut next) = streaming();
-    // A frame is taken with each second tick, and met two frames after it was taken.
+    // Every second tick takes a frame, and reaches it two frames later.
     for due in 0..150u16 {
         send(&mut rig, next);
         next += 1;
         rig.run(TICKS);
         if let Some(met) = due.checked_sub(2) {
             for (channel, value) in values(met).into_iter().enumerate() {
-                // A step of the wire.
+                // One step of the wire format.
                 assert!((joint(&rig, channel) - value).abs() < 1e-4, "{met} {channel}");
             }
             let target = rig.brain.setpoint(0).unwrap();
@@ -99,13 +99,13 @@ fn return_leads_to_safe_without_a_jump_and_motions_play_again() {
     assert_eq!(rig.brain.state(), State::Aligning);
     rig.run(1);
     for channel in [0, 1] {
-        // It was on its way, and begins at rest from there.
+        // The joint was moving. It starts from rest at that position.
         assert!((joint(&rig, channel) - before[channel]).abs() < 0.03);
     }
     rig.run_until(State::Ready, 1000);
     assert!(rig.stands());
     assert_eq!(rig.play(CODE_WALK).result, CommandResult::Ok);
-    // A stream that begins now has nothing of the one before.
+    // A new stream contains nothing of the previous stream.
     rig.command(Action::Return);
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
@@ -144,7 +144,7 @@ fn more_gaps_than_may_be_filled_hold_the_stream() {
 fn what_comes_late_is_played_late_and_nothing_jumps() {
     let (mut rig, next) = streaming();
     stream_up_to(&mut rig, next, 20);
-    // The frames that wait are played, and the last one is held.
+    // The buffered frames play, and the last frame is held.
     rig.run(TICKS * u32::from(LEAD) + 8);
     let held = joint(&rig, 0);
     assert!((held - values(19)[0]).abs() < 1e-4);
@@ -158,7 +158,7 @@ fn what_comes_late_is_played_late_and_nothing_jumps() {
         for _ in 0..TICKS {
             rig.run(1);
             let now = joint(&rig, 0);
-            // The fastest of the stream, 0.94 rad/s, in a control period.
+            // Maximum speed of the stream, 0.94 rad/s, in a control period.
             assert!((now - last).abs() < 0.94 / 120.0 + 1e-3, "{frame}: {last} to {now}");
             (last, most) = (now, most.max(now));
         }
@@ -171,7 +171,7 @@ fn a_stream_that_ends_halts_the_robot_holds_it_and_lets_it_down() {
     let (mut rig, next) = streaming();
     stream_up_to(&mut rig, next, 30);
     let ticks = rig.run_until(State::Returning, 100);
-    // Those that wait, then 0.25 s.
+    // The buffered frames, then 0.25 s.
     let expected = TICKS * (u32::from(LEAD) + 15);
     assert!(ticks.abs_diff(expected) <= 2 * TICKS, "{ticks}");
     assert_eq!(rig.statuses().last().unwrap().1.severity, Severity::Return);
@@ -181,14 +181,14 @@ fn a_stream_that_ends_halts_the_robot_holds_it_and_lets_it_down() {
     rig.run(20);
     assert_eq!(joint(&rig, 2), 0.0, "wheels stand");
     assert!((joint(&rig, 0) - values(29)[0]).abs() < 1e-4, "joints hold");
-    // Setpoints have no effect any more.
+    // Set-points have no effect now.
     (30..40).for_each(|frame| send(&mut rig, frame));
     rig.run(20);
     assert!((joint(&rig, 0) - values(29)[0]).abs() < 1e-4);
     assert_eq!(rig.brain.state(), State::Returning);
     rig.run_until(State::Damped, 130);
     rig.run_until(State::TorqueOff, 200);
-    // It latches.
+    // The state is latched.
     rig.run(300);
     assert_eq!(rig.brain.state(), State::TorqueOff);
 }
@@ -197,7 +197,7 @@ fn a_stream_that_ends_halts_the_robot_holds_it_and_lets_it_down() {
 fn a_lost_host_and_disarm_end_a_stream_too() {
     let (mut rig, next) = streaming();
     rig.host_alive = false;
-    // Setpoints are no heartbeats.
+    // Set-points do not replace heartbeats.
     for frame in next..next + 45 {
         send(&mut rig, frame);
         rig.run(TICKS);
@@ -211,7 +211,7 @@ fn a_lost_host_and_disarm_end_a_stream_too() {
     assert_eq!(rig.command(Action::Disarm).result, CommandResult::Ok);
     assert_eq!(rig.brain.state(), State::Returning);
     rig.run_until(State::Damped, 40);
-    // Without a fault it needs no clear.
+    // Without a fault, no clear is necessary.
     rig.run_until(State::Disarmed, 400);
 }
 
@@ -222,7 +222,7 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     rig.arm();
     assert_eq!(rig.command(Action::Stream).result, CommandResult::WrongState);
     rig.run_until(State::Ready, 1000);
-    // Setpoints without STREAM.
+    // Set-points without a STREAM command.
     (0..6).for_each(|frame| send(&mut rig, frame + 20));
     rig.run(30);
     assert_eq!(rig.brain.state(), State::Ready);
@@ -232,7 +232,7 @@ fn a_stream_begins_in_ready_at_safe_and_nowhere_else() {
     rig.command(Action::Return);
     rig.run_until(State::Ready, 1000);
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
-    // Too far from SAFE to begin with, for all controllers, and further ahead than there is room.
+    // Set-points that start too far from SAFE, that are for all controllers, or that are further ahead than the buffer.
     for frame in 0..6 {
         send_to(&mut rig, me(), u16::from(frame), 1..CHANNELS);
         for off in [0.4, -0.4] {

@@ -56,13 +56,13 @@ fn a_slow_robot_that_leans_goes_home_at_the_planned_speed() {
         rig.brain.state()
     };
     let ticks = (0..1000).take_while(|_| leaning() != State::Damped).count();
-    // Transition, gait and transition of 91 frames, two ticks each, 0.4 s to speed up, a second of hold.
+    // Transition, gait and transition of 91 frames with two ticks each, 0.4 s of acceleration, and a hold of one second.
     assert!(ticks < 2 * 91 + 60 + 130, "{ticks}");
 }
 
 #[test]
 fn the_library_says_how_a_motion_tilts_the_body() {
-    // It bows by 0.6 rad in the walk, and says so.
+    // The walk plans a lean of 0.6 rad, and the library contains it.
     let mut rig = Rig::new(Some(&library_with_attitudes(CODE_WALK, 0.6, 0.1)));
     rig.run(20);
     rig.arm();
@@ -73,7 +73,7 @@ fn the_library_says_how_a_motion_tilts_the_body() {
     }
     run(&mut rig, 0.6, 300);
     assert_eq!((rig.brain.state(), rig.clip()), (State::Playing, WALK_CLIP));
-    // Upright it is not where it should be.
+    // An upright robot deviates from the planned lean.
     run(&mut rig, 0.0, 16);
     assert_eq!(rig.brain.state(), State::Returning);
 }
@@ -123,7 +123,7 @@ fn an_imu_that_is_required_must_be_awake() {
         run(&mut rig, 0.0, 1);
     }
     assert_eq!(rig.brain.state(), State::Ready);
-    // 0.1 s until it counts as silent, 0.1 s of patience.
+    // 0.1 s until the IMU counts as silent, and 0.1 s of delay.
     let after = rig.run_until(State::Returning, 100);
     assert!((22..=28).contains(&after), "{after}");
 }

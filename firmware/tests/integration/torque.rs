@@ -55,13 +55,13 @@ fn joints_follow_a_motion() {
             }
         }
         assert_eq!(rig.brain.state(), State::Ready);
-        // kp alone accelerates: at 0.05 kg·m² the bump of 0.4 rad in 1.5 s asks for 0.18 N·m, 9 mrad.
-        // A wheel has no integral part: what accelerates it by 19 rad/s² is 1.9 rad/s too little.
+        // kp alone accelerates the joint: with 0.05 kg·m², a bump of 0.4 rad in 1.5 s needs 0.18 N·m, 9 mrad. A wheel has no
+        // integral term: an acceleration of 19 rad/s² needs an error of 1.9 rad/s.
         assert!(worst[0] < 0.04 && worst[1] < 0.04, "{protocol:?}: {worst:?}");
         assert!(worst[2] < 2.3, "{protocol:?}: {worst:?}");
         rig.run(200);
         for (drive, safe) in rig.drives.list.iter().zip(STAND).take(2) {
-            // A step of position and of torque.
+            // A step of position and a step of torque.
             let error = (drive.motor.value - safe).abs();
             assert!(error < 1.6e-3 + ROUNDING_NM / KP, "{protocol:?}: {error}");
         }
@@ -86,7 +86,7 @@ fn torque_stays_within_the_channel() {
     for protocol in protocols() {
         let mut rig = ready(protocol);
         let most = rig.drives.list[0].motor.channel.max_torque_nm;
-        // More than it can hold.
+        // A load beyond the torque of the drive.
         rig.drives.list[0].motor.load_nm = -2.0 * most;
         rig.run(20);
         let largest = rig.drives.list[0].motor.largest_torque_nm;
@@ -147,7 +147,7 @@ fn damping_is_the_controllers_own() {
         rig.run(ticks);
         let speed = rig.drives.list[0].motor.speed_rad_s;
         let expected = start * (-KD / INERTIA * ticks as f32 / 120.0).exp();
-        // Two periods of dead time in twelve.
+        // Two of twelve periods are dead time.
         assert!(
             (speed - expected).abs() < 0.2 * expected + 0.03,
             "{protocol:?}: {speed} for {expected}"

@@ -69,7 +69,7 @@ fn measurements_come_at_the_rate_in_their_order() {
         for count in 0..12 {
             rig.brain.on_imu([0.5, f32::from(count as u8), 0.0], [0.0, 0.0, 9.8]);
             rig.brain.on_contacts(0b11);
-            // Held still, so that it goes on.
+            // The number is kept constant, so the loop continues.
             rig.run(1);
             if let Some(number) = rig.heard.iter().rev().find_map(|(_, m)| match m {
                 FromController::Sample(sample) => Some(sample.number),
@@ -120,7 +120,7 @@ fn what_is_not_measured_is_left_out() {
     rig.brain.on_contacts(0);
     rig.run(1);
     assert_eq!((imu(&rig), sample(&rig).contacts), (2, Some(0)));
-    // Not once more.
+    // The host does not send it again.
     rig.run(1);
     assert_eq!((imu(&rig), sample(&rig).contacts), (2, None));
 }
@@ -150,7 +150,7 @@ fn a_host_whose_answers_are_old_does_not_steer() {
     let kp = config().channels[0].kp_nm_rad;
     for _ in 0..20 {
         rig.run(1);
-        // Each sample is answered, much later.
+        // Each sample is answered, but much later.
         let number = sample(&rig).number.wrapping_sub(8);
         answer(&mut rig, number, |_| ());
     }
@@ -192,7 +192,7 @@ fn gains_do_not_flicker_with_the_age_of_answers() {
 fn a_joint_that_is_held_stays_where_it_is() {
     let ends: [fn(&mut Rig); 4] = [
         |rig| rig.run(20),
-        // The loop goes on, and ends again.
+        // The loop continues, and ends again.
         |rig| {
             rig.run(20);
             follow(rig, 20, |_| ());
@@ -204,7 +204,7 @@ fn a_joint_that_is_held_stays_where_it_is() {
     for end in ends {
         let mut rig = tracked();
         let kp = config().channels[0].kp_nm_rad;
-        // Of all gains 0.01 rad.
+        // 0.01 rad with full gains.
         rig.servos[0].load_nm = 0.01 * kp;
         follow(&mut rig, 40, |_| ());
         let before = rig.servos[0].value;
@@ -213,7 +213,7 @@ fn a_joint_that_is_held_stays_where_it_is() {
         let mut last = before;
         for tick in 0..15 {
             let moved = (rig.servos[0].value - last).abs();
-            // RETURN leads it to SAFE with 0.7 rad/s at most.
+            // RETURN leads the joint to SAFE at 0.7 rad/s or less.
             assert!(moved < 0.006, "{tick}: {last} to {}", rig.servos[0].value);
             last = rig.servos[0].value;
             if rig.brain.state() == State::Streaming || rig.brain.state() == State::Aligning {
@@ -229,7 +229,7 @@ fn an_answer_acts_from_the_next_period_on_with_its_gains() {
     follow(&mut rig, 3, |_| ());
     let config = config();
     let kp = config.channels[0].kp_nm_rad;
-    // Gains fall at once, and rise for a while.
+    // Gains fall at once, and rise gradually.
     for (stiff, part, periods) in [(false, 0.1, 1), (true, 1.0, 14), (false, 0.1, 1)] {
         rig.run(1);
         let mut number = 0;
@@ -255,7 +255,7 @@ fn an_answer_acts_from_the_next_period_on_with_its_gains() {
 
 #[test]
 fn a_sample_tells_how_late_answers_are() {
-    // In control periods: of the sample that was just taken, one later, and two; measurements are one older.
+    // In control periods: the answer to the present sample, one period later, and two. Measurements are one period older.
     for (rate_hz, waits) in [(120, 0), (120, 1), (120, 2), (60, 0), (60, 1)] {
         let mut rig = Rig::ready();
         rig.command(Action::Track { rate_hz, kp_percent: 10, kd_percent: 20 });
@@ -295,18 +295,18 @@ fn a_part_of_an_answer_and_what_is_late_do_nothing() {
     rig.run(1);
     let number = sample(&rig).number;
     let moved = |setpoint: &mut Setpoint| setpoint.value += 0.1;
-    // Two of three channels.
+    // Set-points of two of three channels.
     for channel in 0..2 {
         rig.send(&setpoint(number, channel, STAND[channel] + 0.1).encode(me()));
     }
-    // Of a sample that comes, of one before that in force, and to all.
+    // Answers to a future sample, to a sample before the one in force, and to all controllers.
     answer(&mut rig, number.wrapping_add(1), moved);
     answer(&mut rig, number.wrapping_sub(2), moved);
     rig.send(&setpoint(number, 2, 5.0).encode(Node::BROADCAST));
     rig.run(1);
     assert!(rig.stands());
     assert_eq!(answered(&rig), Some(number.wrapping_sub(1)));
-    // The rest of it.
+    // The remaining channel.
     rig.send(&setpoint(number, 2, 0.0).encode(me()));
     rig.run(1);
     assert_eq!(answered(&rig), Some(number));
@@ -320,10 +320,10 @@ fn a_whole_answer_acts_although_the_next_one_has_begun() {
     for _ in 0..20 {
         rig.run(1);
         let number = sample(&rig).number;
-        // The answer to the sample before is whole at last, and that to this one begins.
+        // The answer to the previous sample is complete at last, and the answer to this sample begins.
         answer(&mut rig, number.wrapping_sub(1), |_| ());
         rig.send(&setpoint(number, 0, STAND[0]).encode(me()));
-        // One that is older comes too late.
+        // An older answer is too late.
         answer(&mut rig, number.wrapping_sub(2), |setpoint| setpoint.value += 0.2);
         rig.run(1);
         assert_eq!(answered(&rig), Some(number.wrapping_sub(1)));
@@ -427,7 +427,7 @@ fn without_answers_it_holds_still_with_all_gains_and_then_goes_home() {
         setpoint.torque_nm = 0.3;
     });
     let kp = config().channels[0].kp_nm_rad;
-    // An answer is usually late by two.
+    // Answers are usually two samples late.
     rig.run(PATIENCE);
     let last = |rig: &Rig, channel: usize| *rig.servos[channel].setpoints.last().unwrap();
     assert!((last(&rig, 0).1 - 0.1 * kp).abs() < 0.01 * kp && (last(&rig, 2).0 - 3.0).abs() < 1e-3);
@@ -436,7 +436,7 @@ fn without_answers_it_holds_still_with_all_gains_and_then_goes_home() {
     assert!((value - STAND[0] - 0.1).abs() < 1e-3 && (gain - kp).abs() < 0.01 * kp);
     assert!((rig.servos[0].torques.last().unwrap() - 0.3).abs() < 2e-3, "it bears the robot");
     assert_eq!(last(&rig, 2).0, 0.0, "the wheel brakes");
-    // It goes on.
+    // The loop continues.
     follow(&mut rig, 2, |_| ());
     assert!((last(&rig, 0).1 - 0.1 * kp).abs() < 0.01 * kp);
     assert_eq!(rig.brain.state(), State::Streaming);
@@ -458,7 +458,7 @@ fn return_leads_to_safe_and_motions_play_again() {
     assert_eq!(rig.brain.state(), State::Aligning);
     rig.run_until(State::Ready, 1000);
     assert!(rig.stands());
-    // Then it is streamed to as before, not tracked.
+    // Then a stream without samples works as before.
     assert_eq!(rig.command(Action::Stream).result, CommandResult::Ok);
     rig.heard.clear();
     rig.run(10);
@@ -471,7 +471,7 @@ fn return_leads_to_safe_and_motions_play_again() {
 
 #[test]
 fn a_link_that_cannot_carry_all_samples_carries_whole_ones() {
-    // Of a controller that is polled less often than it has messages.
+    // A controller that is polled less often than it has messages.
     let mut rig = tracked();
     rig.heard.clear();
     let mut numbers = Vec::new();
@@ -499,7 +499,7 @@ fn what_it_cannot_do_is_refused() {
         let ack = rig.command(Action::Track { rate_hz, kp_percent, kd_percent });
         assert_eq!(ack.result, CommandResult::BadTracking);
         assert_eq!(rig.brain.state(), State::Ready);
-        // Nor does it wait for the next stream.
+        // The message does not wait for the next stream either.
         rig.command(Action::Stream);
         rig.heard.clear();
         rig.run(4);
@@ -510,7 +510,7 @@ fn what_it_cannot_do_is_refused() {
     assert_eq!(rig.command(TRACK).result, CommandResult::NotArmed);
     let mut rig = tracked();
     assert_eq!(rig.command(TRACK).result, CommandResult::WrongState);
-    // The slowest.
+    // The lowest rate.
     let settings = Settings { control_hz: 960, ..Settings::default() };
     let mut rig = Rig::with(config(), settings, Some(&library()));
     rig.run(200);

@@ -39,7 +39,7 @@ fn who_asks_again_is_answered_although_the_last_answer_was_not_taken() {
     let hello = Request::Hello { major: 1, minor: 0 };
     let mut bytes = [0; 16];
     let message = hello.encode(&mut bytes).unwrap();
-    // It fits into one frame, and its answer does not.
+    // The request fits into one frame, the answer does not.
     let mut pdu = vec![message.len() as u8];
     pdu.extend_from_slice(message);
     let frame = Frame::standard(0x500 | u16::from(me().number()) << 4, &pdu).unwrap();
@@ -79,12 +79,12 @@ fn a_library_is_flashed_and_played() {
     rig.run(100);
     assert_eq!(rig.brain.playing().unwrap().clip.0, DRIVE_CLIP);
 
-    // Not while torque is on, and the library that plays stays as it is.
+    // A transfer is refused while torque is on, and the playing library does not change.
     let begin = Request::Begin { len: 100, digest: 1 };
     assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
     rig.run(100);
     assert_eq!(rig.brain.state(), State::Playing);
-    // Nor while a stop is latched.
+    // A transfer is refused while a stop is latched.
     rig.estop();
     assert_eq!(result(rig.request(&begin)), TransferResult::WrongState);
     assert!(rig.brain.library().is_some());
@@ -115,12 +115,12 @@ fn damaged_truncated_future_and_foreign_libraries_are_refused() {
             CommandResult::NoLibrary
         };
         assert_eq!(refused, expected);
-        // Where there is a library already, it goes on.
+        // A library that is stored already continues.
         assert_eq!(flash(&mut with_library, bytes), TransferResult::Rejected);
         assert!(with_library.brain.library().is_some() && with_library.brain.faults().is_empty());
     }
     assert!(rig.brain.faults().contains(Fault::ConfigMismatch));
-    // What was refused is gone as soon as another one comes.
+    // Another transfer discards the refused library.
     let begin = Request::Begin { len: good.len() as u32, digest: file_digest(&good) };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     assert!(!rig.brain.faults().contains(Fault::ConfigMismatch));
@@ -162,6 +162,6 @@ fn a_transfer_voids_the_request_to_arm() {
     let begin = Request::Begin { len: 100, digest: 1 };
     assert_eq!(result(rig.request(&begin)), TransferResult::Ok);
     assert_eq!(rig.command(Action::ArmConfirm { nonce }).result, CommandResult::WrongNonce);
-    // The library in use is still there, and may be armed for.
+    // The library in use is still stored, and arming is possible.
     assert_eq!(rig.command(Action::ArmRequest).result, CommandResult::Ok);
 }

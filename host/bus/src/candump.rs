@@ -105,7 +105,7 @@ pub fn read<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Log<I>, ParseEr
             Err(what) => return Err(error(what)),
         }
     }
-    // Several interfaces may be microseconds out of order now and then.
+    // Entries of several interfaces may be out of order by microseconds.
     let count = log.entries.len();
     let is_back = count >= DIFFERENCES_MIN && back.len() * BACK_SHARE > count;
     if let Some(&index) = back.first().filter(|_| is_back) {
@@ -145,7 +145,7 @@ enum Line<I> {
 
 fn parse_line<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Line<I>, String> {
     let has_time = text.trim_start().starts_with('(');
-    // The time of `-tA` has a blank in it.
+    // The time of `-tA` contains a space.
     let (time, rest) =
         if has_time { text.split_once(')').unwrap_or((text, "")) } else { ("", text) };
     if is_view(&mut rest.split_whitespace()) {
@@ -176,7 +176,7 @@ fn parse_line<I: FromStr<Err: fmt::Display>>(text: &str) -> Result<Line<I>, Stri
     if id & ERROR_FLAG != 0 || data.starts_with('R') {
         return Ok(Line::NoData);
     }
-    // A length code of 9 to F, which means 8 bytes, too.
+    // A length code of 9 to F also means 8 bytes.
     let data = data.split_once('_').map_or(data, |(data, _)| data);
     let data = parse_bytes(data).ok_or("data that is not pairs of hexadecimal digits")?;
     let frame = if digits.len() == 3 {
@@ -272,7 +272,7 @@ mod tests {
             assert!(last.is_none_or(|entry| entry.at_us == 1_000_010), "{last:?}");
             assert!(log.cut.is_none_or(|cut| cut.line == 3));
         }
-        // Not where lines follow, and not where nothing stands before.
+        // A cut line counts as an error if other lines follow, or if it is the only one.
         assert_eq!(read::<String>(&format!("(1.000\n{ours}")).unwrap_err().line, 1);
         assert!(read::<String>("(1.000").is_err());
         // Raw length codes and the end of a line of other systems.

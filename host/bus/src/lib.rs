@@ -35,7 +35,7 @@ pub mod link;
 pub mod lossy;
 pub mod name;
 
-// What follows opens devices, which a browser has not.
+// The following modules open devices, which a browser cannot.
 #[cfg(not(target_family = "wasm"))]
 mod error;
 #[cfg(not(target_family = "wasm"))]

@@ -327,7 +327,7 @@ mod tests {
         let mut line = LineWriter::new("a line", near);
         let start = Instant::now();
         let why = loop {
-            // A caller that checks `is_free` first learns of it, too.
+            // A caller of `is_free` also learns of it.
             if line.is_free() {
                 match line.put(&[7; 500]) {
                     Ok(()) => {}
@@ -341,7 +341,7 @@ mod tests {
             why.to_string().contains("a line no longer accepts data: unplug the adapter"),
             "{why}"
         );
-        // Nor does the end wait for it.
+        // Dropping the line does not wait for it either.
         drop(line);
         drop(far);
     }
@@ -401,7 +401,7 @@ mod tests {
 
     #[test]
     fn an_adapter_that_was_unplugged_is_called_that() {
-        // The error that `serialport` makes of the kernel's for an unplugged device.
+        // Error of `serialport` for an unplugged device.
         let said = serialport::Error::new(serialport::ErrorKind::Unknown, "I/O error");
         let why = gone("a line", &said.into()).to_string();
         assert!(why.contains("a line is gone: it was probably unplugged (I/O error)"), "{why}");

@@ -200,7 +200,7 @@ impl<R: Read + Send> Inlet for SerialInlet<R> {
                         self.events.push_back(Event::Message(id, bytes.to_vec()));
                     }
                     Some(Packet::Report(report)) => self.events.push_back(Event::Report(report)),
-                    // We have no report to give.
+                    // This end has no report to send.
                     Some(Packet::Ask) | None => {}
                 }
             }
@@ -252,7 +252,7 @@ mod tests {
                 }
                 Packet::Report(_) => panic!("the host has nothing to report"),
             };
-            // Noise, up to the zero that ends it.
+            // Noise up to the zero that terminates it.
             writer.write_all(&[1, 2, 3, 0]).unwrap();
             answers.iter().for_each(|a| writer.write_all(&a.encode().unwrap()).unwrap());
             answered += 1;

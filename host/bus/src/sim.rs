@@ -81,7 +81,8 @@ impl Member {
             };
         }
         while !self.waiting.is_empty() {
-            // Without waiting: a program that does not read must not hold the others up. The reading end of the same socket waits.
+            // Sending does not wait, because a program that does not read must not delay the others. Reading from the same
+            // socket does wait.
             match send(&self.stream, &self.waiting, SendFlags::DONTWAIT) {
                 Ok(count) => drop(self.waiting.drain(..count)),
                 Err(Errno::INTR) => {}

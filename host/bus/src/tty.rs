@@ -170,7 +170,7 @@ mod pseudo {
             what: format!("`{}` cannot be created: {what}", link.display()),
             help: "give a path in a writable folder, such as pty:/tmp/servos".into(),
         };
-        // What an earlier run that was killed has left.
+        // A run that was killed has left this link.
         if fs::read_link(link).is_ok_and(|target| target.starts_with(TERMINALS)) {
             let _ = fs::remove_file(link);
         }
@@ -201,7 +201,7 @@ mod pseudo {
                     sleep(LONELY);
                     Err(io::ErrorKind::TimedOut.into())
                 }
-                // The other end was closed.
+                // The other end is closed.
                 Ok(0) => {
                     sleep(LONELY);
                     Err(io::ErrorKind::TimedOut.into())
@@ -252,7 +252,7 @@ mod pseudo {
 
     impl Drop for Linked {
         fn drop(&mut self) {
-            // Unless another run has put its own there.
+            // Another run may have created its own link there.
             if fs::read_link(&self.link).is_ok_and(|target| target == Path::new(&self.device)) {
                 let _ = fs::remove_file(&self.link);
             }
@@ -287,16 +287,16 @@ mod tests {
         let link = folder.path().join("servos");
         let mut servos = Hub::new([serve(&link).unwrap()]);
         assert!(servos.outlets[0].carries_bytes());
-        // No program has the other end open.
+        // No program has opened the other end.
         servos.outlets[0].send_bytes(&[1, 2]).unwrap();
         for round in 0..2u8 {
             let mut controller = Hub::new([open(&link, 1_000_000).unwrap()]);
-            // A terminal would take some of these for commands.
+            // A terminal would interpret some of these bytes as commands.
             let all: Vec<u8> = (round..=255).collect();
             controller.outlets[0].send_bytes(&all).unwrap();
             assert_eq!(received(&mut servos, all.len()), all);
             servos.outlets[0].send_bytes(&all).unwrap();
-            // The two bytes that were sent before may come first.
+            // The two bytes from before may arrive first.
             let mut said = received(&mut controller, all.len());
             while !said.ends_with(&all) {
                 said.extend(received(&mut controller, 1));
@@ -304,7 +304,7 @@ mod tests {
             let busy = open(&link, 1_000_000).err().unwrap();
             assert!(busy.what.starts_with("another program uses"), "{busy}");
             drop(controller);
-            // Its threads let go of the device within their time-out.
+            // The threads release the device within their timeout.
             let start = Instant::now();
             while open(&link, 1_000_000).is_err() {
                 assert!(start.elapsed() < LONG);

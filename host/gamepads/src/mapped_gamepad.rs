@@ -213,7 +213,7 @@ impl MappedGamepad {
         self.arming = None;
         self.speed = None;
         let mut requests = Vec::new();
-        // A stop that is held down is a stop.
+        // A stop button that is held counts as a stop.
         if self.mapping.estop.iter().any(|input| self.down.contains(input)) {
             requests.push(GamepadRequest::Intent(Intent::Estop));
         }
@@ -279,7 +279,7 @@ impl MappedGamepad {
 
     /// Processes a press or release of an input, which may be a repetition.
     fn press(&mut self, now_us: u64, input: Input, down: bool) -> Vec<GamepadRequest> {
-        // Let go of too early, or of the deadman.
+        // The button or the deadman was released too early.
         self.arming
             .take_if(|(held, _)| !down && [*held, self.mapping.deadman.input].contains(&input));
         let changed = if down { self.down.insert(input) } else { self.down.remove(&input) };
@@ -301,7 +301,7 @@ impl MappedGamepad {
         let request = match does {
             ButtonAction::Clear => GamepadRequest::Intent(Intent::Clear),
             ButtonAction::Disarm => GamepadRequest::Intent(Intent::Disarm),
-            // Without the deadman a pause only pauses; whether a return moves is the deadman's business.
+            // Without the deadman, a pause only pauses. The deadman decides whether a return moves.
             ButtonAction::Pause if !self.held => GamepadRequest::Intent(Intent::Pause),
             ButtonAction::Return => GamepadRequest::Intent(Intent::Return),
             ButtonAction::Play(_) | ButtonAction::Arm if !self.held => {

@@ -167,7 +167,7 @@ mod tests {
             assert_eq!(standard.events(North::Top, &seen(&[(index, 1.0)], &[0.0; 4])), [event]);
             standard.events(North::Top, &rest);
         }
-        // A trigger half way is an axis that moves, and no button yet.
+        // A trigger that is half pressed moves its axis, but is not a pressed button yet.
         let half = standard.events(North::Top, &seen(&[(6, 0.4)], &[0.0; 4]));
         assert_eq!(half, [axis("ABS_Z+", 0.4)]);
         let stick = standard.events(North::Top, &seen(&[(6, 0.4)], &[0.0, -1.0, 0.0, 0.0]));
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(standard.gone("still"), None);
         let Event::Found { buttons, .. } = &standard.events(North::Top, &held)[0] else { panic!() };
         assert_eq!(buttons, &[number("BTN_TR")]);
-        // A list of fewer buttons has none of the others down.
+        // Buttons that a shorter list lacks are released.
         let short = Snapshot { id: "pad".into(), buttons: vec![], axes: vec![] };
         let up = [Event::Button { number: number("BTN_TR"), down: false }];
         assert_eq!(standard.events(North::Top, &short), up);

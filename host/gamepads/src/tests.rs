@@ -176,7 +176,7 @@ fn what_is_pressed_when_it_is_found_counts_after_it_was_let_go() {
     let buttons = vec![0x130, 0x131];
     let axes = vec![(5, 1.0)];
     let found = requests(&mut pad, [Event::Found { name: "pad".into(), buttons, axes }]);
-    // But for the stop.
+    // Only the stop button works.
     assert_eq!(found[..2], [GamepadRequest::Intent(Intent::Estop), RELEASED]);
     let trigger = |value| Event::Axis { axis: 5, value };
     assert_eq!(requests(&mut pad, [trigger(0.9)]), []);
@@ -199,7 +199,7 @@ fn a_gamepad_that_is_gone_or_silent_holds_nothing() {
     assert_eq!(pad.tick(4_900_000), []);
     assert_eq!(pad.tick(5_000_000)[0], RELEASED);
     assert_eq!(pad.tick(6_000_000), []);
-    // It has to be let go before it counts again.
+    // The trigger must be released before it counts again.
     assert_eq!(pad.on_event(7_000_000, trigger(0.99)), []);
     assert_eq!(requests(&mut pad, [trigger(0.0), trigger(1.0)]), [HELD]);
 }
@@ -235,7 +235,7 @@ fn a_button_that_must_be_held_arms_no_sooner() {
     assert_eq!(pad.tick(999_999), []);
     assert_eq!(pad.tick(1_000_000), [GamepadRequest::Intent(Intent::Arm)]);
     assert_eq!(pad.tick(3_000_000), [], "once");
-    // Let go of, or the deadman, in between: from the beginning.
+    // After a release of the button or the deadman, the hold begins again.
     for between in [start(false), trigger(0.0), Event::Gone("unplugged".into())] {
         requests(&mut pad, [start(false), trigger(0.0), trigger(1.0), start(true), between]);
         assert_eq!(pad.tick(2_000_000), []);
@@ -292,7 +292,7 @@ proptest! {
             }
             let again = event.clone();
             let requests = pad.on_event(now_us, event.clone());
-            // The stop, whenever it is pressed, and first.
+            // The stop comes first, at any time.
             let pressed = there && event == Event::Button { number: 0x131, down: true };
             if pressed && !stop_down {
                 prop_assert_eq!(&requests, &[GamepadRequest::Intent(Intent::Estop)]);
@@ -322,7 +322,7 @@ proptest! {
                 }
             }
             prop_assert!(there || !held, "a gamepad that is gone holds nothing");
-            // The same once more is nothing new.
+            // A repeated event causes no request.
             if matches!(again, Event::Button { .. } | Event::Axis { .. }) {
                 prop_assert_eq!(pad.on_event(now_us, again), []);
             }

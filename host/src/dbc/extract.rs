@@ -28,7 +28,7 @@ impl Signal {
         for i in 0..self.bits {
             let (at, weight) = match self.order {
                 ByteOrder::Intel => (self.start + i, i),
-                // From the most significant bit down, then on from the top of the next byte.
+                // From the most significant bit downwards, then from the top of the next byte.
                 ByteOrder::Motorola => {
                     let from_top = 8 * (self.start / 8) + 7 - self.start % 8 + i;
                     (8 * (from_top / 8) + 7 - from_top % 8, self.bits - 1 - i)

@@ -223,7 +223,7 @@ fn a_serial_line_is_diagnosed_in_its_own_words() {
         for words in expected {
             assert!(text.contains(words), "{words}: {text}");
         }
-        // The link of these robots is on CAN, and says so in its line.
+        // The link of these robots is on CAN, as their lines show.
         for word in ["CAN_H", "terminat", "candump", "emergency stop", "a bus is off"] {
             assert!(!text.contains(word), "{word}: {text}");
         }

@@ -34,7 +34,7 @@ impl Flashing {
         }
         let Some(request) = self.transfer.request() else { return Some(Ok(())) };
         client.reset_transport();
-        // Requests fit, and nothing else is on its way.
+        // Requests fit, and no other message is in transmission.
         let _ = client.request(&request);
         self.deadline_us = Some(now_us + self.transfer.timeout_us());
         None
@@ -146,7 +146,7 @@ impl Operator {
             }
         };
         self.log.notify(now_us, weight, text);
-        // Which library is in use has to be asked for in any case.
+        // The library in use must be requested in any case.
         (self.hello, self.ask_hello_us) = (None, now_us);
     }
 }

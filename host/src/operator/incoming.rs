@@ -62,7 +62,7 @@ impl Operator {
             Some(Incoming::Response(Response::Hello(hello))) => self.on_hello(now_us, hello),
             Some(Incoming::Restarted) => {
                 self.log.notify(now_us, Weight::Warning, "the controller has restarted");
-                // It may have lost its library, or be another one.
+                // The controller may have lost its library, or be another controller.
                 self.hello = None;
                 self.ask_hello_us = now_us;
                 self.break_off_flashing(now_us);
@@ -98,7 +98,7 @@ impl Operator {
             self.visiting = visiting;
             let stopping = self.client.is_stopping();
             if let Some(own) = &mut self.peer.credentials {
-                // Beyond all nonces of the client before.
+                // Beyond all nonces of the previous client.
                 own.nonce = own.nonce.wrapping_add(1 << 32);
             }
             self.client = if visiting {
@@ -148,7 +148,7 @@ impl Operator {
             Order::Clear => self.latch = self.latch.cleared(),
             Order::Return | Order::Disarm => self.asked = None,
             Order::Track(_) => {
-                // Samples of before, if it was tracked, are of other numbers.
+                // Earlier samples of a tracked robot have other numbers.
                 self.setpoints = Setpoints::Answers(Loop::acknowledged(ack.value));
             }
             Order::Pause | Order::Resume | Order::Stream => {}

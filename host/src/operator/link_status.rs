@@ -93,7 +93,7 @@ impl LinkStatus {
                 State::Damped | State::TorqueOff | State::EStopped => Weight::Warning,
                 _ => Weight::Note,
             };
-            // The fault that caused it follows as a message of its own.
+            // The causing fault follows as a separate message.
             let words = state_words(&status, &self.actuators);
             log.notify(now_us, weight, format!("the robot is {words}"));
         }

@@ -272,7 +272,7 @@ impl Operator {
 
     /// Processes a diagnosis of the bus with its remedy; `None` for a healthy bus.
     pub fn on_complaint(&mut self, now_us: u64, complaint: Option<String>) {
-        // Its counts of damaged frames change all the time.
+        // Counts of damaged frames change all the time.
         let kind = |complaint: &Option<String>| {
             complaint.as_deref().map(|text| text.replace(|c: char| c.is_ascii_digit(), ""))
         };
@@ -308,7 +308,7 @@ impl Operator {
                 if order.stops() {
                     self.asked = None;
                 }
-                // No order is there that it could not replace.
+                // No order is waiting that this order could not replace.
                 let _ = self.orders.give(now_us, order, None, &mut self.client);
             }
         }
@@ -341,7 +341,7 @@ impl Operator {
 
     /// Latest time of the next [`poll`](Self::poll), µs.
     pub fn next_poll_us(&self, now_us: u64) -> u64 {
-        // Behind a frame that the bus refused others may wait.
+        // Other frames may wait behind a frame that the bus refused.
         if self.unsent.is_some() {
             return now_us + BUSY_US;
         }
@@ -413,7 +413,7 @@ impl Operator {
             || self.unwatched && self.link.state().is_some_and(has_torque)
         {
             if !self.silent {
-                // The refused frame may be a heartbeat; one refused later is not, and may be a stop.
+                // The refused frame may be a heartbeat. A frame that is refused later is not a heartbeat, and may be a stop.
                 self.unsent = None;
                 if self.link.state().is_some_and(has_torque) {
                     let text = format!("heartbeats are withheld, and {LEFT_ALONE}");
@@ -429,7 +429,7 @@ impl Operator {
         // A board with several ports sends STATUS to the port of the last frame it received: without heartbeats,
         // HELLO is that frame.
         let may_ask = self.silent || self.link.in_contact(now_us);
-        // The request for a session would be lost.
+        // A request for a session would be lost.
         let waits = self.client.needs_session() && self.no_session.is_none();
         let has_asked = self.hello.is_some() || self.flashing.is_some();
         if has_asked || now_us < self.ask_hello_us || !may_ask || waits {
@@ -468,7 +468,7 @@ impl Operator {
         }
         if let Some(Deadman::Released(let_go)) = self.deadman {
             return match (status.state, let_go) {
-                // From the end of a stream, on all its feet, to SAFE.
+                // From the end of a stream, on all feet, to SAFE.
                 (State::Aligning, _) if self.ends_stream => None,
                 (State::Aligning, _) | (State::Playing, ReleaseReaction::Disarm) => {
                     Some((Order::Disarm, HOME_US))
@@ -478,7 +478,7 @@ impl Operator {
                 _ => None,
             };
         }
-        // Only a loop may change its speed while it plays: any other motion would be played once more.
+        // Only a loop may change its speed while it plays. Any other motion would play once more.
         let (code, speed_64ths) = self.asked?;
         let catalog = self.catalog.as_ref()?;
         let clip = status.clip.map(usize::from)?;

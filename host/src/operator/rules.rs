@@ -144,7 +144,7 @@ impl Operator {
                 if order.stops() {
                     self.drop_moving();
                 }
-                // Supersedes the motion before, whether it is answered or not.
+                // Supersedes the previous motion, even if that is unanswered.
                 if matches!(order, Order::Play { .. } | Order::Return | Order::Disarm) {
                     self.asked = None;
                 }

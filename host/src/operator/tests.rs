@@ -237,7 +237,7 @@ fn a_motion_does_not_replace_a_stop_that_waits() {
     let orders = [Intent::Disarm, Intent::Return, Intent::Pause];
     for (stop, order) in orders.into_iter().zip([Action::Disarm, Action::Return, Action::Pause]) {
         let mut desk = TestOperator::new();
-        // Until it is answered, the next command waits.
+        // The next command waits for the answer.
         desk.request(Intent::Clear);
         desk.poll();
         desk.request(stop);
@@ -298,7 +298,7 @@ fn what_the_bus_did_not_take_does_not_move_the_robot_after_the_deadman_was_let_g
         desk.pass(300_000);
         assert_eq!(desk.commands(), [], "{intent:?}");
     }
-    // The second step of arming: dropped also on another node's stop, on leaving, and on stopping orders.
+    // The second step of arming is dropped on a stop of another node, on leaving, and on orders that stop.
     for intent in [Some(let_go), Some(Intent::Quit), Some(Intent::Disarm), None] {
         let mut desk = TestOperator::new();
         desk.request(Intent::Deadman(Deadman::Held));
@@ -369,7 +369,7 @@ fn a_robot_that_moves_without_the_deadman_is_told_to_pause_until_it_does() {
     desk.request(Intent::Deadman(Deadman::Held));
     desk.request(Intent::Play { code: 3 });
     desk.poll();
-    // The deadman is released before the motion begins, when there is nothing to pause yet.
+    // The deadman is released before the motion begins, so nothing can be paused yet.
     desk.request(Intent::Deadman(Deadman::Released(ReleaseReaction::Pause)));
     desk.poll();
     desk.sent.clear();
@@ -433,7 +433,7 @@ fn a_paused_robot_goes_home_without_the_deadman_only_where_that_is_what_it_means
         desk.poll();
         let sent = desk.commands().iter().any(|command| command.action == Action::Return);
         assert_eq!(sent, goes, "{let_go:?}: {}", desk.last_words());
-        // In the end torque is off in every case.
+        // Finally torque is off in every case.
         desk.request(Intent::Disarm);
         desk.pass(600_000);
         let last = desk.commands().last().map(|command| command.action);
@@ -537,7 +537,7 @@ fn while_nobody_is_at_the_controls_it_sends_no_heartbeats_and_nothing_that_moves
         desk.receive(status(State::Playing, counter % 16).encode(node()));
     }
     assert_eq!(desk.sent, []);
-    // Nor what is asked for meanwhile.
+    // Requests in the meantime are dropped too.
     desk.request(Intent::Play { code: 3 });
     desk.pass(100_000);
     assert_eq!(desk.sent, []);

@@ -105,7 +105,7 @@ impl<B: LinkBus> Exchange<B> {
             for _ in 0..COMMAND_SENDS {
                 self.client.send_command(command);
                 answer = self.pump(ACK_TIMEOUT_US, |incoming| match incoming {
-                    // What a command is refused for is reported just before the answer.
+                    // The reason of a refusal is reported just before the answer.
                     Incoming::Fault(report) => {
                         fault = Some(report);
                         None
@@ -123,7 +123,7 @@ impl<B: LinkBus> Exchange<B> {
             match ack.result {
                 CommandResult::Ok => return Ok(ack),
                 CommandResult::OutOfOrder => {}
-                // Nothing was executed: on a busy computer a command may wait for its turn for half a second.
+                // Nothing was executed: on a busy computer, a command may wait half a second.
                 CommandResult::Expired if expired < EXPIRED_TRIES => expired += 1,
                 result => {
                     return Err(SessionError::Refused {
@@ -274,7 +274,7 @@ impl<B: LinkBus> Exchange<B> {
                 }
                 if allowances > 0 {
                     allowances -= 1;
-                    // The thread that listens is late as well, and has its turn now.
+                    // The listening thread is also late, and runs now.
                     deadline_us = deadline_us.saturating_add(late_us + LATE_US);
                 }
             }

@@ -98,7 +98,7 @@ mod tests {
         ];
         assert_eq!(history.last_stop(), Some(&lost));
         assert_eq!(history.age_ms(&lost), 10);
-        // One that is on its way down anyway adds nothing; one of a robot that was disarmed does.
+        // A stop during the way down adds nothing; a stop of a disarmed robot does.
         let late = entry(26, Event::EStop, State::Damped, State::EStopped);
         history.entries.push((12, late));
         assert_eq!(history.last_stop(), Some(&lost));

@@ -38,7 +38,7 @@ impl<B: LinkBus> Session<B> {
     pub fn parameter_origin(&mut self) -> Result<ParameterOrigin, SessionError> {
         let what = "read the origin of its parameters";
         let code = self.exchange.parameter(what, ParameterAction::Origin)?;
-        // A saturating cast: codes are small whole numbers.
+        // The cast saturates; codes are small whole numbers.
         ParameterOrigin::from_code(code as u8).ok_or(self.exchange.silent(what))
     }
 }

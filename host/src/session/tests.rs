@@ -105,7 +105,7 @@ fn a_command_beside_a_host_is_dated_by_its_clock_and_no_heartbeat_goes_out() {
     let [ToController::Command(command)] = exchange.bus.sent[..] else {
         panic!("{:?}", exchange.bus.sent)
     };
-    // The controller's clock in the second heartbeat reply, 7050 ms, and a command's life of 500 ms.
+    // 7050 ms is the controller's clock in the second heartbeat reply, 500 ms the lifetime of a command.
     assert_eq!(command.valid_until_ms, 7050 + 500);
 }
 
@@ -191,7 +191,7 @@ fn an_emergency_stop_goes_on_until_it_is_acknowledged() {
     let mut stops = 0;
     let mut wire = Wire::answering(move |message| {
         stops += u32::from(*message == ToController::Estop);
-        // Five at once, then ten a second: the hundredth after nine and a half seconds.
+        // Five at once, then ten per second: the hundredth after 9.5 s.
         (stops == 100).then(|| EstopAck { state: State::EStopped }.encode(node()))
     });
     let mut told = Vec::new();
@@ -244,7 +244,7 @@ fn a_silence_while_the_computer_was_late_says_so() {
     };
     let said = why(&mut exchange);
     assert!(said.contains("delayed this program by 200 ms"), "{said}");
-    // It is not the reason for a silence long afterwards.
+    // An old fault does not explain a silence long afterwards.
     exchange.pump(1_000_000, |_| None::<()>).unwrap();
     let said = why(&mut exchange);
     assert!(said.ends_with("(pause): check its power, and that it is on this bus"), "{said}");

@@ -116,7 +116,7 @@ fn the_table_has_every_message_of_the_schema() {
                 check_fields(message, fields);
             }
         }
-        // An address each, and for those of the host also all.
+        // Each message has one address; messages of the host also have the address of all.
         let from_host = line.starts_with("7F0")
             || pattern.ends_with('0') && !["status", "joint"].contains(&name);
         let all = from_host && name != "transport_to_controller";

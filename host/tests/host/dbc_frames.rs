@@ -73,7 +73,7 @@ fn safety() -> impl Strategy<Value = Sample> {
         (node(), 0u8..16, of(&Subject::ALL), any::<u8>(), any::<[u8; TAG_LEN]>()).prop_map(
             |(to, session, subject, counter, tag)| {
                 let frame = Authenticator { session, subject, counter, tag }.encode(to);
-                // The tag's first byte is its highest.
+                // The first byte of the tag is the most significant.
                 let number = tag.iter().fold(0.0, |all, byte| 256.0 * all + f64::from(*byte));
                 let values = named_values([
                     ("session", session.into()),
@@ -160,7 +160,7 @@ fn commands() -> impl Strategy<Value = Sample> {
 }
 
 fn setpoints() -> impl Strategy<Value = Sample> {
-    // Up to 2^22 steps a single-precision number is as fine as they are.
+    // Below 2^22 steps, single precision resolves every step.
     let of = (any::<u8>(), 0u8..128, any::<bool>());
     let setpoint = (node(), of, -(1i32 << 22)..1 << 22, -32767i16..=32767);
     setpoint.prop_map(|(to, (frame, channel, stiff), value, torque)| {
@@ -236,7 +236,8 @@ fn status() -> impl Strategy<Value = Sample> {
             ]);
             for fault in Fault::ALL {
                 let mut name = String::from("fault");
-                // `HostLost` is host_lost, `EStop` is estop: an upper case letter after a lower case one.
+                // `HostLost` becomes host_lost, `EStop` becomes estop: a word begins at an upper case letter after a lower case
+                // letter.
                 let text = format!("{fault:?}");
                 for (i, c) in text.char_indices() {
                     let new = c.is_uppercase() && !text[..i].ends_with(char::is_uppercase);
@@ -554,7 +555,7 @@ pub fn actuators() -> BoxedStrategy<Sample> {
         values.push(("counter".into(), counter.into()));
         ("feedback", feedback.encode(id).unwrap(), values)
     });
-    // Up to 2^22 steps a single-precision number is as fine as they are.
+    // Below 2^22 steps, single precision resolves every step.
     let wheel = (0u8..128, -(1i32 << 22)..1 << 22, any::<u16>(), any::<u16>());
     let wheel = wheel.prop_map(|(id, speed, kd, limit)| {
         let setpoint = WheelSetpoint {

@@ -16,7 +16,7 @@ fn read_log_finds_the_lag() {
         [("feedback", 200.0), ("heartbeat", 20.0), ("set-point", 200.0), ("status", 10.0)];
     assert_eq!(summary.rates_hz.len(), expected.len(), "{:?}", summary.rates_hz);
     for (kind, rate_hz) in expected {
-        // The last period of 10 ms of 2 s is not in the log.
+        // The log lacks the last period of 10 ms of 2 s.
         assert!((summary.rates_hz[kind] / rate_hz - 1.0).abs() < 0.01, "{:?}", summary.rates_hz);
     }
     // sin ωt − sin ω(t − τ) has the amplitude 2 sin ωτ/2. Angles have steps of 0.2 mrad.

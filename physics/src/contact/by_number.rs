@@ -54,7 +54,7 @@ impl GroundContact {
         let press = self.normal.press(gap_m, opening);
         let spring = press.spring_n;
         let mut sliding = velocity - normal * opening;
-        // Directions, and the derivative of what resists along a blade or about a rim by its share of the load.
+        // Directions, and the derivative of the resistance along a blade or about a rim with respect to its share of the load.
         let (mut ahead, mut axis, mut speed) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         match (self.tip, place.axis) {
             (Tip::Blade { .. }, Some(of_blade)) => {

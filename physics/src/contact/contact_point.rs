@@ -65,12 +65,12 @@ impl ContactPoint {
             }
         };
         let arm = fixed + lever;
-        // The centre moves with the body, and with it the normal that the lever hangs by.
+        // The centre moves with the body, and so does the normal on which the lever depends.
         let point_by_position = Matrix3::identity() + by_normal * at_center.curvature;
         let point_by_rotation = point_by_position * center_by_rotation + by_rotation;
         if ground.is_distance() {
-            // The lever is as deep as the centre is high: inside a solid the nearest face says nothing of the edge that was
-            // touched.
+            // The lever is as deep as the centre is high, because inside a solid the nearest face is unrelated to the edge that
+            // was touched.
             let by_center = lever.transpose() * at_center.curvature;
             let gap_m = at_center.gap_m + normal.dot(&lever);
             return Self {

@@ -53,7 +53,7 @@ impl Normal {
         if self.lets_go(-self.stiffness_n_m * gap_m - damping_n) {
             return [0.0; 3];
         }
-        // On the ramp the share goes as the inverse of the ramp.
+        // On the ramp, the share is inversely proportional to the ramp.
         let by_ramp = if share_slope == 0.0 { 0.0 } else { damping_n / self.ramp_m };
         [-gap_m, -share * opening_m_s, by_ramp]
     }

@@ -55,7 +55,7 @@ impl Adam {
         {
             *of_mean += (1.0 - mean) * (by - *of_mean);
             *of_square += (1.0 - square) * (by * by - *of_square);
-            // Both began at 0, of which something is left.
+            // Both averages began at 0, and this bias is divided out.
             let [unbiased, root] =
                 [*of_mean / (1.0 - self.kept[0]), (*of_square / (1.0 - self.kept[1])).sqrt()];
             *parameter -= step * unbiased / (root + least);

@@ -279,7 +279,7 @@ mod tests {
         };
         let found = fit.deviations();
         assert_eq!([found[0], found[1], found[3]], [f64::INFINITY; 3]);
-        // Of the sum and the third: the inverse of [5 3; 3 25].
+        // Covariance of the sum and the third parameter: the inverse of [5 3; 3 25].
         assert!((found[2] - (5.0_f64 / 116.0).sqrt()).abs() < 1e-12, "{found:?}");
     }
 

@@ -136,7 +136,7 @@ pub fn minimise(
                 now = next;
                 iterations += 1;
             }
-            // Perhaps it is the memory that leads astray.
+            // The memory may be the cause, so it is cleared.
             None if !memory.pairs.is_empty() => memory = Memory::default(),
             None => break search.best.len() < options.rollouts,
         }
@@ -153,7 +153,7 @@ struct Memory {
 
 impl Memory {
     fn add(&mut self, step: DVector<f64>, change: DVector<f64>) {
-        // The weak Wolfe conditions make it positive, but for rounding.
+        // The weak Wolfe conditions make it positive except for rounding.
         if step.dot(&change) > f64::EPSILON * step.norm() * change.norm() {
             self.pairs.push_back((step, change));
             if self.pairs.len() > MEMORY {

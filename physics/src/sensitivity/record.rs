@@ -439,7 +439,7 @@ fn harder(
         let stick_n_s_m = HARDER * held.stick_n_s_m;
         let friction = touch.friction.held_force(Some(&held), &touch.sliding, touch.normal_n);
         let force = match friction.slips {
-            // Just beyond the cone, so that it keeps its direction also where others hold the body.
+            // Just beyond the cone, so that the direction is kept even if other contacts hold the body.
             true => friction.force * (1.0 + BEYOND),
             false => friction.force + touch.sliding * stick_n_s_m,
         };

@@ -63,11 +63,11 @@ impl Mesh {
             Vector3::new(TAU, 2.0, 2.0),
             [around, across, across],
         );
-        // The last section is the first.
+        // The last section coincides with the first.
         let (turns, sections) = (around + 1, (across + 1) * (across + 1));
         let number = |node: usize| node / turns * around + node % turns % around;
         let bent = |place: &Vector3<f64>| {
-            // A square drawn to the circle inside of it.
+            // A map from a square to its inscribed circle.
             let flat = Vector3::new(0.0, place.y, place.z);
             let section = flat * (tube_m * flat.amax() / flat.norm().max(f64::MIN_POSITIVE));
             let (sine, cosine) = place.x.sin_cos();
@@ -121,7 +121,7 @@ impl Mesh {
             let [x, y, z] = at.map(|step| step as f64);
             let flat = a * (x - y) + b * (y - z) + c * z;
             let place = flat.try_normalize(0.0).unwrap_or_default() * (x / layers as f64);
-            // The same node from two wedges differs by rounding.
+            // Positions of one node from two wedges differ by rounding.
             let key = [0, 1, 2].map(|axis| (place[axis] * 1e9).round() as i64);
             *numbers.entry(key).or_insert_with(|| {
                 self.places.push(place);

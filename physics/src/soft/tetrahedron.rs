@@ -79,7 +79,7 @@ impl Tetrahedron {
     }
 
     fn add(&self, stress: Option<Stress>, wrenches: &mut [Wrench]) {
-        // Inside out there is no force that is right: Newton's method has to go back.
+        // An inverted element has no correct force, so Newton's method must reduce its step.
         let stress = stress.map(|stress| stress.value());
         let stress = stress.unwrap_or_else(|| Matrix3::repeat(f64::NAN));
         for (wrench, gradient) in wrenches.iter_mut().zip(&self.gradients) {
@@ -151,7 +151,7 @@ mod tests {
     fn a_tetrahedron_has_its_derivatives() {
         agrees_at(&element(), 20, |now| {
             for (motion, place) in now.iter_mut().zip(positions()) {
-                // Deformed by a fifth of its size, and not inside out.
+                // Deformed by a fifth of the size, but not inverted.
                 motion.position = place + motion.position * 0.2;
             }
         });

@@ -36,7 +36,7 @@ pub(super) fn add(
     body.launch(assembly, motion.velocity - motion.spin.cross(&motion.position), motion.spin);
     let attached = |place: &Vector3<f64>| up.dot(&(place - center)) > ATTACHED * radius_m;
     body.attach(assembly, link, attach_n_m, 0.0, attached);
-    // A print as large as the foot's section is as stiff as the rigid foot.
+    // A footprint as large as the foot's section is as stiff as the rigid foot.
     let per_area = 1.0 / (std::f64::consts::PI * radius_m * radius_m);
     let mut friction = rigid.friction;
     friction.stick_n_s_m *= per_area;

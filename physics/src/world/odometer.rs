@@ -187,7 +187,7 @@ impl FallWatch {
         let tilt_rad = cosine.clamp(-1.0, 1.0).acos();
         let height_m = self.ground.at(&world.com().0).gap_m;
         let is_high = height_m >= FALLEN_HEIGHT * self.standing_m;
-        // What is no number is no robot on its feet.
+        // A robot with NaN in its pose is not on its feet.
         let fallen = tilt_rad > FALLEN_RAD || !is_high || tilt_rad.is_nan();
         fallen.then_some(Fall { tilt_rad, height_m })
     }

@@ -52,7 +52,7 @@ pub(super) fn link_motions(
         joint_rad: &state.joint_rad,
     };
     let frames = Frames::new(&tree, &at);
-    // Of the origins of the links first.
+    // First the motions of the links' origins.
     let mut motions: Vec<BodyMotion> = (0..robot.links.len())
         .map(|link| BodyMotion {
             position: frames.link_origins[link],

@@ -94,7 +94,7 @@ fn restitution_is_that_of_the_oscillator_for_any_number_of_points() {
         let mut highest: f64 = 0.0;
         for _ in 0..400 {
             system.step(5e-4).unwrap();
-            // Until the force pulls down: there the closed form ends.
+            // The closed form ends when the force would pull.
             if system.motions()[0].position.z < 0.1 {
                 highest = system.motions()[0].velocity.z;
             }
@@ -142,7 +142,7 @@ fn contact_events_tell_of_touch_down_lift_off_and_slip() {
     assert!((approach_m_s - (2.0_f64 * 9.81 * 0.05).sqrt()).abs() < 0.02, "{approach_m_s}");
     assert_eq!(changes[1], ContactChange::LiftOff, "{changes:?}");
 
-    // Thrown along the ground it slips until friction has stopped it.
+    // A body thrown along the ground slips until friction has stopped it.
     let mut assembly = Assembly::default();
     let motion = BodyMotion { velocity: Vector3::x(), ..BodyMotion::at(Vector3::z() * -9.81e-3) };
     let inertia = Inertia { mass_kg: 1.0, about_com_kg_m2: Matrix3::identity() };
@@ -157,7 +157,7 @@ fn contact_events_tell_of_touch_down_lift_off_and_slip() {
             end_s = Some(system.time_s());
         }
     }
-    // From 1 m/s to the μ m g / k_t of sticking.
+    // From 1 m/s to the sticking speed μ m g / k_t.
     let expected = (1.0 - 0.4 * 9.81 / 20.0) / (0.4 * 9.81);
     assert!((end_s.unwrap() - expected).abs() < 5e-3, "{end_s:?}, {expected}");
 }

@@ -108,8 +108,8 @@ fn a_point_on_an_incline_creeps_as_its_friction_model_says() {
 fn a_bounce_keeps_what_the_scheme_and_the_damping_leave_of_it() {
     let normal = Normal { stiffness_n_m: 1e3, damping_n_s_m: 5.0, ramp_m: 0.0, pulls: true };
     let friction = Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
-    // BDF1 eats most of a rebound: reference values of another implementation. BDF2 against the closed form
-    // exp(−π k_d / √(4 k_n m − k_d²)) of the speed at the impact.
+    // BDF1 dissipates most of a rebound: reference values of another implementation. BDF2 is compared with the closed form
+    // exp(−π k_d / √(4 k_n m − k_d²)) of the impact speed.
     let closed = 0.780 * (2.0 * 9.81 * 0.3_f64).sqrt();
     for (scheme, per_second, expected) in [
         (Scheme::Bdf1, 240.0, 1.501),
@@ -137,7 +137,7 @@ fn a_step_does_not_jump_through_ground_that_was_far() {
     let normal = Normal { stiffness_n_m: 1e5, damping_n_s_m: 0.0, ramp_m: 0.0, pulls: true };
     let friction = Friction { model: FrictionModel::Linear, coefficient: 0.0, stick_n_s_m: 1.0 };
     let forces: Vec<Box<dyn Force>> = vec![Box::new(point(normal, friction, Plane::level()))];
-    // At rest, but about to fall by half a metre in a step.
+    // The body is at rest, but would fall by half a metre in a step.
     let motion = BodyMotion::at(Vector3::z() * 0.02);
     let settings = settings(Scheme::Bdf1, Vector3::new(0.0, 0.0, -load));
     let mut system = alone(settings, kilogram(), motion, forces);

@@ -19,7 +19,7 @@ fn throw_ball_flies_along_a_parabola_and_hits_its_target() {
     let bounce = (0..STEPS).find(|&step| flight(step as f64 * STEP_S).z < RADIUS_M).unwrap();
     for step in 0..bounce {
         let time_s = step as f64 * STEP_S;
-        // The first step is an implicit Euler step, which is ½ g h too fast.
+        // The first step is an implicit Euler step, whose velocity is ½ g h too high.
         let error_m = (first.motions(step)[0].position - flight(time_s)).norm();
         assert!(error_m <= 0.5 * GRAVITY_M_S2 * STEP_S * (time_s + STEP_S), "{error_m} m");
     }
@@ -30,8 +30,8 @@ fn throw_ball_flies_along_a_parabola_and_hits_its_target() {
     let best = throw_ball::throw(Vector3::from_column_slice(&fit.parameters)).unwrap();
     let miss_m = (best.motions(STEPS)[0].position - TARGET_M).norm();
     assert!(miss_m < 1e-6, "{miss_m} m");
-    // At the deepest point, the energy of the fall is in the contact: depth v √(m/k), with m = 0.1 kg and k = 1 kN/m. Damping,
-    // 1/40 of the critical one, takes 4 %.
+    // At the deepest point, the contact has the energy of the fall: depth v √(m/k) with m = 0.1 kg and k = 1 kN/m. Damping,
+    // 1/40 of the critical damping, takes 4 %.
     let lowest_m = (0..=STEPS).map(|step| best.motions(step)[0].position.z).fold(1.0, f64::min);
     let fall_m = START_M.z - RADIUS_M;
     let speed_m_s = (fit.parameters[2].powi(2) + 2.0 * GRAVITY_M_S2 * fall_m).sqrt();

@@ -156,7 +156,7 @@ fn friction_is_recovered_from_how_a_box_slides() {
             *square += ((found - truth) / deviation).powi(2) / DRAWS as f64;
         }
     }
-    // A mean of 40 squares: 1 ± 0.22.
+    // Mean of 40 squares: 1 ± 0.22.
     assert!(squares.iter().all(|square| (0.5..1.7).contains(square)), "{squares:?}");
 }
 
@@ -338,7 +338,7 @@ fn residuals_have_their_derivatives() {
     ]
     .map(|(freedom, axis)| Initial { bodies: (0..21).collect(), freedom, axis });
     let standing = || World::standing(&robot, &ground, &parameters);
-    // Of a joint and of a wheel.
+    // Motors of a joint and of a wheel.
     let motors = {
         let world = standing();
         [2, 17].map(|n| world.system().force::<Motor>(world.motors()[n]).unwrap().clone())
@@ -346,7 +346,7 @@ fn residuals_have_their_derivatives() {
     let run = |by: Option<(usize, f64)>| {
         let mut world = standing();
         let system = world.system_mut();
-        // Anything that turns and moves.
+        // A start with arbitrary rotation and velocity.
         start[1].vary(system, 0.3);
         start[2].vary(system, 1.5);
         if let Some((number, by)) = by {

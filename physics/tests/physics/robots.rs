@@ -87,7 +87,7 @@ fn wheels_that_are_driven_roll_without_slip() {
     let speed = world.com().1.x;
     let expected = 3.0 * robot.end_effectors[0].radius_m;
     assert!((speed / expected - 1.0).abs() < 0.01, "{speed}, {expected}");
-    // The pose of a wheel says what its motor has counted, but for whole turns.
+    // The pose of a wheel contains the angle of its motor except for whole turns.
     let shaft_rad = world.shaft(robot.joints.len())[0];
     let wheel_rad = world.wheel_rad(0, &robot.end_effectors[0]).unwrap();
     let turns = (shaft_rad - wheel_rad) / TAU;
@@ -127,7 +127,7 @@ fn on_an_incline_hybrid_friction_holds_a_robot() {
     let mass: f64 = robot.links.iter().map(|link| link.mass_kg).sum();
     for friction in [FrictionModel::Linear, FrictionModel::Hybrid] {
         let usual = Parameters::new(&robot);
-        // Soft enough to creep much faster than legs that settle.
+        // So soft that feet creep much faster than legs that settle.
         let stick_n_s_m = 0.25 * usual.stick_n_s_m;
         let parameters = Parameters { friction, stick_n_s_m, ..usual };
         let mut world = standing(&robot, Plane::rising(angle_rad), &parameters);
@@ -212,13 +212,13 @@ fn leg_of(range_rad: f64) -> Robot {
 fn hip(world: &mut World, law: Law, duration_s: f64) -> f64 {
     world.set_law(0, law);
     let mut turned_rad = world.shaft(0)[0];
-    // A world has no step before its first; later ones begin here at rest.
+    // A world has no step before its first. Later steps begin here at rest.
     let mut before_rad = (world.system().time_s() > 0.0).then_some(0.0);
     for _ in 0..(duration_s * 240.0).round() as usize {
         world.step(1.0 / 240.0).unwrap();
-        // The angle is what the speed adds up to, and does not jump.
+        // The angle is the integral of the speed, and does not jump.
         let [angle_rad, speed_rad_s, _] = world.shaft(0);
-        // BDF2 goes by a change and the one before it, backward Euler by the change alone.
+        // BDF2 uses two changes, backward Euler one.
         let change_rad = angle_rad - turned_rad;
         let by_speed_rad = before_rad.map_or(change_rad, |before| 1.5 * change_rad - 0.5 * before);
         assert!((by_speed_rad - speed_rad_s / 240.0).abs() < 2e-3, "{angle_rad}");
@@ -233,7 +233,7 @@ fn a_servo_turns_a_joint_more_than_once_and_back() {
     let servo = Law { kp_nm_rad: 60.0, kd_nm_s_rad: 3.0, limit_nm: 9.0, ..Law::default() };
     for target_rad in [6.0, -6.0, 0.5] {
         let angle_rad = hip(&mut world, Law { position_rad: target_rad, ..servo }, 6.0);
-        // The weight of the leg bends it by as much as its gain lets it.
+        // The deflection by the weight of the leg is limited by the gain.
         assert!((angle_rad - target_rad).abs() < 0.05, "{angle_rad} of {target_rad}");
     }
 }

@@ -166,7 +166,7 @@ fn agree(rollout: &Rollout) {
         }
     }
     let backward = rollout.adjoint(number.iter().map(|(step, body, by)| (*step, *body, by)));
-    // Of all that the sums are made of.
+    // Magnitudes of all summands.
     let mut sizes = vec![0.0; rollout.parameters()];
     let mut forward = vec![0.0; rollout.parameters()];
     rollout.direct(|at, tangents| {
@@ -234,7 +234,7 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
             controls: 0,
             step_s: 1.0 / 240.0,
             steps: 120,
-            // Corners that are held share their load as firmly as they are held, which no number of theirs is.
+            // Held corners share their load according to their stiffness, which is not a parameter.
             bound: if hybrid { 1e-3 } else { 1e-5 },
         };
         let system = build();
@@ -250,7 +250,7 @@ fn a_thrown_box_has_the_derivatives_of_its_bounces() {
             constant(&format!("{of:?}"), ContactParameter::new(&system, 0..8, of), &system)
         };
         cases.extend([touching(Ramp), touching(Friction)]);
-        // What these change in a box that is held is small.
+        // The effect of these parameters is small in a held box.
         let mut little =
             vec![constant("mass", BodyMass { body: 0, of: MassQuantity::Mass }, &system)];
         little.extend([touching(Stiffness), touching(Damping)]);
@@ -474,7 +474,7 @@ fn moving_robot(name: &str, scheme: Scheme, soft: Option<SoftMaterial>, bound: f
         cases.push(constant(&format!("{of:?}"), touching, &system));
     }
     cases.push(constant("tilt", Gravity { axis: Vector3::x() }, &system).wider(10.0));
-    // All joints come a little later; controls are at their end.
+    // All joints are a little late; controls act at the end of a step.
     let late = {
         let motors = motors[..joints].to_vec();
         let by = move |number: usize, time_s: f64| {
@@ -528,7 +528,7 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
             let mut assembly = Assembly::default();
             let particle = Body::Particle { mass_kg: 1.0 };
             let place = ground.normal * (-load / 5e3);
-            // Thrown up, it slides, stops and stays.
+            // Thrown upwards, the particle slides, stops and stays.
             let velocity = Vector3::new(angle_rad.cos(), 0.0, angle_rad.sin()) * 0.7;
             assembly.add_body(particle, BodyMotion { velocity, ..BodyMotion::at(place) });
             assembly.add(contact(0, Vector3::zeros()));
@@ -565,7 +565,7 @@ fn what_hybrid_friction_holds_is_held_in_derivatives_too() {
                 &system,
             ),
         ]);
-        // Which of a rigid body's contacts hold it is not decided, nor how firmly.
+        // The contacts that hold a rigid body are not unique, and neither is their stiffness.
         let rigid = Scene { bound: 1e-3, ..scene };
         let friction = ContactParameter::new(&system, 1..5, ContactQuantity::Friction);
         rigid.check(vec![

@@ -87,7 +87,7 @@ fn a_soft_block_falls_as_any_body_does() {
     run(&mut system, 0.01, 50);
     for (motion, place) in system.motions().iter().zip(&mesh.places) {
         assert!((motion.velocity - GRAVITY * 0.5).norm() < 1e-9, "{motion:?}");
-        // BDF2 is exact for the parabola, up to its first step of BDF1.
+        // BDF2 is exact for a parabola, except for its first step of BDF1.
         let fallen = motion.position - place - GRAVITY * 0.125;
         assert!(fallen.norm() < 9.81 * 0.01 * 0.01, "{motion:?}");
     }
@@ -135,7 +135,7 @@ fn a_hanging_bar_stretches_by_its_weight() {
     let lowest =
         mean(&soft, &mesh, |place| place.z < 1e-6, |node| system.motions()[node].position.z);
     let expected = density * 9.81 * length * length / (2.0 * young_pa);
-    // Strains are 0.2 %, by which the linear closed form is wrong.
+    // Strains are 0.2 %, which is the error of the linear closed form.
     assert!((-lowest / expected - 1.0).abs() < 3e-3, "{lowest}, {expected}");
 }
 
@@ -169,7 +169,7 @@ fn a_cantilever_sags_as_a_beam() {
 fn on_incline(model: FrictionModel, angle_rad: f64) -> (System, std::ops::Range<usize>, f64) {
     let ground = Plane::rising(angle_rad);
     let mut assembly = Assembly::default();
-    // Its bottom in the plane.
+    // The bottom of the cube lies in the plane.
     let (sine, cosine) = angle_rad.sin_cos();
     let lying =
         |p: Vector3<f64>| Vector3::new(p.x * cosine - p.z * sine, p.y, p.x * sine + p.z * cosine);
@@ -208,7 +208,7 @@ fn a_soft_puck_stands_on_an_incline() {
             FrictionModel::Linear => {
                 assert!((speed * sticking / down - 1.0).abs() < 0.01, "{speed}")
             }
-            // Between that of linear friction and that of the cone.
+            // Between the results of linear friction and of the cone.
             FrictionModel::Tanh => {
                 assert!((1.0..2.0).contains(&(speed * sticking / down)), "{speed}")
             }

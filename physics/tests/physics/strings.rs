@@ -36,7 +36,7 @@ fn a_rope_hangs_as_a_catenary() {
     let mut assembly = Assembly::default();
     let part = length / f64::from(parts);
     for k in 0..=parts {
-        // Half the weight of a part to each of its ends; not yet taut, and bent downwards.
+        // Each end of a part has half of its weight. The string is not taut yet, and bent downwards.
         let share = f64::from(k) / f64::from(parts);
         let place = Vector3::new(share * span, 0.0, -share * (1.0 - share));
         let ends = if k == 0 || k == parts { 0.5 } else { 1.0 };
@@ -124,7 +124,7 @@ fn cloth_lies_on_a_solid_of_a_grid() {
     let mut borne = 0.0;
     for force in 0..2 * count * count {
         if let Some(touch) = system.touch(force).filter(|touch| touch.gap_m < 0.0) {
-            // No node bears more than the weight of all.
+            // No node carries more than the whole weight.
             assert!(-touch.gap_m < weight / stiffness_n_m, "{touch:?}");
             borne += touch.force.z;
         }
@@ -152,7 +152,7 @@ fn two_balls_on_a_line_are_a_hinge_between_soft_and_rigid() {
     let mesh = Mesh::block(corner, Vector3::new(width, width, length), [2, 2, 8]);
     let material = Material::elastic(1000.0, 1e7, 0.0);
     let soft = SoftBody::add(&mut assembly, &mesh, &material).unwrap();
-    // The line y = 0, z = 0 along x.
+    // Line y = 0, z = 0 along x.
     for node in soft.nodes.clone() {
         let place = assembly.motions[node].position;
         if place.y.abs() < 1e-9 && place.z.abs() < 1e-9 {
@@ -162,7 +162,7 @@ fn two_balls_on_a_line_are_a_hinge_between_soft_and_rigid() {
     }
     soft.launch(&mut assembly, Vector3::zeros(), Vector3::x() * 0.3);
     let mut system = System::new(settings(Scheme::Bdf2), assembly);
-    // The lowest node in the middle.
+    // Lowest node in the middle.
     let lowest = soft
         .nodes
         .clone()

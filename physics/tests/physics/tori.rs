@@ -60,7 +60,7 @@ fn tori_in_flight_keep_their_angular_momentum() {
     let mut assembly = Assembly::default();
     let spin = Vector3::new(6.0, -3.0, 12.0);
     tori(&mut assembly, Vector3::zeros(), Vector3::x(), spin);
-    // Pressed, so that they swing.
+    // The tori are compressed, so that they swing.
     assembly.motions.iter_mut().for_each(|motion| motion.position.z *= 0.96);
     let mut system = System::new(settings(Vector3::zeros()), assembly);
     let (momentum, angular) = (system.momentum(), system.angular_momentum());
@@ -75,7 +75,7 @@ fn tori_in_flight_keep_their_angular_momentum() {
     assert!((system.momentum() - momentum).norm() < 1e-9 * momentum.norm());
     let drift = (system.angular_momentum() - angular).norm() / angular.norm();
     assert!(drift < 1e-3, "{drift}");
-    // What is left is the pull of the spin.
+    // The remaining energy is from the rotation.
     assert!(most_j[1] < 0.3 * most_j[0], "{most_j:?} J");
 }
 
@@ -134,7 +134,7 @@ fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {
                 }
             }
             let now = system.momentum();
-            // Of BDF2, after a first step of BDF1.
+            // Rate of BDF2, after a first step of BDF1.
             let rate = match number {
                 0 => now - before[0],
                 _ => now * 1.5 - before[0] * 2.0 + before[1] * 0.5,
@@ -149,7 +149,7 @@ fn tori_bounce_off_a_slope_and_a_wall_under_every_model_of_friction() {
         let moments = moments.map(|(motion, body)| motion.position * body.mass_kg());
         outcomes.push((iterations, moments.sum::<Vector3<f64>>() / mass));
     }
-    // Nearly the same way, and not much more work (thesis: 1.5 times).
+    // Nearly the same path with little more work (thesis: 1.5 times).
     let (fewest, place) = outcomes[0];
     assert!(fewest < 4 * 120, "{fewest}");
     for (iterations, other) in &outcomes[1..] {

@@ -150,7 +150,7 @@ mod tests {
     fn the_shipped_catalogue_agrees_with_the_shipped_robots() {
         let catalog = Catalog::shipped();
         assert!(catalog.servos().len() >= 20);
-        // Values of robots/agilebot.toml, from the same documents by hand.
+        // Values of robots/agilebot.toml, which were copied from the same documents.
         for (name, speed, torque, mass) in
             [("XM430-W210-T", 6.05, 1.8, 0.082), ("XM540-W150-T", 4.16, 4.38, 0.165)]
         {

@@ -28,7 +28,7 @@ struct MotionText {
 
 impl MotionText {
     fn new(file: NamedText) -> Self {
-        // What is no TOML is said when the motion is read.
+        // Text that is not TOML is reported when the motion is read.
         Self { document: file.text.parse().unwrap_or_default(), name: file.name }
     }
 
@@ -77,7 +77,7 @@ impl Designed {
         motions: Vec<NamedText>,
     ) -> Result<Self, DocumentError> {
         let file = DesignFile::from_toml(&design.name, &design.text)?;
-        // Its faults are said with their places, and nothing that it says is misread below.
+        // Faults of the robot are reported with their positions, so the code below reads valid text.
         Robot::from_toml(&robot.name, &robot.text)?;
         let mut text = RobotText::new(&robot.text).unwrap_or_default();
         let motions: Vec<MotionText> = motions.into_iter().map(MotionText::new).collect();
@@ -202,11 +202,11 @@ impl Designed {
     /// If the robot file breaks a rule at these values, or a motion file does not fit the robot.
     pub fn at(&self, values: &[f64]) -> Result<Variant, DocumentError> {
         let mut text = self.text.clone();
-        // Templates of all limbs first: later some limbs have copies.
+        // Templates of all limbs come first, because limbs are copied later.
         for of_all in [true, false] {
             let all = self.file.parameters.iter().zip(values);
             for (parameter, value) in all.filter(|(of, _)| of.place.limbs.is_empty() == of_all) {
-                // The places have been checked.
+                // The positions were checked, so this cannot fail.
                 let _ = text.set(&parameter.place, *value);
             }
         }

@@ -191,7 +191,7 @@ fn design(document: &Document<'_>) -> Option<DesignFile> {
 
 /// Reads the pull of `[repair]`.
 fn pull(table: &Table<'_>) -> Option<f64> {
-    // Without any, nothing decides between many cures of one flaw.
+    // Without a pull, nothing decides between many repairs of one flaw.
     let pull = table.number_in("pull", 1e-9..=1.0, "");
     table.done();
     pull

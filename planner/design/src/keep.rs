@@ -89,7 +89,7 @@ fn least_change(
     let squares = jacobian.transpose() * &jacobian;
     let largest = squares.symmetric_eigenvalues().max();
     let damping = DMatrix::identity(free.len(), free.len()) * (DAMPING * DAMPING * largest);
-    // In units of the largest singular value, so that tolerances mean something.
+    // In units of the largest singular value, so that tolerances are relative.
     let scale = 1.0 / largest.max(f64::MIN_POSITIVE);
     let room = |k: &usize, to: f64| (to - values[*k]) / designed.unit(*k);
     let of = |k: &usize| &designed.file.parameters[*k];

@@ -92,7 +92,7 @@ mod tests {
         assert!(near(&free, 0.5, -0.25), "{free}");
         let (bounded, _) = distance_to(3.0, -0.25).minimum().unwrap();
         assert!(near(&bounded, 1.0, -0.25), "{bounded}");
-        // The foot of the perpendicular, and how much farther it is for each unit of the limit.
+        // Foot of the perpendicular, and change of its distance per unit of the limit.
         let mut limited = distance_to(1.0, 1.0);
         limited.limits.push((DVector::from_vec(vec![1.0, 1.0]), 1.0));
         let (found, multipliers) = limited.minimum().unwrap();

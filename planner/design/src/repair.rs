@@ -274,7 +274,7 @@ impl<E> RepairState<'_, '_, E> {
             if in_vain >= IN_VAIN {
                 break;
             }
-            // After a round in vain the pull and its counterpart, the multipliers, give way.
+            // After a round without progress, the pull and the multipliers decrease.
             let next = if in_vain == 0 {
                 Shortfall::pressed
             } else {
@@ -289,7 +289,7 @@ impl<E> RepairState<'_, '_, E> {
                 Err(error) => return Err(error.into()),
             }
         }
-        // Without multipliers: with them the point is the further away the longer nothing helps.
+        // Without multipliers, because with them the point moves away while nothing helps.
         let (values, short, solutions) = nearest.expect("there is a round");
         self.values = values;
         if solutions.iter().all(is_solved) {
@@ -383,7 +383,7 @@ impl<E> RepairState<'_, '_, E> {
                 neighbours.iter().map(|beside| beside.of_motion(index)).collect();
             let slopes = match short.slopes(&parameters) {
                 Ok(slopes) => slopes,
-                // Nearly no minimum: the gradient alone, and a curvature with which it leads to the end of the trust region.
+                // Far from a minimum, only the gradient is used, with a curvature that leads to the border of the trust region.
                 Err(NotOptimal::NoOptimum { .. }) => {
                     let gradient = short.gradient(&parameters)?;
                     let steepest = gradient.iter().zip(self.free).map(|(g, f)| (g * f.unit).abs());
@@ -409,7 +409,7 @@ impl<E> RepairState<'_, '_, E> {
             around.gradient[k] += 2.0 * self.pull * change;
             around.curvature[(k, k)] += 2.0 * self.pull;
         }
-        // Where the energy is not convex the step goes as far as if it curved the other way.
+        // In directions where the energy is not convex, the step uses the absolute value of the curvature.
         let mut eigen = SymmetricEigen::new(around.curvature);
         eigen.eigenvalues.apply(|value| *value = value.abs().max(2.0 * self.pull));
         around.curvature = eigen.recompose();

@@ -24,7 +24,7 @@ impl Designed {
     /// Rounds values to multiples of the manufacturing steps within the bounds, in both directions. The nearest combination
     /// comes first.
     pub fn roundings(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        // The nearest and the other neighbour of each parameter, with how much further that is, in steps.
+        // Both neighbours of each parameter, the nearest first, with the additional distance in steps.
         let of_each = self.file.parameters.iter().zip(values);
         let choices: Vec<_> = of_each.map(|(of, value)| neighbours(of, *value)).collect();
         let nearest = choices.iter().map(|(nearest, _)| *nearest).collect::<Vec<_>>();
@@ -67,7 +67,7 @@ impl Designed {
             let holds = plans.all_hold() && self.all_defined(&plans.variant.motions).is_ok();
             if holds {
                 let polished = plans.clone().polished(watch)?;
-                // The optimum is that of the costs, not of what is kept.
+                // The optimum belongs to the costs, not to the kept quantities.
                 let within = |of: &Plans| self.kept(of).iter().all(BoundedQuantity::is_within);
                 plans = if within(&plans) && !within(&polished) { plans } else { polished };
             }
@@ -137,7 +137,7 @@ impl BoundedQuantity {
 /// the other side of `value`, with its additional distance in steps.
 fn neighbours(of: &Parameter, value: f64) -> (f64, Option<(f64, f64)>) {
     let Some(step) = of.step else { return (value.clamp(of.min, of.max), None) };
-    // Multiples of a step of which its reciprocal is whole are decimals as they are written.
+    // If the reciprocal of a step is an integer, multiples of the step are short decimals.
     let multiple = |count: f64| {
         let per = (1.0 / step).round();
         if (per * step - 1.0).abs() < 1e-9 { count / per } else { count * step }
@@ -148,7 +148,7 @@ fn neighbours(of: &Parameter, value: f64) -> (f64, Option<(f64, f64)>) {
     let mut inside = candidates.into_iter().filter(|at| (of.min..=of.max).contains(at));
     let Some(nearest) = inside.next() else { return (value.clamp(of.min, of.max), None) };
     let off = |at: f64| (at - value).abs() / step;
-    // A value that is a multiple itself has no other side.
+    // A value that is a multiple of the step has no second neighbour.
     let other = inside.next().filter(|other| off(nearest) > 1e-6 && off(*other) < 1.0 + 1e-9);
     (nearest, other.map(|other| (other, off(other) - off(nearest))))
 }

@@ -118,7 +118,7 @@ impl RobotText {
                 let axis = place.axis.map_or(0, |axis| axis.index());
                 for limb in self.mounts(place)? {
                     if let Some(mut origin) = vector(limb, "origin_in_parent_m") {
-                        // Away from the middle of the robot on either side and at either end.
+                        // Away from the middle of the robot, on both sides and at both ends.
                         if origin[axis] != 0.0 {
                             origin[axis] += by * origin[axis].signum();
                         }

@@ -184,7 +184,7 @@ pub fn bodies<'r>(robot: &'r Robot, parts: &[Vec<Solid>], blades: Blades) -> Vec
     }
     for (link, solids) in parts.iter().enumerate() {
         for solid in solids {
-            // What is in the place of a wheel turns with it.
+            // A body that replaces a wheel rotates with the wheel.
             let wheel = (0..robot.end_effectors.len()).find(|&number| {
                 carriers[number] >= robot.links.len()
                     && robot.end_effectors[number].link == link
@@ -263,7 +263,7 @@ fn blade_wheels(robot: &Robot, link: usize) -> Vec<(usize, RigidPart)> {
         blades.filter(|(_, foot)| foot.link == link && foot.contact.blade_length_m().is_some());
     let wheel = |(number, foot): (usize, &EndEffector)| {
         let mass_kg = BLADE_SHARE * robot.links[link].mass_kg;
-        // A ball of the size of the blade, not of its curvature: what turns is next to nothing.
+        // A ball as large as the blade, not as its curvature. Its inertia is almost zero.
         let radius_m = foot.clearance_radius_m();
         let about_com_kg_m2 = Matrix3::from_diagonal_element(0.4 * mass_kg * radius_m.powi(2));
         (number, RigidPart { mass_kg, com_in_link_m: foot.center_in_link_m, about_com_kg_m2 })

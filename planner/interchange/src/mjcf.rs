@@ -94,7 +94,7 @@ fn defaults(xml: &mut Xml) -> io::Result<()> {
             ("conaffinity", "0".into()),
         ];
         xml.empty("geom", &touch)?;
-        // Everything collides with the ground, nothing with the robot itself. Friction is that of the foot.
+        // All shapes collide with the ground, but not with the robot. Friction is that of the foot.
         xml.element("default", &class("ground"), |xml| {
             let ground = [
                 ("type", "plane".into()),
@@ -193,7 +193,8 @@ impl Bodies<'_> {
                 attributes.push(("range", range));
             }
             HingeOrigin::Wheel { number, wheel } => {
-                // Drag follows the load of a contact, which MJCF cannot say: that of standing is taken.
+                // Drag is proportional to the load of a contact, which MJCF cannot express. The load in the standing pose is
+                // used.
                 if let Some(drag) = wheel.contact.drag() {
                     let lever_nm = self.loads_n[number] * wheel.radius_m;
                     let friction_nm = drag.rolling_resistance * lever_nm;

@@ -28,7 +28,7 @@ pub fn urdf_with_control(robot: &Robot, parts: &[Vec<Solid>], plugin: &str) -> i
         xml.element("ros2_control", &system, |xml| {
             xml.element("hardware", &[], |xml| {
                 xml.text("plugin", &[], plugin)?;
-                // Wheels turn as they are commanded to.
+                // Wheels rotate as commanded.
                 let turns = plugin == MOCK;
                 if turns { param(xml, "calculate_dynamics", &true) } else { Ok(()) }
             })?;

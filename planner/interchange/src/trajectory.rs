@@ -120,7 +120,7 @@ pub fn trajectory(plan: &Plan, rate: Rate) -> String {
         },
         multi_dof_joint_trajectory: Trajectory { header, joint_names: vec![body], points: base },
     };
-    // Only maps with other keys than texts cannot become JSON; there is none.
+    // Only maps with non-string keys cannot become JSON, and there is none.
     serde_json::to_string(&all).unwrap_or_default() + "\n"
 }
 

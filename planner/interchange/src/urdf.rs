@@ -157,7 +157,7 @@ fn origin(xml: &mut Xml, pose: &Isometry3<f64>) -> io::Result<()> {
 /// Roll, pitch and yaw of a rotation, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
 fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
     let pitch = (-r[(2, 0)]).atan2(r[(0, 0)].hypot(r[(1, 0)]));
-    // Of a pitch near a right angle any roll is right with the yaw that is left.
+    // At a pitch near a right angle, any roll is right together with the remaining yaw.
     let roll = r[(2, 1)].atan2(r[(2, 2)]);
     let (s, c) = roll.sin_cos();
     let yaw = (r[(0, 2)] * s - r[(0, 1)] * c).atan2(r[(1, 1)] * c - r[(1, 2)] * s);

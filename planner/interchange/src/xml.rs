@@ -12,7 +12,7 @@ impl Xml {
     /// Creates an empty document that begins with a comment.
     pub fn new(comment: &str) -> io::Result<Self> {
         let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
-        // In a comment two hyphens would be its end.
+        // Two hyphens would end a comment.
         let comment = format!(" {} ", comment.replace("--", "- -"));
         writer.write_event(Event::Comment(BytesText::from_escaped(comment)))?;
         Ok(Self(writer))

@@ -76,10 +76,10 @@ fn clients_come_subscribe_get_messages_and_go() {
         assert_eq!(text(socket)["channels"].as_array().unwrap().len(), 5);
     }
     wait("two clients", || live.has_clients());
-    // Joints to the one, frames to the other.
+    // Joints to one client, frames to the other.
     subscribe(&mut new, 7, 3);
     subscribe(&mut old, 8, 1);
-    // An answer comes after the subscription has been taken.
+    // The server answers after it has accepted the subscription.
     for socket in [&mut new, &mut old] {
         socket.send(Message::text("{}")).unwrap();
         assert_eq!(text(socket)["op"], "status");
@@ -112,12 +112,12 @@ fn a_client_that_reads_nothing_holds_up_nobody() {
         socket.send(Message::text("{}")).unwrap();
         (0..3).for_each(|_| drop(text(socket)));
     }
-    // More than the sockets of the system and the queue take.
+    // More than the sockets of the system and the queue can hold.
     let size = serde_json::to_vec(&solids).unwrap().len();
     for _ in 0..(32 << 20) / size {
         live.robot.log(&solids, 0.0);
     }
-    // The newest comes to the client that reads.
+    // The client that reads gets the newest message.
     live.robot.log(&solids, 9.0);
     wait("the newest message", || {
         let Message::Binary(data) = keen.read().unwrap() else { panic!("no data") };

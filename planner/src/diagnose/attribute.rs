@@ -284,7 +284,7 @@ pub fn diagnose(problem: &Problem, rows: &Rows, verdict: Verdict) -> Option<Diag
     let slow = slow::too_slow_to_step(problem);
     let is_slow =
         |culprit: &Culprit| slow.as_ref().is_some_and(|slow| culprit.constraint == slow.constraint);
-    // What was requested may need less speed.
+    // The changed request may need less speed.
     let (requests, others): (Vec<_>, Vec<_>) = culprits
         .into_iter()
         .filter(|culprit| !is_slow(culprit))

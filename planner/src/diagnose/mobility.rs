@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn advice_names_what_is_not_there_yet_and_can_be_had() {
-        // Joints steer the wheels of AgileBot; those of the car have none at all.
+        // Joints steer the wheels of AgileBot; the car has no joints.
         let agilebot = robot(include_str!("../../../shipped/robots/agilebot.toml"));
         let car = robot(include_str!("../../../shipped/robots/car.toml"));
         let less = "a smaller turn or a longer duration";
@@ -127,7 +127,7 @@ mod tests {
                 assert!(!mobility.advice(family).contains("straight ahead"), "{family}");
             }
         }
-        // A number of the goal that works is said beside it.
+        // A feasible value of the goal is printed as well.
         let distance = Family::DisplacementGoal;
         assert_eq!(of(&planar, ASIDE).advice(distance), distance.advice());
         planar.joints.clear();

@@ -141,7 +141,7 @@ mod tests {
             |catalogue| catalogue["families"][5]["equation"] = "Eq. 2.8, in other words".into(),
             |catalogue| catalogue["gravity_m_s2"] = 9.806_650_001.into(),
             |catalogue| catalogue["families"][0]["level"] = (0.1 + 0.2).into(),
-            // A plan made before a family was added, by a program with another order.
+            // A plan by a program that lacks a family, and whose families have another order.
             |catalogue| {
                 let families = catalogue["families"].as_array_mut().unwrap();
                 families.remove(7);

@@ -140,7 +140,7 @@ fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
         .filter_map(|(j, contact)| Some((j, contact.position - at.com, contact, contact.force_n?)))
         .collect();
     let rows = 3 * standing.len();
-    // Rows of u, of its rate but for what rolls under a force, of δθ × f, and that rolling per force.
+    // Rows of u, of its rate except for rolling under a force, of δθ × f, and of that rolling per force.
     let (mut yields, mut d_yields) = (DMatrix::zeros(rows, size), DMatrix::zeros(rows, size));
     let (mut turned, mut rolls) = (DMatrix::zeros(rows, size), DMatrix::zeros(rows, rows));
     for (row, (j, arm, contact, force_n)) in standing.iter().enumerate() {
@@ -149,7 +149,7 @@ fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
         yields.fixed_view_mut::<3, 6>(row, 0).copy_from(&-point);
         yields.fixed_view_mut::<2, 2>(row, BODY + 2 * j).fill_with_identity();
         d_yields.fixed_view_mut::<3, 6>(row, 6).copy_from(&-point);
-        // The arm changes: the contact stands or rolls on, and the body moves.
+        // The arm changes, because the contact stands or rolls on while the body moves.
         let velocity = contact.roll.as_ref().map_or_else(Vector3::zeros, |roll| roll.velocity);
         d_yields.fixed_view_mut::<3, 3>(row, 3).copy_from(&skew(&(velocity - at.com_velocity)));
         turned.fixed_view_mut::<3, 3>(row, 3).copy_from(&-skew(force_n));
@@ -162,7 +162,7 @@ fn rates(at: &Instant, size: usize) -> Option<DMatrix<f64>> {
     }
     let damping = &at.stiffness_n_m * at.damping_s;
     let force = &at.stiffness_n_m * yields + &damping * d_yields + turned;
-    // Not `solve`, which panics in flight, where there are no rows.
+    // `try_inverse` instead of `solve`, which panics without rows, as in flight.
     let force = (DMatrix::identity(rows, rows) + damping * rolls).try_inverse()? * force;
 
     let mut out = DMatrix::zeros(size, size);
@@ -251,7 +251,7 @@ mod tests {
         // Points that never leave the ground keep their errors.
         let stiff = growth_of(|| standing(&FOUR, 3e3), 1.0);
         assert!((stiff - 1.0).abs() < 1e-6, "{stiff}");
-        // About x four springs at 0.1 m hold 4 K (0.1 m)² per radian, the weight tips with m g h.
+        // About x, four springs at 0.1 m resist with 4 K (0.1 m)² per radian, and the weight tips with m g h.
         let tips = || standing(&FOUR, 0.9 * MASS_KG * GRAVITY_M_S2 * HEIGHT_M / (4.0 * 0.01));
         let soft = growth_of(tips, 1.0);
         assert!(soft > 1.05, "{soft}");
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn stepping_in_place_forgets_errors_of_the_feet() {
-        // All feet are lifted for an instant and put down again: what is left is what legs have not damped.
+        // All feet are lifted for an instant and put down again. The legs have not damped the remaining error.
         let instants: Vec<_> = (0..400)
             .map(|k| {
                 let mut instant = standing(&FOUR, 3e3);

@@ -13,12 +13,12 @@ pub fn attitude(plan: &Plan) -> Result<Attitude, LibraryError> {
         plan.samples.iter().map(|s| up_in_base(s.base_orientation_wxyz)).collect();
     let sum = ups.iter().fold([0.0; 3], |sum, up| [0, 1, 2].map(|i| sum[i] + up[i]));
     let length = dot(&sum, &sum).sqrt();
-    // A plan without samples has no mean direction, nor has one that turns over: upright is assumed.
+    // A plan without samples, or with a robot that turns over, has no mean direction. Upright is assumed.
     let mean = if length > 1e-6 { sum.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
     let angles = ups.iter().map(|up| dot(up, &mean).clamp(-1.0, 1.0).acos());
     let spread_rad = angles.fold(0.0, f64::max) as f32;
     let tilt_rad = mean[2].clamp(-1.0, 1.0).acos() as f32 + spread_rad;
-    // What rounding adds: the encoder looks at quanta.
+    // Margin for rounding, because the encoder checks quanta.
     if tilt_rad > MAX_TILT_RAD - 0.005 {
         return Err(LibraryError::Tilted { motion: plan.motion.name.clone(), tilt_rad });
     }

@@ -44,7 +44,7 @@ impl Channels<'_> {
         let setpoints = frames(plan)?;
         let mut values = Vec::with_capacity(setpoints.len() * self.config.channels.len());
         let mut clamped: f64 = 0.0;
-        // Planned and stored values of the frame before.
+        // Planned and stored values of the previous frame.
         let mut previous: Option<(Vec<f64>, Vec<f32>)> = None;
         for (frame, at) in setpoints.iter().enumerate() {
             let planned: Vec<f64> =

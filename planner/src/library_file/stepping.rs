@@ -45,7 +45,7 @@ pub fn count_of_steps(robot: &Robot, motions: &[&Motion]) -> usize {
 
 /// Adds the steps from one motion to another to a transition.
 fn step(transition: &mut Motion, from: &Motion, to: &Motion, robot: &Robot) {
-    // When a gait lifts them, and the end effectors of one link, which step together.
+    // Lift-off times of a gait, and the end effectors of one link, which step together.
     let mut steps: Vec<(usize, Vec<usize>)> = Vec::new();
     for (foot, of) in robot.end_effectors.iter().enumerate() {
         let Some(when) = lifted(robot, foot, &[to, from]) else { continue };

@@ -359,7 +359,7 @@ fn check_goal(root: &Table<'_>, motion: &Motion, robot: &Robot) {
                     "is {} s for a distance of {distance_m} m on the wheel of `{}`",
                     motion.duration_s, foot.name
                 );
-                // How far a body leans is a bound with legs as long as they get, and no estimate.
+                // The lean of the body is only a bound for fully extended legs, not an estimate.
                 let help = format!(
                     "give a longer duration: the wheel rolls at up to {speed_m_s:.3} m/s (radius × \
                      speed limit), so the distance takes {:.2} s without leaning, plus time for \

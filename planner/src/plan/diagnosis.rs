@@ -120,7 +120,7 @@ impl fmt::Display for Culprit {
             } else {
                 ""
             };
-            // A feasible value is a bound: the search for a nearer one is limited.
+            // A feasible value is a bound, because the search for a nearer value is limited.
             let tried = tried.map_or_else(String::new, |tried| {
                 format!(
                     "; {tried} was tried and is feasible{everywhere}, and a value nearer to {given} \
@@ -152,7 +152,7 @@ impl fmt::Display for Diagnosis {
         )?;
         let shown: Vec<String> = self.culprits.iter().map(ToString::to_string).collect();
         for (culprit, text) in self.culprits.iter().zip(&shown) {
-            // Of two that read the same up to the field, only the one with its field.
+            // Of two culprits whose text is equal except for the field, only the one with a field is shown.
             let longer = |other: &String| other.len() > text.len() && other.starts_with(text);
             if culprit.field.is_some() || !shown.iter().any(longer) {
                 writeln!(f, "  {text}")?;
@@ -240,7 +240,7 @@ mod tests {
             "displacement goal, 0.00 to 4.00 s: off by 120 mm; forward_m is 1.5; 1.1 was tried and is feasible, and a \
              value nearer to 1.5 may be too"
         );
-        // Hardly off, it only pulls: nothing is off by 0.000.
+        // A residual that rounds to 0.000 is not printed.
         assert_eq!(
             shown(JointSpeed, 1e-4, "speed_max_rad_s", 10.5, None),
             "joint speed, 0.00 to 4.00 s: speed_max_rad_s is 10.5"

@@ -144,7 +144,7 @@ impl Plan {
             let found = culprit.constraint;
             let constraint = !matches!(found.kind(), Kind::Cost | Kind::Check);
             at.of("constraint").holds(constraint, found, "the name of a constraint")?;
-            // Both stand in the catalogue as well, for readers that have the diagnosis alone.
+            // Both are also in the catalogue, for readers that have only the diagnosis.
             let (kind, unit) = (found.kind(), found.unit().symbol());
             let word = |kind: Kind| format!("{kind:?}").to_lowercase();
             let expected = format!("{}, the kind of {found}", word(kind));

@@ -52,7 +52,7 @@ fn from_coarse(request: Request<'_>, halved: &Motion, effort: &mut Effort<'_>) -
         let options = &Options { start: start::without_halving(robot, motion), ..options.clone() };
         attempt(Request { options, ..request }, effort)
     };
-    // A start needs no torques.
+    // A start does not need torques.
     let request_coarse = Request { motion: halved, ..request };
     let coarse = attempt_with(DiagnosedOutcome::write_without_torques, request_coarse, effort).plan;
     if decides && coarse.solve.status == Status::Infeasible {

@@ -83,7 +83,7 @@ impl Editing {
             let (known, request) =
                 (Some(&previous.multipliers), Request { robot, motion, options: few });
             let near = neighbour::from(&previous.plan, known, request, effort)?;
-            // Of a plan at the caller's limit no more is wanted either.
+            // A plan at the caller's limit of iterations is complete as well.
             let ends = [Status::Converged, Status::Interrupted];
             let is_all = near.plan.solve.iterations >= iterations;
             solution = (is_all || ends.contains(&near.plan.solve.status)).then_some(near);
@@ -91,7 +91,7 @@ impl Editing {
         let solution = match solution {
             Some(solution) => solution,
             None => {
-                // Multipliers of a robot that is not near lead astray.
+                // Multipliers of a robot that is not similar are misleading.
                 let request = Request { robot, motion, options };
                 replan_or_plan(&previous.plan, None, request, effort)?
             }

@@ -141,14 +141,14 @@ impl FeasibilitySearch<'_, '_> {
         let Diagnosis { verdict, culprits } = diagnosis;
         let mut trials = TRIALS.into_iter();
         let mut looked = None;
-        // A number that is not tried is not said.
+        // Estimates that were not tried are not printed.
         let estimates: Vec<_> =
             culprits.iter_mut().map(|culprit| culprit.would_do.take()).collect();
         for (culprit, estimate) in culprits.iter_mut().zip(estimates) {
             let Some(estimate) = estimate.or_else(|| guess(culprit)) else {
                 continue;
             };
-            // The time of one that misses by little goes into the number that is the easiest to change.
+            // Time for a goal that is missed by little is spent on the value that is easiest to change.
             if matches!(looked, Some(SearchOutcome::FromBothSides)) {
                 continue;
             }
@@ -246,7 +246,7 @@ impl FeasibilitySearch<'_, '_> {
             };
             let other = why.and_then(|why| why.culprits.into_iter().find(same)?.would_do);
             let twice = asked.beyond(number, 2.0);
-            // From the number that has just failed.
+            // Starts at the value that has just failed.
             let failed = RequestedValue { number, ..asked };
             let estimate = other.map_or(twice, |other| failed.beyond(other, FIRST));
             let further = (estimate - asked.number).abs() > (twice - asked.number).abs();
@@ -300,7 +300,7 @@ impl FeasibilitySearch<'_, '_> {
         while let Some((robot, other)) = culprit.with_number(robot, motion, worked[last]) {
             let samples = other.stance.len();
             let typed = other.sampled_as(motion);
-            // With the samples of a shorter motion a wheel may slip between them.
+            // With the sample count of a shorter motion, a wheel may slip between samples.
             if last == 0 && found_cold && typed.stance.len() == samples {
                 break;
             }
@@ -441,7 +441,7 @@ impl RequestedValue {
         };
         let rounded =
             if change < 0.0 { (number / unit).floor() } else { (number / unit).ceil() } * unit;
-        // Without the last digits of a product in binary.
+        // Removes the last digits of a binary product.
         format!("{rounded:.*}", decimals as usize).parse().unwrap_or(rounded)
     }
 }
@@ -459,7 +459,7 @@ mod tests {
             (-0.53, -0.5213, 1.0, -0.521),
             (0.35, 0.4312, 1.0, 0.435),
             (6.05, 9.74, 1.0, 10.0),
-            // Nearer to 0, but not beyond it.
+            // Closer to 0, but not beyond.
             (1.0, 0.1, 2.0, 0.05),
         ] {
             let asked = RequestedValue { number: given, is_duration: false };

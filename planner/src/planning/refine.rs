@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(flags(&periodic), "###.......##");
         let at_rest = doubled(&walking("##...#", Ends::AtRest)).expect("few samples");
         assert_eq!(flags(&at_rest), "###.......#");
-        // A swing over the end of the period.
+        // A swing across the end of the period.
         let across = doubled(&walking(".####.", Ends::Periodic)).expect("few samples");
         assert_eq!(flags(&across), "..#######...");
     }

@@ -88,7 +88,7 @@ impl<'a> Search<'a> {
             let (ending, solution) = if index > 0 {
                 (solution.plan.solve.ending(), solution)
             } else {
-                // If no candidate converges, it is the diagnosis of the first that is shown.
+                // If no candidate converges, the diagnosis of the first candidate is shown.
                 if solution.plan.solve.diagnosis.is_some() {
                     let mut plan = solution.plan.clone();
                     plan.solve.diagnosis.iter_mut().for_each(Diagnosis::forget_numbers);
@@ -215,7 +215,7 @@ impl<T> State<T> {
     fn end(&mut self, index: usize, ending: StartOutcome, result: T) {
         let hopeless = ending == StartOutcome::Hopeless && index < HOPELESS;
         self.hopeless += usize::from(hopeless);
-        // A losing candidate that was stopped comes after the winner anyway.
+        // A losing candidate that was stopped is after the winner anyway.
         let decided = match ending {
             StartOutcome::Decided => Some(index),
             StartOutcome::Hopeless if hopeless && self.hopeless == HOPELESS => Some(HOPELESS - 1),

@@ -59,7 +59,7 @@ pub fn animation(plan: &Plan, extras: AnimationParts) -> String {
     let run = &page.run;
     let mut document = page.document().add(Style::new(style(run))).add(page.view.ground());
     for k in 0..run.moments.len() {
-        // It has begun already when the page opens.
+        // A negative delay: the animation has begun already when the page opens.
         let delay = format!("animation-delay:{:.4}s", k as f64 * run.frame_s() - run.loop_s());
         document = document.add(page.frame(k).set("class", run.class(k)).set("style", delay));
     }
@@ -77,7 +77,7 @@ pub fn animation(plan: &Plan, extras: AnimationParts) -> String {
             .add(Style::new(moves))
             .add(chart.now(0.0).set("class", "now"));
     }
-    // A file of thousands of short lines is larger, and no diff of it is read.
+    // Line breaks would make the file larger, and diffs of it are not read.
     document.to_string().replace('\n', "") + "\n"
 }
 

@@ -211,7 +211,7 @@ impl Panel {
                 for cell in cells {
                     let [bottom, top] = cell.y.map(|y| area.y_of(y));
                     let cell_px = rectangle(&area, cell.x, top, bottom - top);
-                    // Without lines between neighbours.
+                    // Without gaps between neighbours.
                     let cell_px = cell_px.set("shape-rendering", "crispEdges");
                     group = group.add(cell_px.set("fill", &*cell.fill));
                 }

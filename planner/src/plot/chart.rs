@@ -74,7 +74,7 @@ fn axis<'c>(label: &str, curves: impl Iterator<Item = &'c Curve>, scale: &Scale)
         // No points.
         _ if low > high => [0.5, 1.5],
         Scale::Logarithmic => [0.85 * low, 1.18 * high],
-        // One place alone has a range, too.
+        // A single position also needs a range.
         _ if low == high => [low - 0.5, high + 0.5],
         _ => [low, high],
     };

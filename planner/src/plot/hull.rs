@@ -63,7 +63,7 @@ mod tests {
         let square = convex_hull(vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
         assert_eq!(depth(&square, [1.5, 1.0]), Some(0.5));
         assert_eq!(depth(&square, [5.0, 6.0]), Some(-5.0));
-        // Nothing is inside a line or a point: two wheels, one foot.
+        // A line or a point has no inside: two wheels, or one foot.
         assert_eq!(depth(&[[0.0, 0.0], [2.0, 0.0]], [1.0, 0.25]), Some(-0.25));
         assert_eq!(depth(&[[0.0, 0.0]], [3.0, 4.0]), Some(-5.0));
         assert_eq!(depth(&[], [0.0, 0.0]), None);

@@ -68,7 +68,7 @@ fn logarithmic_ticks([low, high]: [f64; 2], wanted: usize) -> Vec<(f64, String)>
     let multiples: &[f64] = if 2 * decades <= wanted { &[1.0, 2.0, 5.0] } else { &[1.0] };
     (first..=last)
         .step_by(decades.div_ceil(wanted).max(1))
-        // Quotients of whole numbers are the nearest numbers, and print as such.
+        // Quotients of integers are the nearest floating-point numbers, and print with few digits.
         .flat_map(|power| {
             let ten = 10.0_f64.powi(power.abs());
             multiples.iter().map(move |m| if power < 0 { m / ten } else { m * ten })

@@ -112,7 +112,7 @@ enum Side {
 /// Draws names beside the picture, ordered by height, each with a line to its joint or end effector.
 fn column(mut names: Vec<(&str, [f64; 2])>, side: Side, width: f64, height: f64) -> Group {
     names.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
-    // From the top down none is nearer to the one before than a row, and the last one is on the page.
+    // From the top downwards, each row keeps its distance to the previous row. The last row is on the page.
     let mut rows: Vec<f64> = Vec::new();
     for (index, (_, at)) in names.iter().enumerate() {
         let below = (names.len() - 1 - index) as f64 * ROW;

@@ -303,14 +303,14 @@ mod tests {
         let stopped = steered(&mut course, &[(Steering::default(), 12)]);
         let last = stopped.last().expect("some");
         for (angle, nominal) in last.frames.last().expect("some").values.iter().zip(&posture) {
-            // Well within what ramps to SAFE may have to bridge.
+            // Well within the range of ramps to SAFE.
             assert!((angle - nominal).abs() < 0.1, "{angle} {nominal}");
         }
         assert!(last.velocity.iter().all(|v| v.abs() < 0.01), "{:?}", last.velocity);
         all.extend(walked);
         all.extend(stopped);
         assert!(all.iter().all(|stretch| stretch.accepted));
-        // Frames are 1/60 s apart, however samples lie between them.
+        // Frames are 1/60 s apart, independent of the samples.
         let frames: usize = all.iter().map(|stretch| stretch.frames.len()).sum();
         assert_eq!(frames, (all.len() as f64 * course.stretch_s() * 60.0).round() as usize);
         check_frames(&robot, &all);
@@ -352,7 +352,7 @@ mod tests {
         let forward = Steering { forward_m_s: speed_m_s, ..Steering::default() };
         let walked = steered(&mut course, &[(forward, 100)]);
         assert!(walked.iter().all(|stretch| stretch.accepted));
-        // Three periods, after a time in which the correction has learned what is missing.
+        // Mean of three periods, after the correction has adapted.
         let mean_m_s = walked[68..].iter().map(|of| of.velocity[0]).sum::<f64>() / 32.0;
         assert!((0.95..1.05).contains(&(mean_m_s / speed_m_s)), "{mean_m_s} of {speed_m_s}");
     }
@@ -363,7 +363,7 @@ mod tests {
         let mut course = from_nominal(&robot, 0.1, 1.0);
         let forward = Steering { forward_m_s: 0.15, ..Steering::default() };
         steered(&mut course, &[(forward, 3)]);
-        // Stopped before the first iteration is over, from a state that is far from what is wanted.
+        // Stopped during the first iteration, from a state far from the command.
         let wild = Steering { forward_m_s: 40.0, left_m_s: 30.0, turn_rad_s: 50.0 };
         let mut outcomes = Vec::new();
         for _ in 0..6 {

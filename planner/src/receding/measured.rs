@@ -144,7 +144,7 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Initial
     at.rows_mut(JOINTS, state.joint_rad.len()).copy_from_slice(&state.joint_rad);
     let axes = Matrix3::from_columns(&rotation::yaw_pitch_roll_axes(&ypr));
     let spin = Vector3::from_column_slice(&state.velocity[ANGULAR..ANGULAR + 3]);
-    // Pitched by a right angle, where no rates are, a robot has fallen.
+    // At a pitch of a right angle, Euler rates do not exist, but the robot has fallen.
     let rates = axes.lu().solve(&spin).unwrap_or_default();
     let mut before = at.clone();
     let h = problem.interval_s;
@@ -163,7 +163,7 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Initial
     let [from, to] = [evaluated(&before), evaluated(&at)];
     for (j, wheel) in layout.end_effectors.iter().enumerate() {
         let (Some(wheel), Some(dof)) = (wheel.wheel, tree.wheel_dof(j)) else { continue };
-        // Over the ground the wheel turns as its motor does and as its link.
+        // Relative to the ground, the wheel rotates with its motor and with its link.
         before[wheel.speed] = state.velocity[dof] - motor_speed_rad_s(problem, j, &from, &to);
         at[wheel.speed] = before[wheel.speed];
     }
@@ -194,7 +194,7 @@ mod tests {
             kinematics.update(&tree, &found.configuration(), &found.velocity);
             for (j, _) in stands.iter().enumerate().filter(|(_, stands)| **stands) {
                 let contact = RimContact::new(&tree, &kinematics.frames, j, &Vector3::z()).unwrap();
-                // What the damping leaves where legs share a link.
+                // Remaining error, due to damping, of legs that share a link.
                 let (name, height) = (&robot.name, contact.position().z);
                 assert!(height.abs() < 1e-5, "{name}: {height}");
                 let velocity = contact.motion(&kinematics).material_velocity;

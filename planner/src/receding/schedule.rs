@@ -72,7 +72,7 @@ impl Schedule {
         let count = rows.len() as i64;
         let row = |k: i64| rows[k.rem_euclid(count) as usize][j];
         let since = at - self.begun_at;
-        // Of a swing that began before the gait, or before the landing of another one, the rest is left out.
+        // Swings that began before the gait, or before another foot landed, are left out.
         let free = (self.earlier[j].end - self.begun_at).max(0);
         since < free || (free..=since.min(free + count)).all(|k| !row(k)) || row(since)
     }
@@ -96,10 +96,10 @@ impl Schedule {
             let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(here);
             let since = (0..here).rev().find(|&k| rows[k][j]).map_or(here, |k| k + 1);
             if place.touches && until - here < here - since {
-                // It has landed before its time. One that still touches at lift-off does so late.
+                // The foot has landed early. A foot that still touches at lift-off lifts off late.
                 rows[here..until].iter_mut().for_each(|row| row[j] = true);
             } else if !place.touches && rows[here][j] && place.height_m > STANDS_BELOW_M {
-                // It has not landed in time, and goes on, as fast as a swing comes down at most.
+                // The foot has not landed in time, and descends further, at most at the greatest speed of a swing.
                 let swing_s = h * self.swing_samples(j).max(1) as f64;
                 let fastest_m_s = PI * swing_m.max(STANDS_BELOW_M) / swing_s;
                 let more = (place.height_m / (fastest_m_s * h)).ceil() as usize;
@@ -113,7 +113,7 @@ impl Schedule {
             let until = (here..rows.len()).find(|&k| rows[k][j]).unwrap_or(rows.len());
             let rises = (heights[here + 1][j] - heights[here - 1][j]) / (2.0 * h);
             let off = [place.height_m - heights[here][j], (place.rises_m_s - rises) * h];
-            // A swing is on the ground at its last sample.
+            // At the last sample of a swing, the foot is on the ground.
             let last = (until - 1 - here) as f64;
             for (k, row) in heights[here..until].iter_mut().enumerate() {
                 row[j] += fade_out(off, k as f64, last);
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn a_swing_goes_on_from_where_the_foot_is() {
         let schedule = Schedule::new(gait("##.......#"), 0);
-        // On its profile, 0.04 m · sin²(πu) from sample 2 to sample 8, and as fast as its samples differ.
+        // The foot is on its profile, 0.04 m · sin²(πu) from sample 2 to sample 8, and has its speed.
         let rises_m_s = (0.04 - 0.01) / 0.2;
         let there = ContactState { touches: false, height_m: 0.03, rises_m_s };
         let (marks, heights) = from(&schedule, 4, 7, there);
@@ -184,7 +184,7 @@ mod tests {
         for (height, expected) in heights.iter().zip([0.03, 0.04, 0.03, 0.01, 0.0, 0.0, 0.0]) {
             assert!((height - expected).abs() < 1e-12, "{heights:?}"); // rounding only
         }
-        // Lower and slower, it comes back to the profile until it lands.
+        // The foot is lower and slower. It returns to the profile until it lands.
         let (_, lower) =
             from(&schedule, 4, 7, ContactState { height_m: 0.01, rises_m_s: 0.0, ..there });
         assert!((lower[0] - 0.01).abs() < 1e-12); // rounding only
@@ -195,15 +195,15 @@ mod tests {
     #[test]
     fn contacts_that_differ_from_the_schedule_count() {
         let schedule = Schedule::new(gait("##.......#"), 0);
-        // Landed early, in the second half of the swing; still on the ground in the first.
+        // The foot has landed early, in the second half of its swing; in the first half it is still on the ground.
         assert_eq!(from(&schedule, 6, 8, down()).0, "######..");
         assert_eq!(from(&schedule, 3, 8, down()).0, "......##");
-        // Not landed in time: down from 20 mm at π · 40 mm / 0.7 s at most takes two samples.
+        // The foot has not landed in time. The descent from 20 mm at no more than π · 40 mm / 0.7 s takes two samples.
         let aloft = ContactState { touches: false, height_m: 0.02, rises_m_s: -0.1 };
         let (marks, heights) = from(&schedule, 9, 5, aloft);
         assert_eq!(marks, "..#..");
         assert_eq!(heights[..4], [0.02, 0.0, 0.0, 0.0]);
-        // Within what a contact yields it stands.
+        // Within the deflection of a contact, the foot stands.
         assert_eq!(from(&schedule, 9, 5, ContactState { height_m: 0.002, ..aloft }).0, "###..");
     }
 
@@ -213,7 +213,7 @@ mod tests {
         schedule.change(gait("..##"), 5);
         let stands: String =
             (0..20).map(|k| if schedule.stands(k, 0) { '#' } else { '.' }).collect();
-        // The swing of samples 2 to 8 ends, and the swing of the other gait that has begun by then is left out.
+        // The swing of samples 2 to 8 ends. The swing of the other gait, which has begun by then, is left out.
         assert_eq!(&stands[2..], ".......####..##..#");
     }
 }

@@ -120,7 +120,7 @@ mod tests {
             let mut fast = Plant::new(lag_s, 1.2);
             fast.steer(0.2, 30.0);
             assert!((fast.velocity_m_s - 0.2).abs() < 0.002, "{}", fast.velocity_m_s);
-            // One that is blocked is not driven without end.
+            // The correction of a blocked robot is bounded.
             assert!(Plant::new(lag_s, 0.1).steer(0.2, 300.0).1 < 0.051);
         }
     }
@@ -134,7 +134,7 @@ mod tests {
                 let part = plant.trim.part[0];
                 assert!(part.abs() < 0.12, "{lag_s} s, {wanted} m/s: {part}");
             }
-            // A stick that is tapped, and one that moves all the time.
+            // A stick that is tapped, and a stick that moves all the time.
             let mut plant = Plant::new(lag_s, 1.0);
             for k in 0..50 {
                 plant.steer(if k % 2 == 0 { 0.2 } else { 0.0 }, 1.05);

@@ -73,7 +73,7 @@ fn least<T>(of: impl Iterator<Item = (f64, f64, T)>) -> Option<(f64, f64, T)> {
 /// Height and time of the highest point of every swing of an end effector.
 fn highest_of_swings(timeline: &Timeline, j: usize) -> Vec<(f64, f64)> {
     let states: Vec<&State> = timeline.samples().map(|w| w.here).collect();
-    // A swing of a periodic motion may go on in its next period.
+    // A swing of a periodic motion may continue in the next period.
     let first = match timeline.plan.motion.ends {
         Ends::Periodic => states.iter().position(|state| state.stands(j)).unwrap_or(0),
         Ends::AtRest | Ends::Prescribed => 0,
@@ -114,7 +114,7 @@ mod tests {
         let mut plan = test_plans::cruise();
         assert_eq!(SmallestDistances::of(&Timeline::new(&plan)).swing, None, "nothing swings");
         let last = plan.samples.len() - 1;
-        // One of 30 mm, and one of 20 mm that goes on in the next period.
+        // A swing of 30 mm, and a swing of 20 mm that continues in the next period.
         for (sample, height_m) in [(4, 0.01), (5, 0.03), (6, 0.02), (last, 0.02), (0, 0.005)] {
             let foot = &mut plan.samples[sample].end_effectors[1];
             (foot.contact, foot.position_m[2]) = (false, height_m);

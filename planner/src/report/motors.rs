@@ -23,7 +23,7 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
     let h = timeline.spacing_s();
     for w in timeline.samples() {
         let torques = joint_torques_nm(timeline, &w);
-        // Lines hold where an interval begins.
+        // Set-point lines apply where an interval begins.
         let begins = periodic || w.index + 1 < timeline.plan.samples.len();
         for ((j, of), torque_nm) in robot.joints.iter().enumerate().zip(torques) {
             let limit = of.actuator.torque_max_nm;

@@ -94,7 +94,7 @@ fn contact_displacement(plan: &Plan) -> [f64; 3] {
         sine += a[0] * b[1] - a[1] * b[0];
         cosine += a[0] * b[0] + a[1] * b[1];
     }
-    // One contact has no direction. Places do not know whole turns.
+    // One contact has no direction, and positions do not contain whole turns.
     let turn_rad = if sine == 0.0 && cosine == 0.0 { 0.0 } else { sine.atan2(cosine) };
     let turn_rad = turn_rad + TAU * ((plan.reached()[2] - turn_rad) / TAU).round();
     let (s, c) = turn_rad.sin_cos();
@@ -120,7 +120,7 @@ mod tests {
             !rolled.is_said() && Report::new(&plan).judgement == Judgement::Consistent,
             "{rolled}"
         );
-        // A whole turn of all contacts about the vertical is as good as none, and is a goal that is met.
+        // A whole turn of all contacts about the vertical equals no turn, and meets the goal.
         let last = plan.samples.len() - 1;
         plan.samples[last].base_yaw_pitch_roll_rad[0] += TAU;
         plan.motion.goal.turn_rad = Some(TAU);

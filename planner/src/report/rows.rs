@@ -43,7 +43,7 @@ pub fn between(timeline: &Timeline, grid: Grid) -> Vec<Row> {
     let mut rows: Vec<Row> =
         found.into_iter().filter_map(|worst| worst.row_as_played(timeline)).collect();
     if grid == Grid::Library60Hz {
-        // Means over frames say nothing of samples that are as close as frames.
+        // Means over frames are meaningless if samples are as close as frames.
         let of_forces =
             |row: &&mut Row| matches!(row.family, Family::LinearDynamics | Family::AngularDynamics);
         rows.iter_mut().filter(of_forces).for_each(|row| row.level = None);

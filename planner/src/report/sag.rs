@@ -33,7 +33,7 @@ impl fmt::Display for Sag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { end_effector, time_s, height_m, lost_m } = self;
         let [lost_mm, height_mm] = [lost_m, height_m].map(|length| 1e3 * length);
-        // More than all of it would be the ground that is in the way.
+        // A loss greater than the whole height means that the ground is in the way.
         let lost = if lost_m < height_m { format!("{lost_mm:.0}") } else { "all".to_owned() };
         write!(
             f,

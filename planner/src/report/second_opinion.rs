@@ -79,7 +79,7 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
     std::fs::create_dir_all(&folder).expect("a folder for tests");
     let mut script = python();
     let numbers = ["NaN", "Infinity", "-Infinity", "1e999"].into_iter().cycle();
-    // What other writers put for NaN, where it does not say that there is no such goal, limit or level.
+    // Other writers write null for NaN. The fields exclude those in which null means that a goal, limit or level is missing.
     let nulls = fields.iter().filter(|field| !is_optional(field)).map(|field| (field, "null"));
     let cases: Vec<_> = fields.iter().zip(numbers).chain(nulls).collect();
     assert!(cases.len() > 2 * fields.len() - 15, "{cases:?}");
@@ -142,7 +142,7 @@ fn what_changes_outside_the_motion_is_noticed() {
         let copied = plan.motion.ends != Ends::Prescribed;
         let changes = everywhere.into_iter().chain(copied.then_some(of_copies));
         for (k, (family, change)) in changes.enumerate() {
-            // Each change before one plan and after another: a run of the script takes a second.
+            // Each change is before one plan and after another, because a run of the script takes a second.
             let mut changed = plan.clone();
             let is_after = (k + index) % 2 == 0;
             change(if is_after { &mut changed.after } else { &mut changed.before });

@@ -43,7 +43,7 @@ pub(super) fn slipping(timeline: &Timeline, grid: Grid) -> [WorstCase; 2] {
     let h = timeline.spacing_s();
     let (mut way_m, mut stood_s) = (0.0, 0.0);
     for (j, foot) in feet(timeline) {
-        // How far the foot has slipped since it stands, and the last interval of that.
+        // Slip distance of the foot in the present stance, and the last interval of the stance.
         let mut stance: Option<(f64, Window)> = None;
         let mut end = |stance: Option<(f64, Window)>| {
             if let Some((slipped_m, last)) = stance {

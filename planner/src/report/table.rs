@@ -52,7 +52,7 @@ impl fmt::Display for Report {
             )?;
         }
         write!(f, "{}", self.room)?;
-        // Growth that is much goes with the verdict, below the table.
+        // A large growth is printed with the verdict, below the table.
         if let Some(growth) = self.growth_per_cycle.filter(|growth| !growth.is_much()) {
             writeln!(f, "{growth}")?;
         }

@@ -39,7 +39,7 @@ impl Curves<'_> {
             angle += speed(sample) * h;
         }
         let before = Complex::from(-speed(&plan.before) * h);
-        // After the loop `angle` is that one interval after the last sample.
+        // After the loop, `angle` is one interval after the last sample.
         self.through(&angles, before, angle.into(), 1.0.into(), angle.into())
     }
 

@@ -91,8 +91,8 @@ impl PlanSpline {
         if self.model.robot().end_effectors[j].contact.actuator().is_some() {
             return of(&self.motor_angle[j]);
         }
-        // A free wheel: its spin over the ground less what its link turns, whose derivative is taken numerically: the
-        // spin of a free wheel moves no motor, and its gyroscopic moment is small.
+        // Spin of a free wheel relative to the ground without the rotation of its link. Its derivative is numerical, because no
+        // motor drives it, and its gyroscopic moment is small.
         const STEP_S: f64 = 1e-4;
         let carried = |time_s: f64| {
             let jets: Vec<_> = self.pose.iter().map(|spline| spline.at(time_s)).collect();

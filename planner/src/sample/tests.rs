@@ -148,7 +148,7 @@ fn a_turning_motion_goes_round_a_circle() {
 
 #[test]
 fn a_prescribed_motion_takes_its_end_speeds_from_the_samples_around() {
-    // The same cruise, once whole, once a part of it with prescribed ends.
+    // The same cruise, once complete, and once a part with prescribed ends.
     let (whole, part) =
         (PlanSpline::new(&test_plans::cruise()), PlanSpline::new(&test_plans::cruise_middle()));
     for k in 0..=60 {
@@ -193,7 +193,7 @@ fn welded_wheels_spin_with_their_links() {
     plan.robot.end_effectors[1].contact = Contact::WeldedWheel { axis_in_link };
     let spline = PlanSpline::new(&plan);
     for k in 0..50 {
-        // The box neither tilts nor yaws: the wheel turns as its leg does. The bound allows for rounding only.
+        // The box neither tilts nor yaws, so the wheel rotates as its leg does. The bound allows only for rounding.
         let time_s = 0.0237 * f64::from(k);
         let spin = spline.sample(time_s).end_effectors[1].wheel_speed_rad_s;
         let leg = spline.setpoints(time_s).joint_speed_rad_s[1];

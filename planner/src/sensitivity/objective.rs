@@ -152,7 +152,7 @@ fn power(rows: &Rows) -> ObjectiveValue {
         let of = |family: Family| {
             rows.rows.iter().enumerate().filter(move |(_, row)| row.family == family)
         };
-        // Either of the two rows of a speed: the sign does not matter.
+        // Either of the two rows of a speed; the sign does not matter.
         let speeds: HashMap<_, _> = of(speed)
             .map(|(index, row)| (key(row), (index, compared(rows, index), row.scale)))
             .collect();

@@ -73,7 +73,7 @@ fn of(problem: &Problem, unknowns: &Unknowns, shifts: &[f64]) -> Vec<Price> {
         price.per_percent = price.given.map(|(_, value)| price.per_unit * 0.01 * value / cost);
     }
     let worth = |price: &Price| {
-        // By the tolerance of a constraint that compares with no number.
+        // Relative to the tolerance, if the constraint is compared with 0.
         let relative = price.per_percent.unwrap_or_else(|| price.per_unit * 1e-3 / cost);
         relative.abs()
     };

@@ -105,7 +105,7 @@ impl Shortfall {
         if found.held.pin.is_none() {
             return Ok(found);
         }
-        // The direction is that of the motion at the end, not at the beginning.
+        // The direction is that of the motion at its end, not at its beginning.
         let Self { problem, unknowns, mut held, steps, .. } = found;
         held.pin = time_shift::free(&problem, &unknowns, &Columns::new(&problem));
         let found = Self::near(problem, motion, unknowns, held, progress)?;
@@ -242,7 +242,7 @@ impl Shortfall {
             by_rows.push(of_rows);
             by_gradients.push(of_gradient);
         }
-        // What the point's own moves take away, and the other half.
+        // Reduction by the point's own response, and the symmetric half.
         let count = parameters.len();
         let reduced = |i: usize, j: usize| {
             let of = |a: usize, b: usize| {

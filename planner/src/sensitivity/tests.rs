@@ -191,7 +191,7 @@ fn an_edit_is_planned_from_where_the_optimum_goes() {
     }
     let (ahead, behind) = (design(&ahead, &motion), design(&behind, &motion));
     let change = optimal.changes(&[Parameter { ahead, behind, apart: 2e-5 }]).unwrap().remove(0);
-    // The prediction is of first order: what is left to the solver grows with the square of the edit.
+    // The prediction is first order: the remaining error grows with the square of the edit.
     let level = |by_m: f64| {
         let edited = length(&robot, by_m);
         let mut options = Options { refine: false, ..Options::default() };
@@ -235,7 +235,7 @@ fn the_tilted_car_stands_as_its_closed_form_says() {
         pitch = (0.05 * (1.0 - (1.0 - 0.5 * pitch.cos().powi(2)).sqrt()) / 0.24).asin();
     }
     assert!((pitch.to_degrees() - 3.482_740).abs() < 1e-6);
-    // Their axes, seen from above, lead by sin θ for cos 45° across and cos 45° up.
+    // Seen from above, the axes lead by sin θ for cos 45° across and cos 45° up.
     let points = pitch.sin().atan();
     assert!((points.to_degrees() - 3.476_324).abs() < 1e-6);
     let layout = &optimal.problem.layout;
@@ -251,7 +251,7 @@ fn the_tilted_car_stands_as_its_closed_form_says() {
 #[test]
 fn a_standing_body_rises_with_its_legs() {
     let (robot, stand) = read("stand.toml");
-    // Forces that need not be even let the legs keep their angles, of 0.6 rad at the thighs.
+    // If forces may be uneven, the legs keep their angles, 0.6 rad at the thighs.
     let mut options = Options { refine: false, ..Options::default() };
     options.weights.force = 1e-7;
     let solution = optimise_solution(&robot, &stand, &options, &mut on);

@@ -28,7 +28,7 @@ pub(super) fn free(problem: &Problem, unknowns: &Unknowns, columns: &Columns) ->
         .iter()
         .map(|s| s.lift.apply(layout, &unknowns.slots[s.slot], &unknowns.placement))
         .collect();
-    // Speeds of the samples, less the planar motion that would carry the first sample away from where it is anchored.
+    // Speeds of the samples without the planar motion that would carry the first sample away from its anchor.
     let rate = |t: usize| (&lifted[t + 1] - &lifted[t - 1]) / 2.0;
     let first = rate(1);
     let turn = first[BASE_YAW];
@@ -60,7 +60,7 @@ pub(super) fn free(problem: &Problem, unknowns: &Unknowns, columns: &Columns) ->
         }
     }
     if let Some([x, y, _]) = columns.placement {
-        // What the planar motion does to the placement: it is seen from a moved frame.
+        // Effect of the planar motion on the placement, which is seen from a moved frame.
         let offset = unknowns.placement.offset_m;
         let at_origin = drift - spin(base);
         let turned = rollwalk_multibody::rotation::yaw_rotation(unknowns.placement.yaw_rad);

@@ -122,7 +122,7 @@ impl Fronts {
             }
             left[index] = update;
         }
-        // The fronts without a border leave nothing, but have memory.
+        // Fronts without a border leave nothing, but have memory to reuse.
         spare.extend(left.iter_mut().map(std::mem::take).filter(|left| left.capacity() > 0));
         Some(())
     }

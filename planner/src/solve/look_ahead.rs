@@ -89,7 +89,7 @@ mod tests {
     fn the_next_step_stays_clear_of_what_the_first_ran_into() {
         let mut looked = 0;
         for robot in test_robots::all() {
-            // Too fast for the torques of the joints.
+            // Too fast for the torque limits of the joints.
             let mut motion = test_robots::motion(&robot, Ends::Periodic);
             motion.duration_s *= 0.4;
             let problem = Problem::new(Model::new(&robot), &motion, Weights::default());
@@ -109,7 +109,7 @@ mod tests {
             let Some(excess) = look else { continue };
             looked += 1;
             assert!(excess >= 0.0, "{}: {excess}", robot.name);
-            // The first step minimises the damped model without planes, the next one that with planes.
+            // The first step minimises the damped model without planes, the second the model with planes.
             let next = normal.step(damping).expect("positive definite");
             let [before, after] = [&trial.step, &next].map(|step| planes(&here.rows, &trial, step));
             assert!(after < before, "{}: {before} {after}", robot.name);

@@ -196,7 +196,7 @@ impl<'a> Minimum<'a> {
         let enough = size * leave * leave;
         let mut found =
             Step { step: vec![0.0; left.len()], promised: 0.0, square: 0.0, is_cut: false };
-        // Products in the metric: of the step and the direction, and of the direction with itself.
+        // Products in the metric: step times direction, and direction times itself.
         let (mut across, mut own) = (0.0, size);
         for _ in 0..PRODUCTS_MAX {
             if size <= enough || size <= 0.0 {

@@ -236,7 +236,7 @@ impl NormalEquations {
 
     /// Energy decrease that the quadratic model with this damping predicts for a step.
     pub fn promised_decrease(&self, step: &[f64], damping: f64) -> f64 {
-        // −gᵀd − ½ dᵀHd with (H + λ)d = −g gives ½ (λ dᵀd − gᵀd).
+        // −gᵀd − ½ dᵀHd with (H + λ)d = −g equals ½ (λ dᵀd − gᵀd).
         let (mut gd, mut dd) = (0.0, 0.0);
         for (g, d) in self.gradient.iter().zip(step) {
             gd += g * d;

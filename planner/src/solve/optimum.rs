@@ -197,7 +197,7 @@ impl<'a> Optimum<'a> {
         for _ in 0..steps {
             let here = self.conditions(&self.rows, &self.shifts);
             let before = here.squares(self.penalty());
-            // At the end rounding decides.
+            // Near the end, rounding decides.
             let is_there = |last: f64| before < ROUNDING || last < NEARLY_NO_STEP;
             stalled = if before > HARDLY * previous { stalled + 1 } else { 0 };
             if stalled == STALLED {
@@ -281,7 +281,7 @@ impl<'a> Optimum<'a> {
         let right = conditions.negated();
         let mut sum = self.solve_stiff(&right, effort)?;
         let enough = effort.leave * norm(&sum.unknowns);
-        // The first rows of the system hold exactly, so that only Φ is left.
+        // The first rows of the system hold exactly, so only Φ remains.
         let mut left = self.left_by(&sum);
         let mut known: Vec<(Change, Vec<f64>)> = Vec::new();
         for _ in 1..effort.refinements {

@@ -111,7 +111,7 @@ mod tests {
             let shifts = vec![0.0; here.rows.len()];
             let mut normal = NormalEquations::new(&here, system.columns());
             normal.assemble(&here, &shifts, penalty);
-            // Damped so that the step is short enough for a second-order model.
+            // The damping makes the step short enough for a second-order model.
             let step = normal.step(10.0 * penalty).unwrap();
             let straight = trials.attempt(&from, &shifts, step.clone());
             let bend = normal.bend(&here, &straight.point.rows, &step).unwrap();

@@ -33,7 +33,7 @@ pub fn halved(robot: &Robot, motion: &Motion) -> Option<Motion> {
     let stance: Vec<Vec<bool>> = (0..count).map(|i| motion.stance[fine(i)].clone()).collect();
     let feet = 0..motion.stance[0].len();
     let swings_last = feet.clone().all(|j| shortest_swing(&stance, j) >= LEAST_SWING);
-    // The count of swings stays the same: none is lost, none merged with the next.
+    // The number of swings stays the same: no swing is lost or merged with the next.
     let as_many = feet.clone().all(|j| swings(&stance, j) == swings(&motion.stance, j));
     // A target that sets the height of a swing has to stay within that swing.
     let shaped = motion.targets.iter().any(|target| {
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn short_swings_are_not_halved() {
-        // Every other sample misses the single sample of stance between the two swings of the second one.
+        // Every second sample misses the single sample of stance between the two swings of the second foot.
         for flags in
             ["######...###############################", "#######........#........################"]
         {

@@ -16,7 +16,7 @@ pub fn joined(problem: &Problem, fixed: [DVector<f64>; 4]) -> Unknowns {
     let dofs = problem.layout.dofs;
     let velocity_in = (start.rows(0, dofs) - before.rows(0, dofs)) / h;
     let velocity_out = (after.rows(0, dofs) - end.rows(0, dofs)) / h;
-    // Placement of the end for a velocity that changes evenly from the first to the last.
+    // Placement of the end for a velocity that changes linearly from the first to the last.
     let mean = |k: usize| 0.5 * (velocity_in[k] + velocity_out[k]) * duration_s;
     let placement = Placement {
         offset_m: [mean(BASE_POSITION), mean(BASE_POSITION + 1)],

@@ -68,7 +68,7 @@ impl Support {
         let directions = foot.contact.drag().map_or_else(
             || Matrix3xX::identity(3),
             |drag| {
-                // Eq. 2.6: the force along the rolling direction is a part of the load.
+                // Eq. 2.6: the force along the rolling direction is a fraction of the load.
                 let rolling = contact.axis.cross(&normal).normalize();
                 let speed_m_s =
                     kinematics.point_velocity(contact.link, &contact.center).dot(&rolling);
@@ -110,8 +110,8 @@ pub fn nearest(supports: &[&Support], wanted: &RequiredWrench) -> Vec<Vector3<f6
     if count == 0 {
         return Vec::new();
     }
-    // Wrench per unknown, planned unknowns, and rows of the cones: μ times the normal force of each contact, and its
-    // two tangential ones.
+    // Wrench per unknown, planned unknowns, and rows of the cones: μ times the normal force of each contact, and its two
+    // tangential forces.
     let mut wrenches = DMatrix::zeros(6, count);
     let mut planned = DVector::zeros(count);
     let mut cones = DMatrix::zeros(3 * supports.len(), count);
@@ -205,7 +205,7 @@ fn solve(
         accuracy: Some(ACCURACY),
     };
     let found = DVector::from_column_slice(&program.solve().x[..count]);
-    // Random problems are all solved. Should one not be, the planned forces are as good a guess as any.
+    // Random problems are all solved. If one failed, the planned forces would be the best guess.
     if found.iter().all(|x| x.is_finite()) { found } else { planned.clone() }
 }
 
@@ -255,7 +255,7 @@ mod tests {
             let count = 3 * (1 + case % 5);
             let mut random = |scale: f64| scale * random();
             let wrenches = DMatrix::from_fn(6, count, |_, _| random(1.0));
-            // Friction of 1, and what is wanted so far from what is planned that about half of the cases end within the cones.
+            // Friction of 1. The wanted wrench is so far from the plan that about half of the cases end within the cones.
             let planned =
                 DVector::from_fn(
                     count,
@@ -274,7 +274,7 @@ mod tests {
             }
             within += 1;
             let solved = solve(&planned, &wrenches, &wrench, &cones);
-            // The solver's tolerance of the gap, 1e-10: where it has a square, lengths are good to its root.
+            // The solver's tolerance of the gap is 1e-10. It contains a square, so lengths are accurate to its root.
             assert!((closed - &solved).amax() < 1e-5, "{case}: {solved}");
         }
         assert!((20..80).contains(&within), "{within}");
@@ -310,7 +310,7 @@ mod tests {
                 let gradient = force - support.planned_n - pull * WRENCH_WEIGHT;
                 let step = 1e-4;
                 let moved = in_cone(&(force - gradient * step), support.friction_coefficient);
-                // The solver's tolerance: measured, up to 1.2e-4 N of some 60 N.
+                // Tolerance of the solver: up to 1.2e-4 N of 60 N was measured.
                 assert!((moved - force).norm() < 1e-3, "{case}: {force:?} {moved:?}");
                 at_the_edge += usize::from((force.xy().norm() - 0.7 * force.z).abs() < 1e-4);
             }

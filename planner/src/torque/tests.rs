@@ -52,7 +52,7 @@ fn at_rest_motors_hold_the_weight_that_their_feet_carry() {
             let load_n = plan.samples[0].end_effectors[j].force_n[2];
             let lever_m = LEG_M * leg_rad.sin();
             let expected = -lever_m * (load_n - 0.5 * LEG_KG * GRAVITY_M_S2);
-            // The solver of the forces stops at parts of 1e-8 of the weight, 27 N.
+            // The force solver stops at 1e-8 of the weight, 27 N.
             assert!((torque_nm - expected).abs() < 1e-6, "{time_s} {j}: {torque_nm} {expected}");
         }
         assert!(actuation.motor_nm.iter().all(|motor| motor.expect("a motor").abs() < 1e-6));
@@ -71,7 +71,7 @@ fn a_leg_that_swings_is_a_pendulum() {
         leg_rad: |t| 0.4 + 0.2 * (TAU * t / 1.2 + 0.7).sin(),
     }
     .plan("swing");
-    // Hung up: the body stays where it is, no foot touches the ground, wheels turn with their legs.
+    // The robot hangs: the body does not move, no foot touches the ground, wheels rotate with their legs.
     plan.motion.stance.iter_mut().flatten().for_each(|stands| *stands = false);
     for sample in &mut plan.samples {
         sample.base_position_m[2] = 1.0;
@@ -90,7 +90,7 @@ fn a_leg_that_swings_is_a_pendulum() {
             assert!((torque_nm - expected).abs() < 2e-6, "{time_s}: {torque_nm} {expected}");
         }
         let weight_n = plan.robot.total_mass_kg() * GRAVITY_M_S2;
-        // The legs pull at the body as they swing; what holds it up is nobody's.
+        // The legs pull at the body as they swing. No contact carries the weight.
         assert!((actuation.unmet_force_n.z - weight_n).abs() < 0.8 * 0.1 * 6.0, "{actuation:?}");
     }
 }
@@ -113,7 +113,7 @@ fn a_wheel_that_speeds_up_takes_the_inertia_of_its_motor() {
         let time_s = 0.06 * f64::from(k);
         let [without, with] = [&mut without, &mut with].map(|inverse| inverse.at(time_s));
         let more = with.motor_nm[2].expect("a motor") - without.motor_nm[2].expect("a motor");
-        // The forces at the contact change with the moment that the wheel takes from the robot, by far less.
+        // The moment that the wheel takes from the robot also changes the contact forces, but by far less.
         let moved = (with.force_n[2].x - without.force_n[2].x) * 0.05;
         let expected = (disc + ARMATURE_KG_M2) * 3.0 * turn * (turn * time_s).cos();
         assert!((more - moved - expected).abs() < 2e-4, "{time_s}: {more} {moved} {expected}");
@@ -159,7 +159,7 @@ fn motors_and_ground_supply_the_change_of_energy() {
                 let mut jacobian = Matrix3xX::zeros(tree.dofs());
                 contact.material_jacobian(tree, &kinematics.frames, &mut jacobian);
                 if tree.robot().end_effectors[j].contact.drag().is_some() {
-                    // No motor holds a free wheel: the ground turns it.
+                    // No motor holds a free wheel; the ground rotates it.
                     let dof = tree.wheel_dof(j).expect("it spins");
                     jacobian.column_mut(dof).fill(0.0);
                 }
@@ -170,7 +170,7 @@ fn motors_and_ground_supply_the_change_of_energy() {
                 [0, 3].map(|first| Vector3::from_column_slice(&velocity[first..first + 3]));
             power += actuation.unmet_force_n.dot(&(linear + angular.cross(&base_to_com)))
                 + actuation.unmet_moment_nm.dot(&angular);
-            // The spin of a free wheel takes its power from the ground, too.
+            // The spin of a free wheel also takes its power from the ground.
             let spin: f64 = tree
                 .wheels()
                 .iter()
@@ -180,7 +180,7 @@ fn motors_and_ground_supply_the_change_of_energy() {
             let step_s = 1e-5;
             let change = energy(&inverse, time_s + step_s) - energy(&inverse, time_s - step_s);
             let change = change / (2.0 * step_s);
-            // Central differences of some J over 1e-5 s: rounding 1e-15/1e-5, and step² times third derivatives.
+            // Central differences of the Jacobian over 1e-5 s: rounding 1e-15/1e-5, and step² times third derivatives.
             let scale = 1.0 + change.abs();
             let name = &plan.motion.name;
             assert!(
@@ -225,7 +225,7 @@ fn forces_stay_in_their_cones_and_near_the_plan() {
                         assert!(off < 0.15 * weight_n, "sample {i}: {off}");
                     }
                 }
-                // These motions have feet enough to take what the plan's model leaves out.
+                // These motions have enough feet to take what the plan's model neglects.
                 assert!(actuation.unmet_force_n.norm() < 1e-3 * weight_n, "sample {i}");
             }
         }

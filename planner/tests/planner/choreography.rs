@@ -208,7 +208,7 @@ fn the_slalom_goes_round_both_poles() {
     let plan = plan(&motion);
     let spline = PlanSpline::new(&plan);
     let left = |at_s: f64| spline.sample(at_s).com_m[1];
-    // Both times are samples, through which the motion as played goes; a fifth of the level of 1 mm.
+    // The played motion passes through both times, because they are samples; tolerance is a fifth of the level of 1 mm.
     assert!((left(0.4) - 0.06).abs() < 2e-4 && (left(1.2) + 0.06).abs() < 2e-4);
     assert!(Report::new(&plan).judgement == Judgement::Consistent);
 }
@@ -233,8 +233,8 @@ fn targets_between_samples_hold_in_the_motion_as_played() {
     let plan = plan(&with(&finer, tables).unwrap());
     let spline = PlanSpline::new(&plan);
     let at = |at_s: f64| spline.sample(at_s);
-    // The parabola is off by h³/16 and h²/6 times the third derivative, and the spline, which bends
-    // elsewhere, about as much: twice that, from the third differences of the plan around the time.
+    // The error of the parabola is h³/16 and h²/6 times the third derivative, and that of the spline is similar. The bound is
+    // twice that, from the third differences of the plan around the time.
     let third = |at_s: f64, of: fn(&Sample) -> f64| {
         let near = |s: &&Sample| (s.time_s - at_s).abs() < 3.0 * plan.sample_interval_s;
         let values: Vec<f64> = plan.samples.iter().filter(near).map(of).collect();
@@ -243,7 +243,7 @@ fn targets_between_samples_hold_in_the_motion_as_played() {
     };
     let within = |off: f64, bound: f64, least: f64| {
         assert!(bound < least, "the bound says nothing: {bound}");
-        // And a fifth of the level, to which plans converge.
+        // Plans converge to a fifth of the level.
         assert!(off.abs() < bound + 2e-4, "{off}");
     };
     within(at(1.93).com_m[1] - 0.03, third(1.93, |s| s.com_m[1]) / 8.0, 1e-3);
@@ -251,7 +251,7 @@ fn targets_between_samples_hold_in_the_motion_as_played() {
     within(speed - 0.3, third(1.93, |s| s.com_m[0]) / plan.sample_interval_s / 3.0, 0.02);
     let yaw = |s: &Sample| s.base_yaw_pitch_roll_rad[0];
     within(yaw(&at(2.61)) - 0.1, third(2.61, yaw) / 8.0, 0.01);
-    // A wheel on the ground, its contact point.
+    // The contact point of a wheel on the ground.
     let rear_left = |s: &Sample| s.end_effectors[2].position_m[0];
     within(rear_left(&at(2.26)) - 0.4, third(2.26, rear_left) / 8.0, 1e-3);
 }
@@ -267,7 +267,7 @@ fn a_foot_rises_to_the_height_of_its_target_and_the_others_do_not() {
     let played = PlanSpline::new(&plan).sample(0.62).end_effectors[0].position_m[2];
     // Between samples: h³/16 times the third derivative of the arch, 0.03·(2π/0.4)³ m/s³, is 0.9 mm.
     assert!((played - 0.06).abs() < 1e-3, "{played}");
-    // The arch is over 0.95 of its top there.
+    // The arch is above 0.95 of its top there.
     assert!((0.0600..0.0630).contains(&height(0)), "{}", height(0));
     assert!((height(1) - 0.03).abs() < 1e-3, "{}", height(1));
 }
@@ -281,7 +281,7 @@ fn goals_may_leave_the_distance_free_and_turn_by_more_than_half_a_turn() {
         };
         with(&edits.iter().fold(text.to_owned(), replace), "").unwrap()
     };
-    // 20 degrees a cycle, wherever it gets to.
+    // 20 degrees per cycle, at any position.
     let free = [
         ("forward_m = 0.12\n", ""),
         ("left_m = 0.0\n", ""),

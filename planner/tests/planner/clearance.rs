@@ -42,7 +42,7 @@ fn kept_clear(robot: &Robot, motion: &str, family: Family, least_mm: f64) {
 
     let clear = plan(robot, motion);
     assert_eq!(clear.solve.status, Status::Converged, "{:?}", clear.solve.diagnosis);
-    // Converged: 0.2 of the level of 1 mm.
+    // The plan has converged: 0.2 of the level of 1 mm.
     let missing_mm = missing_mm(&clear, robot, family);
     assert!(missing_mm <= 0.2, "{missing_mm}");
     let report = Report::new(&clear);

@@ -60,7 +60,7 @@ fn a_car_cannot_go_sideways() {
     let named = (goal.constraint, goal.field.as_deref(), goal.part);
     assert_eq!(named, (Family::DisplacementGoal, Some("left_m"), Kind::Request), "{diagnosis}");
     assert_eq!((goal.given, goal.unit.as_str()), (Some(0.3), "m"));
-    // It leans a little way to the left, but hardly gets there.
+    // The robot leans a little to the left, but hardly moves there.
     assert!(goal.would_do.is_none_or(|would_do| would_do < 0.1), "{diagnosis}");
     let against = &diagnosis.culprits[1];
     assert_eq!(
@@ -104,7 +104,7 @@ fn heights_that_exclude_each_other_are_named_with_their_times() {
     assert!((first.worst - 0.1).abs() < 0.01, "{diagnosis}");
     let [from, to] = first.time_s;
     assert!((0.4..0.6).contains(&from) && (1.4..1.6).contains(&to), "{diagnosis}");
-    // One could go where the other is, but the car cannot follow.
+    // One foot could reach the other's position, but the car cannot follow.
     let [one, other] = &diagnosis.culprits[..] else { panic!("{diagnosis}") };
     assert_eq!((one.would_do, other.would_do), (None, None), "{diagnosis}");
 }
@@ -136,7 +136,7 @@ fn the_suggested_distance_of_a_trot_is_not_far_too_low() {
     assert_eq!(goal.field.as_deref(), Some("forward_m"), "{diagnosis}");
     let would_do = goal.would_do.unwrap();
     assert!(would_do > 0.4 && would_do < 1.0, "{diagnosis}");
-    // The suggested request has a plan that holds as played.
+    // The plan of the suggested request holds as played.
     motion.goal.forward_m = Some(would_do);
     let nearer = plan(&robot, &motion);
     assert_eq!(nearer.solve.status, Status::Converged);
@@ -151,7 +151,7 @@ fn a_walk_too_far_names_the_distance_and_the_legs() {
     let goal = &diagnosis.culprits[0];
     let named = (goal.constraint, goal.field.as_deref());
     assert_eq!(named, (Family::DisplacementGoal, Some("forward_m")), "{diagnosis}");
-    // Nearer, but not for nothing: 1.1 m can be walked in this time.
+    // The feasible distance is shorter, but not tiny: 1.1 m can be walked in this time.
     let would_do = goal.would_do.unwrap();
     assert!(would_do > 0.8 && would_do < 1.3, "{diagnosis}");
     assert!(diagnosis.culprits.iter().any(|c| c.constraint == Family::ContactPoint), "{diagnosis}");
@@ -166,7 +166,7 @@ fn feet_that_cannot_be_lifted_so_high_names_the_height() {
     let named = (height.constraint, height.field.as_deref());
     assert_eq!(named, (Family::ContactHeight, Some("swing_height_m")), "{diagnosis}");
     assert!((height.given.unwrap() - 0.5).abs() < 1e-9, "{diagnosis}");
-    // 0.15 m can be done; 0.2 m could, if thighs went through the body.
+    // 0.15 m is feasible; 0.2 m would be, if thighs could pass through the body.
     let would_do = height.would_do.unwrap();
     assert!(would_do > 0.05 && would_do < 0.25, "{diagnosis}");
     assert!(robot.end_effectors.iter().any(|ee| Some(&ee.name) == height.subject.as_ref()));
@@ -229,10 +229,10 @@ fn weak_servos_are_named(torques_max_nm: &[f64]) {
         let named = (first.constraint, first.field.as_deref(), first.part);
         let torque = (Family::JointTorque, Some("torque_max_nm"), Kind::Limit);
         assert_eq!(named, torque, "{diagnosis}");
-        // Of all motors those of the knees hold most.
+        // Of all motors, the knees carry most.
         assert!(first.subject.as_ref().is_some_and(|joint| joint.ends_with("knee")), "{diagnosis}");
         assert!(first.advice.contains("standing alone requires 0.57 N·m"), "{diagnosis}");
-        // Servos that strong can do it.
+        // With such strong servos it is feasible.
         let works = first.would_do.expect("stronger motors work");
         assert!(works > 0.57, "{diagnosis}");
         robot.joints.iter_mut().for_each(|joint| joint.actuator.torque_max_nm = works);
@@ -257,7 +257,7 @@ fn a_roll_that_misses_by_little_is_told_so_soon_and_how_far_it_gets() {
     let (feasible, of_feasible) = whole(0.372);
     let (missed, of_missed) = whole(0.382);
     let diagnosis = impossible(&missed, &feasible);
-    // From all starts that were tried.
+    // Iterations of all starts that were tried.
     assert!(of_missed <= 2 * of_feasible, "{of_missed} against {of_feasible}");
     let works = diagnosis.culprits[0].would_do.unwrap();
     assert!((0.34..0.382).contains(&works), "{diagnosis}");
@@ -294,14 +294,14 @@ fn the_diagnosis_is_in_the_plan_and_survives_it() {
     let read = Plan::from_json("plan.json", &plan.to_json()).unwrap();
     assert!(read.solve.diagnosis.is_some());
     assert_eq!(read.solve.diagnosis, plan.solve.diagnosis);
-    // What a file says is checked before it is printed.
+    // Text of a file is checked before it is printed.
     for (from, to, words) in [
         ("displacement goal", "\\u001b[31m", "the name of a constraint"),
         ("contradiction", "proof", "proof"),
         ("\"infeasible\"", "\"converged\"", "null unless status is infeasible"),
     ] {
         let text = plan.to_json().replacen(from, to, 1);
-        // The name also stands in the summary.
+        // The summary also contains the name.
         let text = if to.contains("u001b") { plan.to_json().replace(from, to) } else { text };
         let error = Plan::from_json("plan.json", &text).unwrap_err().to_string();
         assert!(error.contains(words), "{words}: {error}");
@@ -331,7 +331,7 @@ fn a_limit_of_iterations_holds_for_probes_as_well() {
         let mut options = candidates(&robot, &motion, &Options::default()).swap_remove(0);
         options.settings.iterations = iterations;
         let plan = optimise(&robot, &motion, &options, &mut |_| ControlFlow::Continue(()));
-        // A refused request is searched for feasible values.
+        // For a refused request, the program searches for feasible values.
         let refused = plan.solve.status == Status::Infeasible;
         let most = if refused { 3 * iterations } else { iterations };
         assert!(plan.solve.iterations <= most, "{} of {iterations}", plan.solve.iterations);

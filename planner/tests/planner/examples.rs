@@ -18,7 +18,7 @@ fn plan_reaches_its_goal_and_carries_the_weight() {
     );
     let ratio = walk.mean_force_n / walk.weight_n;
     assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
-    // Three feet or four carry the robot.
+    // Three or four feet carry the robot.
     let force_n = walk.largest_force_n.1;
     assert!((walk.weight_n / 4.0..walk.weight_n).contains(&force_n), "{force_n} N");
     let most_nm = walk.plan.robot.joints.iter().map(|joint| joint.actuator.torque_max_nm);

@@ -48,7 +48,7 @@ fn code() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
     sources(&root, &mut files);
-    // Tests may stand on any layer.
+    // Tests may use any layer.
     files.retain(|path| {
         !["tests.rs", "second_opinion.rs", "derivatives.rs"].iter().any(|test| path.ends_with(test))
     });
@@ -80,7 +80,7 @@ fn no_layer_uses_one_above_it() {
             assert!(allowed, "{}: {module} uses {used}", inside.display());
             seen += 1;
         }
-        // `super` leads no further up than the module itself, so that `crate` says all there is to see.
+        // `super` leads at most to the module itself, so `crate` shows all dependencies.
         let ups = inside.components().count();
         let beyond = "super::".repeat(ups);
         assert!(!code.contains(&beyond), "{}: {beyond} leaves {module}", inside.display());
@@ -131,7 +131,7 @@ fn solvers_see_rows_only() {
             assert!(allowed, "{}: a solver uses {path}", inside.display());
             seen += 1;
         }
-        // Unknowns are moved by the system; what is in them is none of a solver's business.
+        // The system moves the unknowns; a solver does not need their content.
         let fields = code.replace("..", " ");
         for inner in [".slots", "unknowns.placement", ".problem"] {
             assert!(!fields.contains(inner), "{}: a solver looks at `{inner}`", inside.display());
@@ -152,7 +152,7 @@ const SIBLINGS_ONLY: &[&str] = &["planning"];
 
 #[test]
 fn modules_of_a_folder_use_each_other_without_circles() {
-    // For each folder and each module in it the names that it uses there.
+    // For each folder and each of its modules, the names that are used there.
     let mut folders = BTreeMap::<String, BTreeMap<String, BTreeSet<String>>>::new();
     for (inside, mut code) in code() {
         let module = names(&inside);

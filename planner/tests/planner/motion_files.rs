@@ -81,7 +81,7 @@ fn the_mean_speed_of_the_drive_leaves_room_to_start_and_stop() {
     let wheel = &robot.end_effectors[0];
     let top = wheel.radius_m * wheel.contact.actuator().unwrap().speed_max_rad_s;
     let mean = drive.goal.forward_m.unwrap() / drive.duration_s;
-    // A trapezoid that speeds up and slows down in a fifth of the time each peaks at 1.25 × mean.
+    // A trapezoid that accelerates and brakes in a fifth of the time each has a peak of 1.25 × mean.
     assert!(1.25 * mean < top, "mean {mean} m/s, top {top} m/s");
 }
 
@@ -110,7 +110,7 @@ fn rows_may_be_written_by_hand_and_are_stretched_to_the_samples() {
     let trot = broken("gait = \"walk\"\nduty = 0.8", "gait = \"trot\"\nduty = 0.5").unwrap();
     assert_eq!(row(&trot, 0), row(&trot, 3));
     assert_eq!(row(&trot, 1), row(&trot, 2));
-    // Swings are open intervals of phase, so that 15 of 32 samples are strictly inside half a cycle.
+    // Swings are open intervals of phase, so 15 of 32 samples are strictly inside half a cycle.
     assert_eq!(row(&trot, 0).matches('.').count(), 15);
 }
 
@@ -273,7 +273,7 @@ fn every_kind_of_mistake_in_a_motion_file_is_named() {
 
 #[test]
 fn goals_out_of_reach_are_rejected_before_the_optimiser_tries() {
-    // Further than the wheels roll by what the body leans forward: `planner/tests/planner/start.rs` plans it.
+    // Farther than the wheels roll, by the forward lean of the body: `planner/tests/planner/start.rs` plans it.
     let leaning = DRIVE.replace("forward_m = 1.0", "forward_m = 1.5");
     Motion::from_toml("m.toml", &leaning, &agilebot()).unwrap();
     let short = DRIVE.replace("duration_s = 4.0", "duration_s = 2.5");
@@ -498,7 +498,7 @@ fn a_gait_moves_all_end_effectors_of_a_limb() {
         assert_eq!(row(&on_eight, foot), row(&on_four, foot));
         assert_eq!(row(&on_eight, foot + 4), row(&on_four, foot));
     }
-    // A name that only begins alike is another foot.
+    // A name with the same beginning is another foot.
     robot.end_effectors[0].name = "front_leftmost".into();
     assert!(Motion::from_toml("m.toml", &trot, &robot).is_err());
 }

@@ -56,7 +56,7 @@ fn every_shipped_motion_and_transition_converges_and_holds_as_played() {
     for plan in PLANS.iter().cloned().chain(transitions) {
         assert_eq!(plan.solve.status, Status::Converged, "{}", plan.motion.name);
         let report = Report::new(&plan);
-        // A fifth of the tolerances is asked at the samples.
+        // The solver must meet a fifth of the tolerances at the samples.
         let worst = report.rows.iter().filter(|row| row.grid == Grid::Samples);
         let worst = worst.map(|row| row.part_of_level()).fold(0.0, f64::max);
         assert!(
@@ -134,7 +134,7 @@ fn a_solve_can_be_interrupted_and_keeps_what_it_has() {
 
 #[test]
 fn a_motion_beyond_the_wheels_speed_is_infeasible_and_says_what_is_violated() {
-    // 3 m in 4 s asks 0.75 m/s of wheels that roll 0.34 m/s.
+    // 3 m in 4 s need 0.75 m/s from wheels that roll at 0.34 m/s.
     let goal = Goal { forward_m: Some(3.0), ..motion(DRIVE).goal };
     let plan = plan(&Motion { goal, ..motion(DRIVE) });
     assert_ne!(plan.solve.status, Status::Converged);
@@ -188,7 +188,7 @@ fn a_robot_with_weak_knees_stands_on_straighter_legs() {
     let continue_ = &mut |_: &_| ControlFlow::Continue(());
     let stand = motion(MOTIONS[0]);
     let strong = optimise(&ROBOT, &stand, &Options::default(), continue_);
-    // The posture of strong legs is too much for the weak ones.
+    // The posture of strong legs overloads the weak ones.
     let asked = Plan { robot: weak.clone(), ..strong.clone() };
     let torque = Report::new(&asked).row(Family::JointTorque, Grid::Samples).unwrap().clone();
     assert!(torque.part_of_level() > 1.0, "{torque:?}");
@@ -230,7 +230,7 @@ fn skates_push_off_along_their_blades() {
     for family in [Family::LandingSlip, Family::BladeContact, Family::FreeWheelTraction] {
         assert!(report.row(family, Grid::Samples).is_some(), "{report}");
     }
-    // Drag of at least 1 % of the weight along the way has to be pushed against: feet toe out.
+    // Drag of at least 1 % of the weight along the path needs thrust, so feet toe out.
     let toe_out = plan.samples.iter().flat_map(|s| &s.end_effectors).map(|e| e.yaw_rad.abs());
     assert!(toe_out.fold(0.0, f64::max) > 0.1);
 }

@@ -50,7 +50,7 @@ impl Walker {
         let options = HorizonOptions { duration_s, ..HorizonOptions::default() };
         let horizon = Horizon::new(robot, gait, options).unwrap();
         let mut state = State::nominal(horizon.tree());
-        // On its contacts it stands, however high it was.
+        // A robot on its contacts stands, whatever its measured height.
         state.base_position_m.z = 0.0;
         let touches = vec![true; robot.end_effectors.len()];
         Self { horizon, state, touches, at: 0 }
@@ -105,7 +105,7 @@ fn agilebot_is_planned_from_everywhere_in_its_gaits() {
     let stand = Gait::standing(&robot, 0.1).unwrap();
     assert_eq!(is_planned_from_everywhere(&robot, stand, 1.0, 1), 10);
     assert!(is_planned_from_everywhere(&robot, walk, 1.6, 3) >= 9);
-    // On two feet, half a metre a second across their line takes most of what steps can do.
+    // On two feet, half a metre per second across their line takes most of the capability of steps.
     assert!(is_planned_from_everywhere(&robot, trot, 0.8, 3) >= 7);
 }
 
@@ -131,7 +131,7 @@ fn a_plan_begins_where_the_robot_is_and_as_it_moves() {
     let found = walker.plan(forward(0.1));
     let begins = WholeBody::new(&found.plan).at(0.0, &found.world_from_plan);
     let (there, here) = (&begins.state, &walker.state);
-    // Feet that stand on the plan before slip and sink by some millimetres (a second) between its samples.
+    // Feet in stance slip and sink by some millimetres (per second) between the samples of the previous plan.
     assert!((there.base_position_m - here.base_position_m).norm() < 1e-3);
     assert!((there.world_from_body - here.world_from_body).norm() < 2e-3);
     let off = there.velocity.iter().zip(&here.velocity).take(6).map(|(a, b)| (a - b).abs());
@@ -154,7 +154,7 @@ fn a_plan_that_is_stopped_is_the_best_so_far() {
     let solve = &found.plan.solve;
     assert_eq!((solve.status, solve.iterations), (Status::Interrupted, 2));
     assert!(levels.iter().all(|level| solve.worst_level <= *level), "{solve:?} {levels:?}");
-    // A plan that was stopped leaves no trace.
+    // A plan that was stopped has no effect.
     assert!(walker.plan(forward(0.1)).is_accepted());
 }
 
@@ -173,14 +173,14 @@ fn a_robot_walks_as_it_is_steered_and_stops() {
         walker.state.base_position_m - from
     };
     go_on(&mut walker, forward(0.1), 32);
-    // A period of 1.6 s at 0.1 m/s: 0.16 m, but for what the costs of force and posture take of it.
+    // A period of 1.6 s at 0.1 m/s: 0.16 m minus the effect of the costs of force and posture.
     let way = go_on(&mut walker, forward(0.1), 32);
     assert!((way.x / 0.16 - 1.0).abs() < 0.1 && way.y.abs() < 0.01, "{way:?}");
     walker.horizon.change_gait(stand, walker.at).unwrap();
     go_on(&mut walker, Steering::default(), 32);
     let fastest = |part: &[f64]| part.iter().fold(0.0f64, |fastest, v| fastest.max(v.abs()));
     let (body, joints) = walker.state.velocity.as_slice().split_at(JOINTS);
-    // Joints return to their posture more slowly than the body stops: at 0.026 rad/s here, and at 0.008 another 0.8 s later.
+    // Joints return to their posture more slowly than the body stops: at 0.026 rad/s here, and at 0.008 rad/s 0.8 s later.
     assert!(fastest(body) < 0.002 && fastest(joints) < 0.03, "{body:?} {joints:?}");
     assert!(walker.touches.iter().all(|touches| *touches));
 }

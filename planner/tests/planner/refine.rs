@@ -49,7 +49,7 @@ fn a_grid_that_is_too_coarse_is_refined_until_the_plan_holds() {
     let row = report.worst().expect("a row");
     assert_eq!(coarser.residual, row.family);
     assert!(coarser.worst > coarser.tolerance);
-    // Both survive the way through a file.
+    // Both are unchanged after a round trip through a file.
     assert_eq!(Plan::from_json("fine.json", &fine.to_json()).unwrap(), fine);
 }
 
@@ -87,7 +87,7 @@ fn every_status_and_residual_has_one_verdict() {
     let far = |plan: &mut Plan| plan.samples[5].com_m[0] += 0.1;
     for status in [Status::Infeasible, Status::Stalled, Status::IterationLimit, Status::Interrupted]
     {
-        // Whatever the residuals are.
+        // Independent of the residuals.
         for moved in [false, true] {
             let (judgement, words) = judged(&|plan| {
                 plan.solve.status = status;

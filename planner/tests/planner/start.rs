@@ -67,7 +67,7 @@ fn robots_on_free_wheels_start_swinging_and_others_standing() {
     };
     assert_eq!(first(&swizzlebot(), FORWARD), Start::Sinusoid);
     assert_eq!(first(&agilebot(), WALK), Start::Standing);
-    // In many samples strokes are found in few first; walks start standing all the same.
+    // For many samples, strokes are first sought with few samples; walks still start standing.
     let many = |robot: &Robot, text: &str| {
         let text =
             text.replace("samples = 24", "samples = 48").replace("samples = 32", "samples = 64");
@@ -95,9 +95,9 @@ fn many_samples_start_from_half_as_many() {
     assert_eq!(plan.solve.status, Status::Converged);
     assert_eq!(plan.samples.len(), 100);
     assert_eq!((plan.solve.start.kind, plan.solve.start.seed), (StartKind::Coarse, 3));
-    // Iterations of all levels count, one after the other.
+    // Iterations of all levels are counted continuously.
     assert_eq!(steps, (1..=plan.solve.iterations).collect::<Vec<_>>());
-    // From few samples it is the start that suits.
+    // With few samples, this start is the suitable one.
     let few = optimise(&robot, &motion(&robot, WALK), &options, &mut go);
     assert_eq!(few.solve.start.kind, StartKind::Standing);
 
@@ -142,7 +142,7 @@ fn planning_the_same_motion_again_stays_where_it_is() {
             assert!(plan.solve.iterations <= 2, "{:?}", plan.solve);
             assert_eq!(plan.solve.status, Status::Converged);
             assert_eq!(plan.solve.start.kind, StartKind::Neighbour);
-            // The solve ends where a step gains less than a thousandth: angles are known that well.
+            // The solve ends when a step gains less than a thousandth; angles have that accuracy.
             assert!(apart(&plan, &solution.plan) < 5e-3, "{}", apart(&plan, &solution.plan));
         }
     }
@@ -167,7 +167,7 @@ fn a_plan_after_an_edit_is_as_good_as_one_from_scratch_and_cheaper() {
         let plan = replan(&previous, &robot, &edited, &Options::default(), &mut go).unwrap();
         plan.validate("plan").unwrap();
         assert_eq!(plan.solve.status, Status::Converged, "{:?}", plan.solve);
-        // Both are minima to a few thousandths of their costs; they may be different ones.
+        // Both are minima within a few thousandths of their costs, but may be different minima.
         let costs =
             [&plan, &cold].map(|plan| Objective::PlanCost.of_plan(plan, &Weights::default()));
         assert!(costs[0] < 1.02 * costs[1], "{costs:?}");

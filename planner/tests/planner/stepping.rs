@@ -60,7 +60,7 @@ fn rows(contents: &Contents, from: usize, to: usize) -> Vec<String> {
     let wanted =
         contents.file.transitions.iter().find(|of| (of.from, of.to) == (from, to)).unwrap();
     let stance = &wanted.motion.stance;
-    // The library file names none: it is the gait's.
+    // The library file does not name the gait's duration.
     let steps = stance.iter().flatten().any(|stands| !stands);
     assert_eq!(wanted.motion.swing_height_m > 0.0, steps);
     let row =
@@ -84,7 +84,7 @@ fn each_foot_of_a_gait_steps_once_in_the_order_in_which_it_lifts_them() {
         let mut feet = [0, 1, 2, 3];
         feet.sort_by_key(|&foot| begins[foot]);
         assert!(feet.is_sorted_by_key(|&foot| lifted(foot)), "{rows:#?}");
-        // One after the other.
+        // The feet step one after the other.
         begins.sort_unstable();
         assert!(begins.windows(2).all(|pair| pair[1] == pair[0] + 5), "{rows:#?}");
     }

@@ -84,7 +84,7 @@ impl Bus {
         if can.limits == UpdatePolicy::Stored {
             check(Command::Limits { speed_rad_s: fastest, torque_nm })?;
         }
-        // Stiff, damped, and limp: a limp setpoint stands in for a query that the protocol lacks.
+        // Stiff, damped and limp. A limp set-point replaces a query that the protocol lacks.
         let limp = can.answers == Answers::Always && !can.query;
         let gains = [(kp_nm_rad, kd_nm_s_rad), (0.0, kd_nm_s_rad), (0.0, 0.0)];
         let gains = gains.into_iter().take(if limp { 3 } else { 2 });
@@ -173,7 +173,7 @@ mod tests {
                 let mut buffer = [0; LONGEST];
                 let bytes = postcard::to_slice(&buses, &mut buffer).unwrap();
                 assert_eq!(decode(bytes), Some(buses), "{protocol:?}");
-                // Cut anywhere, and with more behind it, it is something else.
+                // A cut packet, and a packet with trailing bytes, is not this packet.
                 for cut in 0..bytes.len() {
                     assert_eq!(decode(&bytes[..cut]), None, "{protocol:?}");
                 }

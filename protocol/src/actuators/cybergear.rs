@@ -181,7 +181,7 @@ impl Codec for CyberGear {
             query: false,
             query_readings: false,
             reports_enabled: true,
-            // Stop is answered, also when it changes nothing.
+            // Stop is answered even if it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Unknown,
             max_id: 0x7F,
@@ -197,7 +197,7 @@ impl Codec for CyberGear {
                 send(self.command(STOP, motor, 0));
                 return Ok(());
             }
-            // It stops the motor as well.
+            // The command also stops the motor.
             Command::ClearFaults => {
                 send(self.command(STOP, motor, 1));
                 return Ok(());
@@ -256,7 +256,7 @@ impl Codec for CyberGear {
 
     fn check_settings(&self, report: &mut dyn Report) {
         let max_position_rad = self.max_position_rad;
-        // A file has no more digits of 4π than its author cared for.
+        // A file may contain only a few digits of 4π.
         if ![SAMPLE_MAX_RAD, TABLE_MAX_RAD]
             .iter()
             .any(|most| (max_position_rad - most).abs() < 1e-3)
@@ -282,7 +282,7 @@ impl CanCodec for CyberGear {
     fn decode(&self, received: &Frame) -> Option<(u8, Feedback)> {
         let (kind, data16, target) = parts(received)?;
         let &[a, b, c, d, e, f, g, h] = received.data() else { return None };
-        // The manual has the fault frame's addresses as in a command; a motor's own come from it.
+        // In the manual, a fault frame has addresses like a command; a motor sends its own.
         let motor = if target == self.host { data16 as u8 } else { target };
         match kind {
             FEEDBACK if target == self.host => {

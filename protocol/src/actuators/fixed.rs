@@ -25,13 +25,13 @@ impl Signed {
     pub fn encode(self, value: f32) -> Option<u16> {
         let most = most(self.bits);
         let scaled = (value / self.max * most + most) * 0.5 + 0.5;
-        // Casts saturate: what rounds up beyond the last code stays there.
+        // Casts saturate: values that round beyond the last code become the last code.
         (value.abs() <= self.max).then_some((scaled as u16).min(most as u16))
     }
 
     /// Value of a code.
     pub fn decode(self, code: u16) -> f32 {
-        // Twice the code less `most` is a whole number: values are symmetric about 0.
+        // Twice the code minus `most` is an integer, and values are symmetric about 0.
         let most = most(self.bits);
         (2.0 * f32::from(code) - most) * self.max / most
     }
@@ -54,7 +54,7 @@ impl Unsigned {
 /// Nearest integer; `None` if it is not within `min` to `max`, or if `value` is NaN.
 pub(super) fn nearest(value: f32, min: i32, max: i32) -> Option<i32> {
     let rounded = if value < 0.0 { value - 0.5 } else { value + 0.5 };
-    // The cast saturates, and makes 0 of a NaN.
+    // The cast saturates, and turns NaN into 0.
     let integer = rounded as i32;
     let cast = rounded.abs() < i32::MAX as f32;
     (cast && integer >= min && integer <= max).then_some(integer)

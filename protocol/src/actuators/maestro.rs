@@ -254,7 +254,7 @@ impl Codec for Maestro {
             if targets.is_empty() {
                 first = order.id;
             }
-            // At most as many as there are channels: addresses above are refused.
+            // At most as many targets as channels, because higher addresses are refused.
             let _ = targets.push(self.target(joint.position_rad).map_err(|r| (i, r))?);
         }
         if !targets.is_empty() {

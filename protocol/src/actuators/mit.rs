@@ -192,7 +192,7 @@ impl Mit {
             self.joint(&JointSetpoint { position_rad: 0.0, speed_rad_s, torque_nm, gains })?;
         let rounding_nm = KD.decode(codes.kd) * (speed_rad_s - self.speed().decode(codes.speed));
         let most = self.model.max_torque_nm;
-        // Not `clamp`, which panics for a model whose range is none.
+        // `clamp` would panic for a model whose range is NaN.
         let torque = self.torque().encode((torque_nm + rounding_nm).max(-most).min(most));
         Ok(Codes { torque: torque.ok_or(Refusal::OutOfRange("torque"))?, ..codes })
     }
@@ -251,7 +251,7 @@ impl Codec for Mit {
             query: false,
             query_readings: false,
             reports_enabled: false,
-            // Exit is answered, also when it changes nothing.
+            // Exit is answered even if it changes nothing.
             pose_while_disabled: true,
             watchdog: Watchdog::Resumes,
             max_id: 0x7F,
@@ -269,7 +269,7 @@ impl Codec for Mit {
                 send(special(id, EXIT));
                 return Ok(());
             }
-            // Every frame is answered, and every frame does something.
+            // Every frame is answered, but every frame changes something, so none is a query.
             Command::Query | Command::QueryReadings => return Err(Refusal::Unsupported("query")),
             Command::ClearFaults => return Err(Refusal::Unsupported("clear faults")),
             Command::Gains(_) => return Err(Refusal::Unsupported("gains outside setpoints")),
@@ -343,7 +343,7 @@ impl CanCodec for Mit {
         }
         let speed = u16::from(*v) << 4 | u16::from(v_t >> 4);
         let torque = u16::from(v_t & 0xF) << 8 | u16::from(*t);
-        // Six bytes are all of it; a seventh alone is the mini cheetah's supply voltage.
+        // Answers have six bytes, or eight. A seventh byte alone is the mini cheetah's supply voltage.
         let (temperature_c, faults) = match rest {
             [temperature, error] => (Some(f32::from(*temperature)), Some(faults_of(*error))),
             _ => (None, None),

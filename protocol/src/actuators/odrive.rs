@@ -204,7 +204,7 @@ impl Odrive {
         let [e0, e1, e2, e3, state, flags @ ..] = data;
         let error = u32::from_le_bytes([e0, e1, e2, e3]);
         let faults = match self.version {
-            // The error may be 0 while an error of a part is set: the flags count as well.
+            // The error may be 0 while a component has an error, so the flags also count.
             Version::V05 => {
                 let [motor, encoder, controller] = flags;
                 let mut faults = Faults::translate(error, &ERRORS_05).0;

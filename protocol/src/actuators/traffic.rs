@@ -37,7 +37,7 @@ impl Traffic {
     /// Refuses a load above [`MAX_LOAD`], and invalid rates.
     pub fn check(&self, control_hz: f32, bit_rate: f32) -> Result<(), Overload> {
         let load = self.load(control_hz, bit_rate);
-        // A NaN and a negative rate fail this.
+        // A NaN and a negative rate fail the comparison.
         let fits = control_hz > 0.0 && bit_rate > 0.0 && load <= MAX_LOAD;
         if fits { Ok(()) } else { Err(Overload { percent: 100.0 * load }) }
     }

@@ -29,7 +29,7 @@ impl Attitude {
         let nearest = |x: f32| (x / DIRECTION_LSB + if x < 0.0 { -0.5 } else { 0.5 }) as i16;
         let [up_x, up_y, up_z] = self.up_body.map(nearest);
         let spread = self.spread_rad / SPREAD_LSB_RAD + 0.5;
-        // Casts saturate, and make 0 of a NaN; the sign of the spread is looked at here.
+        // Casts saturate and turn NaN into 0. The sign of the spread is checked here.
         let record = AttitudeRecord { up_x, up_y, up_z, spread: spread as u16 };
         (spread >= 0.5 && Self::of(&record).is_some()).then_some(record)
     }

@@ -62,7 +62,7 @@ impl BlockCheck {
 
     fn take(&mut self, blocks: &[u8], portion: usize) {
         if !self.over {
-            // What lies outside is over, and not good.
+            // A position outside ends the check with a failure.
             self.over = self.portion(blocks, portion).is_none_or(|rest| rest == 0);
         }
     }

@@ -57,7 +57,7 @@ impl<'a> BitReader<'a> {
     /// Reads the next field, of at most 18 bits; `None` beyond the end.
     pub fn read(&mut self, width: u8) -> Option<u32> {
         let width = u32::from(width.min(MAX_WIDTH));
-        // At most 17 bits and 8 more.
+        // At most 17 bits, and 8 more.
         while self.count < width {
             let (&byte, rest) = self.rest.split_first()?;
             self.pending |= u32::from(byte) << self.count;

@@ -212,7 +212,7 @@ fn find_sections(body: &[u8], minor: u16) -> Result<[Span; SECTIONS], Reject> {
         let offset = at + SECTION_HEADER_LEN;
         let end = usize::try_from(len).ok().and_then(|len| offset.checked_add(len));
         let end = end.filter(|&end| end <= body.len()).ok_or_else(beyond)?;
-        // Ascending tags: no section twice, and one order only.
+        // Ascending tags permit each section once, and only one order.
         if tag <= last_tag || stride == 0 || len % u32::from(stride) != 0 {
             return Err(fail(RejectReason::BadSection { tag }));
         }

@@ -170,7 +170,7 @@ impl Decoder {
         let payload = self.payload_bytes(blocks).ok_or(LibraryReadError)?;
         let channels = usize::from(shape.channels);
         let mut bits = BitReader::new(payload, self.bit).ok_or(LibraryReadError)?;
-        // Of every channel once the width, 4 bits, and a field of 18 at most.
+        // Every channel has a width of 4 bits and a field of at most 18 bits.
         let mut read = 0u32;
         if self.in_block.is_multiple_of(GROUP) {
             for state in self.states.iter_mut().take(channels) {

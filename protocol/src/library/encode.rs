@@ -160,7 +160,7 @@ fn write_graph(source: &Source<'_>, w: &mut Writer<'_>) -> Result<(), EncodeErro
         Ok(())
     })?;
     w.section(7, CODE_LEN, |w| {
-        // Ascending order by looking each possible code up.
+        // Looking up every possible code gives ascending order.
         (0..=u8::MAX).try_for_each(|code| {
             match source.spec.motions.iter().position(|m| m.code == code) {
                 Some(node) => w.record(&CodeRecord { code, node: node as u8 }),
@@ -201,7 +201,7 @@ fn write_block(
     w.zeros(BLOCK_HEADER_LEN)?;
     let payload_at = w.len();
     write_frames(quanta, channels, w, first, count)?;
-    // 60 frames of 24 channels of 18 bits, and heads: 3.4 kB at most.
+    // 60 frames of 24 channels with 18 bits, and headers: at most 3.4 kB.
     let payload_len = (w.len() - payload_at) as u16;
     let mut header = [0; BLOCK_HEADER_LEN];
     let fields = [number, count as u8].into_iter();

@@ -44,11 +44,11 @@ pub(crate) fn channel_record(channel: &Channel) -> Option<ChannelRecord> {
         }
     }
     let lsb = lsb(exponent);
-    // A NaN fails this comparison, as it should.
+    // A NaN fails this comparison, as intended.
     let fits = reach <= MAX_QUANTA * lsb && channel.max_rate > 0.0;
     let min = i16::try_from(ceil(channel.min / lsb)).ok()?;
     let max = i16::try_from(floor(channel.max / lsb)).ok()?;
-    // Rounding moves either frame of a step by half a quantum at most: one quantum together.
+    // Rounding moves each frame of a step by at most half a quantum, together one quantum.
     let step = floor(channel.max_rate / (lsb * f32::from(RATE_HZ))).saturating_add(1);
     let max_step = step.clamp(1, i32::from(i16::MAX)) as u16;
     (fits && min <= max).then_some(ChannelRecord {
@@ -73,7 +73,7 @@ pub(crate) fn value(quanta: i32, exponent: i8) -> f32 {
 /// The limit is 1024 to 2047 quanta, so rounding moves a torque by at most 1/2048 of the limit. Limits below 60 µN·m have fewer
 /// quanta.
 pub(crate) fn torque_record(channel: &Channel) -> (i8, i16) {
-    // The exponent of the limit, which is above 0 and at most 160 N·m.
+    // Exponent of the limit, which is positive and at most 160 N·m.
     let exponent = ((channel.max_torque_nm.to_bits() >> 23) & 0xFF) as i32 - 127;
     let exponent = (exponent - 10).max(i32::from(FINEST_TORQUE_EXPONENT)) as i8;
     (exponent, (channel.max_torque_nm / lsb(exponent)) as i16)
@@ -93,7 +93,7 @@ pub(crate) fn quantise_torque(torque_nm: f32, channel: &Channel) -> Option<i16> 
 pub(crate) fn quantise(value: f32, channel: &Channel, record: &ChannelRecord) -> Option<i16> {
     let lsb = lsb(record.lsb_exponent);
     let in_reach = value >= channel.min - 0.5 * lsb && value <= channel.max + 0.5 * lsb;
-    // In f64: adding a half to an f32 could round once more.
+    // In f64, because adding 0.5 to an f32 could round a second time.
     let exact = f64::from(value) / f64::from(lsb);
     let nearest = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
     let inside = nearest.min(i32::from(record.max)).max(i32::from(record.min));

@@ -35,7 +35,7 @@ impl<'a> Source<'a> {
             Self { spec, channels: spec.config.channels.len(), records: [unused; MAX_CHANNELS] };
         let pairs = source.records.iter_mut().zip(&spec.config.channels).enumerate();
         for (i, (record, channel)) in pairs {
-            // Only limits between two neighbouring quanta get here.
+            // Only limits between two neighbouring quanta fail here.
             *record = quantise::channel_record(channel).ok_or(ConfigError {
                 channel: i as u8,
                 field: "max",
@@ -186,7 +186,7 @@ impl<'a> Source<'a> {
             ChannelKind::WheelSpeed => limits.max_rate / f32::from(RATE_HZ),
         };
         let (value, expected) = (f32::from(quanta) * lsb, f32::from(target) * lsb);
-        // Rounding moves both by half a quantum at most.
+        // Rounding moves each value by at most half a quantum.
         if (value - expected).abs() > tolerance + lsb {
             return Err(EncodeError::EndMismatch {
                 clip,

@@ -307,7 +307,7 @@ impl Validation<'_> {
             }
             let next = frame.saturating_add(1);
             let is_last = next >= frames;
-            // A block of one frame leads nowhere.
+            // A block of one frame must have no differences.
             if is_last && frame % BLOCK_FRAMES == 0 && decoder.deltas(channels).any(|d| d != 0) {
                 return Err(bad_block(at, frame));
             }

@@ -303,7 +303,7 @@ impl<'a> Library<'a> {
     /// Offset of a clip's first block in the track's section, and total length of its blocks, bytes.
     pub(super) fn clip_span(&self, track: Track, clip: ClipId) -> Option<(u32, u32)> {
         let record = self.span(track.clips())?.record(self.bytes, usize::from(clip.0))?;
-        // Frames are behind flags and count.
+        // Frames follow the flags and the count.
         let at = if track == Track::Values { 3 } else { 0 };
         Some((u32_at(record, at)?, u32_at(record, at + 4)?))
     }

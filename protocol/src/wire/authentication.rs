@@ -223,7 +223,7 @@ mod key {
     impl LinkKey {
         /// Creates a key from its bytes.
         pub fn new(key: &[u8; LINK_KEY_LEN]) -> Self {
-            // HMAC fills keys up with zeros to the hash's blocks of 64 bytes.
+            // HMAC fills keys with zeros up to the hash's block size of 64 bytes.
             let mut block = [0; 64];
             block.iter_mut().zip(key).for_each(|(place, byte)| *place = *byte);
             Self(Hmac::new(&block.into()))

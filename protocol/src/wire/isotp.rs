@@ -329,7 +329,7 @@ impl<const N: usize> Endpoint<N> {
     fn on_first(&mut self, head: u8, rest: &[u8], now_us: u64) -> Event {
         let Some((&low, bytes)) = rest.split_first() else { return Event::None };
         let len = usize::from(head & 0xF) << 8 | usize::from(low);
-        // Shorter ones go into a single frame; a first frame is always full.
+        // Shorter messages use a single frame, so a first frame is always full.
         if len < 8 || bytes.len() != 6 {
             return Event::None;
         }

@@ -92,7 +92,7 @@ impl Sample {
         let flags =
             flag(self.contacts.is_some(), CONTACTS) | flag(self.answered.is_some(), ANSWERED);
         let answered = self.answered.map_or(0, |of| of.number);
-        // Saturates.
+        // The cast saturates.
         let delay = self.answered.map_or(0, |of| (of.delay_s * DELAY_STEPS + 0.5) as u8);
         SAMPLE.seal(from, [0, self.number, answered, delay, c0, c1, c2, flags])
     }

@@ -36,7 +36,7 @@ impl Setpoint {
     /// Encodes `[crc8][frame u8][channel 7 lowest bits, stiff 1][value i24 0.1 mrad or mrad/s][torque i16 5 mN·m]`. Values
     /// beyond their scale saturate; NaN becomes 0.
     pub fn encode(self, to: Node) -> Frame {
-        // An f32 has all steps, but a product of two in f32 can be the next one.
+        // An f32 represents all steps, but a product of two f32 may round to the next step.
         let exact = f64::from(self.value) * f64::from(VALUE_STEPS);
         let steps = if exact < 0.0 { exact - 0.5 } else { exact + 0.5 } as i32;
         let [v0, v1, v2, _] = steps.clamp(-MAX_STEPS, MAX_STEPS).to_le_bytes();

@@ -26,7 +26,7 @@ fn golden_bytes() {
         WheelSetpoint { speed_rad_s: -7.5, kd_nm_s_rad: 0.2, torque_limit_nm: 1.0, torque_nm: 0.0 };
     assert_eq!(text(wheel.encode(6)), "206#08dbfeffc800c800");
     assert_eq!(text(WheelSetpoint::default().encode(6)), "206#0000000000000000");
-    // With a torque. Bits from the lowest on: 16 position, 14 velocity, 11 kp, 11 kd, 12 torque.
+    // Set-point with torque. Bits from the lowest: 16 position, 14 velocity, 11 kp, 11 kd, 12 torque.
     let pushing = JointSetpoint { torque_nm: -1.5, ..joint };
     assert_eq!(text(pushing.encode(5)), "285#78ecfa000739c6a3");
     let largest = JointSetpoint {
@@ -132,7 +132,7 @@ proptest! {
         torque_limit_nm in 0f32..160.0,
         id in 0u8..=127,
     ) {
-        // Half a step and the rounding of f32.
+        // Half a step, and the rounding of f32.
         let close = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.5 * step + 1e-6 * b.abs();
         let sent = JointSetpoint { position_rad, velocity_rad_s, kp_nm_rad, kd_nm_s_rad, torque_nm: 0.0 };
         let (to, got) = JointSetpoint::decode(&sent.encode(id).unwrap()).unwrap();
@@ -180,7 +180,7 @@ proptest! {
         prop_assert!(close(got.speed_rad_s, velocity_rad_s, WHEEL_SPEED_STEP_RAD_S));
         prop_assert!(near(got.kd_nm_s_rad, kd_nm_s_rad, 0.004, 0.5e-3), "{got:?}");
         prop_assert!(near(got.torque_nm, torque_nm, 0.004, 0.6e-3), "{got:?}");
-        // A limit is not raised (by more than half a step of the frame without torque, or a rounding).
+        // A limit is not raised by more than half a step of the frame without torque, or a rounding.
         let frame_has_torque = frame.standard_id().unwrap() >= 0x300;
         let most = if frame_has_torque { 1.000_02 * torque_limit_nm + 1e-6 } else { torque_limit_nm + 2.6e-3 };
         prop_assert!(got.torque_limit_nm <= most, "{got:?}");
@@ -195,7 +195,7 @@ proptest! {
             prop_assert_eq!(m.encode(to), Some(frame));
         }
         if let Some((to, m)) = WheelSetpoint::decode(&frame) {
-            // From 2^23 steps on, f32 has no half steps, with which speeds are rounded to whole ones.
+            // From 2^23 steps on, f32 has no half steps, so speeds are rounded to integers.
             prop_assert!(m.speed_rad_s.abs() > 838.8 || m.encode(to) == Some(frame));
         }
         if let Some((to, m)) = Feedback::decode(&frame) {

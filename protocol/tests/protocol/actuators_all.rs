@@ -143,7 +143,7 @@ fn enabling_tells_the_measured_pose_before_torque() {
             return;
         }
         let pose = here.iter().zip(&there).position(|(a, b)| a != b).unwrap();
-        // What switches torque on does not depend on the pose. With a Maestro, pulses are torque.
+        // Switching torque on does not depend on the pose. With a Maestro, pulses mean torque.
         let last_switch = here.iter().zip(&there).rposition(|(a, b)| a == b);
         assert!(name == "maestro" || Some(pose) < last_switch, "{name}");
     }
@@ -227,7 +227,7 @@ fn traffic_is_the_worst_case() {
                 largest = largest.max(sum as f32 / worst as f32);
             }
         }
-        // Answers are up to three quarters of it (Dynamixel, Feetech). Less than that is too careful.
+        // Answers use up to three quarters of it (Dynamixel, Feetech). A smaller value would be too cautious.
         assert!(largest > 0.2, "{name} {largest}");
     }
     with_all!(check);
@@ -241,7 +241,7 @@ fn loads_of_sixteen_actuators() {
     near(MIT.traffic(16).load(200.0, 1e6), 16.0 * 270.0 * 200e-6);
     near(CYBERGEAR.traffic(16).load(100.0, 1e6), 16.0 * 320.0 * 100e-6);
     near(Rollwalk.traffic(16).load(60.0, 1e6), 0.2592);
-    // Setpoints at the control rate; two messages at 100 Hz, heartbeats at 10 Hz.
+    // Set-points at the control rate, two messages at 100 Hz, heartbeats at 10 Hz.
     near(ODRIVE.traffic(16).load(60.0, 1e6), 16.0 * 135.0 * (60.0 + 210.0) * 1e-6);
     // 10 + 84 + 28, 10 + 20 + 6, and 16 times 10 + 11 + 3 bytes; 16 times 20 µs.
     let period_s = (122.0 + 36.0 + 16.0 * 24.0) * 10.0 / 3e6 + 16.0 * 20e-6;
@@ -249,7 +249,7 @@ fn loads_of_sixteen_actuators() {
     // 2 times 8 + 48 bytes, 8 + 16, and 16 times 14; 16 times 100 µs.
     let period_s = (64.0 + 24.0 + 16.0 * 14.0) * 10.0 / 1e6 + 16.0 * 100e-6;
     near(FEETECH.traffic(16).load(60.0, 1e6), 60.0 * period_s);
-    // 2 + 32 + 2 bytes with its CRC, 2 to ask for errors, 2 that come back.
+    // 2 + 32 + 2 bytes with CRC, 2 to request errors, and 2 in the answer.
     near(MAESTRO.traffic(16).load(50.0, 115_200.0), 50.0 * 400.0 / 115_200.0);
     assert!(MIT.traffic(16).check(160.0, 1e6).is_ok());
     let refused = MIT.traffic(16).check(170.0, 1e6).unwrap_err();
@@ -358,7 +358,7 @@ proptest! {
         let master = Frame::standard(0, &data).unwrap();
         for frame in [frame, master] {
             prop_assert!(finite(Rollwalk.decode(&frame)) && finite(MIT.decode(&frame)));
-            // Huge floats, which gearing makes larger, and no gearing at all.
+            // Huge floats, which gearing increases, and a reduction of zero.
             let old = Odrive { version: Version::V05, reduction: 1e-30, ..ODRIVE };
             for drive in [ODRIVE, old, Odrive { reduction: 0.0, ..ODRIVE }] {
                 prop_assert!(finite(drive.decode(&frame)));
@@ -367,7 +367,7 @@ proptest! {
         let extended = Frame::extended(id, &data).unwrap();
         prop_assert!(finite(CYBERGEAR.decode(&extended)));
         let _ = CYBERGEAR.parameter(&extended);
-        // The same number with as many bits as the other drives' identifiers have is nobody's.
+        // The same number, shortened to the bits of other drives' identifiers, belongs to no drive.
         prop_assert_eq!(CYBERGEAR.decode(&frame), None);
         for id in [id & 0x7FF, (id & 0x7FF) << 18, id] {
             let extended = Frame::extended(id, &data).unwrap();

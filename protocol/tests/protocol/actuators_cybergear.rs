@@ -106,7 +106,7 @@ fn feedback() {
         let (_, faulty) = told(0x0200_7FFD | bit).unwrap();
         assert_eq!((faulty.faults, faulty.enabled), (Some(fault), Some(false)));
     }
-    // To another host.
+    // An answer to another host.
     assert_eq!(told(0x0280_7F01), None);
 }
 

@@ -144,11 +144,11 @@ fn parts_of_an_answer_of_many() {
         let mut wrong = whole.clone();
         wrong[at] ^= 0x40;
         assert_eq!(parts(&wrong)[..], all[..(at - 8) / 14], "byte {at}");
-        // And the next one is whole again.
+        // The next packet is complete again.
         let after = parts(&[&wrong[..], &whole].concat());
         assert!(after.len() >= 3 && after[after.len() - 1].1 == 4, "byte {at}: {after:?}");
     }
-    // After a cut one and silence.
+    // After a cut packet and silence.
     let servos = Dynamixel { reads_fast: true, ..SERVOS };
     let mut line = ReceiveBuffer::default();
     whole[..30].iter().for_each(|&byte| line.push(byte));
@@ -166,7 +166,7 @@ fn a_packet_after_parts_that_failed() {
     let answer = packet(5, STATUS, &[0]).unwrap();
     let message = Message { id: 5, instruction: STATUS, parameters: [0].into_iter().collect() };
     let expected = Some(ReceivedPacket::Message(message));
-    // Only the beginning came, and its bytes were taken while the line was not silent yet.
+    // Only the beginning has arrived, and its bytes were taken before the line was silent.
     let mut line = ReceiveBuffer::default();
     whole[..8].iter().for_each(|&byte| line.push(byte));
     assert_eq!(next(&mut line, false, true), None);
@@ -174,7 +174,7 @@ fn a_packet_after_parts_that_failed() {
     assert_eq!(next(&mut line, true, true), None);
     answer.iter().for_each(|&byte| line.push(byte));
     assert_eq!(next(&mut line, false, true), expected);
-    // A damaged part whose data would be the length of a long packet.
+    // A damaged part whose data look like the length of a long packet.
     let mut line = ReceiveBuffer::default();
     let mut wrong = fast(&[(3, [0, 0, 0, 100, 0, 0, 0, 0, 0, 0])]);
     wrong[21] ^= 1;
@@ -195,7 +195,7 @@ fn a_line_of_many_is_read_as_ever() {
     };
     assert_eq!(MAX_PARTS, 17);
     assert_eq!((instruction(17), instruction(18)), (vec![0x8A], vec![0x82]));
-    // Setpoints 30 + 8 n bytes, as ever; 8 and 14 for each that answers; one delay.
+    // Set-points have 30 + 8 n bytes as always; 8 bytes, and 14 for each answer; one delay.
     let fast = servos.traffic(12);
     assert_eq!((fast.bits_per_period, fast.waiting_us_per_period), (10 * (38 + 22 * 12), 500));
     assert_eq!(servos.traffic(18), SERVOS.traffic(18));
@@ -215,7 +215,7 @@ fn stuffing() {
 fn error_byte() {
     let answer = |error: u8| framed(&packet(3, STATUS, &[error]).unwrap()).pop().unwrap();
     let faults = |error| SERVOS.decode(&answer(error)).unwrap().1.faults.unwrap();
-    // 4, "Data Range Error", is what writing a goal gets after the bus watchdog has expired.
+    // Error 4, "Data Range Error", answers a goal after the bus watchdog has expired.
     assert_eq!(faults(4), Faults::REFUSED);
     assert_eq!(faults(0x80), Faults::OTHER);
     assert!(faults(0x87).contains(Faults::REFUSED) && faults(0x87).contains(Faults::OTHER));
@@ -229,7 +229,7 @@ fn error_byte() {
 fn control_table() {
     assert_eq!((XM430_W210.number, XM540_W150.number), (1030, 1130));
     assert_eq!((XM430_W210.max_current, XM540_W150.max_current), (1193, 2047));
-    // As the pages have them: stall torque, stall current and a step of current.
+    // Values of the pages: stall torque, stall current and a step of current.
     let nm_a = |model: table::Model, step_a: f32| model.torque_step_nm / step_a;
     for (model, number, nm, a, step_a) in [
         (table::XL330_M077, 1190, 0.215, 1.47, 1.0e-3),
@@ -351,7 +351,7 @@ fn one_packet_for_all_servos() {
     let mut orders: Vec<ActuatorCommand> = (0..16).map(go).collect();
     let mut packets = Vec::new();
     SERVOS.encode(&orders, &mut |packet| packets.push(packet)).unwrap();
-    // 14 + N (1 + L).
+    // Length 14 + N (1 + L).
     assert_eq!((packets.len(), packets[0].len()), (1, 14 + 16 * 5));
     orders = (0..60).map(go).collect();
     packets.clear();
@@ -459,7 +459,7 @@ proptest! {
     #[test]
     fn packets_come_back(id in 0u8..=252, instruction: u8, parameters in parameters()) {
         let whole = packet(id, instruction, &parameters).unwrap();
-        // No header but the first.
+        // Only the first header is a header.
         prop_assert!(!whole[4..whole.len() - 2].windows(4).any(|four| four == HEADER));
         let found = framed(&whole);
         prop_assert_eq!(found.len(), 1);

@@ -74,7 +74,7 @@ fn answers_of_the_manual() {
     for other in ["FF FF 01 02 00 FC", "FF FF 01 04 00 18 05 DD"] {
         assert_eq!(received(&bytes(other)), []);
     }
-    // Example 7, heard again on a half-duplex line: no answer is in it.
+    // Example 7, received again on a half-duplex line, contains no answer.
     let goal = joint(0.3, 0.0, 0.0, None);
     let echo = sent(&SERVOS, 1, Command::Joint(goal)).unwrap();
     assert_eq!(received(&[&echo[0][..], &bytes(both)].concat()).len(), 2);
@@ -90,7 +90,7 @@ fn signs_are_bits() {
     assert!(near(told.speed_rad_s, -1000.0 * PI / 2048.0), "{told:?}");
     // −50.0 % of 30 kg·cm.
     assert!(near(told.torque_nm, -0.5 * 2.942), "{told:?}");
-    // A servo that counts turns may tell a position below its first.
+    // A servo that counts turns may report a position below its first step.
     let told = decode([1, 0x80, 0, 0, 0, 0, 74, 35]);
     assert!(near(told.position_rad, -2049.0 * PI / 2048.0), "{told:?}");
 }
@@ -108,7 +108,7 @@ fn status_bits() {
     ] {
         assert_eq!(faults(status), meant, "{status}");
     }
-    // As the manual has it: 4 + 1.
+    // As in the manual: 4 + 1.
     assert_eq!(faults(5), Faults(Faults::BAD_VOLTAGE.0 | Faults::OVERHEATED.0));
 }
 
@@ -141,7 +141,7 @@ fn units() {
         (position(0.0), position(FRAC_PI_2), position(-PI)),
         (Some(2048), Some(3072), Some(0))
     );
-    // Half a turn on is the first step again.
+    // Half a turn further is the first step again.
     assert_eq!((position(3.1408), position(PI), position(-3.1424)), (Some(4095), None, None));
     let velocity = |rev_min: f32| SERVOS.goal_velocity(rev_min * PI / 30.0).map(u16::from_le_bytes);
     // "50 steps/s = 0.732 RPM".
@@ -149,7 +149,7 @@ fn units() {
     assert_eq!((velocity(0.0), velocity(45.0), velocity(45.1)), (Some(0), Some(3072), None));
     let limit = |nm| SERVOS.torque_limit(nm).map(u16::from_le_bytes);
     assert_eq!((limit(1.471), limit(2.942), limit(2.95)), (Some(500), Some(1000), None));
-    // 0 would be no torque at all.
+    // 0 would mean no torque.
     assert_eq!((limit(0.001), limit(f32::NAN)), (None, None));
 }
 
@@ -194,11 +194,11 @@ fn one_packet_for_all_servos() {
     let go = |id| ActuatorCommand { id, command: Command::Joint(joint(0.0, 0.0, 0.0, None)) };
     let roll = |id| ActuatorCommand { id, command: Command::Wheel(wheel(-1.0, None, None)) };
     let off = |id| ActuatorCommand { id, command: Command::Disable };
-    // 652 steps a second.
+    // 652 steps per second.
     let mixed = [go(1), roll(3), off(4), go(2)];
     let expected = [(40, vec![4, 0]), (42, vec![1, 0, 8, 2, 0, 8]), (46, vec![3, 0x8C, 0x82])];
     assert_eq!(written(&mixed), expected);
-    // A limit of torque is sent, one of speed is none of a wheel.
+    // A torque limit is sent; a speed limit does not apply to a wheel.
     let limits = Command::Limits { speed_rad_s: 1.0, torque_nm: 1.471 };
     assert_eq!(written(&[ActuatorCommand { id: 1, command: limits }]), [(48, vec![1, 0xF4, 1])]);
     let orders: Vec<_> = (0..60).map(go).collect();
@@ -223,10 +223,10 @@ fn answers_survive_what_is_none() {
         let found = received(&[bytes(before), whole.clone()].concat());
         assert_eq!(found.len(), 1, "{before}");
     }
-    // The header of one that was cut: the bytes of the next are its own, with a wrong sum.
+    // The header of a cut packet: the bytes of the next packet follow as its data, with a wrong checksum.
     let cut = [&whole[..9], &whole].concat();
     assert_eq!(received(&cut).len(), 1);
-    // An echo that was cut waits for its end until the line is silent.
+    // A cut echo waits for its end until the line is silent.
     let mut line = ReceiveBuffer::default();
     bytes("FF FF FE 20 83 2A 06 01").iter().for_each(|&byte| line.push(byte));
     whole.iter().for_each(|&byte| line.push(byte));

@@ -29,7 +29,7 @@ fn commands_are_those_of_the_manual() {
     assert_eq!(frames(&ak, 1, Command::EnableJoint { measured_rad: 0.0 }), enable);
     assert_eq!(frames(&ak, 1, Command::EnableWheel), enable);
     assert_eq!(frames(&ak, 1, Command::EnableTorque), enable);
-    // A quarter of ±18 N·m, no gains.
+    // A quarter of ±18 N·m, without gains.
     assert_eq!(frames(&ak, 1, Command::Torque { torque_nm: 9.0 }), ["001#8000800000000bff"]);
 }
 
@@ -99,7 +99,7 @@ fn answers_of_all_lengths() {
         assert_eq!(told, short, "{length}");
     }
     assert_eq!(ak.decode(&frame(&long[..5])), None);
-    // From another identifier it is a setpoint of ours that came back, or another master's.
+    // A frame with another identifier is an echo of our set-point, or another master's.
     let own = Frame::standard(5, &long).unwrap();
     assert_eq!(ak.decode(&own), None);
     let ak = Mit { answers_from: AnswerId::Own, ..ak };
@@ -110,7 +110,7 @@ fn answers_of_all_lengths() {
 fn setpoints(model: Model) -> impl Strategy<Value = JointSetpoint> {
     let end = |max: f32| prop_oneof![4 => -max..=max, 1 => Just(max), 1 => Just(-max)];
     let gain = |max: f32| prop_oneof![4 => 0.0..=max, 1 => Just(max), 1 => Just(0.0)];
-    // Torque close to its largest is where setpoints look like commands.
+    // Near the maximum torque, set-points resemble commands.
     let torque =
         prop_oneof![end(model.max_torque_nm), 0.998 * model.max_torque_nm..=model.max_torque_nm];
     (end(12.5), end(model.max_speed_rad_s), torque, gain(500.0), gain(5.0))
@@ -158,7 +158,7 @@ proptest! {
             (f64::from(codes.kp) * 500.0 / 4095.0, kp_nm_rad, 500.0 / 4095.0),
             (f64::from(codes.kd) * 5.0 / 4095.0, kd_nm_s_rad, 5.0 / 4095.0),
         ] {
-            // A hundredth of a step for the roundings of f32, which are 2^-24 of at most 2^16 steps.
+            // A hundredth of a step for the roundings of f32: 2^-24 of at most 2^16 steps.
             prop_assert!((sent - f64::from(meant)).abs() <= 0.51 * step, "{sent} {meant}");
         }
     }

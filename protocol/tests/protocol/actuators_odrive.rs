@@ -71,7 +71,7 @@ fn states_limits_and_stops() {
     assert_eq!(frames(&DRIVE, 0, Command::Disable), ["007#01000000"]);
     assert_eq!(frames(&DRIVE, 0, Command::ClearFaults), ["018#00"]);
     assert_eq!(can_text(&estop(3)), "062#");
-    // 2 turns/s; 1 N·m is 10 A.
+    // 2 turns/s; 1 N·m corresponds to 10 A.
     let limits = Command::Limits { speed_rad_s: 2.0 * TAU, torque_nm: 1.0 };
     assert_eq!(frames(&DRIVE, 1, limits), ["02f#0000004000002041"]);
     assert_eq!(sent(&DRIVE, 0x40, Command::Disable), Err(Refusal::Address));
@@ -183,7 +183,7 @@ proptest! {
         let position = turns * TAU / reduction;
         let frame = sent(&drive, 1, Command::Joint(joint(position, 0.0, 0.0, None))).unwrap()[0];
         let estimates = Frame::standard(0x029, frame.data()).unwrap();
-        // The feed-forwards are 0, and so is the speed.
+        // Both feed-forwards and the speed are 0.
         let (_, told) = drive.decode(&estimates).unwrap();
         prop_assert!((told.position_rad.unwrap() - position).abs() <= 1e-6 * position.abs());
         prop_assert_eq!(told.speed_rad_s.map(f32::abs), Some(0.0));

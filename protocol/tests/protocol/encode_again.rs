@@ -11,7 +11,7 @@ pub fn encode_to(node: Node, message: ToController) -> Option<Frame> {
         ToController::Setpoint(m) => m.encode(node),
         ToController::Parameter(m) => m.encode(node),
         ToController::Discover => Discover.encode(node),
-        // Any payload is one.
+        // Any payload is valid.
         ToController::Estop | ToController::Transport => return None,
     })
 }

@@ -100,7 +100,7 @@ fn refusals() {
     assert_eq!(a.send(&[0; 600]), Ok(()));
     a.reset();
     assert!(!a.is_sending());
-    // Nobody is asked for the rest of what was given up.
+    // A reset message is not requested further.
     a.on_frame(b"\x10\x20abcdef", 0);
     a.reset();
     assert_eq!(next(&mut a, 0), "-");
@@ -109,7 +109,7 @@ fn refusals() {
     let too_long = Event::Failed(IsoTpError::TooLong);
     assert_eq!(small.on_frame(&[0x10, 11, 1, 1, 1, 1, 1, 1], 0), too_long);
     assert_eq!(next(&mut small, 0), "320000");
-    // It also ends a message that was on its way.
+    // The single frame also ends a partly received message.
     assert_eq!(small.on_frame(&[0x10, 10, 1, 1, 1, 1, 1, 1], 0), Event::None);
     assert_eq!(small.on_frame(&[0x10, 11, 1, 1, 1, 1, 1, 1], 0), too_long);
     assert_eq!(small.on_frame(&[0x21, 1, 1, 1, 1], 0), Event::None);
@@ -160,7 +160,7 @@ fn exchange(a: &mut End, b: &mut End, mut bus: impl FnMut(Vec<u8>) -> Vec<Vec<u8
         idle += 1;
         for side in 0..2 {
             let (from, to) = if side == 0 { (&mut *a, &mut *b) } else { (&mut *b, &mut *a) };
-            // Until it has nothing to say, as the documentation asks for.
+            // Until it has nothing to send, as the documentation demands.
             loop {
                 match from.poll(now_us) {
                     Output::Idle => break,

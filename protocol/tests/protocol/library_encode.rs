@@ -110,7 +110,7 @@ fn errors_say_what_is_wrong() {
 
 #[test]
 fn the_largest_step_is_the_rate_and_one_quantum() {
-    // 6 rad/s at 60 Hz are 102.4 quanta of 2^-10 rad; one more is granted to rounding.
+    // 6 rad/s at 60 Hz are 102.4 quanta of 2^-10 rad; one more is allowed for rounding.
     let config = robot(1, 0);
     let step = |quanta: f32| {
         let frames = [0.0, quanta / 1024.0];
@@ -178,7 +178,7 @@ fn the_largest_library_fits_the_format() {
         })
         .collect();
     let pair = vec![0.25; 48];
-    // Three rings: to the next, back, and across.
+    // Three rings: to the next motion, back, and across.
     let transitions: Vec<_> = (0..96)
         .map(|i| TransitionSpec {
             from: i % 32,
@@ -248,7 +248,7 @@ proptest! {
             state ^= state << 17;
             (state % 20001) as f32 / 10000.0 - 1.0
         };
-        // There and back again, so that it loops.
+        // Forward and back, so that it loops.
         let mut pose: Vec<f32> = vec![0.0; config.channels.len()];
         let mut out = Vec::new();
         for _ in 0..count {

@@ -79,7 +79,7 @@ fn every_forged_byte() {
             accepted += u32::from(forged != *bytes && validate(&forged, &fixture.config).is_ok());
         }
     }
-    // Small changes of frames and names are no less a library.
+    // A library with small changes of frames and names is still valid.
     assert!(accepted > 10 || cfg!(miri), "nothing behind the checksums was reached");
 }
 
@@ -124,7 +124,7 @@ proptest! {
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..50),
         clip in 0u8..8,
         frame in 0u16..200,
-        // What was found good before may have changed since.
+        // Blocks that were valid before may have changed since.
         played in 0..120,
         portions in 0..20,
     ) {

@@ -95,7 +95,7 @@ fn future_major_version() {
 fn future_minor_version_is_read() {
     let (fixture, mut bytes) = good();
     let old = validate(&bytes, &fixture.config).unwrap();
-    // A clip table whose records have two more bytes, and a section that we do not know.
+    // A clip table with records that are two bytes longer, and an unknown section.
     let clips = section(&bytes, 3);
     let wider: Vec<u8> =
         bytes[clips.clone()].chunks(11).flat_map(|r| [r, &[0xEE, 0xEE]].concat()).collect();
@@ -262,7 +262,7 @@ fn broken_blocks() {
             "clip 1: frame 0 cannot be decoded, because its block is damaged",
         );
     }
-    // A block without good checksum under a good checksum of the file.
+    // A block with a wrong checksum in a file with a right checksum.
     let (fixture, mut bytes) = good();
     let start = block(&bytes, 1);
     bytes[start + 6] ^= 1;
@@ -289,7 +289,7 @@ fn padding_must_be_zero_and_short() {
     });
     expect(reject, Section::Frames, sentence);
     let reject = refusal(|bytes| {
-        // One byte more, in the block, its clip, the clips after it and the section.
+        // One more byte in the block, its clip, the following clips and the section.
         let (start, end, table) = (block(bytes, 5), last(bytes) + 1, section(bytes, 3).start);
         let frames = section(bytes, 4).start;
         bytes[start + 4] += 1;
@@ -357,7 +357,7 @@ fn frames_too_fast() {
 
 #[test]
 fn seam_jumps() {
-    // The second block of `trot` drifts away by 8 quanta a frame, which alone is not too fast.
+    // The second block of `trot` drifts by 8 quanta per frame, which alone is not too fast.
     let reject = refusal(|bytes| {
         let first = block(bytes, 1);
         let second = first + 10 + usize::from(bytes[first + 4]);
@@ -374,7 +374,7 @@ fn seam_jumps() {
 
 #[test]
 fn ends_with_a_turning_wheel() {
-    // `trot`, whose wheel turns, no longer loops.
+    // `trot`, whose wheel rotates, does not loop any more.
     let reject = patched(3, 11, 0);
     expect(reject, Section::Frames, "clip 1 ends, but channel 2, a wheel, turns at");
 }
@@ -412,13 +412,12 @@ fn no_route_to_safe() {
 
 #[test]
 fn wrong_routes() {
-    // From trot to drive there is one; transitions that start elsewhere, one of them at the right end; one
-    // that does not exist.
+    // From trot to drive there is one transition. The others start elsewhere, one with the right end, or do not exist.
     for value in [0xFF, 0, 2, 4] {
         let sentence = "the route from motion 1 to motion 2 is wrong";
         expect(patched(6, 3 + 2, value), Section::Routes, sentence);
     }
-    // From stand to itself there is a way round, by which it is played once more.
+    // A route from stand to itself exists, by which stand plays once more.
     let sentence = "the route from motion 0 to motion 0 is wrong";
     expect(patched(6, 0, 0xFF), Section::Routes, sentence);
 }
@@ -437,7 +436,7 @@ fn broken_codes() {
 
 #[test]
 fn unsafe_safe_motion() {
-    // trot as SAFE: everything reaches it, but it never rests.
+    // `trot` as SAFE: every motion reaches it, but it never rests.
     let sentence = "the safe motion must end in the safe pose";
     expect(patched(1, 9, 1), Section::SafePose, sentence);
     expect(patched(8, 2, 0x11), Section::SafePose, sentence);
@@ -513,7 +512,7 @@ fn nothing_is_hidden_between_the_fields() {
         });
         expect(reject, Section::Footer, "not a motion library");
     }
-    // Records wider than those of the version that the file says it has.
+    // Records that are wider than in the file's version.
     for (tag, len) in [(1, 10), (2, 8), (3, 11), (5, 6), (7, 2)] {
         let reject = refusal(|bytes| {
             let table = section(bytes, tag);
@@ -535,7 +534,7 @@ fn nothing_is_hidden_between_the_fields() {
         bytes.splice(table.end..table.end, copy);
     });
     assert_eq!(reject.why, RejectReason::WrongCount { found: 2, expected: 1 }, "{reject}");
-    // Strides of what is no table.
+    // Strides of sections that are no tables.
     for tag in [4, 9] {
         let reject = refusal(|bytes| {
             let payload = section(bytes, tag);
@@ -545,7 +544,7 @@ fn nothing_is_hidden_between_the_fields() {
         });
         assert_eq!(reject.why, RejectReason::BadSection { tag: tag as u16 }, "{reject}");
     }
-    // Attitudes came with 1.1.
+    // Attitudes were added in version 1.1.
     let reject = refusal(|bytes| {
         let table = section(bytes, 3);
         let up = [0, 0, 0, 0, 0, 0x40, 0, 0];
@@ -565,7 +564,7 @@ fn names_are_all_that_their_section_has() {
     let sentence = "the name of motion 2 is empty, too long or not valid text";
     expect(appended(9, &[0]), Section::Names, sentence);
     expect(appended(9, b"\x04more"), Section::Names, sentence);
-    // A length in more bytes than it needs.
+    // A length that uses more bytes than necessary.
     let reject = refusal(|bytes| {
         let names = section(bytes, 9);
         bytes[names.start - 4] += 1;
@@ -603,7 +602,7 @@ fn first_differences_lead_to_the_next_frame() {
     let reject = refusal(|bytes| {
         let difference = block(bytes, 1) + 10 + 6;
         bytes[difference] = bytes[difference].wrapping_add(1);
-        // A second difference of -1 takes it back. Behind three widths of 4 bits.
+        // A second difference of -1 reverses it. It follows three widths of 4 bits.
         let stream = difference + 6;
         assert!(bytes[stream] & 0x0F > 0 && bytes[stream + 1] & 0x10 == 0);
         bytes[stream + 1] |= 0x10;

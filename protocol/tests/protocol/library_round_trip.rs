@@ -24,8 +24,8 @@ fn every_value_returns_within_half_a_milliradian() {
             let mut out = [f32::NAN; 4];
             cursor.frame_into(&library, &mut out).unwrap();
             for (channel, (got, want)) in out.iter().zip(expected).enumerate() {
-                // Transitions' ends are moved onto the quanta of the motion that they join, which
-                // was rounded from nearly the same number: a quantum at most instead of half.
+                // Ends of transitions are moved to the quanta of the joined motion. Both were rounded from nearly the same
+                // number, so the error is up to one quantum instead of half.
                 let tolerance = if i >= 3 { 1.0 } else { 0.5 } / 1024.0 + 1e-7;
                 assert!((got - want).abs() <= tolerance, "{clip:?} {k} {channel}: {got} {want}");
             }
@@ -61,7 +61,7 @@ fn seeking_finds_what_playing_finds() {
             sought.seek(&library, k).unwrap();
             assert_eq!(sought.frame(), played.frame());
             assert!(sought.quanta().eq(played.quanta()));
-            // Wherever it stands, it goes on from there.
+            // After a seek to any frame, playback continues from there.
             assert_eq!(sought.advance(&library), played.advance(&library));
             assert!(sought.quanta().eq(played.quanta()));
         }
@@ -129,14 +129,14 @@ fn other_bytes_do_not_open() {
     other.trot[30] += 0.01;
     let other = other.encode();
     assert!(Library::open(&other, &index).is_none());
-    // A cursor stays with its library.
+    // A cursor belongs to one library.
     let (clip, other_index) = (ClipId(1), validate(&other, &f.config).unwrap());
     let other = Library::open(&other, &other_index).unwrap();
     let mut cursor = ClipCursor::new(&Library::open(&bytes, &index).unwrap(), clip, 0).unwrap();
     assert_eq!(cursor.advance(&other), Err(LibraryReadError));
     assert_eq!(cursor.seek(&other, 0), Err(LibraryReadError));
     assert_eq!(cursor.frame_into(&other, &mut [0.0; 3]), Err(LibraryReadError));
-    // Written over in the middle, where opening does not look: the block's CRC notices.
+    // Overwritten in the middle, which opening does not check; the CRC of the block detects it.
     let mut damaged = bytes.clone();
     damaged[300] ^= 4;
     let library = Library::open(&damaged, &index).unwrap();
@@ -189,8 +189,7 @@ fn attitudes_come_back_and_a_library_without_says_none() {
         let clip = ClipRef::Motion(1);
         assert_eq!(told(&attitudes), Err(EncodeError::Attitude { clip }), "{bad:?}");
     }
-    // A file that claims more, with valid checksums, would switch tilt protection off; a direction without length, or
-    // of another, is none.
+    // A forged limit with valid checksums would switch tilt protection off. A direction of another length is invalid.
     let table = find_section(&bytes, 3).unwrap().start;
     for clip in 0..clips {
         for (at, value) in [
@@ -274,13 +273,13 @@ fn damage_is_found_however_much_was_checked_ahead() {
             assert_eq!(entered.is_ok(), ClipCursor::new(&library, clip, 0).is_ok());
         }
         let Ok(mut cursor) = ClipCursor::new(&library, clip, 0) else {
-            // That the block after it has been found good does not speak for it.
+            // A valid block after it proves nothing about this block.
             let good = Library::open(&bytes, &index).unwrap();
             let mut cursor = ClipCursor::new(&good, clip, 0).unwrap();
             while !cursor.is_checked_ahead() {
                 cursor.advance(&good).unwrap();
             }
-            // Damaged tables are of no interest to a cursor that knows its clip.
+            // A cursor that knows its clip does not read the damaged tables.
             found_in_first += usize::from(cursor.seek(&library, 1).is_err());
             continue;
         };

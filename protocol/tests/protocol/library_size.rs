@@ -66,7 +66,7 @@ fn bytes_per_second(joints: u8, wheels: u8, with_torques: bool) -> f32 {
 
 #[test]
 fn a_second_of_gait() {
-    // Measured when the format was fixed. Raw f32: 240 a channel.
+    // Measured when the format was fixed. Raw f32 values take 240 per channel.
     for (joints, wheels, measured, with_torques) in
         [(16, 0, 418.5, 1305.5), (16, 4, 565.5, 1536.0), (12, 4, 462.0, 1223.0)]
     {

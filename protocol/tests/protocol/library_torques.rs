@@ -57,7 +57,7 @@ fn torques_come_back_in_step_with_the_frames() {
                 torques(&library, clip, k).iter().zip(given).enumerate()
             {
                 let quantum = library.torque_quantum(channel).unwrap();
-                // The quanta of the fixture's limits, 3 and 1 N·m.
+                // Quanta of the fixture's limits, 3 and 1 N·m.
                 assert_eq!(quantum, [2f32.powi(-9), 2f32.powi(-9), 2f32.powi(-10)][channel]);
                 if clip.0 < 3 || inner {
                     assert!(
@@ -101,7 +101,7 @@ fn transitions_are_led_over_to_the_torques_that_they_join() {
         let library = Library::open(&bytes, &index).unwrap();
         let all: Vec<f32> = (0..blend as u16).map(|k| torques(&library, ClipId(2), k)[0]).collect();
         assert_eq!((all[0], all[blend - 1]), (1.0, -2.0));
-        // Each end is led over in a straight line; both lines may lie one over the other.
+        // Each end is blended linearly, and both blends may overlap.
         let frames = TORQUE_BLEND_FRAMES.min(blend - 1) as f32;
         let most = (0.5 + 2.5) / frames + 2.0 * library.torque_quantum(0).unwrap();
         assert!(all.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= most), "{all:?}");
@@ -148,7 +148,7 @@ fn errors_say_what_is_wrong() {
     assert_eq!(error(&[0.0, 0.0, 3.1, 0.0], &zero), Err(beyond.into()));
     let none = "motion 1, frame 0, channel 1: a torque of NaN N·m is beyond the limit of 1 N·m";
     assert_eq!(error(&[0.0, f32::NAN, 0.0, 0.0], &zero), Err(none.into()));
-    // Half a quantum beyond the limit is granted.
+    // Half a quantum beyond the limit is allowed.
     assert!(error(&[0.0, 0.0, 3.0 + 0.4 / 512.0, -1.0], &zero).is_ok());
 }
 
@@ -162,7 +162,7 @@ fn patched(tag: usize, at: usize, value: u8) -> Reject {
 
 #[test]
 fn what_is_wrong_with_torques_is_refused() {
-    // Older readers know no such sections, and half of them are of no use.
+    // Older readers do not know these sections, and a part of them is useless.
     expect(
         refusal(|bytes| bytes[10] = 1),
         Section::Table,
@@ -183,7 +183,7 @@ fn what_is_wrong_with_torques_is_refused() {
     expect(patched(11, 0, 1), Section::TorqueClips, "clip 0: invalid clip record");
     expect(patched(11, 8 + 4, 1), Section::TorqueClips, "clip 1: invalid clip record");
     expect(patched(12, 0, 1), Section::Torques, "clip 0: frame 0 cannot be decoded");
-    // The keyframe of the first clip, one frame: far beyond the limit of 3 N·m.
+    // Keyframe of the first clip, of one frame, far beyond the limit of 3 N·m.
     let reject = patched(12, 10 + 1, 0x7F);
     expect(reject, Section::Torques, "clip 0, frame 0, channel 0: 63.");
     expect(
@@ -191,9 +191,9 @@ fn what_is_wrong_with_torques_is_refused() {
         Section::Torques,
         "is outside the limits -3 to 3 (rad, rad/s for a wheel, N·m in the torques)",
     );
-    // Within it, but not where the transitions start.
+    // Within the limit, but different from the start of the transitions.
     expect(patched(12, 10, 0), Section::Edges, "transition 0, channel 0: the first torque is ");
-    // A byte more than the clips have.
+    // One byte more than the clips need.
     let longer = refusal(|bytes| {
         let torques = find_section(bytes, 12).unwrap();
         let len = (torques.len() as u32 + 1).to_le_bytes();
@@ -201,7 +201,7 @@ fn what_is_wrong_with_torques_is_refused() {
         bytes.insert(torques.end, 0);
     });
     expect(longer, Section::Torques, "but the manifest requires");
-    // A plain array gets no wider.
+    // A plain array has a fixed stride.
     let wider = refusal(|bytes| {
         let quanta = find_section(bytes, 10).unwrap();
         bytes[quanta.start - 6] = 3;

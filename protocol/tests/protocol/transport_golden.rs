@@ -107,7 +107,7 @@ fn log() {
     let golden = [head, &entries.concat()].concat();
     response(Response::Log(log), &golden);
     assert_eq!(log.entries().collect::<Vec<_>>(), [(40, lost), (41, silent), (42, off)]);
-    // Of a later version: a state that we do not know. The others keep their numbers.
+    // A log of a later version, with an unknown state. The other entries keep their numbers.
     let mut later = Log::new(0, u32::MAX, 2);
     let strange = [0, 0, 0, 0, 200, 0xF9, 0xFF, 0xFF, 0, 0, 0, 0];
     assert!([lost.encode(), strange, off.encode()].into_iter().all(|e| later.push(e)));

@@ -140,7 +140,7 @@ fn setpoint() {
         assert_eq!(text(m.encode(node())), golden);
         assert_eq!(Setpoint::decode(&m.encode(node())), Ok((node(), m)));
     }
-    // The lowest numbers mean no value.
+    // The lowest codes mean no value.
     for (value, torque) in [([0, 0, 0x80], [0, 0]), ([0, 0, 0], [0, 0x80])] {
         let body = [1, 2, value[0], value[1], value[2], torque[0], torque[1]];
         let mut data = [0; 8];
@@ -149,7 +149,7 @@ fn setpoint() {
         let frame = Frame::standard(0x431, &data).unwrap();
         assert_eq!(Setpoint::decode(&frame), Err(DecodeError::BadValue));
     }
-    // What does not fit saturates, and what is no number is 0.
+    // Values out of range saturate, and NaN becomes 0.
     let wild = Setpoint { frame: 0, channel: 0, stiff: false, value: 1e9, torque_nm: f32::NAN };
     let (_, read) = Setpoint::decode(&wild.encode(node())).unwrap();
     assert_eq!((read.value, read.torque_nm), (838.8607, 0.0));
@@ -193,7 +193,7 @@ fn sample() {
         assert_eq!(text(sample.encode(node())), golden);
         assert_eq!(Sample::decode(&sample.encode(node())), Ok((node(), sample)));
     }
-    // A flag that is unknown, and values without their flags.
+    // An unknown flag, and values without their flags.
     for body in
         [[1, 0, 0, 0, 0, 0, 4], [1, 1, 0, 0, 0, 0, 0], [1, 0, 1, 0, 0, 0, 0], [1, 0, 0, 1, 0, 0, 0]]
     {
@@ -206,7 +206,7 @@ fn sample() {
     let long = Sample { number: 0, answered: answered(0, 9.0), contacts: None };
     let read = Sample::decode(&long.encode(node())).unwrap().1;
     assert_eq!(read.answered.unwrap().delay_s, 0.051);
-    // What does not fit saturates, and what is no number is 0.
+    // Values out of range saturate, and NaN becomes 0.
     let wild = Gyro { rad_s: [f32::INFINITY, f32::NAN, -1e9] };
     let read = Gyro::decode(&wild.encode(node())).unwrap().1;
     assert_eq!(read.rad_s, [65.534, 0.0, -65.534]);

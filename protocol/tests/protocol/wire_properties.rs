@@ -51,7 +51,7 @@ proptest! {
         {
             prop_assert!(same_but_for_ignored_bits(again, frame), "{message:?}");
         }
-        // Nothing is both.
+        // No frame is both.
         let other = Err(DecodeError::OtherMessage);
         prop_assert!(
             ToController::decode(&frame).map(|_| ()) == other
@@ -155,13 +155,13 @@ fn commands_expire_by_the_low_bits_of_the_clock() {
     let command = |valid_until_ms| Command { seq: 0, action: Action::Pause, valid_until_ms };
     assert!(!command(1000).expired(1_000_999));
     assert!(command(1000).expired(1_001_000));
-    // For a second at most.
+    // Valid for at most one second.
     assert!(!command(2000).expired(1_000_000));
     assert!(command(2000).expired(999_999));
-    // One that has waited, for as long as the number counts.
+    // A command that has waited, for as long as the counter can express.
     assert!((1_001..65_536).all(|ms| command(1000).expired(1000 * ms)));
     assert!(!command(1000).expired(65_536_000));
-    // Around the wrap at 65 536 ms.
+    // Near the wrap at 65,536 ms.
     assert!(!command(100).expired(65_500_000));
     assert!(!command(100).expired(65_636_000));
     assert!(command(100).expired(65_637_000));

@@ -93,7 +93,7 @@ impl CompositeInertia {
         for (w, wheel) in tree.wheels().iter().enumerate() {
             let dof = tree.first_wheel_dof() + w;
             let axis = frames.world_from_link[wheel.link] * wheel.axis_in_link;
-            // A pure couple: the wheel's centre stays where it is.
+            // A pure couple: the wheel's centre does not move.
             let angular = axis * wheel.spin_inertia_kg_m2;
             let momentum = Momentum { linear: Vector3::zeros(), angular };
             set_column(tree, frames, out, dof, wheel.link, &momentum);

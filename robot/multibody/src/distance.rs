@@ -167,11 +167,11 @@ fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [f64; 2] {
     let between = first[0] - second[0];
     let (a, b, e) = (u.norm_squared(), u.dot(&v), v.norm_squared());
     let (c, f) = (u.dot(&between), v.dot(&between));
-    // Of a segment that is a point, any parameter is right.
+    // If a segment is a point, any parameter is right.
     let on_first = |t: f64| if a > 0.0 { ((b * t - c) / a).clamp(0.0, 1.0) } else { 0.0 };
     let on_second = |s: f64| if e > 0.0 { (b * s + f) / e } else { 0.0 };
     let determinant = a * e - b * b;
-    // Of parallel segments any point is among the nearest, up to the ends.
+    // On parallel segments, all points between the ends are nearest.
     let parallel = determinant <= 1e-14 * a * e;
     let s = if parallel { 0.0 } else { ((b * f - c * e) / determinant).clamp(0.0, 1.0) };
     let t = on_second(s);
@@ -214,7 +214,7 @@ fn lowest(ends: &[Vector3<f64>; 2], half_size_m: &Vector3<f64>) -> (f64, f64, Ve
     if rises.3 <= 0.0 {
         return (rises.0, rises.1, rises.2);
     }
-    // Slopes of the secant: that of an end which stays in place is halved.
+    // Slopes of the secant (Illinois method): the slope at an end that stays is halved.
     let (mut down, mut up) = (falls.3, rises.3);
     let mut last_fell = None;
     for _ in 0..STEPS {

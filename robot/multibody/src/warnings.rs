@@ -20,7 +20,7 @@ pub fn warnings(tree: &Tree, standing: &Standing) -> Vec<String> {
         [masses::warnings, motors::warnings, limbs::warnings, wheels::warnings, names::warnings];
     let mut warnings: Vec<RobotWarning> = Vec::new();
     for warning in all.iter().flat_map(|of| of(&seen)) {
-        // Limbs of a template share its slips.
+        // Limbs of a template share its mistakes.
         match warnings.iter_mut().find(|of| (of.kind, &of.text) == (warning.kind, &warning.text)) {
             Some(same) => same.names.extend(warning.names),
             None => warnings.push(warning),

@@ -27,7 +27,7 @@ pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
             show(line, &mut shown);
             continue;
         }
-        // Around the first fault; others of the line are shown at its end.
+        // The excerpt is around the first fault; other faults of the line are shown at its end.
         let first = inside.iter().map(|fault| fault.span.start - span.start).min().unwrap_or(0);
         let from = line.floor_char_boundary(first.saturating_sub(BEFORE));
         let to = line.floor_char_boundary((from + LINE_MAX).min(line.trim_end().len()));
@@ -43,7 +43,7 @@ pub(super) fn excerpt(text: &str, faults: &mut [Fault]) -> String {
             fault.shown = a.clamp(start, end)..b.clamp(start, end);
         }
     }
-    // At the end, where something is missing.
+    // At the end, where a key is missing.
     for fault in &mut faults[done..] {
         fault.shown = shown.len()..shown.len();
     }
@@ -101,7 +101,7 @@ mod tests {
         assert!(text.starts_with("a = 1\n…") && text.ends_with("…\nc = 3"), "{text}");
         let end = &mut [super::Fault::new(&long, long.len()..long.len(), "m", "l", "h")];
         assert_eq!(super::excerpt(&long, end).len(), end[0].shown.start);
-        // A fault that is longer than the line may be.
+        // A fault that is longer than the maximum line.
         let long = format!("x = \"{}\"\nc = 3", "ü".repeat(5000));
         let (text, marked) = shown(&long, &format!("\"{}\"", "ü".repeat(5000)));
         assert!(text.len() < 250 && marked.starts_with("\"ü"), "{text}");

@@ -68,7 +68,7 @@ fn closest<'a>(given: &str, known: impl IntoIterator<Item = &'a str> + Clone) ->
     typed.sort_by(|a, b| b.0.total_cmp(&a.0));
     match typed[..] {
         [] => sharing(&words, known),
-        // `x` is as near to `+x` as to `-x`.
+        // `x` is equally near to `+x` and `-x`.
         [(best, _), (second, _), ..] if best == second => None,
         [(_, name), ..] => Some(name),
     }
@@ -86,7 +86,7 @@ fn similarity(given: &str, name: &str) -> Option<f64> {
     if letters(given) == letters(name) {
         return Some(1.0);
     }
-    // A maker's sign of a variant: `-T` of a servo with another connector.
+    // Mark of a variant: `-T` is a servo with another connector.
     if is_model(name) && given.strip_prefix(name).is_some_and(|of| VARIANTS.contains(&of)) {
         return Some(1.0);
     }
@@ -165,7 +165,7 @@ mod tests {
             (1500.0, 1e-6..=1000.0, "kg", "; 1500 g would be 1.5 kg"),
             (3000.0, 0.1..=60.0, "s", "; 3000 ms would be 3 s"),
             (-60.0, -2.2..=-0.2, "rad", "; -60 degrees would be -1.0472 rad"),
-            // In range, or out of it in any unit.
+            // In range, or out of range in every unit.
             (0.5, 0.0..=1.0, "m", ""),
             (3e6, 0.0..=1.0, "m", ""),
             (60.0, -2.2..=-0.2, "rad", ""),
@@ -243,7 +243,7 @@ mod tests {
         ] {
             assert_eq!(closest(given, kinds), Some(kind), "{given}");
         }
-        // Any of three, or none of them.
+        // One of three, or none.
         for given in ["wheel", "driving_wheel", "steered_wheel", "omni_wheel", "mecanum_wheel"] {
             assert_eq!(closest(given, kinds), None, "{given}");
         }

@@ -15,7 +15,7 @@ pub(super) fn read(mut table: Table<'_>) -> Option<(u8, Bus, Table<'_>)> {
     let kind = table.choice("protocol", Protocol::KEYS);
     let protocol = kind.map(|kind| Protocol::read(kind, &table));
     let is_serial = protocol.as_ref().is_some_and(Protocol::is_serial);
-    // CAN has a rate that everybody uses; a serial line has that of its servos' settings.
+    // CAN has a usual bit rate; the rate of a serial line depends on the settings of its servos.
     let bit_rate = if table.has("bit_rate") || is_serial {
         table.integer("bit_rate", 1..=100_000_000).unwrap_or_default()
     } else {

@@ -142,7 +142,7 @@ fn torque_speed(table: &Table<'_>) -> Option<TorqueSpeedLine> {
                 "give `{missing}` too, or leave out both: a torque-speed line has two ends"
             );
             table.fault(given, format_args!("is given without `{missing}`"), "half a line", help);
-            // A value that is no number is a fault of its own.
+            // A value that is not a number is a separate fault.
             number(table, given);
             None
         }

@@ -38,7 +38,7 @@ impl<'d> Limb<'d> {
             table,
         };
         if !rules::is_a_length(&limb.origin_m) {
-            // Rules see the sum of this and what the template adds, and would point there.
+            // Rules would see the sum of this value and the template's, and point to the template.
             limb.table.fault(
                 ORIGIN,
                 format_args!("is {}", rules::show(&limb.origin_m)),

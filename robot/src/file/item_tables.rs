@@ -22,7 +22,7 @@ impl<'d> Source<'d> {
 
     /// Span of a field's value, or of the item if the field is absent.
     fn span(&self, field: &str) -> Span {
-        // Faults about addresses belong where the limb states them.
+        // Faults about addresses point to the limb that contains them.
         match (&self.limb, field) {
             (Some(limb), "bus") => return limb.span_of("bus"),
             (Some(limb), "id") => return limb.span_of("first_id"),
@@ -53,7 +53,7 @@ impl<'d> ItemTables<'d> {
     pub fn span(&self, place: Item, field: &str) -> Span {
         let source = match place {
             Item::Robot if matches!(field, "name" | "clearance_margin_m") => None,
-            // What is missing or too many has no single place: show the start of the file.
+            // A count of missing or excess items has no position, so the start of the file is shown.
             Item::Robot => return 0..0,
             Item::Link(index) => self.links.get(index),
             Item::Joint(index) => self.joints.get(index),

@@ -54,7 +54,7 @@ pub(super) fn read(part: Table<'_>) -> (MassProperties, Option<Solid>) {
             None
         }
     };
-    // These say how designs change it, and nothing about the robot as it is.
+    // These keys tell how designs change the part, and nothing about the present robot.
     part.given("stretches", Table::boolean);
     part.given(ACTUATOR, Table::string);
     part.done();

@@ -44,7 +44,7 @@ pub(super) fn robot<'d>(
     let limbs: Vec<_> = root.tables_up_to("limb", ITEMS_MAX).into_iter().map(Limb::read).collect();
     for (index, limb) in limbs.iter().enumerate() {
         if limbs[..index].iter().any(|other| other.name == limb.name) {
-            // What it is made of would be named twice, too.
+            // Names of its parts would be duplicates, too.
             let help = "give each limb its own name, which replaces `*` in the names of its links";
             let problem = format_args!("is \"{}\", the name of an earlier limb", limb.name);
             limb.table.fault("name", problem, "again", help);
@@ -75,7 +75,7 @@ pub(super) fn robot<'d>(
     root.done();
     for (name, table) in &templates {
         if !limbs.iter().any(|limb| limb.template == *name) {
-            // Nothing is built from it, but its faults count.
+            // Nothing is built from an unused template, but its faults count.
             let group = [Group { table, is_template: true, limb: None }];
             if !few_enough(table, &group) {
                 continue;
@@ -155,7 +155,7 @@ impl<'r, 'd> Reader<'r, 'd> {
     }
 
     fn groups(&mut self, groups: &[Group<'_, 'd>]) {
-        // All links first: a limb may hang on a link of another.
+        // All links first, because a limb may attach to a link of another limb.
         for group in groups {
             group.table.tables("link").into_iter().for_each(|table| self.link(group, table));
         }
@@ -245,7 +245,7 @@ impl<'r, 'd> Reader<'r, 'd> {
         // Which keys are allowed depends on the kind.
         let Some(kind) = table.choice("contact", &KINDS) else { return };
         let contact = self.contact(KINDS[kind], group, &table, ids);
-        // Wheels that turn and blades are rigid.
+        // Wheels that rotate and blades are rigid.
         let has_foot = ["point_foot", "welded_wheel"].contains(&KINDS[kind]);
         let soft = (has_foot && table.has("soft")).then(|| table.table("soft")).flatten();
         let soft = soft.map(|mut table| {
@@ -306,7 +306,7 @@ impl<'r, 'd> Reader<'r, 'd> {
     ) -> Option<(Actuator, Table<'d>)> {
         let name = table.string("actuator").unwrap_or_default();
         let (bus, id) = if group.is_template {
-            // Past the last address it stays out of the allowed range.
+            // An address after the last stays out of the allowed range.
             (group.limb.map_or(0, |limb| limb.bus), ids.next().unwrap_or(u8::MAX))
         } else {
             (bus(table), address(table, "id"))

@@ -20,7 +20,7 @@ impl Check<'_> {
         let robot = self.robot;
         for (&number, bus) in &robot.buses {
             self.at(Item::Bus(number), format!("bus {number}"));
-            // A motor on a bus that no controller has is found at the motor.
+            // A motor on a bus that the controller does not have is reported at the motor.
             if !robot.channels().any(|channel| channel.actuator().bus == number) {
                 let help = "put a joint, a wheel or a limb on this bus, or leave out the table";
                 self.violated("number", "is a bus without motors", help);
@@ -80,7 +80,7 @@ impl Check<'_> {
         let (field, value, unit) = match refusal {
             Refusal::Address => ("id", f64::from(config.id), ""),
             Refusal::OutOfRange("position") => {
-                // As the file says it, not rounded to the controller's numbers.
+                // Values of the file, not rounded to the controller's numbers.
                 let (min, max) = match channel {
                     Channel::Joint(joint) => (joint.position_min_rad, joint.position_max_rad),
                     Channel::Wheel(..) => (config.min.into(), config.max.into()),

@@ -196,7 +196,7 @@ impl Check<'_> {
                     taken.insert((bus, id), (place, what));
                 }
                 Some((before, other)) => {
-                    // The limb that comes later in the file is the one that was given a range in use.
+                    // The limb that is later in the file has a range that is in use.
                     let link = |place: Item| match place {
                         Item::Joint(joint) => self.robot.joints[joint].child,
                         Item::EndEffector(end) => self.robot.end_effectors[end].link,

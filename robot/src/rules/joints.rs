@@ -116,7 +116,7 @@ impl Check<'_> {
             self.range("stall_torque_nm", stall_nm, positive, 1000.0, "N·m", mm);
             let free_rad_s = line.no_load_speed_rad_s;
             self.range("no_load_speed_rad_s", free_rad_s, positive, 1000.0, "rad/s", rpm);
-            // The line bounds what the motor can do: limits beyond its ends are no limits.
+            // The line bounds the motor's capability: limits beyond its ends have no effect.
             if (f64::MIN_POSITIVE..motor.torque_max_nm).contains(&stall_nm) {
                 let help = format!("give at most {stall_nm} N·m, or correct `stall_torque_nm`");
                 let problem = format_args!("is {} N·m", motor.torque_max_nm);

@@ -113,8 +113,8 @@ impl Check<'_> {
         for (center, (foot_kg, inertia)) in &feet {
             rest -= inertia + about(*foot_kg, center - com);
         }
-        // The simulation needs positive moments. The triangle inequality need not hold, because robot files have the mass of
-        // a rigid foot at its place and not as a ball.
+        // The simulation needs positive moments. The triangle inequality is not required, because robot files treat the mass of
+        // a rigid foot as a point.
         let moments = rest.symmetric_eigenvalues();
         if moments.min() <= 0.0 {
             let help = format!(

@@ -124,7 +124,7 @@ pub(super) fn motion(kind: Kind, axis: &Vector3<f64>, position: f64) -> Isometry
             Isometry3::from_parts(Translation3::identity(), UnitQuaternion::new(axis * position))
         }
         Kind::Prismatic => Isometry3::from(axis * position),
-        // The others are locked in their zero position only.
+        // The others are locked in their zero positions.
         Kind::Fixed | Kind::Planar | Kind::Floating => Isometry3::identity(),
     }
 }
@@ -222,7 +222,7 @@ fn physical(mass_kg: f64, inertia: &Matrix3<f64>) -> (Matrix3<f64>, Option<Strin
     for _ in 0..REPAIRS {
         let large = moments.imax();
         let short = 2.0 * moments[large] - moments.sum() + slack * moments[large];
-        // Rounding of the last change is no reason for another one.
+        // Rounding of the last change does not justify another change.
         if short <= 1e-3 * slack * moments[large] {
             break;
         }
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn impossible_inertias_are_changed_as_little_as_possible() {
-        // The projection onto x + y ≥ (1 + slack) z: a third of the excess 0.3 to each, and the slack.
+        // Projection onto x + y ≥ (1 + slack) z: each gets a third of the excess 0.3, and the slack.
         let (repaired, reason) =
             physical(1.0, &Matrix3::from_diagonal(&Vector3::new(0.1, 0.1, 0.5)));
         let change = (0.3 + 0.5 * SLACK) / (3.0 + SLACK);

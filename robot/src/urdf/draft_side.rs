@@ -79,7 +79,7 @@ impl Draft {
         }
         let site = Site { urdf, graph, tree, wheels: &wheels };
         let up = side.up.unwrap_or_else(|| guess::up(urdf, &site.open(&locks)));
-        // Warnings belong to the final guess alone.
+        // Warnings belong only to the final guess.
         let quiet = &mut Notes::new("", "");
         let first = site.guess(&locks, Axes { forward: first_forward(up), up }, quiet);
         let passive = guess::passive(urdf, &first.bodies, &first.axles);
@@ -158,7 +158,7 @@ impl Site<'_> {
         rigid.body_from_root = turn(axes.forward, axes.up);
         let all = merge(urdf, graph, tree, &rigid, &mut Notes::new("", ""));
         let ends = guess::ends(urdf, graph, &all, &rigid);
-        // Wheels above the ground are no end effectors: their joints stay joints.
+        // Wheels above the ground are no end effectors; their joints remain joints.
         let grounded: Vec<usize> = ends.iter().filter_map(|end| end.axle).collect();
         rigid.wheels = grounded.iter().chain(self.wheels).copied().collect();
         let bodies = merge(urdf, graph, tree, &rigid, notes);

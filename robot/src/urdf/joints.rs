@@ -56,7 +56,7 @@ pub(super) fn position_limits(urdf: &Urdf, joint: &Joint) -> [f64; 2] {
         false => [lower, upper],
     };
     let (min, max) = (lower.min(upper), lower.max(upper));
-    // Limits a whole turn away are those of the same angles.
+    // Limits that are shifted by a whole turn mean the same angles.
     let turns = (0.5 * (min + max) / TAU).round() * TAU;
     let [min, max] =
         if min > TURN_RAD || max < -TURN_RAD { [min - turns, max - turns] } else { [min, max] };

@@ -104,7 +104,7 @@ fn attribute(error: &DocumentError, emitted: &Emitted, notes: &mut Notes<'_>, si
             Some((_, Origin::Side(span))) => {
                 side.fault(span.clone(), fault.message, "comes from here", fault.help);
             }
-            // Actuators and the robot as a whole are corrected in the side file.
+            // Actuators and whole-robot values are corrected in the side file.
             None => side.fault(0..0, fault.message, "in the imported robot", fault.help),
         }
     }

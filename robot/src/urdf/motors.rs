@@ -96,7 +96,7 @@ impl<'s> Motors<'s> {
     fn free_address(&mut self, limb: usize) -> (u32, u32) {
         let bus = (limb / 2).min(MAX_BUSES - 1) as u32;
         let free = (1..=127).find(|&id| self.taken.insert((bus, id)));
-        // The rules refuse robots with so many channels.
+        // The rules refuse robots with that many channels.
         (bus, free.unwrap_or(127))
     }
 
@@ -125,14 +125,14 @@ impl<'s> Motors<'s> {
         let speed = limit(&SPEED, limits.velocity, SPEED_RAD_S);
         let torque = limit(&TORQUE, limits.effort, usual);
         let or = |index, value: f64| side(index).or(fallback(index)).unwrap_or(value);
-        // An effort beyond all drives is a placeholder.
+        // An effort beyond all drives is a placeholder value.
         let placeholder = limits.effort.is_some_and(|effort| effort > TORQUE.max);
         let strength = if placeholder { torque.min(usual) } else { torque };
         let armature = side(4).or(limits.armature_kg_m2.filter(|armature| *armature <= 10.0));
         let armature =
             armature.unwrap_or_else(|| or(4, (ARMATURE_PER_TORQUE * strength).min(10.0)));
         let (kp, kd) = match load {
-            // Default gains are for joints. A wheel holds no angle.
+            // Default gains are for joints, because a wheel holds no angle.
             None => (side(2).unwrap_or(0.0), side(3).unwrap_or(armature / WHEEL_TIME_S)),
             Some(load) => {
                 let inertia = load.inertia_kg_m2 + armature;
@@ -291,7 +291,7 @@ mod tests {
         assert_eq!(stiffness(holds_nm, 30.0, 0.1), 39.0);
         // 2 √(39 · 0.1) = 3.9.
         assert_eq!(damping(39.0, 0.1), 3.9);
-        // A weak motor would saturate; a light limb would not be stable; a giant is beyond the protocol.
+        // A weak motor would saturate, a light limb would be unstable, and a giant exceeds the protocol.
         assert_eq!(stiffness(holds_nm, 2.0, 0.1), 20.0);
         assert_eq!(stiffness(holds_nm, 30.0, 0.001), 14.0);
         assert_eq!(damping(39.0, 0.001), 0.12);

@@ -120,7 +120,7 @@ fn check_moving(rigid: &Rigid, urdf: &Urdf, graph: &Graph, tree: &Tree, notes: &
                 format!("lock the joint in the side file, [lock] {name} = 0.0: wheels are rigid");
             notes.fault(joint.span.clone(), message, "behind a wheel", help);
         } else if rigid.wheels.contains(&index) {
-            // An axle may be of any make.
+            // An axle may have any joint type.
         } else if let Some(other) = &joint.mimics {
             let message = format!("joint `{}` follows joint `{other}` (<mimic>)", joint.name);
             let help = format!(

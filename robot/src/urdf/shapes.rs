@@ -43,7 +43,7 @@ pub(super) fn shapes(
     notes: &mut Notes<'_>,
 ) -> Vec<Vec<Shape>> {
     let robot_m = size_m(bodies);
-    // A robot of one link has no size.
+    // A robot with one link has no size.
     let largest_m = if robot_m > 0.0 { BOX_MAX * robot_m } else { f64::INFINITY };
     let (mut meshes, mut shapeless) = (Vec::new(), Vec::new());
     let all = bodies.bodies.iter().enumerate().map(|(index, body)| {
@@ -53,7 +53,7 @@ pub(super) fn shapes(
             let (link, Some((_, body_from_link))) = (link.1, &bodies.places[link.0]) else {
                 continue;
             };
-            // A wheel is its end effector.
+            // The shape of a wheel is its end effector.
             if wheels.contains(&link.name) {
                 continue;
             }
@@ -161,7 +161,7 @@ fn behind(shape: Shape, tip: &Tip) -> Option<Shape> {
     let along = (near - far).try_normalize(1e-9).unwrap_or_default();
     let to_tip = tip.center_m - far;
     let (way_m, aside_m) = (to_tip.dot(&along), to_tip.cross(&along).norm());
-    // A shank as thick as its foot stays above the ground, too.
+    // A shank as thick as its foot must also stay above the ground.
     let room_m = (LEAN * (radius_m - tip.radius_m + aside_m)).max(GROUND_SHARE * tip.radius_m);
     let length_m = (near - far).norm().min((way_m - room_m).max(0.0));
     let to_in_link_m = far + along * length_m;
@@ -179,7 +179,7 @@ fn cuboid(pose: &Isometry3<f64>, size_m: Vector3<f64>, root: bool) -> Option<Sha
         return None;
     }
     if root {
-        // Its bounding box along the axes of the body.
+        // Bounding box along the axes of the body.
         let size_m = pose.rotation.to_rotation_matrix().matrix().abs() * size_m;
         return Some(Shape::Box { center_in_link_m: pose.translation.vector, size_m });
     }
@@ -285,7 +285,7 @@ mod tests {
             radius_m,
         };
         let tip = Tip { body: 1, center_m: Vector3::new(0.0, 0.0, -0.2), radius_m: 0.02 };
-        // It leans by 60° to each side, and its foot touches first.
+        // The shin leans by 60° to each side, and its foot touches first.
         for (from, to) in [(0.0, -0.23), (-0.23, 0.0)] {
             let shin = behind(line(from, to, 0.025), &tip).unwrap();
             assert_eq!(shin, line(0.0, -0.17, 0.025));
@@ -298,12 +298,12 @@ mod tests {
                 assert!(ends.iter().all(|end| lowest(*end, radius_m) >= foot), "{lean}");
             }
         }
-        // One that is thick for where it is gets thinner.
+        // A shape that is too thick for its height gets thinner.
         let Some(Shape::Capsule { radius_m, .. }) = behind(line(-0.15, -0.15, 0.08), &tip) else {
             panic!()
         };
         assert!((radius_m - 0.02 - 0.5 * 0.05_f64.hypot(0.01)).abs() < 1e-12, "{radius_m}");
-        // One that ends above its foot stays as it is, one at the foot goes.
+        // A shape that ends above its foot stays; a shape at the foot is removed.
         assert_eq!(behind(line(0.0, -0.1, 0.025), &tip), Some(line(0.0, -0.1, 0.025)));
         assert_eq!(behind(line(-0.2, -0.21, 0.03), &tip), None);
     }

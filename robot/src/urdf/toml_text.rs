@@ -32,7 +32,7 @@ pub(super) fn comment(text: &str) -> String {
 /// Number with twelve digits, which hide the rounding of rotations.
 pub(super) fn show(number: f64) -> String {
     let rounded: f64 = format!("{number:.11e}").parse().unwrap_or(number);
-    // No minus in front of 0.
+    // Prints 0 without a minus sign.
     format!("{:?}", rounded + 0.0)
 }
 

@@ -84,7 +84,7 @@ pub(super) fn graph(urdf: &Urdf, notes: &mut Notes<'_>) -> Option<Graph> {
         reached[root] = true;
         graph.tree(root).order.iter().for_each(|&joint| reached[graph.ends[joint].1] = true);
     }
-    // From a link, parents lead to a root or round a loop.
+    // From every link, parents lead to a root or around a loop.
     if let Some(link) = reached.iter().position(|reached| !reached) {
         let link = &urdf.links[link];
         let message = format!("link `{}` belongs to a loop of joints without a root", link.name);
@@ -111,7 +111,7 @@ impl Graph {
     /// massless links with a single moving joint.
     pub fn likely_root(&self, urdf: &Urdf) -> usize {
         let size = |root: &usize| self.tree(*root).order.len();
-        // The first of equals.
+        // Of equals, the first.
         let largest = self.roots.iter().rev().copied().max_by_key(size);
         let mut root = largest.unwrap_or(0);
         loop {

@@ -34,7 +34,7 @@ pub(super) fn checked(file_name: &str, text: &str) -> Result<String, DocumentErr
         let help =
             format!("put meshes into files of their own: a URDF file has at most {TEXT_MAX}");
         let fault = Fault::new(text, 0..0, message, "too large", help);
-        // A fault with the text would print all of it.
+        // A fault with the text would print the whole text.
         return Err(DocumentError::of(file_name, "", vec![fault]).expect("one fault"));
     }
     let found = scan(text)

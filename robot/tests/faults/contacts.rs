@@ -16,9 +16,9 @@ fn every_kind_of_contact_is_read_and_mirrored() {
     let check = |lines: &str, of: &dyn Fn(nalgebra::Vector3<f64>) -> Contact| {
         let robot = with_contact(&format!("{lines}\n{axis}"));
         assert_eq!(robot.end_effectors[1].contact, of(left));
-        // Mirrored axes turn into −M a, so that an axis across the limb keeps its sign.
+        // Mirrored axes become −M a, so that an axis across the limb keeps its sign.
         assert_eq!(robot.end_effectors[2].contact, of(-left));
-        // No motor, no channel: the shoulder, its wheel and two hips.
+        // Parts without motor have no channel: shoulder, its wheel and two hips.
         assert_eq!(robot.controller_config().unwrap().channels.len(), 4);
     };
     check("contact = \"welded_wheel\"", &|axis_in_link| Contact::WeldedWheel { axis_in_link });
@@ -52,7 +52,7 @@ fn a_torque_speed_line_has_two_ends_beyond_the_limits() {
     let half = fault("stall_torque_nm = 3.0");
     assert_eq!(half.len(), 1, "{half:?}");
     assert!(half[0].1.contains("given without `no_load_speed_rad_s`"), "{half:?}");
-    // The same data sheet serves several motors; each says so.
+    // One data sheet serves several motors; the fault names each.
     let weak = fault("stall_torque_nm = 1.0\nno_load_speed_rad_s = 8.0");
     assert!(weak[0].1.contains("`torque_max_nm` is 2 N·m"), "{weak:?}");
     assert!(weak[0].2.contains("at most 1 N·m, or correct `stall_torque_nm`"), "{weak:?}");
@@ -69,7 +69,7 @@ fn the_middle_of_a_blade_is_below_its_link() {
         Robot::from_toml("tiny.toml", &ROBOT.replacen("contact = \"point_foot\"", &text, 1))
     };
     let blade = skate("[0.0, 0.8, 0.6]").unwrap().end_effectors[1].blade().unwrap();
-    // Square to the axis; a radius of 0.01 m and half a blade of 0.005 m: 0.5 rad.
+    // Perpendicular to the axis; a radius of 0.01 m and half a blade of 0.005 m: 0.5 rad.
     assert!((blade.middle_in_link - nalgebra::Vector3::new(0.0, 0.6, -0.8)).norm() < 1e-12);
     assert!((blade.reach_m - 0.01 * 0.5f64.sin()).abs() < 1e-15);
     assert_eq!(tiny().end_effectors[0].blade(), None);
@@ -94,7 +94,7 @@ fn feet_can_be_soft_and_what_turns_cannot() {
     large.end_effectors[1].radius_m = 0.05;
     let heavy = large.validate().unwrap_err().to_string();
     assert!(heavy.contains("`density_kg_m3` is 500 kg/m³"), "{heavy}");
-    // A rod that ends in a ball: its mass would do, its inertia about the rod does not.
+    // A rod that ends in a ball. Its mass is sufficient, its inertia about the rod is not.
     let mut rod = with_contact(&soft("2e5", "100.0"));
     let foot_link = rod.end_effectors[1].link;
     rod.end_effectors[1].radius_m = 0.03;

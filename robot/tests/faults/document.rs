@@ -101,7 +101,7 @@ fn all_mistakes_are_found_at_once_and_none_in_their_train() {
         .replacen("nominal_rad = 0.1", "nominal_rad = nan", 1);
     let error = Robot::from_toml("tiny.toml", &text).unwrap_err();
     let found: Vec<_> = error.faults().map(|fault| fault.message.as_str()).collect();
-    // Whether a name is known is a question once all items have theirs; the template has no limb left.
+    // Names are resolved after all items have names; the template then contains no limb.
     assert_eq!(
         found,
         [

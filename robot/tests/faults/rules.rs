@@ -119,11 +119,11 @@ fn trees_that_are_not_trees() {
         found.into_iter().map(|(line, message, _)| format!("{line}: {message}")).collect()
     };
 
-    // A joint before the one that carries its parent.
+    // A joint before the joint that carries its parent.
     let found = with(joint("wrist", "arm", "hand", 1));
     assert!(found[0].2.contains("move the joint that carries `arm` up"), "{found:#?}");
     assert_eq!(messages(found), ["30: joint `wrist`: `parent` `arm` is not yet part of the tree"]);
-    // Two joints that hang on each other's links.
+    // Two joints, each on a link of the other.
     let two = link.replace("hand", "finger")
         + &joint("a", "hand", "finger", 1)
         + &joint("b", "finger", "hand", 2);
@@ -196,7 +196,7 @@ fn names_that_are_unknown_or_taken() {
         "cannot be \"tiny robot\"",
         "digits, `_` or `-`",
     );
-    // Where it is wrong, and not at all the parts that it names.
+    // The fault is reported where it is, not at the parts that it names.
     for (from, to, words) in [
         (
             "name = \"right\"",
@@ -273,7 +273,7 @@ fn addresses_are_given_once() {
     assert_eq!(wheel[0].0, 48);
     assert_eq!(wheel[0].1, "end effector `wheel`: `id` is 1, which another motor on bus 0 has");
     assert!(wheel[0].2.contains("joint `shoulder` has this id"), "{wheel:#?}");
-    // Limbs count their motors from `first_id`: the fault is there, not in the template.
+    // Limbs number their motors from `first_id`, so the fault is there, and not in the template.
     let limb = faults("first_id = 2", "first_id = 1");
     assert_eq!(limb.len(), 1, "{limb:#?}");
     assert_eq!(limb[0].0, 89);
@@ -418,7 +418,7 @@ proptest! {
             _ => robot.end_effectors[0].radius_m = number,
         }
         if robot.validate().is_ok() {
-            // What passes can be used: the controller accepts its configuration.
+            // A robot that passes is usable: the controller accepts its configuration.
             prop_assert_eq!(robot.controller_config().unwrap().check(), Ok(()));
         }
     }

@@ -36,10 +36,10 @@ fn shapes_are_read_and_mirrored() {
     };
     assert_eq!(robot.links[2].shapes, [leg(1.0)]);
     assert_eq!(robot.links[3].shapes, [leg(-1.0)]);
-    // Hips connect both shanks with the body: only the shanks need keep clear of each other.
+    // Hips connect both shanks with the body, so only the shanks need clearance.
     let pairs: Vec<_> = robot.clearance_pairs().map(|pair| pair.links).collect();
     assert_eq!(pairs, [[2, 3]]);
-    // The arm of the tiny robot has no shape; neither hash nor channels know of any.
+    // The arm of the tiny robot has no shape, so hash and channels are equal.
     assert_eq!(robot.controller_config().unwrap(), tiny().controller_config().unwrap());
     let json = serde_json::to_string(&robot).unwrap();
     assert_eq!(serde_json::from_str::<Robot>(&json).unwrap(), robot);

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn a_leg_that_points_up_is_named_with_its_pose() {
-    // The foot of both legs from one line of the template.
+    // One line of the template defines the foot of both legs.
     let found =
         faults("center_in_link_m = [0.0, 0.01, -0.2]", "center_in_link_m = [0.0, 0.01, 0.2]");
     let line = 1 + ROBOT.lines().position(|line| line.ends_with("[0.0, 0.01, -0.2]")).unwrap();
@@ -21,7 +21,7 @@ fn a_leg_that_points_up_is_named_with_its_pose() {
 
 #[test]
 fn a_joint_that_turns_the_leg_up_is_refused() {
-    // The arm turned over: its wheel is above the body then.
+    // The arm is turned over, so its wheel is above the body.
     let text = ROBOT.replacen("position_min_rad = -1.0", "position_min_rad = -3.2", 1).replacen(
         "nominal_rad = 0.0",
         "nominal_rad = -3.1",
@@ -30,7 +30,7 @@ fn a_joint_that_turns_the_leg_up_is_refused() {
     let error = Robot::from_toml("tiny.toml", &text).unwrap_err();
     let message = error.faults().next().unwrap().message.clone();
     assert!(message.contains("end effector `wheel`") && message.contains("`shoulder` at -3.1 rad"));
-    // Robots of plans have the same rule.
+    // Robots in plans follow the same rule.
     let mut robot = tiny();
     robot.end_effectors[1].center_in_link_m.z = 0.2;
     let error = robot.validate().unwrap_err().to_string();

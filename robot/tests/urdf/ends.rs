@@ -39,7 +39,7 @@ fn what_rolls_at_the_end_of_a_limb_is_a_wheel_whatever_its_name() {
 
 #[test]
 fn what_swings_is_no_wheel_though_its_name_says_so() {
-    // A shank behind an endless knee, and a wheel leg with limits.
+    // A shank behind a continuous knee, and a wheel leg with limits.
     let shank = solid("<cylinder radius=\"0.01\" length=\"0.12\"/>", [0.0, 0.0, -0.06], [0.0; 3]);
     let (found, _) = imported(&rolling("wheel", ("continuous", AXLE), &shank, [0.0, 0.0, -0.06]));
     assert!(contacts(&found).iter().all(|(_, kind)| *kind == "point_foot"), "{found:?}");
@@ -119,7 +119,7 @@ fn wheels_without_limit_are_passive_with_a_warning_if_other_joints_have_motors()
         let (found, _) = imported(text);
         (found.end_effectors.iter().filter(|end| end.contact == kind).count(), found)
     };
-    // A file without any motor does not describe motors.
+    // A file without motors does not describe which joints have one.
     let (driven, found) = kinds(&cart(wheel, "").urdf(), "actuated_wheel");
     assert!(driven == 4 && found.warnings.is_empty(), "{:?}", found.warnings);
     let mut made = cart(wheel, "");
@@ -240,7 +240,7 @@ fn a_humanoid_stands_level_on_its_soles_below_its_centre_of_mass() {
 
 #[test]
 fn a_foot_without_shapes_is_where_the_limb_ends() {
-    // The mirror image of the joint in the centre of mass, or a link farther out, however it is called.
+    // The mirror image of the joint in the centre of mass, or a link farther out, with any name.
     let mut made = Made::trunk();
     for (name, x, y) in CORNERS {
         made.limb(name, "trunk", [x, y, 0.0]);

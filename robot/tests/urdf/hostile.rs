@@ -113,7 +113,7 @@ fn many_of_anything_end_soon() {
         let _ = imported(&text, SIDE);
         assert!(start.elapsed().as_secs_f64() < 10.0, "{words}: {:?}", start.elapsed());
     }
-    // Defaults of which there are many are found at once.
+    // Many defaults are looked up fast.
     let defaults = list(20_000, &|k| format!("<geom a{k}=\"1\"/>"));
     let start = std::time::Instant::now();
     survey(Text { name: "u", text: &model(&format!("<default>{defaults}</default>"), &geoms) })
@@ -137,7 +137,7 @@ proptest! {
     fn shuffled_files_never_panic(swaps in prop::collection::vec((0_usize..2000, 0_usize..2000), 1..6)) {
         let mut words: Vec<&str> = URDF.split('"').collect();
         for (a, b) in swaps {
-            // Odd places are values of attributes: the file stays XML.
+            // Odd positions are values of attributes, so the file stays XML.
             let odd = |at: usize| at % (words.len() / 2) * 2 + 1;
             let (a, b) = (odd(a), odd(b));
             if a < words.len() && b < words.len() {

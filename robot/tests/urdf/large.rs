@@ -70,13 +70,13 @@ fn the_proposed_side_file_locks_the_arms() {
     {
         assert!(warning.contains(words), "{words} is missing in {warning}");
     }
-    // Next to 0 within their limits.
+    // Close to 0 within their limits.
     assert_eq!(found.template.matches("= 0.2\n").count(), 24, "{}", found.template);
     let robot = good(&urdf, &found.template).robot;
     assert_eq!(robot.channels().count(), 16);
     let config = robot.controller_config().unwrap();
     config.check().unwrap();
-    // Everything is still there: what is locked has become part of the trunk.
+    // No mass is lost: locked links are part of the trunk.
     let mass = 20.0 + 40.0 * 0.3;
     assert!((robot.total_mass_kg() - mass).abs() < 1e-9, "{}", robot.total_mass_kg());
 }
@@ -100,7 +100,7 @@ fn an_import_with_too_many_channels_says_what_to_lock() {
     ] {
         assert!(fault.help.contains(words), "{words} is missing in {}", fault.help);
     }
-    // Some of the arms may stay.
+    // Some of the arms may remain.
     let few = found.template.replace("left_arm_1_joint = 0.2\n", "");
     assert_eq!(good(&urdf, &few).robot.channels().count(), 17);
 }

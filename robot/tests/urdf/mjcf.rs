@@ -209,7 +209,7 @@ fn the_keyframe_home_is_the_standing_pose() {
     };
     assert_eq!(nominal(&standing, "rr_hip"), "nominal 0.700 rad");
     assert_eq!(nominal(&standing, "rr_knee"), "nominal -1.400 rad");
-    // The front of this robot lies.
+    // The front of this robot lies on the ground.
     let lying = "1.5 0 -2.5 1.5 0 -2.5 0.7 0 -1.4 0.7 0 -1.4";
     let survey = surveyed(&linked(&home(lying), "")).unwrap();
     assert_ne!(nominal(&survey, "fl_hip"), "nominal 1.500 rad");

@@ -50,7 +50,7 @@ fn assert_same_masses(
             + (Matrix3::identity() * c.dot(&c) - c * c.transpose()) * link.mass_kg;
     }
     let mass_kg = robot.total_mass_kg();
-    // Links without mass get 1e-6 of the robot's each.
+    // Each link without mass gets 1e-6 of the robot's mass.
     let spare = 1e-9 + 1.1e-6 * robot.links.len() as f64;
     assert!((mass_kg - truth.mass_kg).abs() < spare * mass_kg, "{mass_kg} {}", truth.mass_kg);
     let expected = turn * truth.moment_kg_m;
@@ -100,20 +100,20 @@ fn the_rover_is_what_its_urdf_says_at_any_angles() {
 fn values_of_urdf_and_side_file_arrive() {
     let robot = good(URDF, SIDE).robot;
     let names: Vec<_> = robot.joints.iter().map(|joint| joint.name.as_str()).collect();
-    // Limb by limb, parents first; limbs in the order of the root's joints.
+    // Limb by limb with parents first; limbs in the order of the root's joints.
     assert_eq!(names, ["left_arm", "left_hip", "left_knee", "right_hip", "right_knee"]);
     let hip = &robot.joints[3];
     assert_eq!((hip.position_min_rad, hip.position_max_rad, hip.nominal_rad), (-2.0, 0.9, -0.7));
     assert_eq!((hip.actuator.bus, hip.actuator.id), (3, 9));
     assert_eq!((hip.actuator.speed_max_rad_s, hip.actuator.torque_max_nm), (12.0, 20.0));
     assert_eq!(hip.actuator.armature_kg_m2, 0.01);
-    // Documented default: 0.3 rad under a quarter of the weight, as two legs and two wheels stand, on the leg's length.
+    // Documented default: 0.3 rad under a quarter of the weight, because two legs and two wheels stand, at the leg's length.
     let length_m = 0.2 + (0.2_f64.powi(2) + 0.01_f64.powi(2)).sqrt();
     let share_n = robot.total_mass_kg() * 9.806_65 / 4.0;
     let kp = share_n * length_m / 0.3;
     let found = hip.actuator.kp_nm_rad;
     assert!(found <= kp && kp < found + 1.0, "{found} is not {kp} rounded down to two digits");
-    // Critical on limb and rotor: shank and foot below the knee, which is the lightest.
+    // Critical for limb and rotor: shank and foot below the knee, which is the lightest joint.
     let knee = &robot.joints[4].actuator;
     let inertia = 0.0008 + 0.2 * 0.1_f64.powi(2) + 0.01;
     let kd = 2.0 * (found * inertia).sqrt();
@@ -142,7 +142,7 @@ fn forward_and_up_turn_the_body() {
     let turn =
         Rotation3::from_matrix_unchecked(Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0));
     assert_same_masses(&robot, &links(&robot, &angles), &truth, &turn);
-    // Legs along the robot's own x are no legs: the same words for a root whose axes are as usual.
+    // Legs along the robot's own x axis are not legs: the same message for a root with usual axes.
     let error = imported(URDF, &side).unwrap_err().to_string();
     assert!(
         error.contains("`front_left`") && error.contains("above the centre of mass"),

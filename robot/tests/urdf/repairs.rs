@@ -34,10 +34,10 @@ fn inertias_become_physical() {
   </link>
   <joint name=\"left_ankle\"",
     );
-    // The foot fixed to the shank adds enough to make it physical: no warning is due.
+    // The foot is fixed to the shank and adds enough to make it physical, so no warning follows.
     good(&thin, SIDE);
     let arm = "<mass value=\"0.3\"/>\n      <inertia ixx=\"0.001\" ixy=\"0\" ixz=\"0\" iyy=\"0.001\" iyz=\"0\" izz=\"0.001\"/>";
-    // The wheel is on the arm; without it the arm's own inertia shows.
+    // The wheel is on the arm. Without the wheel, the arm's own inertia counts.
     let alone = edited(
         SIDE,
         "wheel_joint = \"left_axle\"",
@@ -50,7 +50,7 @@ fn inertias_become_physical() {
             [2.0013e-3, 2.0013e-3, 3.9987e-3],
         ),
         ("ixx=\"0\" iyy=\"0\" izz=\"0\"", "not all above 0", [3e-7, 3e-7, 3e-7]),
-        // −0.0004 is raised to 3e-7. The excess 0.0005997 is shared, with a slack of 0.1 %.
+        // −0.0004 becomes 3e-7. The excess 0.0005997 is shared, with a margin of 0.1 %.
         (
             "ixx=\"-0.0004\" iyy=\"0.0004\" izz=\"0.001\"",
             "not all above 0",
@@ -151,7 +151,7 @@ fn motors_without_limits_get_documented_ones() {
         let motor = &joint(&robot, "right_knee").actuator;
         assert_eq!(motor.speed_max_rad_s, 10.0);
         assert!((motor.torque_max_nm - 0.1 * weight_n).abs() < 1e-9);
-        // The side file's own value is taken without a word where the URDF has none.
+        // If the URDF has no value, the side file's value is used without a warning.
         let side =
             edited(SIDE, "armature_kg_m2 = 0.01", "speed_max_rad_s = 9.0\ntorque_max_nm = 15.0");
         let motor = joint(&good(&urdf, &side).robot, "right_knee").actuator.clone();
@@ -169,7 +169,7 @@ fn limits_beyond_every_drive_are_clamped() {
     warns(&urdf, SIDE, &["`right_knee`", "velocity=\"1000\"", "65.000 rad/s, the largest"]);
     let motor = &joint(&robot, "right_knee").actuator;
     assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (65.0, 160.0));
-    // Drives of the side file carry less.
+    // Drives of the side file are weaker.
     let side = edited(
         SIDE,
         "armature_kg_m2 = 0.01",
@@ -178,7 +178,7 @@ fn limits_beyond_every_drive_are_clamped() {
     let robot = warns(&urdf, &side, &["`right_knee`", "15.000 N·m, from [actuator.default]"]);
     let motor = &joint(&robot, "right_knee").actuator;
     assert_eq!((motor.speed_max_rad_s, motor.torque_max_nm), (9.0, 15.0));
-    // A drive that is chosen for the joint needs no remark.
+    // A drive that the side file assigns to the joint needs no remark.
     let chosen = format!("[actuator.strong]\nspeed_max_rad_s = 8.0\ntorque_max_nm = 40.0\n{SIDE}");
     let chosen = edited(&chosen, "nominal_rad = 1.4", "nominal_rad = 1.4, actuator = \"strong\"");
     let made = good(&urdf, &chosen);
@@ -206,7 +206,7 @@ fn names_are_made_to_fit() {
     let urdf = URDF.replace("\"left_shank\"", &format!("\"{long}\""));
     let robot = warns(&urdf, SIDE, &[long, "`left_shank_of_the_robot_with_a_v`"]);
     assert!(robot.links.iter().any(|link| link.name == "left_shank_of_the_robot_with_a_v"));
-    // Two names that become the same, and a robot's name that is none.
+    // Two names that become equal, and a robot name that is not a valid name.
     let urdf = URDF.replace("\"left_shank\"", "\"s é\"").replace("\"right_shank\"", "\"s è\"");
     let urdf = edited(&urdf, "robot name=\"rover\"", "robot name=\"the rover!\"");
     let robot = warns(&urdf, SIDE, &["`s è`", "`s___2`"]);

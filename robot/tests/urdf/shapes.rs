@@ -33,7 +33,7 @@ fn solids_become_capsules_and_the_box_of_the_body() {
     let slim = geometry("<cylinder radius=\"0.02\" length=\"0.2\"/>");
     check(&slim, [0.0, 0.01, -0.18], [0.0, 0.01, -0.02], 0.02);
     let disc = geometry("<cylinder radius=\"0.05\" length=\"0.04\"/>");
-    // (3/4 r² l)^(1/3), the sphere of its volume.
+    // (3/4 r² l)^(1/3), the sphere with the same volume.
     check(&disc, [0.0, 0.01, -0.1], [0.0, 0.01, -0.1], 0.0422);
     let sphere = geometry("<sphere radius=\"0.04\"/>");
     check(&sphere, [0.0, 0.01, -0.1], [0.0, 0.01, -0.1], 0.04);
@@ -41,7 +41,7 @@ fn solids_become_capsules_and_the_box_of_the_body() {
     let bar = geometry("<box size=\"0.03 0.04 0.2\"/>");
     check(&bar, [0.0, 0.01, -0.175], [0.0, 0.01, -0.025], 0.025);
 
-    // The trunk is turned in the body: its box is the one that holds it.
+    // The trunk is rotated in the body; its box is the bounding box.
     let body = with_collision("trunk", "<geometry><box size=\"0.4 0.2 0.1\"/></geometry>");
     let robot = good(&body, SIDE).robot;
     let [Shape::Box { center_in_link_m, size_m }] = shapes(&robot, "base_link") else {
@@ -68,7 +68,7 @@ fn meshes_become_the_box_of_their_inertia_with_a_warning() {
     else {
         panic!("{:?}", made.robot.links)
     };
-    // Written to the tenth of a millimetre.
+    // Rounded to 0.1 mm.
     assert!((radius_m - radius).abs() < 1e-4, "{radius_m}");
     let ends = [from_in_link_m, to_in_link_m].map(|end| (end - Vector3::new(0.0, 0.01, -0.09)).z);
     for (end, sign) in [(ends[0].min(ends[1]), -1.0), (ends[0].max(ends[1]), 1.0)] {

@@ -81,7 +81,7 @@ fn radial_legs_stand_in_their_own_planes() {
         assert_eq!(found.end_effectors.len(), legs);
         for end in &found.end_effectors {
             let [x, y, z] = end.center_m;
-            // Outside of the second joint, at 0.12 m, and well below it.
+            // Outside the second joint, at 0.12 m, and well below it.
             assert!(x.hypot(y) > 0.15 && z < -0.08, "{legs}: {end:?}");
         }
         assert!(are_level(&bottoms(&text), 1e-3), "{legs}: {:?}", bottoms(&text));
@@ -161,7 +161,7 @@ fn axes_of_the_root_follow_from_names_and_knees() {
             let corner = expected.iter().find(|(leg, _)| link.starts_with(leg)).unwrap().1;
             assert_eq!(end.name, corner, "{words:?}");
         }
-        // Names that tell nothing leave the line that the knees turn about, if z is up.
+        // If names reveal nothing, the axis of the knees remains, if z is up.
         let plain = ["LF", "RF", "LH", "RH"].iter().zip(["a", "b", "c", "d"]);
         let plain = plain
             .fold(text, |text, (leg, name)| text.replace(&format!("{leg}_"), &format!("{name}_")));

@@ -29,7 +29,7 @@ fn the_template_imports_and_stands() {
     let robot = import(text, Text { name: "template", text: &found.template }).unwrap().robot;
     assert_eq!(robot.joints.len(), 5);
     assert!(found.template.contains("[lock]\nmast = 0.0\nnod = 0.0"), "{}", found.template);
-    // Hips 0.2 ahead; both legs, of 0.4 m and of mirrored axes, stand equally deep and knees bend back.
+    // Hips are 0.2 m ahead. Both legs, of 0.4 m and with mirrored axes, stand equally deep, and knees bend backward.
     let [left, right] = [&found.end_effectors[2].center_m, &found.end_effectors[3].center_m];
     assert!((left[0] - 0.2).abs() < 0.006 && (right[0] - 0.2).abs() < 0.006, "{left:?} {right:?}");
     assert!((left[2] - right[2]).abs() < 0.006, "{left:?} {right:?}");
@@ -97,7 +97,7 @@ fn wheels_on_revolute_and_fixed_joints_are_known() {
     let limits = "lower=\"-1000\" upper=\"1000\"";
     for urdf in [axle("revolute", ""), axle("revolute", limits)] {
         assert_eq!(kind(&urdf, "left_wheel").as_deref(), Some("actuated_wheel"), "{urdf}");
-        // Limits of many turns are none, and its shape tells without the name.
+        // Limits of many turns count as none, and the shape identifies the wheel without its name.
         let disc = urdf.replace("\"left_wheel\"", "\"left_disc\"");
         assert_eq!(kind(&disc, "left_disc").as_deref(), Some("actuated_wheel"), "{disc}");
     }

@@ -70,7 +70,7 @@ impl Stream {
         let (mut again, mut lost) = (None, false);
         for (index, (fault, until)) in faults.enumerate() {
             let did = match fault {
-                // Last, after all other disturbances.
+                // Loss is last, after all other disturbances.
                 StreamFault::Lose(per_mille) => {
                     let loses = hits(random, per_mille);
                     lost |= loses;
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(sorted, (0..100).collect::<Vec<u8>>());
         for (place, &number) in numbers.iter().enumerate() {
             let overtaken_by = numbers[..place].iter().filter(|&&n| n > number).count();
-            // The last frames wait in vain for others to overtake them.
+            // The last frames have no later frames that could overtake them.
             assert!(overtaken_by <= 3 || number > 95, "{number} after {overtaken_by} later ones");
         }
     }
@@ -261,7 +261,7 @@ mod tests {
                 assert_eq!(out.id(), frame.id());
                 assert_eq!(out.data().len() < 3, fault == StreamFault::Cut(1000));
             }
-            // There is nothing to damage.
+            // An empty frame contains nothing to damage.
             let empty = Frame::standard(0x123, &[]).unwrap();
             let mut stream = Stream::default();
             let faults = std::iter::once((fault, FOREVER));

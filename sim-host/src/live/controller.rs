@@ -37,7 +37,7 @@ pub fn run(
     let mut next_tick = start;
     let mut periods_left = None;
     loop {
-        // Ticks come before frames, so that even a full bus does not delay them. But answers that are there already count.
+        // Ticks come before frames, so that a full bus does not delay them. But answers that have arrived count.
         let is_due = Instant::now() >= next_tick;
         if is_due {
             board.catch_up(start)?;
@@ -47,8 +47,8 @@ pub fn run(
         let input = match heard {
             Some((index, heard)) => board.handle_event(now_us, index, heard),
             None => {
-                // After a stall one tick is late; missed ticks are not repeated, and the next one leaves servos on serial
-                // lines the time for their answers.
+                // After a stall, one tick is late. Missed ticks are not repeated, and the next tick leaves time for answers of
+                // servos on serial lines.
                 next_tick = (next_tick + period).max(Instant::now() + period.mul_f32(MAX_LOAD));
                 match &mut periods_left {
                     Some(0) => return Ok(()),

@@ -104,7 +104,7 @@ fn answers(body: &mut Body, bus: usize, now: SimTime, line: &mut Vec<u8>) -> Vec
     let mut all = Vec::new();
     let Some(&first) = channels.first() else { return all };
     while let Some(packet) = body.take_packet(first, line) {
-        // The drives behind one adapter have one answer together.
+        // Drives behind one adapter share one answer.
         let mut turns = BTreeMap::new();
         for &channel in &channels {
             let (_, answer) = body.on_packet(channel, now, &packet);

@@ -49,7 +49,7 @@ pub fn run(
     let start = Instant::now();
     let mut clock = Clock { now_us: rig.now_us(), elapsed_us: 0 };
     let (mut hub, mut link) = (Hub::new([port]), RobotBus::new(Interface::Link, 0));
-    // Frames of each direction that wait because the next bus has no room for them.
+    // Frames that wait, by direction, because the next bus has no room for them.
     let (mut inward, mut outward) = (FrameQueue::default(), FrameQueue::default());
     loop {
         let now_us = clock.now_us(start.elapsed().as_micros() as u64);
@@ -80,7 +80,7 @@ pub fn run(
                 Ok(_) => {}
                 Err(error) => link.lose(&mut hub, keeper, &error),
             }
-            // Takes the other frames that have arrived already, without waiting for more.
+            // Takes the other frames that have arrived, without waiting.
             deadline = Instant::now();
         }
     }
@@ -111,7 +111,7 @@ mod tests {
         let mut clock = Clock { now_us: 5_000, elapsed_us: 0 };
         assert_eq!(clock.now_us(1_000), 6_000);
         assert_eq!(clock.now_us(20_000), 25_000);
-        // Two seconds without a turn.
+        // Two seconds without a poll.
         assert_eq!(clock.now_us(2_020_000), 25_000 + MOST_LAG_US);
         assert_eq!(clock.now_us(2_021_000), 26_000 + MOST_LAG_US);
     }

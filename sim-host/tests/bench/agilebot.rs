@@ -29,7 +29,7 @@ pub fn library(robot: &Robot) -> Vec<u8> {
     };
     let squat: Vec<f32> = (0..120).flat_map(|k| frame((TAU * k as f32 / 120.0).sin())).collect();
     let stand = [frame(0.0), frame(0.0)].concat();
-    // Into and out of the swing: cubic in time, with the loop's slope at its own end.
+    // Into and out of the swing: cubic in time, with the loop's slope at one end.
     let slope = TAU / 120.0;
     let ease = |u: f32| 40.0 * slope * u * u * (u - 1.0);
     let ease_in: Vec<f32> = (0..=40).flat_map(|k| frame(ease(k as f32 / 40.0))).collect();

@@ -76,7 +76,7 @@ fn a_robot_with_a_library_key_follows_no_stream() {
 fn with_the_key_all_works_and_nothing_is_refused() {
     let mut rig = from_flash_to_disarm(requiring_key()).into_bus();
     assert_eq!(refused(&mut rig), 0);
-    // The next host, and the next boot.
+    // The next host, after the next boot.
     let mut session = Session::connect(rig.power_cycled(), peer(1)).unwrap();
     session.run_for(S).unwrap();
     session.arm().unwrap();
@@ -153,7 +153,7 @@ impl Restarted {
 
     fn restart(&mut self) {
         let mut rig = self.0.take().unwrap().power_cycled();
-        // Its self test.
+        // Time for the self test.
         rig.run_until(SimTime::from_us(rig.now_us() + S / 10));
         self.0 = Some(rig);
     }
@@ -177,7 +177,7 @@ impl LinkBus for Restarted {
 fn after_a_restart_of_the_robot_its_host_begins_another_session_by_itself() {
     let mut session = from_flash_to_disarm(Restarted(Some(requiring_key())));
     session.bus_mut().restart();
-    // Its host notices by heartbeats, and one that sends none by its command.
+    // A host with heartbeats notices by them; a host without notices at its command.
     session.run_for(S).unwrap();
     session.arm().unwrap();
     session.bus_mut().restart();

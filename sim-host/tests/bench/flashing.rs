@@ -89,7 +89,7 @@ fn a_library_is_kept_before_its_host_is_told() {
 #[test]
 fn a_transfer_over_a_link_that_broke_is_taken_up_where_it_stopped() {
     let library = robot::library();
-    // Enough for a block of 512 bytes and a piece of the next, at 7 bytes a frame.
+    // Enough for a block of 512 bytes and a part of the next, with 7 bytes per frame.
     let mut session = connect(BreakingLink { rig: rig(), left: 100 });
     let error = session.flash(&library, |_| {}).unwrap_err();
     assert!(matches!(error, SessionError::Silent { node: 1, what: "transfer", .. }));

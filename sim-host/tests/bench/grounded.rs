@@ -69,7 +69,8 @@ fn what_became_of_each_clip_in_the_world_is_told() {
     let squat =
         travels.iter().find(|travel| travel.clip() == Some(ClipId(1))).expect("it was played");
     assert!(squat.duration_s() > 3.0, "{squat:?}");
-    // No planner made it: the wheels roll forth and back against the swinging legs, and slip. It goes nowhere, and costs work.
+    // Without a planner, the wheels roll forth and back against the swinging legs, and slip. The robot stays in place, but
+    // needs work.
     let (way, totals) = (squat.displacement(), squat.totals());
     assert!(way.forward_m.hypot(way.left_m) < 0.1 && way.turn_rad.abs() < 0.2, "{way:?}");
     assert!(totals.tilt_max_rad < 0.2 && totals.slid_m > 0.1 && totals.work_j > 0.1, "{totals:?}");
@@ -108,7 +109,7 @@ fn what_is_played_on_the_ground_is_the_same_to_the_bit() {
 
 #[test]
 fn a_robot_that_leans_too_far_is_stopped_by_its_imu() {
-    // Steeper than the tilt that the controller allows.
+    // The slope exceeds the tilt that the controller allows.
     let mut session = in_hoist(0.5);
     session.arm().unwrap();
     session.run_for(S / 10).unwrap();
@@ -128,7 +129,7 @@ fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
     }
     let [fall] = ground(&session).falls() else { panic!("it falls once") };
     assert!(fall.how.tilt_rad > 0.9 && fall.at.as_s() > 4.0, "{fall:?}");
-    // Its IMU has switched the torque off, and the body lies.
+    // The IMU has caused torque-off, and the body lies on the ground.
     session.run_for(2 * S).unwrap();
     assert!(session.status().unwrap().faults.contains(Fault::Tilt));
     let world = ground(&session).world();
@@ -138,7 +139,7 @@ fn a_robot_that_is_pushed_over_lies_until_it_has_had_no_torque_for_a_while() {
     session.run_for(6 * S).unwrap();
     assert!(ground(&session).is_held());
     assert_eq!(ground(&session).falls().len(), 1);
-    // In the hoist it comes upright, so that it can be armed again.
+    // In the hoist, the robot becomes upright, so that it can be armed again.
     session.clear().unwrap();
     session.arm().unwrap();
     session.run_for(3 * S).unwrap();

@@ -146,7 +146,7 @@ fn a_loop_changes_its_speed_while_it_plays() {
     console.request(Intent::Play { code: ROLL });
     console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
     console.run(2 * S);
-    // As a stick does it: in many small steps.
+    // Many small steps, as by a stick.
     for sixty_fourths in (32..64).rev() {
         console.request(Intent::Speed { sixty_fourths });
         console.run(20_000);
@@ -154,7 +154,7 @@ fn a_loop_changes_its_speed_while_it_plays() {
     console.run(2 * S);
     assert_eq!(console.view().asked, Some((ROLL, 32)));
     let wheel = console.view().joints[&2].telemetry;
-    // A step of telemetry is 2 mrad/s; it follows a constant speed.
+    // A step of telemetry is 2 mrad/s, and the wheel follows a constant speed.
     assert!((wheel.velocity_rad_s - 0.5 * robot::ROLL_RAD_S).abs() < 0.02, "{wheel:?}");
 }
 
@@ -198,7 +198,7 @@ fn a_deadman_that_is_let_go_halts_or_returns_or_disarms() {
         console.wait("roll", |view| view.status.unwrap().clip == clip(ROLL));
         console.request(Intent::Deadman(Deadman::Released(let_go)));
         console.wait_for(ends);
-        // Neither time nor pressing it again makes it move.
+        // Neither time nor another press makes the robot move.
         console.request(Intent::Deadman(Deadman::Held));
         console.run(2 * S);
         assert_eq!(console.state(), ends);
@@ -224,7 +224,7 @@ fn a_robot_that_is_not_heard_any_more_goes_home_without_the_deadman_and_when_its
         assert!(turns(&console), "with the deadman held it goes on");
         console.request(intent);
         console.run(S);
-        // It cannot be taken back before the robot is heard.
+        // The request cannot be cancelled before the robot answers.
         console.request(Intent::Deadman(Deadman::Held));
         console.run(9 * S);
         assert!(!turns(&console), "{intent:?}");
@@ -261,7 +261,7 @@ fn a_robot_whose_operator_is_gone_returns_by_itself() {
     console.wait_for(State::Ready);
     console.request(Intent::Play { code: SWING });
     console.wait("swing", |view| view.status.unwrap().clip == clip(SWING));
-    // The program hangs for a while: frames wait.
+    // The program stalls for a while, so frames wait.
     let until_us = console.bus.now_us() + 10 * S;
     let mut frames = Vec::new();
     while let Some(frame) = console.bus.receive(until_us).unwrap() {
@@ -285,14 +285,14 @@ fn a_robot_whose_operator_is_gone_returns_by_itself() {
 #[test]
 fn a_link_that_loses_frames_delays_but_does_not_derail() {
     for seed in 0..10 {
-        // A twentieth of all frames gets lost.
+        // A twentieth of all frames is lost.
         let mut console = Console::new(Lossy::new(rig(), 50, seed));
         for (intent, state) in [
             (Intent::Arm, State::Ready),
             (Intent::Play { code: SWING }, State::Playing),
             (Intent::Disarm, State::Disarmed),
         ] {
-            // Whatever is not answered is asked again, as an operator does.
+            // Requests without an answer are repeated, as by an operator.
             for _ in 0..5 {
                 console.request(intent);
                 let until_us = console.bus.now_us() + 8 * S;

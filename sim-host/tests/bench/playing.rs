@@ -47,8 +47,8 @@ fn walks_the_graph_from_motion_to_motion_and_back_to_safe() {
     let rig = everything();
     let mut clips: Vec<u8> = rig.records().iter().map(|record| record.clip.0).collect();
     clips.dedup();
-    // Motions 0 to 3 are stand, swing, roll, bow; 4 to 9 the transitions in the order of the robot's
-    // library. After a transition the motion itself, and everything by way of stand.
+    // Motions 0 to 3 are stand, swing, roll, bow; 4 to 9 are the transitions in the library's order. After a transition, the
+    // motion plays, and every way leads through stand.
     assert_eq!(clips, [0, 4, 1, 5, 0, 6, 2, 7, 0, 8, 3, 9, 0]);
     let last = rig.records().last().unwrap();
     // Half a quantum of the library, half a step of a setpoint: 0.6 mrad.
@@ -56,7 +56,7 @@ fn walks_the_graph_from_motion_to_motion_and_back_to_safe() {
     assert_eq!(last.commanded[2], 0.0);
     let rolling = rig.records().iter().filter(|record| record.clip == ClipId(2));
     let fastest = rolling.map(|record| record.measured[2]).fold(0.0, f32::max);
-    // It comes from the ramp with a lag that dies away; nothing loads the wheel.
+    // After the ramp, the lag decays. The wheel has no load.
     assert!((fastest - ROLL_RAD_S).abs() < 0.02, "{fastest}");
 }
 
@@ -72,7 +72,7 @@ fn commands_on_the_bus_are_the_frames_of_the_library() {
         let mut frame = [0.0; 3];
         cursor.frame_into(&library, &mut frame).unwrap();
         for (channel, (commanded, frame)) in record.commanded.iter().zip(frame).enumerate() {
-            // A setpoint's step is 0.2 mrad, finer for a wheel; half of it, and rounding of f32.
+            // A set-point's step is 0.2 mrad, and smaller for a wheel. The bound is half a step, and rounding of f32.
             let error = (commanded - frame).abs();
             assert!(error < 0.501 * POSITION_STEP_RAD, "{channel} {record:?} {frame}");
             compared += 1;
@@ -88,10 +88,10 @@ fn servos_follow_within_what_their_gains_promise() {
     let errors = tracking_errors(rig.config(), rig.records());
     assert_eq!(errors.len(), 10, "every clip was played");
     for (clip, error) in errors {
-        // Hip and knee turn at 2.4 rad/s at most: half a control period (1/240 s) of delay is
-        // 10 mrad; weight of 0.4 N·m over kp 60 is 7 mrad.
+        // Hip and knee rotate at no more than 2.4 rad/s: half a control period (1/240 s) of delay is 10 mrad. A weight of 0.4
+        // N·m with kp 60 is 7 mrad.
         assert!(error.joint_rad > 1e-4 && error.joint_rad < 0.025, "{clip:?} {error:?}");
-        // The wheel spins up at 9 rad/s² at most: delay 1/120 s, time constant 5 mN·m·s² / 0.5.
+        // The wheel accelerates at no more than 9 rad/s²: delay 1/120 s, time constant 5 mN·m·s² / 0.5.
         assert!(error.wheel_rad_s < 0.2, "{clip:?} {error:?}");
     }
 }
@@ -126,10 +126,10 @@ fn bus_load_is_what_the_frames_take() {
             Interface::Actuator(0) => (2, 480),
             Interface::Actuator(_) => (1, 240),
         };
-        // A setpoint and a feedback for each channel at 120 Hz, one frame more or less at the ends.
+        // A set-point and a feedback for each channel at 120 Hz; one frame more or less at the ends.
         let count = statistics.frames();
         assert!(count.abs_diff(frames) <= 2 * channels, "{interface}: {count}");
-        // Each of 8 bytes: 111 to 135 bits with intermission.
+        // Each frame has 8 bytes: 111 to 135 bits with intermission.
         let load = statistics.load(span);
         let bounds = count as f64 * 111e-6..=count as f64 * 135e-6;
         assert!(bounds.contains(&load), "{interface}: {load}");
@@ -176,6 +176,6 @@ fn a_motion_pauses_goes_on_and_plays_slower() {
     let fastest = speeds.iter().copied().fold(0.0, f32::max);
     assert!((fastest - 0.5 * ROLL_RAD_S).abs() < 0.02, "{fastest}");
     let stood = speeds.iter().filter(|speed| speed.abs() < 0.01).count();
-    // 3 s less what it takes to halt, 120 times a second.
+    // 3 s minus the time of the halt, 120 times per second.
     assert!((200..360).contains(&stood), "{stood}");
 }

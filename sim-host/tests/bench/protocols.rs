@@ -59,7 +59,7 @@ fn rig(robot: &Robot) -> Rig {
 /// Robot with its library, in SAFE.
 pub fn armed(robot: &Robot) -> Session<Rig> {
     let mut session = connect(rig(robot));
-    // Who has just been switched on knows no poses yet.
+    // A motor that was just switched on has reported no pose yet.
     session.run_for(S / 2).unwrap();
     let library = robot::library_for(&robot.controller_config().unwrap());
     session.flash(&library, |_| {}).unwrap();
@@ -82,8 +82,8 @@ fn assert_followed(rig: &Rig, name: &str) {
     let errors = tracking_errors(rig.config(), rig.records());
     assert!(errors.len() >= 7, "{name}: {errors:?}");
     for (clip, error) in &errors {
-        // As of the Rollwalk profile: 2.4 rad/s by half a control period of 1/240 s is 10 mrad, weight 7 mrad. The
-        // rounding of MIT drives is 0.4 mrad, that of their speed 16 mrad/s times kd over kp: 0.4 mrad.
+        // As with the Rollwalk profile: 2.4 rad/s times half a control period of 1/240 s is 10 mrad; weight 7 mrad. The
+        // rounding of MIT drives is 0.4 mrad; that of their speed is 16 mrad/s times kd / kp, 0.4 mrad.
         assert!(error.joint_rad > 1e-4 && error.joint_rad < 0.027, "{name}: {clip:?} {error:?}");
         // 9 rad/s²: delay 1/120 s, time constant 5 mN·m·s² / 0.5.
         assert!(error.wheel_rad_s < 0.22, "{name}: {clip:?} {error:?}");
@@ -97,7 +97,7 @@ fn assert_followed(rig: &Rig, name: &str) {
 /// Checks that set-points crossed their bus within their control period.
 #[track_caller]
 fn assert_on_time(rig: &Rig, name: &str) {
-    // An ODrive's setpoints are one frame of each period like the others'. Time is virtual and the buses have room.
+    // An ODrive gets one set-point per period like the others. Time is virtual, and the buses have room.
     let missed = rig.records().iter().filter(|record| record.missed > 0).count();
     assert_eq!(missed, 0, "{name}: {missed} of {}", rig.records().len());
 }
@@ -110,7 +110,7 @@ pub fn stopped_and_played_again(buses: [Bus; 2], name: &str) -> Rig {
     session.select(robot::SWING).unwrap();
     session.run_for(S).unwrap();
     session.estop().unwrap();
-    // What the ODrive tells comes every 8 ms.
+    // The ODrive reports every 8 ms.
     session.run_for(S / 100).unwrap();
     let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
     assert!(!driving, "{name}: torque after an emergency stop");
@@ -175,8 +175,8 @@ fn a_bus_that_was_off_can_be_used_again() {
             session.run_for(3 * S).unwrap();
             let status = session.status().unwrap();
             assert_eq!(status.state, state, "{name}: {status:?}");
-            // A bus that is off stays off until the operator clears. With factory settings none of these drives has a watchdog:
-            // the knee's drive follows its last command.
+            // A bus that is off stays off until the operator clears. With factory settings, none of these drives has a
+            // watchdog, so the knee's drive follows its last command.
             let cut_off = |channel| kind == FaultKind::BusOff(1) && channel == 1;
             for (channel, servo) in session.bus().body().servos().iter().enumerate() {
                 assert_eq!(servo.is_driving(), cut_off(channel), "{name}: {channel}");
@@ -198,7 +198,7 @@ fn a_bus_that_was_off_can_be_used_again() {
 fn makers_and_loops_can_be_mixed() {
     let by_torque = Bus { control: ControlLoop::OnController, ..cybergear() };
     let mut robot = leg([odrive(Version::V06, 5.0), by_torque]);
-    // With dead time kd has to stay well below inertia over two periods: 3 N·m·s/rad of a heavy rotor.
+    // With dead time, kd must be well below the inertia divided by two periods: 3 N·m·s/rad for a heavy rotor.
     let knee = &mut robot.joints[1].actuator;
     (knee.armature_kg_m2, knee.kp_nm_rad, knee.kd_nm_s_rad) = (0.05, 40.0, 1.0);
     let mut session = armed(&robot);
@@ -216,8 +216,8 @@ fn makers_and_loops_can_be_mixed() {
         let planned = at(frame) + part * (at(frame + 1) - at(frame));
         worst = worst.max((record.measured[1] - planned).abs());
     }
-    // From a pose that is a period and a half old the loop leads by 2.4 rad/s × 12 ms = 29 mrad; in quadrature
-    // 15 rad/s² of 0.05 kg·m² over kp are 19 mrad; the weight is 5 mrad.
+    // With a pose that is 1.5 periods old, the loop leads by 2.4 rad/s × 12 ms = 29 mrad. In quadrature, 15 rad/s² times 0.05
+    // kg·m² divided by kp is 19 mrad. The weight adds 5 mrad.
     assert!(worst > 5e-3 && worst < 0.045, "{worst}");
 }
 
@@ -235,7 +235,7 @@ fn cybergears_speak_with_identifiers_of_29_bits_and_others_do_not() {
     let ((gears, all), (none, others)) = (extended(&rig, 0), extended(&rig, 1));
     assert_eq!((gears, none), (all, 0));
     assert!(all > 400 && others > 200, "{all} {others}");
-    // Logs of them can be read back.
+    // Their logs can be read again.
     let line = rig.log().iter().rfind(|entry| entry.interface == Interface::Actuator(0)).unwrap();
     let again = rollwalk_bus::candump::parse::<Interface>(&line.to_string()).unwrap();
     assert_eq!(again, [LogEntry { ..*line }]);
@@ -252,7 +252,7 @@ fn a_slower_bus_is_as_slow_as_its_file_says() {
         after[1].1.since(&before[1].1).load(span)
     };
     let (fast, slow) = (load(1_000_000), load(250_000));
-    // Each has one frame more or less at the ends of its second: 135 bits of 58,000, twice.
+    // Each count may differ by one frame at both ends of its second: 135 bits of 58,000, twice.
     assert!((slow / fast - 4.0).abs() < 0.02, "{fast} {slow}");
 }
 
@@ -266,8 +266,8 @@ fn the_shipped_leg_follows() {
     session.disarm().unwrap();
     let rig = session.into_bus();
     for (clip, error) in tracking_errors(rig.config(), rig.records()) {
-        // Half a control period at 2.4 rad/s is 10 mrad, 0.17 N·m of weight over kp 3 mrad, 15 rad/s² of 0.012 kg·m²
-        // another 3, rounding 0.8.
+        // Half a control period at 2.4 rad/s is 10 mrad. 0.17 N·m of weight divided by kp is 3 mrad, 15 rad/s² times 0.012
+        // kg·m² another 3 mrad, rounding 0.8 mrad.
         assert!(error.joint_rad < 0.017, "{clip:?} {error:?}");
         // 9 rad/s²: delay 1/120 s, time constant 1.2 mN·m·s² / 0.5.
         assert!(error.wheel_rad_s < 0.1, "{clip:?} {error:?}");

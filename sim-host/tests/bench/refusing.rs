@@ -83,7 +83,7 @@ impl LinkBus for Newer {
     fn receive(&mut self, deadline_us: u64) -> Result<Option<Frame>, LinkError> {
         let frame = self.0.receive(deadline_us)?;
         Ok(frame.map(|frame| match *frame.data() {
-            // First frame of a long message: its length in two bytes, HELLO's type, the version.
+            // First frame of a long message: length in two bytes, type of HELLO, version.
             [0x10, low, 0x81, major, a, b, c, d] if frame.standard_id() == Some(0x511) => {
                 let data = [0x10, low, 0x81, major + 1, a, b, c, d];
                 Frame::new(frame.id(), &data).expect("as long as before")

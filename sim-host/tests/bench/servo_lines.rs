@@ -54,7 +54,7 @@ fn assert_followed(rig: &Rig, name: &str) {
     assert!(errors.len() >= 7, "{name}: {errors:?}");
     for (clip, error) in &errors {
         assert!(error.joint_rad > 1e-4 && error.joint_rad < LAG_RAD, "{name}: {clip:?} {error:?}");
-        // 9 rad/s² by 1/120 s and 2 ms, 5 mN·m·s² / 0.5; half a step of 24 mrad/s.
+        // 9 rad/s² times 1/120 s and 2 ms, 5 mN·m·s² / 0.5; half a step of 24 mrad/s.
         assert!(error.wheel_rad_s < 0.25, "{name}: {clip:?} {error:?}");
     }
     let rolling = rig.records().iter().filter(|record| record.clip == ClipId(2));
@@ -179,10 +179,10 @@ fn without_answers_the_robot_is_let_down() {
         let status = session.status().unwrap();
         assert_eq!(status.state, State::TorqueOff, "{kind:?}: {status:?}");
         assert!(status.faults.contains(Fault::ActuatorSilent), "{kind:?}");
-        // The knee's own watchdog has stopped it: 100 ms.
+        // The knee's own watchdog has stopped it after 100 ms.
         let driving = session.bus().body().servos().iter().any(|servo| servo.is_driving());
         assert!(!driving, "{kind:?}");
-        // Back again, the robot can be cleared, armed and played.
+        // After its return, the robot can be cleared, armed and played.
         session.run_for(S).unwrap();
         session.clear().unwrap();
         session.run_for(S / 10).unwrap();
@@ -260,7 +260,7 @@ fn a_loop_can_be_closed_over_the_line() {
     play(&mut session);
     assert_eq!(session.status().unwrap().state, State::Ready);
     session.run_for(S).unwrap();
-    // In SAFE its weight of 0.17 N·m by kp is 4 mrad; a step of current 0.1 mrad.
+    // In SAFE, its weight of 0.17 N·m divided by kp is 4 mrad; a step of current is 0.1 mrad.
     let error = session.bus().body().values()[1] - -0.6;
     assert!(error.abs() < 0.006, "{error}");
 }

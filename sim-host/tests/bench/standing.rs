@@ -10,7 +10,7 @@ use rollwalk_sim_host::rig::Rig;
 fn is_asked_for_its_pose_and_gets_no_setpoint() {
     let mut rig = Rig::new(&robot::robot()).unwrap();
     rig.run_until(SimTime::from_ms(500));
-    // Identifiers mean something else on the link.
+    // On the link, identifiers have another meaning.
     let on_actuators = |entry: &&LogEntry| matches!(entry.interface, Interface::Actuator(_));
     let frames = || rig.log().iter().filter(on_actuators).map(|entry| &entry.frame);
     assert!(frames().any(|frame| Control::decode(frame).is_some()));
@@ -31,8 +31,8 @@ fn sinks_until_its_leg_hangs() {
     let start = rig.body().values();
     rig.run_until(SimTime::from_ms(60_000));
     let end = rig.body().values();
-    // A minute is long for friction and weight. Thigh and shank hang down: with all joints at 0 the leg is straight and below the
-    // hip.
+    // After a minute, friction and weight have acted. Thigh and shank hang down: with all joints at 0, the leg is straight
+    // below the hip.
     assert!(start[0].abs() > 0.2 && start[1].abs() > 0.5);
     assert!(end[0].abs() < 0.01 && end[1].abs() < 0.01, "{end:?}");
 }

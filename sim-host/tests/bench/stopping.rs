@@ -39,7 +39,7 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
     // A node floods the link with frames of the lowest priority.
     let flood = Frame::standard(0x7FF, &[0; 8]).unwrap();
     while rig.send(&flood).is_ok() {}
-    // The host's own queue is full of it; the stop gets the first place that becomes free.
+    // The flood also fills the host's own queue; the stop gets the first free place.
     while rig.send(&Estop.encode(node)).is_err() {
         rig.run_until(rig.now() + SimTime::from_us(10));
     }
@@ -50,8 +50,8 @@ fn an_emergency_stop_overtakes_everything_that_waits_for_the_link() {
         answer = EstopAck::decode(&frame).ok();
     }
     assert_eq!(answer.unwrap().1.state, State::EStopped);
-    // One frame of the flood under way, the stop, one frame that the controller already has in its
-    // transmit buffer, the answer: of at most 135 bits each. The rest of the flood waits.
+    // One frame of the flood in transmission, the stop, one frame in the controller's transmit buffer, and the answer, each of
+    // at most 135 bits. The rest of the flood waits.
     assert!(rig.now() - posted < SimTime::from_us(4 * 135), "{:?}", rig.now() - posted);
 }
 
@@ -125,7 +125,7 @@ fn a_silent_host_lets_the_robot_return_to_safe_and_lie_down() {
     let status = session.status().unwrap();
     assert_eq!(status.state, State::TorqueOff);
     assert!(status.faults.contains(Fault::HostLost));
-    // Torque is off, but it will not come to Disarmed by itself: no use in waiting.
+    // Torque is off, but Disarmed does not follow automatically, so waiting is useless.
     let error = session.disarm().unwrap_err();
     assert!(matches!(error, SessionError::WentElsewhere { .. }), "{error}");
     session.clear().unwrap();
@@ -162,7 +162,7 @@ fn who_connects_later_is_told_why_the_robot_stopped() {
     // No host is connected for a minute.
     rig.run_until(rig.now() + SimTime::from_us(60 * S));
 
-    // Not on a bad link either.
+    // A bad link does not help either.
     let mut session = connect(Lossy::new(rig, 50, 7));
     let history = session.history().unwrap();
     assert!(session.bus().lost() > 0);

@@ -21,7 +21,7 @@ fn noise(frames: usize, seed: u64) -> Vec<f32> {
     let stand = robot::motion(STAND);
     let mut values = Vec::new();
     for frame in 0..frames {
-        // It begins and ends at rest.
+        // The motion begins and ends at rest.
         let amplitude = if frame < 2 || frame + 2 >= frames { 0.0 } else { 0.02 };
         for (channel, value) in stand[..3].iter().enumerate() {
             let jitter = if channel < 2 { amplitude * (2.0 * random.f32() - 1.0) } else { 0.0 };
@@ -82,7 +82,7 @@ fn on_can_at_1_mbit_a_transfer_takes_at_most_half_again_of_the_bus_s_own_time() 
     session.flash(&library, |_| {}).unwrap();
     let rig = session.into_bus();
     let took = (rig.now() - before).as_s();
-    // Frames of seven bytes, one after the other, without answers.
+    // Frames of seven bytes in sequence, without answers.
     let bits: u64 = transport_frames(&rig).map(|frame| u64::from(frame.exact_bits())).sum();
     let theory = bits as f64 * 1e-6;
     println!("{} B in {took:.3} s, {theory:.3} s of frames: {:.3}", library.len(), took / theory);
@@ -98,7 +98,7 @@ fn on_a_serial_line_at_1_mbaud_a_transfer_takes_at_most_half_again_of_the_line_s
     session.flash(&library, |_| {}).unwrap();
     let line = session.into_bus();
     let took = (line.now_us() - before_us) as f64 * 1e-6;
-    // The library's bytes, and nothing else.
+    // Only the bytes of the library.
     let theory = (library.len() as u64 * BYTE_US) as f64 * 1e-6;
     let (length, bytes) = (library.len(), line.bytes - before);
     println!("{length} B, {bytes} B both ways, in {took:.3} s: {:.3}", took / theory);

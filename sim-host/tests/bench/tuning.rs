@@ -42,7 +42,7 @@ fn softer_gains_follow_less_closely_and_the_configurations_as_before() {
     let stiff = swing_error(&mut session);
     set_kp(&mut session, SOFT);
     let soft = swing_error(&mut session);
-    // What lags with the control period stays, what weight and inertia pull grows to twice as much.
+    // Errors due to the control period stay; errors due to weight and inertia double.
     assert!(soft > 1.1 * stiff && soft < 2.0 * stiff, "{stiff} {soft} rad");
     session.reset_parameters().unwrap();
     session.run_for(S).unwrap();
@@ -64,11 +64,11 @@ fn a_gain_changed_while_the_robot_stands_does_not_make_it_jump() {
         let steps = records.windows(2).map(|r| (r[1].measured[joint] - r[0].measured[joint]).abs());
         steps.fold(0.0, f32::max)
     };
-    // It sinks by some 2 mrad and rises again, each within half a second of 60 periods.
+    // The robot sinks by about 2 mrad and rises again, each within half a second, 60 periods.
     for joint in [0, 1] {
         assert!(moved(joint) < 2e-3, "joint {joint}: {} rad in a period", moved(joint));
     }
-    // There was something to jump from.
+    // The joints had errors before the change.
     let sags = records.iter().map(|r| (r.commanded[0] - r.measured[0]).abs());
     let (most, least) = (sags.clone().fold(0.0, f32::max), sags.fold(1.0, f32::min));
     assert!(most > 3.0 * least && most > 1e-3, "{least} to {most} rad");
@@ -155,7 +155,7 @@ fn a_link_that_loses_frames_sets_the_same() {
         assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(40.0), "seed {seed}");
         assert_eq!(session.parameter(Parameter::Kp, KNEE), Ok(45.0), "seed {seed}");
         lost += session.bus().lost();
-        // Another host, which does not know where the first has stopped counting.
+        // Another host, which does not know the last number of the first.
         let mut session = connect(session.into_bus());
         session.set_parameter(Parameter::Kp, HIP, 42.0).unwrap();
         assert_eq!(session.parameter(Parameter::Kp, HIP), Ok(42.0), "seed {seed}");

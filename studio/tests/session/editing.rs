@@ -13,7 +13,7 @@ fn a_document_has_one_plan_whatever_was_edited_before() {
         json!({ "edit": "number", "table": ["goal"], "key": "forward_m", "value": 0.125 }),
     );
     let step = page.plan(&text, "good", Some(2));
-    // What is dragged is shown, is no good plan, and cannot be taken for one that holds.
+    // A plan during a drag is shown, is not a good plan, and cannot count as one that holds.
     assert_eq!((&step.json["good"], &step.json["converged"]), (&json!(false), &json!(false)));
     assert!(step.json["solve"]["iterations"].as_u64().unwrap() <= 2);
     assert!(!step.json["solve"]["words"].as_str().unwrap().contains("played"));
@@ -40,7 +40,7 @@ fn what_is_in_the_way_is_said_long_before_numbers_that_work() {
     assert!(5 * before < answer.progress, "{before} of {}", answer.progress);
     let goal = &refused["culprits"][0];
     assert_eq!(goal["constraint"], "displacement goal");
-    // A number that was not tried is not said.
+    // A value that was not tried is not shown.
     assert!(goal["fix"].is_null() && !goal["what"].as_str().unwrap().contains("works"), "{goal}");
     assert!(answer.json["solve"]["culprits"][0]["fix"].is_object());
 }
@@ -83,7 +83,7 @@ fn a_request_that_cannot_be_met_says_who_is_to_blame_and_its_fix_works() {
     let text = page.amended(&text, fix["edit"].clone());
     let mended = page.plan(&text, "good", None).json;
     assert_eq!(mended["converged"], true, "{fix:?}: {}", mended["solve"]);
-    // The plan that failed was no start for the next.
+    // The failed plan was not the start of the next.
     assert_eq!(page.plan(&good, "good", None).json["converged"], true);
 }
 
@@ -124,7 +124,7 @@ fn painted_swings_are_rows_and_may_pass_the_end_of_a_period() {
     let mut page = Page::default();
     let text = page.walk();
     let edit = |from: usize, to: usize, stance: bool| json!({ "edit": "swing", "end_effector": 0, "from": from, "to": to, "stance": stance });
-    // Front left swings at 9 to 15.
+    // The front left foot swings at samples 9 to 15.
     let longer = page.amended(&text, edit(16, 17, false));
     let rows = new_lines(&longer, &text);
     assert_eq!(rows[0], "front_left = \"#########.........##############\"");
@@ -132,7 +132,7 @@ fn painted_swings_are_rows_and_may_pass_the_end_of_a_period() {
     let landed = page.amended(&longer, edit(9, 17, true));
     let wrapped = page.amended(&landed, edit(30, 1, false));
     assert!(wrapped.contains("front_left = \"..############################..\""), "{wrapped}");
-    // What no foot can do is refused with the reason.
+    // A swing that no foot can do is refused with the reason.
     let refused = page.amend(&text, edit(11, 15, true));
     assert_eq!(refused["kind"], "faults");
     assert!(
@@ -195,14 +195,14 @@ fn every_slider_of_every_shipped_robot_moves() {
             let files = json!([files[0], { "path": path, "text": text }]);
             let opened = page.ask(json!({ "kind": "open", "files": files, "motion": motion })).json;
             if opened["kind"] == "faults" {
-                // A motor that is beyond its torque-speed line, for one.
+                // For example a motor beyond its torque-speed line.
                 assert_eq!(opened["faults"], amended["faults"]);
                 continue;
             }
             let all = opened["scene"]["parameters"].as_array().unwrap();
             let moved = all.iter().find(|other| other["name"] == parameter["name"]).unwrap();
             let off = moved["value"].as_f64().unwrap() / (1.1 * value) - 1.0;
-            // Files have twelve digits.
+            // Files contain twelve digits.
             assert!(off.abs() < 1e-10, "{path}: {parameter} became {moved}");
         }
     }

@@ -60,7 +60,7 @@ fn a_urdf_becomes_a_project_whose_motion_can_be_planned() {
     let side = json!({ "path": "rover.side.toml", "text": urdf_test("rover.side.toml") });
     for side in [Value::Null, side] {
         let imported = page.done(json!({ "kind": "import", "urdf": urdf, "side": side }));
-        // Without a side file, it says at least that what it proposes is to be checked.
+        // Without a side file, the import at least warns that its proposals must be checked.
         assert_eq!(imported["warnings"].as_array().unwrap().is_empty(), !side.is_null());
         let paths: Vec<_> =
             imported["files"].as_array().unwrap().iter().map(|f| &f["path"]).collect();

@@ -48,15 +48,15 @@ fn a_plan_is_the_motion_of_a_library_by_name_and_by_its_frames() {
         }));
     };
     plan(&mut page, roll.clone(), "scratch");
-    // The library calls it `roll`, its second motion.
+    // The library calls the motion `roll`, its second motion.
     assert_eq!(compare(&mut page, ROLL, &library), (json!(1), String::new()));
-    // As `stand`, whose frames are others.
+    // Compared as `stand`, whose frames differ.
     let (clip, why) = compare(&mut page, "motions/test_leg_stand.toml", &library);
     assert!(clip.is_null() && why.contains("`stand`") && why.contains("duration"), "{why}");
     let (clip, why) = compare(&mut page, ROLL, &library[1..]);
     assert!(clip.is_null() && why.contains("different robots"), "{why}");
 
-    // After an edit it has the same name, and is another motion; undone it is the same again.
+    // After an edit, the motion has the same name but other frames. After an undo, it is the same again.
     let edited = roll.replace("forward_m = 0.2", "forward_m = 0.19");
     plan(&mut page, edited, "good");
     let (clip, why) = compare(&mut page, ROLL, &library);
@@ -74,14 +74,14 @@ fn a_library_begins_with_the_motions_of_the_project_and_is_edited_as_a_graph() {
         json!({ "path": "drive.toml", "text": drive }),
     ];
     let begun = page.done(json!({ "kind": "new_library", "files": files, "motion": "walk.toml" }));
-    // Nothing of the project stands still, so that a motion that does is added.
+    // No motion of the project stands, so a stand is added.
     let added = begun["files"].as_array().unwrap();
     let paths = |begun: &Value| -> Vec<String> {
         let files = begun["files"].as_array().unwrap();
         files.iter().map(|file| file["path"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(paths(&begun), ["agilebot_library.toml", "stand.toml"]);
-    // What another robot has at that path stays.
+    // A file of another robot at that path is kept.
     let others = json!({ "path": "stand.toml", "text": page.text("motions/pup_stand.toml") });
     let files_of_two = [&files[..], &[others]].concat();
     let beside = json!({ "kind": "new_library", "files": files_of_two, "motion": "walk.toml" });

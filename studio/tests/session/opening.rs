@@ -41,7 +41,7 @@ fn wheels_are_bodies_that_turn_and_as_wide_as_their_part() {
     let fork = &scene["bodies"][scene["end_effectors"][3]["body"].as_u64().unwrap() as usize];
     let parts = fork["shapes"].as_array().unwrap().iter().filter(|shape| shape["role"] == "part");
     assert_eq!(parts.count(), 2, "its third part is the wheel");
-    // A right leg is the mirror image of the left one.
+    // A right leg is the mirror image of the left leg.
     let motor_y = fork["shapes"][1]["position_m"][1].as_f64().unwrap();
     assert_eq!((&fork["name"], motor_y), (&json!("rear_right_fork"), 0.03));
 }

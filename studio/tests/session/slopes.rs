@@ -43,7 +43,7 @@ fn slopes_say_what_a_slider_does_to_the_optimum() {
         let by = quantity["slopes"].as_array().unwrap();
         assert_eq!(by.len(), parameters.as_array().unwrap().len(), "{quantity}");
     }
-    // Against plans of the robots on either side, each at its own optimum.
+    // Compared with plans of the neighbouring robots, each at its own optimum.
     let parameter = parameters[0].clone();
     let (name, value) = (parameter["name"].as_str().unwrap(), parameter["value"].as_f64().unwrap());
     let change_m = 1e-3;

@@ -148,7 +148,7 @@ fn send<P: Codec>(
     });
     assert_eq!(result.err(), refused, "together as one by one");
     assert!(refused.is_none() || count == 0);
-    // The reckoning is for one setpoint each.
+    // The traffic is computed for one set-point of each motor.
     let setpoints =
         |order: &ActuatorCommand| matches!(order.command, Command::Joint(_) | Command::Wheel(_));
     let mut ids: Vec<u8> = orders.iter().map(|order| order.id).collect();
@@ -183,7 +183,7 @@ fn encode_commands(all: &ProtocolSet, orders: &[ActuatorCommand]) {
     };
     send(&Rollwalk, orders, Frame::exact_bits, hears);
     send(&all.mit, orders, Frame::exact_bits, |frame| {
-        // UpdatePolicy as codes, or a command.
+        // A set-point as codes, or a command.
         let codes =
             Codes::of(frame).map(|codes| codes.frame(frame.standard_id().unwrap_or(0) as u8));
         assert!(codes.is_none_or(|again| again == *frame));
@@ -198,7 +198,7 @@ fn encode_commands(all: &ProtocolSet, orders: &[ActuatorCommand]) {
     send(&all.dynamixel, orders, serial, |packet| {
         packet.iter().for_each(|&byte| line.push(byte));
         let message = take(&mut line, false).expect("what we send is a packet");
-        // Our own instructions, heard again on a half-duplex line, are no answers.
+        // Our own instructions, received again on a half-duplex line, are not answers.
         assert_eq!(all.dynamixel.decode(&message), None);
         assert_eq!(take(&mut line, false), None);
     });
@@ -227,7 +227,7 @@ fn check_profile(frame: &Frame) {
     if let Some((id, told)) = JointSetpoint::decode(frame) {
         assert_eq!(told.encode(id).as_ref(), Some(frame));
     }
-    // Faster, an f32 may come out a step beside; see its golden test.
+    // At higher speeds, an f32 may differ by one step; see the golden test.
     if let Some((id, told)) = WheelSetpoint::decode(frame)
         && told.speed_rad_s.abs() < 419.0
     {
@@ -302,7 +302,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
 
 /// Runs orders, frames and bytes of a line from the input, with all protocols.
 pub fn run(data: &[u8]) {
-    // An error means that nothing was left to choose from.
+    // An error means that the input ended.
     let _ = play(&mut Unstructured::new(data));
 }
 

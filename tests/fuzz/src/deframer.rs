@@ -30,11 +30,11 @@ fn dynamixel(line: &[u8], parameters: &[u8]) {
         take_all(&mut buffer, false, &mut taken);
     }
     take_all(&mut buffer, true, &mut taken);
-    // Ten bytes each, none used twice.
+    // Ten bytes each, and no byte is used twice.
     assert!(taken.len() <= line.len() / 10);
     let mut from = 0;
     for message in &taken {
-        // Addresses that we do not speak to may still be heard.
+        // Packets of addresses that are not ours may still be received.
         let Some(bytes) = packet(message.id, message.instruction, &message.parameters) else {
             continue;
         };
@@ -66,7 +66,7 @@ fn check_packet(packet: &[u8]) {
         assert_eq!(again(request.encode(sequence)), packet, "{request:?}");
     }
     if let Some((sequence, answer)) = Answer::decode(packet) {
-        // A frame may be there twice, and buses in any order: then the answer is a shorter one.
+        // A frame may occur twice, and buses in any order. Then the encoded answer is shorter.
         let bytes = again(answer.encode(sequence));
         let (_, told) = Answer::decode(&bytes).expect("our own");
         assert_eq!(told.encode(sequence), answer.encode(sequence));
@@ -83,7 +83,7 @@ fn board(line: &[u8], body: &[u8]) {
             check_packet(packet);
         }
     }
-    // A checksum, stuffing and the zero each.
+    // Each has a checksum, stuffing and a zero.
     assert!(taken <= line.len() / 6);
     check_packet(body);
 
@@ -179,7 +179,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         let body = body.expect("a sound packet");
         seeds.push([&[1, body.len() as u8][..], &body, &line, &line[..3], &[0], &line].concat());
     }
-    // A message and the start of one that is segmented, which no sound end of a line sends.
+    // A message, and the start of a segmented one, which no correct sender sends here.
     let first = Frame::standard(0x511, &[0x10, 20, 1, 2, 3, 4, 5, 6]).expect("a frame");
     let packets = [
         Packet::Link(frame),
@@ -190,7 +190,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     ];
     let line: Vec<u8> = packets.iter().flat_map(|p| p.encode().expect("fits")).collect();
     seeds.push([&[2, 2, 0x12, 7][..], &line, &line[..30], &[0], &line].concat());
-    // And after that a message of many frames.
+    // Then a message of many frames.
     seeds.push([&[2, 150][..], &[0x5A; 150], &line].concat());
     seeds
 }

@@ -131,13 +131,13 @@ fn stimulus(u: &mut Unstructured<'_>, lies: bool) -> Result<Stimulus> {
         tag::ACTION => Stimulus::Command(action(u)?),
         tag::ARM => Stimulus::Arm,
         tag::CLEAR => Stimulus::Clear,
-        // Numbers go round at 16: what was sent nine commands ago, and is still valid, counts as new.
+        // Numbers wrap at 16: a valid command from nine commands ago counts as new.
         tag::REPLAY => Stimulus::Replay(u.arbitrary::<u8>()? % 8),
         tag::LINK => Stimulus::Link(frame(u)?),
         tag::MESSAGE => {
             let len = usize::from(u.arbitrary::<u8>()? % 40 + 1).min(u.len());
             let bytes = u.bytes(len)?;
-            // There is no empty message.
+            // Messages are never empty.
             Stimulus::Transfer(if bytes.is_empty() { vec![1] } else { bytes.to_vec() })
         }
         tag::BEGIN => Stimulus::Begin(u.arbitrary()?),
@@ -170,7 +170,7 @@ fn after(u: &mut Unstructured<'_>, lies: bool, insists: bool) -> Result<Rig> {
     rig.trust_pose = !lies;
     if insists {
         rig.brain.require_key(authentication::key(), Some(1));
-        // Its library is loaded by the self test.
+        // The self test loads the library.
         rig.run(20);
     }
     for _ in 0..DEEDS {
@@ -190,8 +190,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     let how = u.arbitrary::<u8>()?;
     let (lies, insists) = (how & 1 != 0, how & 8 != 0);
     let mut rig = after(u, lies, insists)?;
-    // A controller that was lied to may have reason not to go on; one in four of the others shows that
-    // it does.
+    // A controller that got forged feedback may refuse to continue. One in four of the others is checked to continue.
     if !lies && !insists && how & 6 == 0 {
         assert_way_home(&mut rig);
     }
@@ -231,7 +230,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let link = [LINK, 4, 8, 0, 0, 0, 0, 0, 0, 0, 0, LINK, 1, 0, BOARD, CLEAR];
     let lies = [FEEDBACK, 0, 50, 9, 1, 1, 0, FRAME, 0, 9, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, TIME, 9, 9];
     let lying = [&armed[..], &lies, &plays].concat();
-    // Seeds that lead nowhere would go unnoticed.
+    // Seeds that reach nothing would not be noticed.
     let plays_in = after(&mut Unstructured::new(&[&armed[..], &plays[..4]].concat()), false, false);
     assert_eq!(plays_in.map(|rig| rig.brain.state()), Ok(State::Playing));
     let seed = |how: u8, stimuli: &[u8]| [&[how], stimuli].concat();

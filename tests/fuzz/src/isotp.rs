@@ -55,9 +55,9 @@ fn carry(
 ) -> bool {
     from.send(message).expect("idle, and it has room");
     let mut received = false;
-    // To `to`, and back to `from`.
+    // From `from` to `to`, and back.
     let mut held: [Option<Vec<u8>>; 2] = [None, None];
-    // A frame needs two turns at most, and waits no longer than the longest separation or timeout.
+    // A frame needs at most two turns, and waits at most for the longest separation or timeout.
     for _ in 0..40 * message.len() + 400 {
         let mut moved = false;
         for back in [false, true] {
@@ -112,7 +112,7 @@ fn hostile(u: &mut Unstructured<'_>) -> Result<()> {
                 let _ = us.send(&message(usize::from(u.arbitrary::<u8>()?), what));
             }
             5 => now_us = now_us.saturating_add(u64::from(u.arbitrary::<u32>()?)),
-            // Not even a clock that runs backwards.
+            // Even a clock that runs backwards does no harm.
             6 => now_us = u64::from(u.arbitrary::<u32>()?),
             _ => {
                 let mut polls = 0;
@@ -124,8 +124,8 @@ fn hostile(u: &mut Unstructured<'_>) -> Result<()> {
             }
         }
     }
-    // The noise is over: a message that goes on does so to its end, one that waits times out, and then
-    // a new one goes either way.
+    // The noise has ended: a message in progress completes, a message that waits times out, and a new message passes in both
+    // directions.
     for _ in 0..=2 * ROOM {
         now_us = now_us.saturating_add(AGES_US);
         while us.poll(now_us) != Output::Idle {}
@@ -162,7 +162,7 @@ pub fn run(data: &[u8]) {
     let Some((&how, rest)) = data.split_first() else { return };
     let mut u = Unstructured::new(rest);
     let played = if how % 2 == 0 { hostile(&mut u) } else { bad_bus(&mut u) };
-    // Too short to begin with.
+    // An error means that the input is too short.
     let _ = played;
 }
 

@@ -29,7 +29,7 @@ pub mod slots;
 mod watched;
 pub mod wire;
 
-// The bench of the firmware's tests, as it is there.
+// The bench of the firmware's tests, unchanged.
 #[path = "../../../firmware/tests/integration/drives.rs"]
 #[allow(missing_docs, dead_code)]
 pub mod drives;

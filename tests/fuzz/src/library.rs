@@ -66,7 +66,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         seeds.push(seed(AS_IS, &library));
         seeds.push(seed(RESEALED, &library));
     }
-    // Those among many that the encoder takes, so that the fuzzer knows what plays looks like.
+    // Of many descriptions, those that the encoder accepts, so that the fuzzer has examples that play.
     let descriptions = (1..=255u8).map(|n| -> Vec<u8> {
         (0..160u8).map(|i| i.wrapping_mul(n).wrapping_add(n) >> (n % 4)).collect()
     });

@@ -69,7 +69,7 @@ impl Bench {
         if saved && self.power.get() {
             self.allowed = Some(vec![Some(set)]);
         } else if let Some(allowed) = &mut self.allowed {
-            // Refused is the one before; cut off is either.
+            // A refused set leaves the previous one; an interrupted set leaves either.
             allowed.push(Some(set));
         }
     }
@@ -86,7 +86,7 @@ fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
     if repaired {
         for unit in cells.chunks_exact_mut(FLASH_LEN / LOG_UNITS) {
             let set = &mut unit[..SET_LEN];
-            // No flash lives to see 2³¹ sets.
+            // No flash lasts for 2³¹ sets.
             set[3] &= 0x7F;
             set[4..6].copy_from_slice(&[0xB3, 3]);
             set[7] = 0;
@@ -129,7 +129,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     bench.power.keep();
     bench.mount();
     bench.check();
-    // Whatever it has been through, it takes a set, and keeps it.
+    // After any history, the store accepts a set, and keeps it.
     for number in [7, 24] {
         let last = set(number);
         bench.store().save(&last).expect("flash that works again");

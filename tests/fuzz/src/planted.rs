@@ -12,7 +12,7 @@ fn payload(data: &[u8]) -> &[u8] {
         }
     }
     match rest {
-        // The planted bug: the count is not compared with what is there.
+        // Planted bug: the count is not compared with the number of bytes.
         [count, behind @ ..] => &behind[..usize::from(*count)],
         [] => &[],
     }

@@ -84,7 +84,7 @@ impl Bench {
         if !self.power.get() {
             self.mount();
         }
-        // The power may have failed while mounting, too. Then there is nothing to see.
+        // The power may also have failed while mounting. Then nothing can be checked.
         if !self.power.get() {
             return;
         }
@@ -128,7 +128,7 @@ impl Bench {
 
     fn activate(&mut self) -> Result<(), StoreError> {
         let received = self.store().received().to_vec();
-        // Whatever the answer is, when the power fails.
+        // The power may fail with any answer.
         self.allowed.push(received.clone());
         self.store().activate()?;
         assert_eq!(self.store().bytes(), received);
@@ -141,7 +141,7 @@ impl Bench {
         if on_trial && self.power.get() {
             assert!(!self.store().on_trial());
             let bytes = self.store().bytes().to_vec();
-            // In foreign flash the footer of an older one may still be there when this one rots.
+            // In foreign flash, the footer of an older library may remain when this one decays.
             self.allowed = vec![bytes];
         }
         Ok(())
@@ -170,7 +170,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
             break;
         }
         let stimulus = u.arbitrary::<u8>()?;
-        // What it answers is judged by what plays.
+        // The answer is judged by the library that plays.
         let _: Result<(), StoreError> = match stimulus % 12 {
             0 => bench.begin(u.arbitrary()?).map(|_| ()),
             1 | 2 => {
@@ -214,7 +214,7 @@ fn play(u: &mut Unstructured<'_>) -> Result<()> {
     bench.mount();
     bench.power.keep();
     bench.check();
-    // Whatever it has been through, it takes a library, and keeps it.
+    // After any history, the store accepts a library, and keeps it.
     bench.send(4).expect("flash that works again");
     bench.activate().expect("flash that works again");
     bench.mount();

@@ -122,7 +122,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         }
         seeds.push(seed);
     }
-    // Every identifier that there is, with a payload of its length, sealed.
+    // Every identifier, with a sealed payload of its length.
     for kind in [0x001u16, 0x101, 0x300, 0x301, 0x302, 0x400, 0x601, 0x701] {
         for len in [2, 7, 8] {
             let mut seed = vec![SEALED_FRAMES];

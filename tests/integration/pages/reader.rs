@@ -78,7 +78,7 @@ impl Reader {
                 self.commands += 1;
             }
             "rollwalk-sim" => self.start(place, args),
-            // Builds the workspace once more.
+            // A build would compile the workspace again.
             "cargo" => {}
             other => {
                 panic!(
@@ -106,7 +106,7 @@ impl Reader {
 
     /// Sets the environment of this reader's terminals.
     fn set(&self, command: &mut Command) {
-        // `sim` is a socket there, and no other robot's.
+        // `sim` is a socket in this folder, not another robot's.
         command.env("XDG_RUNTIME_DIR", self.desk.path(""));
         command.env("XDG_CACHE_HOME", self.desk.path("cache"));
         command.envs(self.exported.iter().map(|(name, value)| (name, value)));

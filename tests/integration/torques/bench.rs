@@ -129,7 +129,7 @@ impl Bench {
                     }
                     let (sent, answer) = motor.on_packet(self.now_us, &packet);
                     sent.into_iter().for_each(|sent| self.record(playing, index, sent));
-                    // Of the servos behind one board each gives the board's answer.
+                    // Each of the servos behind a board would send the board's answer.
                     answers.extend(answer.map(|answer| (answer.turn, answer.bytes)));
                 }
                 let answers: Vec<_> = answers.into_values().flatten().collect();

@@ -75,7 +75,7 @@ fn armed_played_stopped_and_played_again(name: &str, wheel: Option<&str>) -> Vec
     assert_eq!(motors.interrupt(), 0);
     drop(candumps);
 
-    // Hip and knee: commands and answers share an identifier. Twice armed, and off whenever it was not.
+    // Hip and knee: commands and answers share an identifier. The motors were armed twice, and disabled at all other times.
     let frames = log(&joints);
     for id in [1, 2] {
         let frames = sent(&frames, |of| of == id);
@@ -83,10 +83,10 @@ fn armed_played_stopped_and_played_again(name: &str, wheel: Option<&str>) -> Vec
             let bytes = [[0xFF; 7].to_vec(), vec![last]].concat();
             frames.iter().filter(|data| **data == bytes).count()
         };
-        // Again if its answer came a period late.
+        // Repeated if the answer came a period late.
         assert!((2..=6).contains(&special(0xFC)), "{} times enabled", special(0xFC));
         assert!(special(0xFD) > 20, "{}", special(0xFD));
-        // Each frame to it has an answer, which begins with its number and has no error.
+        // Each frame has an answer, which begins with the motor's number and contains no error.
         let answers = frames.iter().filter(|data| data[0] == id as u8 && data[7] == 0).count();
         assert!(answers > 500 && 2 * answers >= frames.len() - 2, "{answers} of {}", frames.len());
     }
@@ -100,11 +100,11 @@ fn ak_drives_and_an_odrive_play_are_stopped_and_play_again() {
     let of = |command: u16| sent(&frames, |id| id == 3 << 5 | command);
     let states: Vec<u8> = of(0x07).iter().map(|data| data[0]).collect();
     assert!((2..=6).contains(&states.iter().filter(|state| **state == 8).count()), "{states:?}");
-    // Its heartbeats say the same: off, on, off, on.
+    // The heartbeats agree: off, on, off, on.
     let mut axis_states: Vec<u8> = of(0x01).iter().map(|data| data[4]).collect();
     axis_states.dedup();
     assert!(axis_states.starts_with(&[1, 8, 1, 8]), "{axis_states:?}");
-    // Estimates 125 times a second, speeds 120 times while it is driven; it is asked for nothing.
+    // Estimates 125 times per second, speeds 120 times while driven; no requests.
     assert!(of(0x09).len() > 1000 && of(0x0D).len() > 300, "{} {}", of(0x09).len(), of(0x0D).len());
     assert!(frames.iter().all(|entry| entry.frame.standard_id().is_some()));
 }
@@ -118,7 +118,7 @@ fn a_cybergear_has_identifiers_of_29_bits() {
     let of_type = |kind: u32| ids.iter().filter(move |id| **id >> 24 == kind);
     assert!((2..=6).contains(&of_type(3).count()), "{} times enabled", of_type(3).count());
     assert!(of_type(3).all(|id| *id == 3 << 24 | 253 << 8 | 3));
-    // Feedback: from motor 3 to host 253, running while it is driven.
+    // Feedback from motor 3 to host 253; the motor runs while driven.
     assert!(of_type(2).all(|id| id & 0xFFFF == 3 << 8 | 253));
     let mut running: Vec<bool> = of_type(2).map(|id| id >> 22 & 3 == 2).collect();
     running.dedup();

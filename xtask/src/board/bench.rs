@@ -91,7 +91,7 @@ impl Bench {
     pub fn module(&self, robot: &Path, board: &str) -> Result<Module, String> {
         let path = self.out.join(format!("{board}-robot.rs"));
         let mut image = self.command("image");
-        // The file is where the user is.
+        // The path is relative to the user's folder.
         let here = env::current_dir().map_err(|error| format!("the current folder: {error}"))?;
         image.arg(board).arg("--robot").arg(robot).arg("--out").arg(&path).current_dir(here);
         shell::own_output(&mut image).map(|wiring| Module { path, wiring })
@@ -106,7 +106,7 @@ impl Bench {
         let module = shell::output(&mut shell::command(&program, &["--robot", robot, "config"]))?;
         let path =
             self.out.join(Path::new(robot).with_extension("rs").file_name().unwrap_or_default());
-        // A file that is written anew would be compiled anew.
+        // A rewritten file would be compiled again.
         if fs::read_to_string(&path).is_ok_and(|present| present == module) {
             return Ok(path);
         }

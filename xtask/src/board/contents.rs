@@ -71,7 +71,7 @@ pub fn sections(image: &[u8], ram: Range<u64>) -> Result<Sections, String> {
         if section.kind() == object::SectionKind::UninitializedData {
             sizes.bss += if in_ram { section.size() } else { 0 };
         } else if in_ram {
-            // Its first values lie in flash as well.
+            // The initial values are also in flash.
             sizes.data += section.size();
             sizes.text += section.size();
         } else {

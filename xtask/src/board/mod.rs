@@ -154,7 +154,7 @@ pub fn other_robot(robot: &Path) -> Result<(), String> {
     let bench = Bench::program()?;
     let bench::Module { path: module, wiring } = bench.module(robot, "mps2-an386")?;
     eprint!("{wiring}");
-    // Of the workspace's programs, those for other robots replace each other.
+    // Programs of the workspace for different robots replace each other.
     let replay = image::MPS2_AN386_REPLAY.build_for(&module, "")?;
     let uart = image::MPS2_AN386.build_for(&module, "")?;
     let bench = bench.of_robot(&path::absolute(robot).map_err(|error| error.to_string())?);

@@ -215,7 +215,7 @@ pub fn save(path: &Path, bytes: &[u8], is_secret: bool) -> io::Result<()> {
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
     }
     let mut file = options.open(path)?;
-    // One that is there already keeps its permissions otherwise.
+    // An existing file would keep its permissions.
     #[cfg(unix)]
     if is_secret && file.metadata()?.is_file() {
         file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o600))?;

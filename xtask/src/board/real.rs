@@ -79,7 +79,7 @@ pub fn report(bench: &Bench, board: &Memory) -> Result<(), String> {
 pub fn report_with_keys(bench: &Bench, board: &Memory) -> Result<(), String> {
     let Memory { name, image, ram, flash_bytes, max_text_link, max_text_both, .. } = board;
     let mut limits = Limits::default();
-    // The crate that checks signatures has checks of indices that the compiler cannot prove.
+    // The crate that checks signatures contains index checks that the compiler cannot remove.
     for (keys, features, most, is_ours) in [
         ("a link key", "authenticated", *max_text_link, true),
         ("both keys", "authenticated,signed", *max_text_both, false),

@@ -105,7 +105,7 @@ fn of_dependency(name: &str, dependency: &Value, packages: &[Value]) -> Option<S
         return Some(format!("{name}: depends on {to}, which is not published"));
     }
     let (version, required) = (package["version"].as_str()?, dependency["req"].as_str()?);
-    // An older version that fits may lack what this one uses.
+    // An older compatible version may lack what this version uses.
     (required != format!("^{version}")).then(|| {
         format!(
             "{name}: requires {to} {required}, but {to} has version {version}; correct the \

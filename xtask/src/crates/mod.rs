@@ -55,11 +55,11 @@ fn metadata() -> Result<String, String> {
 
 /// Writes the packages. Cargo resolves dependencies between them in a temporary registry, so none needs to be published.
 fn package(published: &[Published], extent: Extent) -> Result<(), String> {
-    // Of a change, too, before it is committed.
+    // Also uncommitted changes.
     let mut package = shell::cargo(&["package", "--locked", "--allow-dirty", "--target-dir"]);
     package.arg(folder());
     match extent {
-        // A lock file would take answers from the network, and there is nothing to build with it.
+        // A lock file would need the network, and the package is not built.
         Extent::Brief | Extent::Short => {
             package.args(["--quiet", "--no-verify", "--exclude-lockfile"])
         }

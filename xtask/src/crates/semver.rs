@@ -45,7 +45,7 @@ pub fn compare(since: Option<&str>) -> Result<(), String> {
 
 /// Tag of the last release before this commit.
 fn last_release() -> Result<Option<String>, String> {
-    // A release comes after its candidates, `v1.0.0-rc.1`.
+    // A release sorts after its candidates, `v1.0.0-rc.1`.
     let mut git = shell::command("git", &["-c", "versionsort.suffix=-", "tag", "--list", TAGS]);
     let tags = shell::output(git.args(["--merged", "HEAD", "--sort=-version:refname"]))?;
     Ok(tags.lines().next().map(str::to_owned))

@@ -137,7 +137,7 @@ impl<'a> Books<'a> {
             let marks = inside.map(|one| one.place.start..one.place.start + title.level - 1);
             edits.extend(marks.map(|marks| (marks, String::new())));
         }
-        // Marks are for tests; mdBook would make classes of them.
+        // Marks are for tests; mdBook would turn them into classes.
         edits.extend(page.blocks.iter().map(|block| (block.marks.clone(), String::new())));
         let mut files = BTreeSet::new();
         for link in &page.links {
@@ -242,7 +242,7 @@ fn file_of(folder: &str, path: &str, section: &str) -> String {
     if name == LANDING && path != LANDING {
         return "index.md".into();
     }
-    // A folder's README is about the folder, and the first one about the whole.
+    // A folder's README describes the folder, and the first README the whole project.
     match name.strip_suffix("README.md") {
         Some("") => "rollwalk.md".into(),
         Some(folder) => format!("{}.md", folder.trim_end_matches('/').replace('/', "-")),

@@ -56,7 +56,7 @@ pub fn descriptions(help: &str) -> Vec<(String, String)> {
             (Some(name), _) if !name.is_empty() => {
                 found.push((name.to_owned(), line[2 + name.len()..].trim().to_owned()));
             }
-            // A description that is longer than a line.
+            // A description of several lines.
             (_, Some((_, about))) => *about = format!("{about} {}", line.trim()),
             (_, None) => {}
         }

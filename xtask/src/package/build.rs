@@ -34,7 +34,7 @@ impl Programs {
 /// libraries of the machine.
 pub fn programs(target: &Path) -> Result<Programs, String> {
     bare_metal::need_target(TARGET)?;
-    // Zstandard and LZ4, with which MCAP files are compressed, are C.
+    // Zstandard and LZ4, which compress MCAP files, are written in C.
     debian::need(&["musl-tools"]).map_err(|install| {
         format!("static programs require musl's compiler. On Debian:\n\n    {install}")
     })?;
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_program_of_this_machine_s_libraries_is_no_static_one() {
-        // This test itself.
+        // The program of this test.
         let program = fs::read(env::current_exe().unwrap()).unwrap();
         assert!(!is_static(&program).unwrap());
         assert!(is_static(b"#!/bin/sh").is_err());

@@ -79,7 +79,7 @@ fn install_debian(root: &Path) -> Result<(), String> {
     let sites = shell::output(&mut shell::command("apt-get", &targets))?;
     let site =
         sites.lines().next().ok_or("apt has no package source: run `sudo apt-get update`")?;
-    // One that was broken off would be taken for a whole one.
+    // An interrupted copy would count as complete.
     let part = root.with_extension("part");
     if part.exists() {
         fs::remove_dir_all(&part).map_err(|error| failed(&part, &error))?;

@@ -40,7 +40,7 @@ pub fn write(programs: &Programs, stage: &Path) -> Result<(), String> {
         let app = programs.path(app).to_string_lossy().into_owned();
         shell::output(shell::command(&app, &["--man"]).arg(&manual))?;
     }
-    // As Debian's policy has it; without names and times of files.
+    // According to Debian's policy: without names and times of files.
     shell::run(shell::command("gzip", &["-9nr"]).arg(&manual))?;
     for program in PROGRAMS {
         copy(&programs.path(program), &stage.join("bin").join(program))?;

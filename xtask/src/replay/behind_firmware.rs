@@ -45,7 +45,7 @@ fn one(replay: &Replay, folder: &Path, path: &Path) -> Result<Value, String> {
     let (robot, motion) = (word(&plan["robot"]["name"]), word(&plan["motion"]["name"]));
     let mut result = json!({ "plan": file_name(path), "robot": robot, "motion": motion });
     let robot = shell::workspace_root().join("shipped/robots").join(format!("{robot}.toml"));
-    // A file for each run, because they run beside each other.
+    // One file for each run, because runs are parallel.
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let file = |ending: &str| folder.join(format!("{stem}{ending}"));
 
@@ -92,14 +92,14 @@ pub fn in_both_worlds(
     let mut simulate = replay.rollwalk(&["simulate"]);
     simulate.arg(library).arg("--robot").arg(robot).args(["--cycles", CYCLES, "--world-log"]);
     let played = simulate.arg(&log).output().map_err(|error| format!("rollwalk: {error}"))?;
-    // Exit code 3: it falls, or its tour is stopped.
+    // Exit code 3: the robot falls, or its tour is stopped.
     if !matches!(played.status.code(), Some(0 | 3)) {
         let why = String::from_utf8_lossy(&played.stderr);
         return Err(format!("rollwalk simulate {}: {why}", library.display()));
     }
     let mut compared = replay.python("logged.py");
     shell::output(compared.arg(robot).arg(&log).arg(plan).arg("--json").arg(&json))?;
-    // A log is a hundred times as large as everything else.
+    // A log is a hundred times as large as all other files.
     fs::remove_file(&log).map_err(|error| format!("{}: {error}", log.display()))?;
     let text = fs::read_to_string(&json).map_err(|error| error.to_string())?;
     let outcome: Value = serde_json::from_str(&text).map_err(|error| error.to_string())?;
@@ -156,7 +156,7 @@ pub fn steps(plan: &Value) -> String {
             legs.push(&end_effector["link"]);
         }
     }
-    // Of four legs those across from each other follow one another.
+    // For four legs, diagonal legs follow each other.
     if let [first, second, third, fourth] = legs[..] {
         legs = vec![first, fourth, second, third];
     }
@@ -186,7 +186,7 @@ fn motion_file(stem: &str) -> String {
 pub fn reason(errors: &str) -> String {
     let line = |mark: char| errors.lines().filter_map(move |line| line.trim().strip_prefix(mark));
     if let Some(error) = line('×').next() {
-        // The message without its place in a temporary file.
+        // The message without its position in a temporary file.
         let (_, what) = error.split_once(".toml:").unwrap_or(("", error));
         let what = what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':');
         return what.trim().replace(STAND, "stand");

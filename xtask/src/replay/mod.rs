@@ -186,9 +186,9 @@ impl Replay {
         let level = self.run(&["--feed-forward", feed_forward], &plans, "level.json");
         let disturbed = ["--feed-forward", "torque", "--robustness", "--cycles", DISTURBED_CYCLES];
         let disturbed = self.run(&disturbed, &plans, "disturbed.json");
-        // What holds is decided by the level runs; the undisturbed ones among the others are the same, but shorter.
+        // Level runs decide whether a motion holds. The undisturbed runs among the others are equal, but shorter.
         for (mut run, decides) in [(level, must_hold), (disturbed, false)] {
-            // Exit code 1: some motion does not hold.
+            // Exit code 1: a motion does not hold.
             let status = run.status().map_err(|error| format!("python3: {error}"))?;
             match status.code() {
                 Some(0) => {}
@@ -206,7 +206,7 @@ impl Replay {
             let args = ["simulate", "--json", "--cycles", CYCLES, "--rate", &rate];
             let output = self.rollwalk(&args).arg(plan).output();
             let output = output.map_err(|error| format!("rollwalk: {error}"))?;
-            // Exit code 3: it does not come where the plan does. An error of the simulation has no outcome.
+            // Exit code 3: the robot does not reach the plan's goal. A failed simulation has no outcome.
             serde_json::from_slice::<Value>(&output.stdout).map_err(|_| {
                 let why = String::from_utf8_lossy(&output.stderr);
                 format!("rollwalk simulate {} at {rate} Hz: {why}", plan.display())

@@ -42,7 +42,7 @@ pub fn compare(replay: &Replay) -> Result<(), String> {
         let result = one(replay, &folder.join(motion), motion, share)?;
         let mut results = results.lock().expect("no worker panics");
         results.insert(number, result);
-        // Cases take minutes: one that is cut off later leaves those before it.
+        // Cases take minutes. If a later case is interrupted, the earlier results remain.
         let so_far: Vec<&Value> = results.values().collect();
         write(&replay.out.join(RESULTS), &json!(so_far).to_string())?;
         let (done, all, seconds) = (so_far.len(), CASES.len(), start.elapsed().as_secs_f64());
@@ -86,7 +86,7 @@ fn one(replay: &Replay, folder: &Path, motion: &str, share: f64) -> Result<Value
         let _ = fs::remove_dir_all(folder.join("after"));
         let args = ["retarget", "motions.toml", "--robot", "soft.toml", "--no-feed-forward"];
         let found = run(&[&args[..], &["-o", "after"]].concat())?;
-        // Exit code 3: a motion that does not hold afterwards.
+        // Exit code 3: a motion does not hold after the correction.
         if !matches!(found.status.code(), Some(0 | 3)) {
             return Err(format!("rollwalk retarget: {}", String::from_utf8_lossy(&found.stderr)));
         }

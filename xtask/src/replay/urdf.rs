@@ -26,7 +26,7 @@ pub fn replayed(replay: &Replay, urdf: &Path) -> Result<PathBuf, String> {
     let PlannedRobot { stem, robot, plans } = planned(replay, urdf)?;
     let json = format!("{stem}/results.json");
     let options = ["--feed-forward", "both", "--robot", &robot];
-    // Exit code 1: some motion does not hold, which the table tells.
+    // Exit code 1: a motion does not hold, as the table shows.
     let status = replay.run(&options, &plans, &json).status();
     match status.map(|status| status.code()) {
         Ok(Some(0 | 1)) => Ok(replay.out.join(json)),
@@ -70,7 +70,7 @@ pub fn planned(replay: &Replay, urdf: &Path) -> Result<PlannedRobot, String> {
         let motion = path(&format!("{name}.toml"));
         fs::write(&motion, text(name, gait, duty, period, goal, height_m)).map_err(failed)?;
         let plan = path(&format!("{name}.json"));
-        // A plan that does not hold as it is played is replayed like the others, and the table shows what comes of it.
+        // A plan that does not hold as played is replayed like the others, and the table shows the result.
         let planned = run(&["plan", &motion, "-o", &plan]);
         if !Path::new(&plan).exists() {
             planned?;

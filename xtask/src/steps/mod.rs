@@ -63,7 +63,7 @@ pub trait Step: ValueEnum + 'static {
 /// Returns the failed steps, with the commands that run them alone.
 pub fn run<S: Step>(only: Option<S>, brief: bool) -> Result<(), String> {
     let alone = only.is_some();
-    // Without git all is checked.
+    // Without git, everything is checked.
     let changed = changes::files(None).ok();
     let extent = |step: &S| {
         let is_same = changed.as_ref().is_some_and(|files| !changes::concern(files, step.checks()));

@@ -150,7 +150,7 @@ impl Step for NightlyStep {
             Self::Load => {
                 let programs = workspace::programs()?;
                 let tests = workspace::find(&programs, "tests", "integration", true)?;
-                // One after the other: each has the cores busy by itself.
+                // In sequence, because each uses all cores.
                 let load = [LOAD, "--ignored", "--test-threads=1", "--nocapture"];
                 shell::run(&mut tests.command(&load))
             }

@@ -154,7 +154,7 @@ impl Run {
 
     fn fail(&mut self, name: &str, seconds: f64, why: &str) {
         eprintln!("\n{why}\n\n== {name} FAILED after {seconds:.1} s");
-        // `quick` chooses its tests anew each time.
+        // `quick` selects its tests on every run.
         let only = if self.command == "quick" { "".into() } else { format!(" --only {name}") };
         self.failures.push(format!("step `{name}` failed: cargo xtask {}{only}", self.command));
     }
@@ -169,7 +169,7 @@ impl ParallelStep {
         let log = folder.join(format!("{command}-{name}.log"));
         let output = File::create(&log).map_err(failed)?;
         let errors = output.try_clone().map_err(failed)?;
-        // This very program, also when the build has put another in its place.
+        // This running program, even if the build has replaced its file.
         let mut process = shell::tied(&format!("/proc/{}/exe", std::process::id()));
         process.args([command, "--only", name]);
         if is_brief {

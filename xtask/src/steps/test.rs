@@ -139,7 +139,7 @@ impl Step for TestStep {
                 need_python()?;
                 let built = workspace::programs()?;
                 let tests: Vec<_> = built.iter().filter(|program| program.is_test).collect();
-                // The compiler of an example keeps one core busy, and the other idle.
+                // Compiling an example keeps one core busy; the other is free.
                 let (examples, tests) = thread::scope(|scope| {
                     let examples = scope.spawn(workspace::documented_examples);
                     let tests = programs::beside_each_other(&tests);

@@ -15,7 +15,7 @@ pub fn violations(files: &[TextFile], exists: impl Fn(&str) -> bool) -> (Vec<Str
     let (mut found, mut checked) = (Vec::new(), 0);
     for (path, page) in &pages {
         for link in &page.links {
-            // The network is not asked: what others have changes without a change of ours.
+            // The network is not used, because foreign pages change without our changes.
             let Some((to, anchor)) = target(path, &link.to) else { continue };
             checked += 1;
             let place = format!("{path}:{}: the link to `{}`", link.line, link.to);

@@ -73,7 +73,7 @@ fn measurements(page: &TextFile) -> Vec<String> {
             table.push((number + 1, line));
             continue;
         }
-        // Below the heading, and besides the names of the rows.
+        // Below the heading, without the names of the rows.
         let rows = table.iter().skip(2).map(|(_, row)| row.trim_matches('|').split('|').skip(1));
         let cells: Vec<_> = rows.flatten().map(str::trim).filter(|cell| !cell.is_empty()).collect();
         let decimals = cells.iter().filter(|cell| is_decimal(cell)).count();

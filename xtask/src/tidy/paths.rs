@@ -46,7 +46,7 @@ pub fn dead_references(files: &[TextFile], exists: impl Fn(&str) -> bool) -> Vec
     let mut found = Vec::new();
     for file in files.iter().filter(|file| file.path.ends_with(".md")) {
         for (number, line) in file.text.lines().enumerate() {
-            // Odd pieces between backticks are code spans.
+            // Every second piece between backticks is a code span.
             for span in line.split('`').skip(1).step_by(2) {
                 let Some((folder, _)) = span.split_once('/') else { continue };
                 let is_pattern = span.contains(|c: char| "*<>{} ".contains(c) || c.is_uppercase());

@@ -25,7 +25,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
     let mut found = Vec::new();
     for file in files {
         let is_rust = file.path.ends_with(".rs");
-        // History keeps its words; this file lists them.
+        // History keeps its words, and this file lists them.
         let is_prose = file.path.ends_with(".md") && file.path != "CHANGELOG.md";
         if !(is_rust || is_prose) || file.path == "xtask/src/tidy/prose.rs" {
             continue;
@@ -51,7 +51,7 @@ pub fn violations(files: &[TextFile]) -> Vec<String> {
 
 /// True if `line` contains `phrase` as whole words, outside of code spans.
 fn contains(line: &str, phrase: &str) -> bool {
-    // Every other part between backticks is prose.
+    // Every second piece between backticks is prose.
     line.to_lowercase().split('`').step_by(2).any(|prose| {
         prose.match_indices(phrase).any(|(at, _)| {
             let is_letter = |c: char| c.is_alphanumeric() || c == '_';

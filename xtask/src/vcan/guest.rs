@@ -90,7 +90,7 @@ impl Guest {
         let start = Instant::now();
         let console = self.folder.path().join("console");
         let mut qemu = self.qemu(&exchange, &console, results);
-        // Through a pipe: QEMU would truncate a file, and make a terminal non-blocking.
+        // Through a pipe, because QEMU would truncate a file, and make a terminal non-blocking.
         let mut child = spawn(qemu.stdin(Stdio::null()).stdout(Stdio::piped()))?;
         let mut output = child.stdout.take().expect("it is piped");
         let copy = thread::spawn(move || io::copy(&mut output, &mut io::stdout()).map(drop));
@@ -127,7 +127,7 @@ impl Guest {
         qemu.arg("-serial").arg(format!("file:{}", escaped(console)));
         qemu.args(["-device", "virtio-serial-pci", "-chardev", "file,id=out,path=/dev/fd/1"]);
         qemu.args(["-device", "virtserialport,chardev=out"]);
-        // Two cards on one bus: `can0` and `can1`, down and without a bitrate as after plugging them in.
+        // Two cards on one bus, `can0` and `can1`, down and without a bit rate as after plugging in.
         qemu.args(["-object", "can-bus,id=can"]);
         for _ in 0..2 {
             qemu.args(["-device", "kvaser_pci,canbus=can"]);
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn one_processor_counts_instructions() {
-        // With more than one, QEMU could not.
+        // QEMU does not support it with more processors.
         let line = command_line(None);
         assert!(line.contains("-icount shift=0,sleep=off") && line.contains("-smp 1"), "{line}");
         assert!(line.contains("panic=-1") && line.contains("-no-reboot"), "{line}");

@@ -33,7 +33,7 @@ impl Kernel {
         let folder = cache.join(format!("{package}_{version}"));
         if !folder.exists() {
             eprintln!("downloading {package} {version}, 70 to 100 MB");
-            // One folder for each version: whatever package lies in it is that one.
+            // One folder for each version, so that its package is always that version.
             let download = cache.join(format!("{package}_{version}.download"));
             let archive = debian::download(package, version, &download)?;
             unpack(&archive, &folder, &release)?;

@@ -117,7 +117,7 @@ fn wait(mut child: Child, timeout: Duration) -> Result<std::process::ExitStatus,
                 sleep(Duration::from_millis(20));
             }
             ended => {
-                // It may have ended by itself.
+                // The process may have ended already.
                 let _ = child.kill();
                 let _ = child.wait();
                 return Err(match ended {

@@ -31,7 +31,7 @@ pub fn run(place: Target) -> Result<(), String> {
         format!("the tests on CAN interfaces require packages. On Debian:\n\n    {install}")
     })?;
     let results = super::cache()?.join("full");
-    // So that no test reads what an earlier run has left.
+    // No test may read results of an earlier run.
     match fs::remove_dir_all(&results) {
         Err(error) if error.kind() != ErrorKind::NotFound => {
             return Err(format!("{}: {error}", results.display()));
@@ -39,7 +39,7 @@ pub fn run(place: Target) -> Result<(), String> {
         _ => {}
     }
     let results = super::absolute(&results)?;
-    // Tools and simulator without optimisation are too slow for twenty motors on the machine's one processor.
+    // Unoptimised tools and simulator are too slow for twenty motors on the machine's single processor.
     let programs = workspace::optimised_programs()?;
     let rollwalk = workspace::find(&programs, "tests", "rollwalk-under-test", false)?;
     let root = shell::workspace_root();

@@ -45,7 +45,7 @@ fn is_up(flags: &str) -> bool {
 
 fn make(name: &str) -> bool {
     let ip = |args: &[&str]| shell::succeeds(&mut shell::system("ip", args));
-    // It may be there, and only down.
+    // The interface may exist, and only be down.
     ip(&["link", "add", "dev", name, "type", "vcan"]);
     ip(&["link", "set", name, "up"])
 }

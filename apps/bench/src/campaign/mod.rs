@@ -58,8 +58,8 @@ impl Subject {
             codes: vec![one_leg::STAND, one_leg::SWING, one_leg::ROLL, one_leg::BOW],
             // All transitions begin or end at SAFE.
             on_the_way: Vec::new(),
-            // A transition that has just begun, a motion, and another transition: 60, 90 and 60 frames;
-            // and two seconds in which a halt can end.
+            // A transition that has just begun, a motion, and another transition take 60, 90 and 60 frames. A halt takes up to
+            // two seconds.
             way_home: SimTime::from_ms(5_500),
             on_ground: false,
         }

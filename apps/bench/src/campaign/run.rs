@@ -59,7 +59,7 @@ fn shutdown_timing(subject: &Subject) -> shutdown::Timing {
     let settings = Settings::default();
     shutdown::Timing {
         host_timeout: SimTime::from_ms(HOST_TIMEOUT_MS.into()),
-        // One until the next tick, and two for rounding.
+        // One period until the next tick, and two for rounding.
         notices_within: periods(3),
         way_home: subject.way_home + SimTime::from_us(settings.hold_us.into()),
         damping: SimTime::from_us(settings.damping_us.into()),
@@ -83,7 +83,7 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (RunReport, Vec<L
     let mut random = Rng::with_seed(case.seed ^ u64::from(case.loss_per_mille) << 48);
     let mut rig = Rig::with_core(&subject.robot, core).expect("the robot is sound");
     let late = servo::WATCHDOG + MAX_FRAME_DELAY;
-    // Two, and one on the bus.
+    // Two periods, and one for frames on the bus.
     let pose_age = periods(3);
     let config = MonitorConfig {
         control_hz: Settings::default().control_hz.into(),
@@ -110,7 +110,7 @@ pub fn run<C: Core>(subject: &Subject, case: Case, core: C) -> (RunReport, Vec<L
     };
     let monitor = Rc::new(RefCell::new(Monitor::new(subject.config(), config)));
     let world = subject.on_ground.then(|| {
-        // From a generator of its own: a robot on a stand meets the same faults.
+        // The world has its own random generator, so that a robot on a stand meets the same faults.
         let number = Scenario::ALL.iter().position(|&one| one == case.scenario);
         let loss = u64::from(case.loss_per_mille);
         let mixed = [case.seed, loss, number.unwrap_or_default() as u64];
@@ -264,7 +264,7 @@ impl<C: Core> Run<'_, C> {
         if now < at {
             self.operator.wait(at - now);
         }
-        // In chaos other faults have started before.
+        // In chaos, other faults have started earlier.
         if self.case.scenario != Scenario::Chaos {
             self.began = self.rig.now();
         }
@@ -277,13 +277,13 @@ impl<C: Core> Run<'_, C> {
                 self.operator.session()?;
             }
             Some(Host::Stalls(from, until)) => {
-                // Its queued frames are sent, and frames for it wait.
+                // The queued frames of the host are sent, and frames for the host wait.
                 let until = now + (until - from);
                 self.rig.borrow().run_until(until);
             }
             Some(Host::Stops(_)) => {
-                // Without an acknowledgement within a second the session continues the stop during later calls;
-                // with total loss until frames get through again.
+                // If no acknowledgement arrives within a second, the session repeats the stop during later calls. With total
+                // loss, it repeats the stop until frames arrive again.
                 if self.operator.session()?.estop().is_err() {
                     self.operator.wait(stopped_within(self.subject).max(HOPELESS_FOR));
                 }

@@ -149,7 +149,7 @@ impl Scenario {
     pub fn losses(self) -> &'static [u16] {
         match self {
             Self::EStop => &[0, 10, 30, 100, 300, 900, 1000],
-            // Without loss it would be undisturbed.
+            // Without loss, nothing would disturb the scenario.
             Self::ActuatorLoss => &[10, 30, 100, 300],
             _ => &[0, 10, 30, 100, 300],
         }
@@ -212,7 +212,7 @@ impl Scenario {
         config: &RobotConfig,
         random: &mut Rng,
     ) {
-        // Long enough to be detected for certain, or short.
+        // A long disturbance is certainly detected; a short one may not be.
         let long = random.bool();
         let lasts = if long { between(random, 600, 2500) } else { between(random, 60, 400) };
         let until = start + lasts;
@@ -224,7 +224,7 @@ impl Scenario {
         let mut add = |kind, until| faults.push(Fault { kind, from: start, until });
         let mut required: &[Bit] = &[];
         let mut allowed: &[Bit] = &[];
-        // Reactions to an actuator out of reach, by any cause.
+        // Faults that may follow if an actuator is out of reach for any reason.
         const UNREACHED: &[Bit] =
             &[Bit::ActuatorSilent, Bit::ActuatorFault, Bit::BusNoAck, Bit::BusPassive];
         // Disturbances of streams with few frames take longer to hit one.
@@ -301,12 +301,12 @@ impl Scenario {
             Self::ActuatorDead => {
                 add(FaultKind::Unpowered(channel), until);
                 plan.adapter = adapter(random);
-                // Even a short power cut switches its torque off.
+                // Even a short power cut switches the torque of the actuator off.
                 (required, allowed) = (UNREACHED, UNREACHED);
             }
             Self::ActuatorLoss => {
                 ends = while_streaming;
-                // Chaos includes it without loss on the link.
+                // Chaos includes loss even if the link has none.
                 let loss = loss_per_mille.max(10);
                 for bus in 0..buses {
                     for path in [FramePath::ToActuators(bus), FramePath::FromActuators(bus)] {

@@ -75,7 +75,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let contact = |ground: usize| if ground == 0 { 'f' } else { 'w' };
     let sequence: String = stiff.bounces(&last).into_iter().map(contact).collect();
 
-    // Objectives of stages are by that of the start with the stiffest contacts.
+    // Objectives of stages are divided by the objective of the start with the stiffest contacts.
     let first = direct.best[0];
     let end = |of: &Minimum| of.best[of.best.len() - 1];
     let wall_first = {
@@ -150,7 +150,7 @@ fn bunny(cells: usize) -> Mesh {
             height * (sharp * (along - 1.0)).exp()
         };
         let grown = round * (1.0 + size * bumps.iter().map(bump).sum::<f64>());
-        // What is below the base is pressed flat onto it, nearly.
+        // Points below the base are pressed almost flat onto the base.
         let below = (-BASE - grown.z).max(0.0);
         (grown + Vector3::z() * (0.9 * below)) * RADIUS_M
     })

@@ -85,7 +85,7 @@ pub fn run(watch: &dyn Watch) -> Option<ExperimentOutcome> {
     let mut curve = Vec::new();
     let mut checks = Vec::new();
     for count in [1, 2, 5, 10, 15, 20, 25, 30, 35, 40] {
-        // The least disturbed of three.
+        // The fastest of three runs is least disturbed by other processes.
         let mut best = (f64::INFINITY, 0.0);
         for _ in 0..3 {
             if watch.interrupted() {

@@ -148,7 +148,7 @@ mod tests {
         let pulled = task.solve_from_rest(&NoProgress).unwrap();
         let costs = &pulled.fit.costs;
         assert!(costs[costs.len() - 1] < 0.1 * costs[0], "{costs:?}");
-        // What CMA-ES minimises is what Gauss–Newton's method does, smoothness included.
+        // CMA-ES and Gauss–Newton minimise the same cost, smoothness included.
         let cost = task.cost(&pulled.fit.parameters).unwrap();
         assert!((cost / costs[costs.len() - 1] - 1.0).abs() < 1e-9, "{cost}, {costs:?}");
         assert!(cost > objective::cost(&residuals(&pulled.rollout)));

@@ -90,7 +90,7 @@ fn lying(rollout: &Rollout, rad_per_m: f64) -> Vec<Residual> {
 /// Angle from the target orientation, °.
 fn off_deg(motion: &BodyMotion) -> f64 {
     let (_, turned) = tipped();
-    // The chord of the angle, which rounding leaves a number at 0, too.
+    // Angle from its chord, because rounding does not disturb the chord near 0.
     let half_sine = (motion.rotation - turned).norm() / 8.0_f64.sqrt();
     2.0 * half_sine.min(1.0).asin().to_degrees()
 }

@@ -155,7 +155,7 @@ fn compare(outcome: &mut ExperimentOutcome, watch: &dyn Watch) -> Option<()> {
         if matches!(model, FrictionModel::Linear) {
             linear_s = begin.elapsed().as_secs_f64();
         }
-        // Of one without depth.
+        // Relative to the height of a cube without depth.
         let above_m = slide.height_m + slide.carried_m - exact.height_m;
         let what = format!("(height of {model:?} + depth − height of SQP) / depth");
         let of_height = above_m.abs() / slide.carried_m;
@@ -239,7 +239,7 @@ fn puck(cells: [usize; 3]) -> (Assembly, SoftBody, Plane) {
     let turn = Rotation3::rotation_between(&Vector3::z(), &slope.normal).expect("not upside down");
     let edges = Vector3::new(2.0, 2.0, HEIGHT_M);
     let mesh = Mesh::block(Vector3::new(-1.0, -1.0, DROP_M), edges, cells).shaped(|place| {
-        // A square drawn to the circle inside of it, smoothly, so that no corner is flat.
+        // A smooth map from a square to its inscribed circle, without flat corners.
         let (x, y) = (place.x, place.y);
         let disc = [x * (1.0 - 0.5 * y * y).sqrt(), y * (1.0 - 0.5 * x * x).sqrt()];
         turn * Vector3::new(RADIUS_M * disc[0], RADIUS_M * disc[1], place.z)
@@ -368,7 +368,7 @@ fn slide_exactly(cells: [usize; 3], steps: usize, watch: &dyn Watch) -> Option<S
             let load = normal.dot(&impulse);
             loads += load;
             lifted += load * normal.dot(&reference.assembly.motions[particle].position).abs();
-            // Less than that, N·s, is what programs leave where nothing touches.
+            // Programs return impulses below 1e-8 N·s where nothing touches.
             if load > 1e-8 {
                 let across = (impulse - normal * load).norm();
                 slide.friction = slide.friction.max(across / (COEFFICIENT * load));

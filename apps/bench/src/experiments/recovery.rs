@@ -188,7 +188,7 @@ fn evaluate(
         }
     }
     let values = residuals.iter().map(|residual| residual.value).collect();
-    // By the logarithms of the first two.
+    // The first two parameters are logarithms.
     let factors: Vec<f64> =
         free.iter().map(|&k| if k < 2 { parameters[k].exp() } else { 1.0 }).collect();
     let free = free.to_vec();

@@ -67,7 +67,7 @@ fn target_positions(assembly: &Assembly) -> [Vec<Vector3<f64>>; 2] {
 /// The path back is equal, with a shift to the right.
 fn arcs(steps: usize) -> Vec<f64> {
     let half = steps / 2;
-    // Of the lifted edge, across the sheet from where it lay, and up.
+    // Path of the lifted edge: across the sheet from its initial position, and up.
     let way = |share: f64| {
         let angle = PI * (share - 0.5);
         match share < 0.5 {

@@ -100,7 +100,7 @@ impl Throw {
     /// Loss, and its derivatives with respect to the positions after steps.
     fn loss(&self, target: &Vector3<f64>) -> (f64, Vec<(usize, Vector3<f64>)>) {
         if self.falling.is_empty() {
-            // Without a bounce: how far it stayed above the ground, and as bad as a miss of a metre.
+            // A throw without a bounce costs its minimum height above the ground plus the cost of a miss of one metre.
             let height = |&step: &usize| self.rollout.motions(step)[0].position.z;
             let steps = 1..=self.rollout.steps();
             let lowest = steps.min_by(|a, b| height(a).total_cmp(&height(b))).expect("steps");
@@ -192,7 +192,7 @@ fn train(
             }
             let mut gradient = vec![0.0; network.weights.len()];
             for target in batch {
-                // A throw that fails has nothing to say.
+                // A failed throw contributes nothing.
                 sample(&network, target, friction, &mut gradient);
             }
             gradient.iter_mut().for_each(|by| *by /= batch.len() as f64);

@@ -56,7 +56,7 @@ impl Throw {
     /// (`ball_target`). With the opposite spin it ends 1 cm short; with a radius of 2 cm it is 7 mm too low after two bounces.
     pub fn ball(layers: usize) -> Self {
         let elastic = Material::elastic(150.0, 2e4, 5e-4);
-        // Turned anyhow, so that nodes touch one after the other: all at once make the objective rougher.
+        // Any rotation, so that nodes touch one after the other. Simultaneous contacts would make the objective rougher.
         let turn = Rotation3::new(Vector3::new(0.7, 0.4, -0.9));
         let floor = Plane { point: Vector3::z() * -0.05, normal: Vector3::z() };
         Self {
@@ -89,7 +89,7 @@ impl Throw {
             Scheme::Bdf1 => 1.0,
             Scheme::Bdf2 => 2.0 / 3.0,
         };
-        // By area, so that a mesh of another size has the same surface.
+        // The stiffness is divided by area, so that a mesh of another size has the same surface.
         let area_m2: f64 = self.mesh.areas_m2().iter().sum();
         let stiffness_n_m3 = self.node_stiffness_n_m * self.nodes / area_m2;
         let contacts = self.grounds.iter().map(|(ground, coefficient)| {

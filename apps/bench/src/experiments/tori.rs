@@ -183,7 +183,7 @@ fn drift(cells: usize, steps: usize) -> Option<f64> {
     let mut assembly = Assembly::default();
     let spin = Vector3::new(6.0, -3.0, 12.0);
     tori(&mut assembly, cells, Vector3::zeros(), Vector3::x(), spin);
-    // Pressed, so that they swing.
+    // The tori are compressed, so that they swing.
     assembly.motions.iter_mut().for_each(|motion| motion.position.z *= 0.96);
     let settings = Settings {
         scheme: Scheme::Bdf2,

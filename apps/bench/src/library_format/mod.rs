@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn totals_are_for_16_channels() {
         let table = library_table(&[row(190, 200, 0.4)]);
-        // Four channels for half a second: eight times as much for 16 and a second.
+        // Four channels and half a second. 16 channels and one second need eight times as much.
         assert_eq!(table[1][..7], ["robot", "4", "0.5", "1520", "1600", "3200", "8000"]);
     }
 }

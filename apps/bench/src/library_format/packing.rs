@@ -141,7 +141,7 @@ mod tests {
         let bytes = deltas(&frames).unwrap();
         let read: Vec<i32> = postcard::from_bytes(&bytes).unwrap();
         assert_eq!(read, [3, -200, 1, 0, 0, 32200, 0, -64000]);
-        // The length, five small ones, -200, and two that need three bytes.
+        // The length, five small values, -200, and two values of three bytes.
         assert_eq!(bytes.len(), 1 + 5 + 2 + 3 + 3);
     }
 
@@ -151,7 +151,7 @@ mod tests {
         let planned: Vec<u8> = quanta.iter().flatten().flat_map(|_| 0.1f32.to_le_bytes()).collect();
         let bytes = Bytes::of(7, &planned, &quanta).unwrap();
         assert_eq!((bytes.library, bytes.f32), (7, 60 * 16 * 4));
-        // 2 bytes for each value of the first frame, 1 for every other, 2 for the length.
+        // 2 bytes for each value of the first frame, 1 byte for every other value, 2 bytes for the length.
         assert_eq!(bytes.postcard, 2 + 16 * 2 + 59 * 16);
         assert!(bytes.zstd_19 <= bytes.zstd_3 && bytes.zstd_3 < 60, "{}", bytes.zstd_3);
     }

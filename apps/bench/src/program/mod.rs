@@ -26,7 +26,7 @@ const EXPLORE: &str = "explore";
     version,
     max_term_width = 100,
     arg_required_else_help = true,
-    // clap shows a benchmark as optional, because --man and --completions come without.
+    // clap shows a benchmark as optional, because `--man` and `--completions` need none.
     override_usage = "rollwalk bench [OPTIONS] <COMMAND>",
     after_long_help = benchmarks::EXAMPLES
 )]

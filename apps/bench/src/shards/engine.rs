@@ -96,7 +96,7 @@ fn watch(
     if engine == Engine::Slurm
         && let Some(stdout) = child.stdout.take()
     {
-        // The number of the job, which comes when it has been submitted.
+        // The first line is the number of the job. It arrives after the submission.
         BufReader::new(stdout).read_line(&mut first).into_diagnostic()?;
         if !first.is_empty() {
             output::print_line(format_args!("submitted to Slurm as job {}", first.trim()));

@@ -185,7 +185,7 @@ mod tests {
         let mut open = journals(header()).open::<f64>([1, 2]).unwrap();
         open.add(&Unit { unit: 2, result: 0.1 + 0.2 }).unwrap();
         open.add(&Unit { unit: 0, result: 1.0 }).unwrap();
-        // To the bit.
+        // Equal to the bit.
         assert_eq!(results(), BTreeMap::from([(0, 1.0), (2, 0.1 + 0.2)]));
         let path = folder.path().join("w.journal-1-of-2.jsonl");
         let text = fs::read_to_string(&path).unwrap();
@@ -197,7 +197,7 @@ mod tests {
             .add(&Unit { unit: 0, result: 1.0 })
             .unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), text);
-        // Lines of another shape, or of units that there are not, are written over too.
+        // A journal also overwrites lines of another shape, and lines of units that do not exist.
         for foreign in [r#"{"unit":0,"result":"x"}"#, r#"{"unit":3,"result":1.0}"#] {
             fs::write(&path, text.replace(r#"{"unit":0,"result":1.0}"#, foreign)).unwrap();
             assert_eq!(results().len(), 1, "{foreign}");
@@ -205,7 +205,7 @@ mod tests {
             open.add(&Unit { unit: 0, result: 1.0 }).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
-        // Of another name, and ended within its first line.
+        // A journal with another name, and a journal that ends within its first line.
         fs::write(folder.path().join("x.journal.jsonl"), "{}\n").unwrap();
         fs::write(folder.path().join("w.journal-2-of-2.jsonl"), "{\"wor").unwrap();
         assert_eq!(results().len(), 2);

@@ -172,7 +172,7 @@ pub fn run<W: Work>(work: &W, folder: &Path, options: &Options) -> miette::Resul
     };
     let journals = Journals { folder, name: work.name(), header };
     if let (Some(engine), Some(shards)) = (options.engine, options.shards) {
-        // No journal of other work, before long work.
+        // Long work starts only if no journal belongs to other work.
         let done = || journals.results::<IgnoredAny>().map(|done| done.len());
         done()?;
         let job = Job {
@@ -268,7 +268,7 @@ fn compute<W: Work>(
                 Ok(true) => shown.one_more(),
                 Ok(false) => return,
                 Err(error) => {
-                    // No thread begins another one.
+                    // No thread begins another unit.
                     next.store(wanted.len(), Ordering::Relaxed);
                     if let Ok(mut failed) = failed.lock() {
                         failed.get_or_insert(error);

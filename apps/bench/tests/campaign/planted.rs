@@ -180,7 +180,7 @@ fn motors_that_are_not_told_to_stop_are_reported() {
 
 #[test]
 fn a_doubled_step_is_reported() {
-    // A library's motion at its fastest, and twice a joint's largest step.
+    // A library's motion at its greatest speed, and a step of twice a joint's maximum.
     let rules = reported(Scenario::Loss, 1, || {
         on_its_way(|| {
             let mut count = 0;
@@ -201,7 +201,7 @@ fn setpoints_beyond_the_limits_are_reported() {
         on_its_way(|| Box::new(|frame| Some(joint(frame, |to| to.kp_nm_rad *= 3.0))))
     });
     assert!(stiff.contains(&Rule::Limits), "{stiff:?}");
-    // Not from the first one on: a joint that starts outside may stay there.
+    // Not from the first set-point on, because a joint that starts outside may stay there.
     let far = reported(Scenario::Loss, 1, || {
         on_its_way(|| {
             let mut count = 0;
@@ -340,7 +340,7 @@ fn a_robot_that_is_let_down_for_too_long_is_reported() {
     let rules = reported(Scenario::HostDead, 4, || {
         let mut held: Option<u64> = None;
         Box::new(move |core, step| {
-            // Its clock stands still for two seconds.
+            // The controller's clock stops for two seconds.
             let down = core.controller_mut().state() == State::Damped;
             let since = *held.get_or_insert(step.now_us);
             if !down {

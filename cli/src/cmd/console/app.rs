@@ -67,7 +67,7 @@ pub fn watch(rounds: Arc<AtomicU64>) {
             let now = Some(rounds.load(Ordering::Relaxed));
             if now == last {
                 let _ = ratatui::crossterm::terminal::disable_raw_mode();
-                // Messages may go where the screen does.
+                // The terminal may have gone, so a message may block.
                 thread::spawn(|| terminal_gone("or it is suspended"));
                 thread::sleep(FAREWELL);
                 std::process::exit(Exit::NotDone.code().into());
@@ -92,7 +92,7 @@ impl<'a> App<'a> {
         }
         let asked_to_end = Arc::default();
         for signal in [SIGINT, SIGTERM] {
-            // Fails only for signals that cannot be caught.
+            // `register` fails only for signals that cannot be caught.
             let _ = flag::register(signal, Arc::clone(&asked_to_end));
         }
         let rounds = Arc::default();
@@ -156,7 +156,7 @@ impl<'a> App<'a> {
             self.operated.operator.request(self.now_us(), Intent::Quit);
         }
         while event::poll(Duration::ZERO)? {
-            // A new size shows when the screen is drawn next.
+            // The next draw uses the new size.
             let Event::Key(key) = event::read()? else { continue };
             let now_us = self.now_us();
             let speed = self.operated.operator.speed_64ths();

@@ -47,11 +47,11 @@ impl Keyboard {
         self.last = Some((key.code, key.modifiers, now_us));
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         let speed = |by: i8| {
-            // From the slowest on in whole steps.
+            // Whole steps from the slowest speed.
             let sixty_fourths = (speed_64ths + by).clamp(SPEED_STEP, 64);
             KeyAction::Intent(Intent::Speed { sixty_fourths })
         };
-        // These do no harm when they repeat themselves.
+        // Repetitions of these keys do no harm.
         match key.code {
             KeyCode::Esc | KeyCode::Char(' ') => return Some(KeyAction::Intent(Intent::Estop)),
             KeyCode::Char('+' | '=') => return Some(speed(SPEED_STEP)),
@@ -69,7 +69,7 @@ impl Keyboard {
             KeyCode::Char(_) if is_command => return None,
             KeyCode::Char('d') => Intent::Disarm,
             KeyCode::Char('r') => Intent::Return,
-            // Pressed twice in a hurry it halts the robot; it goes on only by a press of its own.
+            // A second press in quick succession halts the robot. The robot continues only after a separate press.
             KeyCode::Char('p') if is_held && !is_repeated => Intent::Pause,
             _ if is_held => return None,
             KeyCode::Char('a') => Intent::Arm,
@@ -124,7 +124,7 @@ mod tests {
                 assert_eq!(press(&mut keyboard, at_us, key), want(intent));
             }
         }
-        // Where the terminal marks repetitions, they are no presses.
+        // Some terminals mark repetitions; these are not presses.
         let mut repeated = KeyEvent::new(KeyCode::Char('p'), KeyModifiers::NONE);
         repeated.kind = KeyEventKind::Repeat;
         assert_eq!(keyboard.press(5_000_000, repeated, &Names::default(), 64), None);

@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let peer = args.link.peer()?;
     let mut bus = args.link.live().map_err(cannot_open)?;
     let node = args.link.node;
-    // A bus that is lost by now is waited for by the console itself.
+    // If the bus has been lost by now, the console waits for it.
     if listener::find_host(&mut bus, node).is_ok_and(|listener| listener.has_host()) {
         return Ok(report_failure(&args.link, &SessionError::HasHost { node: node.number() }));
     }

@@ -90,7 +90,7 @@ impl Controller<'_, '_> {
         let (laws, untracked) = match (self.has_imu, state) {
             (true, known) => {
                 if let Some(known) = known {
-                    // One that is not finite aligns nothing, and the tick says why.
+                    // A pose with NaN cannot align the loop, and the tick reports the reason.
                     let _ = closed_loop.align(&known);
                 }
                 let sensed = request.sensors(closed_loop.tree())?;

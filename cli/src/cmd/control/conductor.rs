@@ -330,7 +330,7 @@ impl<'p> Conductor<'p> {
     /// Computes the set-points that answer a sample.
     fn tick(&mut self, measured: &Measurements) -> (Vec<Law>, Option<TrackingError>) {
         let vector = |of: [f32; 3]| Vector3::from(of.map(f64::from));
-        // Of a channel that was never heard no state is known.
+        // The state of a channel without a measurement is unknown.
         let joint = |channel: usize| measured.joints.get(channel).copied().flatten();
         let angle = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.position_rad));
         let speed = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.velocity_rad_s));
@@ -375,7 +375,7 @@ impl<'p> Conductor<'p> {
         let stood_s = (number - self.first.unwrap_or(number)) as f64 * self.tick_s;
         match self.phase {
             Phase::Standing if stood_s >= STANDS_S && sequence.is_ready() => {
-                // The median: one that is late now and then does not count.
+                // The median ignores occasional delays.
                 self.delays_s.sort_by(f64::total_cmp);
                 let latency_s = self.delays_s.get(self.delays_s.len() / 2).copied();
                 let latency_s = latency_s.unwrap_or(2.0 * self.tick_s);
@@ -402,7 +402,7 @@ impl<'p> Conductor<'p> {
                 operator.notify(now_us, Weight::Warning, text);
                 self.end(now_us, operator);
             }
-            // On all its feet, as far as it has come to that.
+            // The robot has stopped on all its feet, at the position that it reached.
             Phase::Playing
                 if self.why == Some(TrackingError::Stopped) && sequence.has_stopped() =>
             {

@@ -135,7 +135,7 @@ impl ControlOutput {
         let late_ms = 1e3 * late as f64 / f64::from(self.rate_hz.max(1));
         let total = self.answered + self.lost;
         let missed = self.lost as f64 / total.max(1) as f64;
-        // The last count is of that many samples or more.
+        // The last class counts this number of samples and more.
         let is_slow = late_ms >= 1e3 * LATENCY_MAX_S || late + 1 >= self.late_by_samples.len();
         let cause = match (missed > MISSED, is_slow) {
             (true, _) => "the link loses samples: check its load and cable",

@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     let is_plan = files::read(&args.file, Kind::Plan)?.trim_ascii_start().starts_with(b"{");
     let link = args.link.link();
     match (link, is_plan) {
-        // One that the environment names is for other commands.
+        // A bus from the environment is meant for other commands.
         (Some(_), true) if std::env::var_os(BUS_ENV).is_none() => Err(miette!(
             help = "give a library file (TOML) to control the robot on that bus; a plan is tracked for another simulator, over standard input and output",
             "--bus requires a library file, but {} is a plan",
@@ -169,7 +169,7 @@ fn on_robot(args: &Args, link: &LinkArgs) -> miette::Result<Exit> {
     route::check(&library, &args.play)?;
     let peer = link.peer()?;
     let host = SessionError::HasHost { node: link.node.number() };
-    // Planning may take minutes, in which another host may come: what is wrong already is said before.
+    // Planning may take minutes, and another host may start meanwhile. Errors that exist already are reported first.
     if has_host(&mut open(link)?, link) {
         return Ok(report_failure(link, &host));
     }

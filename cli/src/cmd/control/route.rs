@@ -81,7 +81,7 @@ pub fn legs<'p>(
         let repeats = plans.motions[to].plan.motion.ends == Ends::Periodic;
         let (times, cycles) = if repeats { (1, *cycles) } else { (*cycles, 1) };
         for _ in 0..times {
-            // A robot that stands in SAFE stays there, and a loop goes round again: no way leads away and back.
+            // A robot in SAFE stays there, and a loop repeats: neither needs a route.
             if at != to || !(repeats || to == safe) {
                 append_path(plans, at, to, &mut edges).ok_or_else(|| no_route(library, at, to))?;
             }
@@ -114,7 +114,7 @@ pub fn legs<'p>(
 /// Appends the shortest path from one motion to another: its transitions, and one cycle of each motion in between. Returns
 /// `None` if there is no path.
 fn append_path(plans: &Plans, from: usize, to: usize, edges: &mut Vec<Edge>) -> Option<()> {
-    // The transition by which each motion was reached first.
+    // Transition by which the search first reached each motion.
     let mut reached: Vec<Option<usize>> = vec![None; plans.motions.len()];
     let mut queue = VecDeque::from([from]);
     while let Some(at) = queue.pop_front() {

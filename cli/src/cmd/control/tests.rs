@@ -100,7 +100,7 @@ impl<'p> Bench<'p> {
             loses: DroppedMessages::Nothing,
             at_us: None,
         };
-        // Until its heartbeats count in place of those of the session before.
+        // The bench runs until heartbeats of this session replace those of the previous session.
         bench.run(S);
         bench.waits = false;
         bench
@@ -208,7 +208,8 @@ fn a_robot_walks_in_closed_loop_and_waits_for_answers_that_are_missing() {
     bench.run_until(10 * S, plays);
     let before = bench.body_pose();
     bench.run(3 * S);
-    // Some that are lost, and a host that is held up for longer than what counts as missed, shorter than what ends it.
+    // Some lost samples, and a host that stalls: longer than the limit of a missed sample, shorter than the limit that ends the
+    // session.
     bench.loses = DroppedMessages::Samples;
     bench.run(S / 30);
     bench.loses = DroppedMessages::Nothing;
@@ -270,7 +271,7 @@ fn a_robot_whose_samples_are_lost_at_any_moment_of_its_walk_stays_on_its_feet() 
             let complete = bench.conductor.tally().complete;
             println!("{moment} {lost_ms} {complete} {:?}", bench.state());
             assert_eq!(bench.falls(), 0, "{moment}, {lost_ms} ms");
-            // Without the IMU for longer than 0.05 s the state is not known, and the robot stops.
+            // After 0.05 s without the IMU, the state is unknown, and the robot stops.
             assert!(complete == (lost_ms == 40) || lost_ms == 50, "{moment}, {lost_ms} ms");
         }
     }
@@ -330,7 +331,7 @@ fn it_ends_early_with_its_cycle() {
     bench.run(5 * S);
     let now_us = bench.now_us();
     bench.conductor.stop(now_us, &mut bench.operator);
-    // Its cycle, the transition to the stand, and home.
+    // The robot completes its cycle, plays the transition to the stand, and returns.
     bench.run_until(10 * S, has_left);
     assert_eq!((bench.state(), bench.falls()), (State::Disarmed, 0));
     assert!(!bench.conductor.tally().complete);
@@ -358,13 +359,13 @@ fn ways_lead_along_the_graph() {
         })
     };
     assert_eq!(names(&["walk:3"]).unwrap(), "stand, stand to walk, walk, walk to stand, stand");
-    // Joined directly; and one that ends, twice.
+    // Two motions that are joined directly, and a finite motion that plays twice.
     let joined = "stand, stand to walk, walk, walk to turn_in_place, turn_in_place, turn_in_place to stand, stand";
     assert_eq!(names(&["walk", "turn_in_place"]).unwrap(), joined);
     let twice = "stand, stand to drive_1m, drive_1m, drive_1m to stand, stand, stand to drive_1m, drive_1m, \
                  drive_1m to stand, stand";
     assert_eq!(names(&["drive_1m:2"]).unwrap(), twice);
-    // Standing is standing, and a loop goes round again.
+    // A stand stays a stand, and a loop repeats.
     assert_eq!(names(&["stand:2"]).unwrap(), "stand, stand, stand");
     let again = "stand, stand, stand to walk, walk, walk, walk to stand, stand";
     assert_eq!(names(&["stand", "walk", "walk:2"]).unwrap(), again);

@@ -219,8 +219,8 @@ fn bounds_on_ground(world: &World) -> [Bound; 2] {
 }
 
 fn bounds(clips: &[Clip], levels: &Levels, config: &RobotConfig, is_on_ground: bool) -> Vec<Bound> {
-    // The tolerance of a joint angle in a plan. The servos' stiffness gives way under the legs' weight, and lags
-    // behind fast swings; on the ground an impact can stop a joint that swings at its fastest within a period.
+    // Tolerance of a joint angle in a plan. Servos deflect under the legs' weight, and lag behind fast swings. On the ground,
+    // an impact can stop a joint at its greatest speed within a period.
     let on_ground_rad = if is_on_ground { joint_step_rad(config) } else { 0.0 };
     let tracking_joint_rad = Family::JointLimit.level().at(1.0) + on_ground_rad;
     let wheel_step_rad_s = wheel_step_rad_s(config);

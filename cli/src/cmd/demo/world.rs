@@ -52,7 +52,7 @@ impl World {
 
 fn row(plan: &Plan, travel: &Travel) -> Row {
     let planned = PlannedDisplacement::new(plan);
-    // One that ends was played once, and held.
+    // A finite motion was played once, and held at its end.
     let cycles = match plan.motion.ends {
         Ends::Periodic => (travel.duration_s() / plan.motion.duration_s).round().max(1.0),
         _ => 1.0,
@@ -60,7 +60,7 @@ fn row(plan: &Plan, travel: &Travel) -> Row {
     let achieved = travel.displacement();
     let mean: NetDisplacement = achieved.values().map(|value| value / cycles).into();
     let errors = (0..3).filter_map(|of| Some((planned.ratio(&mean, of)? - 1.0).abs()));
-    // A loop that was left in its middle went a part of its way that the goal does not tell.
+    // If a loop was left before its end, its distance cannot be compared with the goal.
     let is_whole = (travel.duration_s() / plan.motion.duration_s - cycles).abs() < 0.05
         || plan.motion.ends != Ends::Periodic;
     Row {

@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut table = Table::new(["parameter", "now", "least", "most", "step", "unit", "changes"]);
     for of in &parameters {
-        // The square root of a length that is not along an axis has no end.
+        // The square root of a length that is not along an axis has many digits.
         let number = |value: f64| ((value * 1e6).round() / 1e6).to_string();
         table.row([
             of.name.to_owned(),

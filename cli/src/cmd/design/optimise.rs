@@ -34,7 +34,7 @@ pub struct Args {
 /// Runs the subcommand.
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let designed = read(&args.design)?;
-    // Before it is planned for.
+    // Missing names are reported before planning.
     if let Ok(original) = designed.at(designed.original()) {
         designed.all_defined(&original.motions).map_err(report)?;
     }
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     shown.borrow_mut().now("again");
     let last = found.as_ref().map_or(&start, |found| &found.plans);
     let predicted = |values: &[f64]| {
-        // Of a repaired design the nearest comes first.
+        // The search for a repair begins with the design that is nearest.
         found.as_ref().map_or(0.0, |found| found.predicted(&designed, values))
     };
     let mut after = designed.round_to_steps(last, &predicted, watch).map_err(report)?;
@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     }
     let mut is_better = None;
     if let Some(goal) = &designed.file.goal {
-        // As the plans are that are written: a robot that was repaired is compared with its repair.
+        // The baseline is treated like the written plans: a repaired robot is compared with its repair.
         let baseline = match repairs.is_empty() {
             true => before.clone().polished(watch),
             false => designed.round_to_steps(&start, &|_| 0.0, watch),

@@ -59,7 +59,7 @@ impl Folder {
         for motion in &designed.file.motions {
             let stem = Path::new(&motion.file).file_stem().unwrap_or_default();
             let mut name = stem.to_string_lossy().into_owned();
-            // The robot's file lies there, too.
+            // The folder also contains the robot's file.
             while motions.contains(&name) || robot.with_extension("").ends_with(&name) {
                 name.push('_');
             }

@@ -91,7 +91,7 @@ impl<'a> App<'a> {
     /// Returns an error if the terminal is gone.
     pub fn run(&mut self, terminal: &mut DefaultTerminal) -> io::Result<DriveResult> {
         for signal in [SIGINT, SIGTERM] {
-            // Fails only for signals that cannot be caught.
+            // `register` fails only for signals that cannot be caught.
             let _ = flag::register(signal, Arc::clone(&self.asked_to_end));
         }
         if let Some(gamepad) = &self.gamepad {
@@ -178,7 +178,7 @@ impl<'a> App<'a> {
             if overtime_us > END_US && self.operated.operator.leaving() == ExitStage::No {
                 self.operated.operator.request(now_us, Intent::Quit);
             }
-            // After as long again the drive ends.
+            // After twice this time, the drive ends.
             let is_lost = now_us.saturating_sub(heard_us) > SILENT_US || overtime_us > 2 * END_US;
             if self.operated.operator.leaving() == ExitStage::Now || is_lost {
                 return self.ending(is_whole && !is_lost);
@@ -251,7 +251,7 @@ impl<'a> App<'a> {
         self.controls.rest();
         let now_us = self.operated.now_us();
         if self.steered.pilot.phase() == Phase::Off && after == ActionAfterStop::Rest {
-            // A motion that a button of the gamepad began.
+            // A button of the gamepad had started a motion.
             self.operated.operator.request(now_us, Intent::Return);
         }
         self.steered.pilot.stop(now_us, after, &mut self.operated.operator);
@@ -276,7 +276,7 @@ impl<'a> App<'a> {
         let follows = self.steered.pilot.phase() != Phase::Off;
         for request in requests {
             match request {
-                // The robot stops first, on all its feet.
+                // The robot first stops on all its feet.
                 GamepadRequest::Intent(Intent::Return | Intent::Pause | Intent::PauseOrResume)
                     if follows =>
                 {
@@ -292,7 +292,7 @@ impl<'a> App<'a> {
                     self.operated.operator.request(now_us, Intent::Deadman(deadman));
                 }
                 GamepadRequest::Intent(intent) => self.request(intent),
-                // Motions are for a robot that does not stream.
+                // A robot that streams set-points cannot play motions.
                 GamepadRequest::Play(_) if follows => {}
                 request => {
                     request.execute(now_us, &mut self.operated.operator, Some(&self.catalog))

@@ -157,7 +157,7 @@ mod tests {
             press(&mut controls, KeyCode::Char('q')),
             Some(KeyAction::Stop(ActionAfterStop::Leave))
         );
-        // Held, it is pressed once.
+        // A key that is held counts as one press.
         assert_eq!(press(&mut controls, KeyCode::Char('q')), None);
         let stop = Some(KeyAction::Intent(Intent::Estop));
         assert_eq!(press(&mut controls, KeyCode::Char(' ')), stop);
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn sticks_have_a_dead_zone_and_signs_that_fit() {
-        // Pushed away and to the right: up is negative on a stick.
+        // The stick is pushed forward and to the right. Forward is negative.
         let at = |axis: u16, value: f32| {
             move |to: AxisDirection| if to.axis == axis { to.how_far(value) } else { 0.0 }
         };

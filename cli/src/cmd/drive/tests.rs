@@ -66,7 +66,7 @@ impl SteeredRig {
             planning_us: 60_000,
             planned: None,
         };
-        // Until its heartbeats count in place of those of the session before.
+        // The bench runs until heartbeats of this session replace those of the previous session.
         drive.run(S);
         drive.pilot = Pilot::new(true);
         drive.run_until(10 * S, |drive| drive.pilot.phase() == Phase::Steered);
@@ -166,7 +166,7 @@ fn a_plan_that_comes_too_late_holds_the_robot_and_one_that_never_comes_lets_it_d
     let mut drive = SteeredRig::new("walk");
     drive.steer(0.1, 0.0);
     drive.run(2 * S);
-    // Later than what was ahead, by less than what the controller waits.
+    // The plan is later than the buffered frames last, but earlier than the controller's timeout.
     drive.planning_us = 400_000;
     drive.run(S);
     assert_eq!(drive.state(), State::Streaming);

@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         source.set(&of.found, &outcome.names(of).join(", "));
     }
     let text = source.text();
-    // Also what no robot file may have is worth knowing.
+    // Results that a robot file cannot have are also printed.
     if args.json {
         output::print_json(&Document::new(&outcome))?;
     } else {

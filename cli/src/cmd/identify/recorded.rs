@@ -148,7 +148,7 @@ mod tests {
             for (number, channel) in config.channels.iter().enumerate() {
                 let interface = format!("can{}", 1 + channel.bus);
                 let [target, measured] = values(number, time_s);
-                // A row has what was in force in the step up to it.
+                // A row contains the values that were in force during the step before it.
                 let [before, _] = values(number, time_s - PERIOD_US as f64 * 1e-6);
                 table += &format!(",{before},{before},{measured}");
                 let value = target as f32;

@@ -338,12 +338,12 @@ mod tests {
         let [friction, delay] = [0, 1].map(|number| &found["parameters"][number]);
         assert_eq!(friction["runs"], json!(["slalom.csv", "walk.csv"]));
         let between = friction["between_runs"].as_f64().unwrap();
-        // Two logarithms that differ by d, each with a deviation s of its own: τ² = d²/2 − s².
+        // Two logarithms differ by d, and each has a standard deviation s: τ² = d²/2 − s².
         let (d, s) = ((0.34_f64 / 0.3).ln(), [0.01 / 0.3, 0.01 / 0.34]);
         assert!((between / 0.3193 - (0.5 * d * d - s[0] * s[1]).sqrt()).abs() < 1e-3, "{friction}");
         assert!(friction["deviation"].as_f64().unwrap() > between);
         assert_eq!((&delay["runs"], &delay["between_runs"]), (&json!(["walk.csv"]), &Value::Null));
-        // What is not known has no deviation.
+        // An unknown value has no deviation.
         assert_eq!(found["runs"][1]["parameters"][0]["deviation"], Value::Null);
         assert_eq!(found["runs"][1]["parameters"][0]["verdict"], "not told");
         let place = json!({
@@ -366,7 +366,7 @@ mod tests {
     fn numbers_that_simulate_a_run_worse_than_the_file_are_a_warning() {
         let mut two = outcome(&[("a.csv", 0.3, 0.01), ("b.csv", 0.34, 0.01)]);
         assert!(!describe(&two).contains("the runs are inconsistent"));
-        // The robot falls with them.
+        // The robot falls with the fitted parameters.
         two.fits[1].compared.as_mut().unwrap()[2] = None;
         let text = describe(&two);
         assert!(text.contains("of b.csv worse than the robot file does"), "{text}");

@@ -122,7 +122,7 @@ impl Change<'_> {
         let deviation = after * self.deviation;
         let suffix = value.decor().suffix().and_then(|suffix| suffix.as_str()).unwrap_or_default();
         let old = suffix.trim().trim_start_matches('#').trim();
-        // A comment of an earlier fit ends where the user's begins.
+        // The user's part of a comment begins after the part that an earlier fit wrote.
         let own = match old.strip_prefix(MARK) {
             Some(fitted) => fitted.split_once("; ").map_or("", |(_, own)| own),
             None => old,
@@ -328,10 +328,10 @@ mod tests {
         assert!(changed.contains(new), "{changed}");
         let lines: Vec<&str> = text.lines().collect();
         let off = changed.lines().filter(|line| !lines.contains(line)).count();
-        // Three parts of the fork and what is said of them.
+        // Three lines of the fork change, and four lines of comment.
         assert_eq!(off, 3 + 4, "{changed}");
         assert_eq!(changed.lines().count(), text.lines().count() + 1);
-        // Another fit takes the place of the first.
+        // Another fit replaces the first.
         let quantity = source.quantities(&fitted).swap_remove(1);
         let found = FittedQuantity {
             quantity,

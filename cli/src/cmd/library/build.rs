@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
             Some(key) => place.write(&signing::signed(&bytes, key))?,
             None => place.write(&bytes)?,
         }
-        // So that tools know the motions by name wherever the library is flashed to.
+        // Other tools then know the names of the motions on every robot with this library.
         let catalog = packed.catalog();
         names::cache(&catalog);
         planned::cache(catalog.library, &ways);

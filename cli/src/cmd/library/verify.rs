@@ -28,7 +28,7 @@ pub struct Args {
 pub fn run(args: &Args) -> miette::Result<Exit> {
     let key = signing::public_key(&args.key)?;
     let file = files::read(&args.library, Kind::Packed)?;
-    // What a library is built from is text, and so are keys: no signature would make a library of it.
+    // Sources of a library and keys are text; a signature would not make a library of them.
     if let Ok(text) = std::str::from_utf8(&file) {
         Kind::Packed.expect(&args.library, text)?;
     }

@@ -105,7 +105,7 @@ mod tests {
         assert!(!wire.sent.is_empty());
         let heard = (wire.now_us / 20_000) as usize;
         assert_eq!(frames.len(), heard + wire.sent.len());
-        // It listens for half a second first.
+        // The program first listens for half a second.
         assert!(frames[..25].iter().all(|(_, frame)| *frame == status()));
     }
 

@@ -204,7 +204,7 @@ fn listen(
                     .unwrap_or_else(|| "check that the robot is switched on".into());
                 output::print_line(format_args!("no frames on {}: {why}", args.link.bus));
                 monitor.keep()?;
-                // Once is enough.
+                // The silence is reported once.
                 silent_us = u64::MAX;
             }
             None => {}
@@ -220,7 +220,7 @@ fn interface(bus: &BusName) -> String {
         BusName::Sim { .. } => "sim0".into(),
         BusName::Serial { .. } => "serial0".into(),
         BusName::Slcan { .. } => "slcan0".into(),
-        // No link: it cannot be opened as one.
+        // Names of devices that cannot be opened as CAN interfaces.
         BusName::Tty { .. } | BusName::Pty { .. } => "tty0".into(),
     }
 }

@@ -69,7 +69,7 @@ impl<'a> View<'a> {
         {
             match message {
                 ToController::Estop => self.print_event(at_us, "EMERGENCY STOP is sent")?,
-                // Shown with its answer.
+                // The command is printed together with its answer.
                 ToController::Command(command) => {
                     self.asked = Some((command.seq, command.action));
                 }
@@ -119,7 +119,7 @@ impl<'a> View<'a> {
         let is_other = std::mem::replace(&mut self.clip, clip) != clip;
         if is_new || is_other && clip.is_some() {
             let clip = clip.map_or_else(String::new, |clip| format!(": {}", self.clip_name(clip)));
-            // Other faults have a line of their own.
+            // Other faults are printed on their own line.
             let state = state_words(status, &self.actuators);
             self.print_event(at_us, &format!("{state}{clip}"))?;
         }
@@ -187,7 +187,7 @@ impl<'a> View<'a> {
             Action::Unknown { kind, .. } => format!("of unknown kind {kind}"),
         };
         match result {
-            // Its host begins to count where the one before had got to.
+            // The new host continues the count of the previous host.
             CommandResult::OutOfOrder => self.print_event(
                 at_us,
                 &format!(

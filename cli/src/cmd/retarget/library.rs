@@ -25,7 +25,7 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
     };
     files::make_folder(&args.output)?;
     let feed_forward = library.file.torques && !args.no_feed_forward;
-    // Not after minutes of work.
+    // These errors are reported before minutes of work.
     let rewritten = rewritten(&library, feed_forward)?;
     let plans = plan_files(&library)?;
     for name in plans.iter().map(String::as_str).chain([ROBOT, LIBRARY]) {
@@ -134,7 +134,7 @@ fn rewritten(library: &Library, torques: bool) -> miette::Result<String> {
     let tables = document.get_mut("motion").and_then(Item::as_array_of_tables_mut);
     let tables = tables.ok_or_else(|| miette!("{}: write motions as [[motion]]", text.path))?;
     for (table, motion) in tables.iter_mut().zip(&library.file.motions) {
-        // A plan in the place of the motion file, with what was written above it.
+        // A plan replaces the motion file. The comment above the motion file remains.
         let above = table.key("file").map(|key| key.leaf_decor().clone());
         table.remove("file");
         table["plan"] = value(plan_file(&motion.name));

@@ -103,7 +103,8 @@ impl CorrectedPlan {
             iterations: args.iterations as usize,
             ..Options::default()
         };
-        // In the steps for which they are found: in longer ones corrections for soft feet lose a seventh of the way.
+        // The simulation uses the steps for which the corrections were found. With longer steps, corrections for soft feet lose
+        // a seventh of the distance.
         let played = |plan: &Plan| played::play(plan, control, options.rate_hz);
         let before = played(plan)?;
         let (bar, lines) = (ProgressBar::new_spinner(), Lines::begin());

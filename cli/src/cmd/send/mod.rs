@@ -76,9 +76,9 @@ pub fn run(args: &Args) -> miette::Result<Exit> {
         report_refusal(&miette!(help = help, "the controller has no motion library"))
     })?;
     let robot = args.names.look_up(Some(session.hello()))?;
-    // That of a robot whose library is unknown has no motions.
+    // A catalog of a robot with an unknown library has no motions.
     let catalog = robot.as_ref().filter(|catalog| !catalog.motions.is_empty());
-    // Names of another library may be right, its codes say nothing about this one.
+    // Names of another library may be right, but its codes do not fit this robot.
     let is_its_own = catalog.is_some_and(|catalog| catalog.library == library);
     let chosen = args.motions.iter().map(|wanted| choose(wanted, catalog, is_its_own));
     let chosen: Vec<_> = chosen.collect::<miette::Result<_>>()?;
@@ -110,7 +110,7 @@ fn arm_and_play(
     robot: Option<&Catalog>,
 ) -> miette::Result<Exit> {
     let outcome = match session.arm_confirm(nonce) {
-        // It has not been armed, or not by us.
+        // The robot is not armed, or another program has armed it.
         Err(error @ SessionError::Refused { .. }) => {
             return Ok(report_failure_on(&args.link, &error, robot));
         }
@@ -126,7 +126,7 @@ fn arm_and_play(
             wait_until_disarmed(session);
             Ok(())
         }
-        // It has restarted, or another program has disarmed it.
+        // The robot has restarted, or another program has disarmed it.
         Some(State::Disarmed | State::Boot | State::SelfTest) => Ok(()),
         _ => return_and_disarm(session),
     };
@@ -170,7 +170,7 @@ fn return_and_disarm(session: &mut LiveSession) -> Result<(), SessionError> {
         ));
     }
     let mut home = session.disarm();
-    // Leaving a robot that is still on its way would latch a lost host.
+    // If the program ended while the robot moves, the robot would latch a lost host.
     while let Err(SessionError::TookTooLong { status, .. }) = &home
         && is_on_its_way(status)
     {

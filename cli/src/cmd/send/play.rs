@@ -44,8 +44,8 @@ pub fn play(
         let begins_s = f64::from(ack.value) / f64::from(RATE_HZ);
         if left == 0 && !holds {
             output::print_line(format_args!("{} begins in {begins_s:.2} s", chosen.name()));
-            // The program that holds the robot may send it elsewhere meanwhile. Without a catalog it is not known where the
-            // motion is.
+            // The program that holds the robot may meanwhile select another motion. Without a catalog, the end of the motion is
+            // unknown.
             match chosen.motion {
                 Some((node, motion)) => {
                     wait_for(session, chosen, node, ack.value)?;
@@ -62,7 +62,7 @@ pub fn play(
                 // The controller acknowledges a loop that already plays with a delay of 0.
                 finish(session, chosen, motion, speed_64ths, ack.value == 0)?;
             }
-            // Its duration is unknown without a catalog.
+            // Without a catalog, the duration is unknown.
             None => {
                 output::print_line(format_args!("playing {}", chosen.name()));
                 run_for(session, begins_s + chosen.seconds.unwrap_or(5.0))?;
@@ -79,7 +79,7 @@ fn wait_for(
     node: usize,
     frames: u16,
 ) -> Result<(), SessionError> {
-    // At 1/64 of the speed frames take 64 times as long; what plays now may have to end first.
+    // At 1/64 of the speed, frames take 64 times as long. The present motion may have to end first.
     let longest_us = u64::from(frames) * 64 * 1_000_000 / u64::from(RATE_HZ) + SLACK_US;
     let mut resting = 0;
     wait_also_while_paused(session, &format!("motion {}", chosen.name()), longest_us, |status| {
@@ -87,7 +87,7 @@ fn wait_for(
         resting = if status.state == State::Ready { resting + 1 } else { 0 };
         match status.state {
             State::Playing | State::Ready | State::Paused if is_it => Some(true),
-            // What was selected begins at once where the robot rests.
+            // In a robot that rests, a selected motion begins at once.
             State::Ready if resting > RESTING => Some(false),
             State::Playing | State::Ready | State::Paused | State::Aligning => None,
             _ => Some(false),
@@ -214,7 +214,7 @@ impl StatusReader {
     ) -> Result<(Option<Status>, f64), SessionError> {
         let before_us = session.bus().now_us();
         let status = session.next_status(micros(longest_s))?;
-        // A wait may be longer than it was asked to be.
+        // A wait may last longer than requested.
         let waited_s = session.bus().now_us().saturating_sub(before_us) as f64 * 1e-6;
         self.silent_s = if status.is_some() { 0.0 } else { self.silent_s + waited_s };
         if self.silent_s > SILENT_S {
@@ -277,7 +277,7 @@ fn run_while(
             break;
         }
         (status, passed_s) = hearing.next(session, left_s.min(PORTION_S))?;
-        // After a stall of this program the time that has passed is that to the newest.
+        // After a stall of this program, the elapsed time is that of the newest status.
         while let Some(newer) = session.next_status(0)? {
             status = Some(newer);
         }
@@ -340,7 +340,7 @@ mod tests {
         // From 1.15 s to the end of the second round.
         let mut old = Loop::new(1.6, 1.15, 1.6, true);
         assert!((old.left_s() - (3.2 - 1.15)).abs() < 1e-9);
-        // Without a new status, time alone counts; a pause does not.
+        // Without a new status, only time counts; a pause does not.
         old.pass(1.0, None);
         old.pass(0.0, Some(0.55));
         assert!((old.left_s() - (3.2 - 2.15)).abs() < 1e-9);

@@ -124,10 +124,10 @@ pub fn open(paths: &[PathBuf]) -> miette::Result<(Vec<Sheet>, InitialFiles)> {
 
 /// Reads a file that another file names; returns `None` if it is neither a document nor a plan.
 fn mentioned(path: &Path, folders: &[PathBuf]) -> Option<Sheet> {
-    // The engine says what is missing, and who names it.
+    // The engine reports missing files, and the file that mentions them.
     let read = files::read_by(path, PathSource::InFile, kind_by_beginning).ok()?;
     let text = files::text(read, path).ok()?;
-    // Plans of libraries are no documents; whatever else a file names is none of the studio's business.
+    // The studio serves only documents and plans. Plans of libraries are no documents.
     let is_ours = Kind::expect_document(path, &text).is_ok() || Kind::of(&text) == Some(Kind::Plan);
     let folder = folder_of(path);
     let is_users =

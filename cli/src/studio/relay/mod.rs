@@ -61,7 +61,7 @@ impl Relay {
     /// # Errors
     /// Returns an error if the bus does not exist or cannot be used. The error contains the command to type.
     pub fn new(bus: BusName) -> miette::Result<Self> {
-        // This thread goes on to serve: no real-time priority for it.
+        // This thread continues as server, so it gets no real-time priority.
         open::open(&bus, DEPTH).map_err(cannot_open)?;
         Ok(Self { bus, taken: Mutex::new(()) })
     }
@@ -97,7 +97,7 @@ impl Relay {
         let Self { bus, taken } = self;
         let _taken = match taken.try_lock() {
             Ok(taken) => taken,
-            // What a page that panicked left behind is closed.
+            // If the thread of a page panicked, it has closed its bus.
             Err(TryLockError::Poisoned(taken)) => taken.into_inner(),
             Err(TryLockError::WouldBlock) => {
                 return RelayEnd::Refused(format!("another page uses {bus}: disconnect that page"));
@@ -193,7 +193,7 @@ fn close_with_reason(socket: &mut WebSocket<TcpStream>, why: &str) {
     if waits.is_err() || socket.close(Some(frame)).is_err() {
         return;
     }
-    // Until the browser has heard it: a connection with unread bytes is reset, and the words with it.
+    // The server waits until the browser has read the reason, because closing a connection with unread bytes discards it.
     let end = Instant::now() + FAREWELL;
     while Instant::now() < end && socket.read().is_ok() {}
 }

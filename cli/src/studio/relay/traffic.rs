@@ -43,7 +43,7 @@ impl Traffic {
         let mut deframer = Deframer::default();
         let mut frames = Vec::new();
         for packet in message.split_inclusive(|byte| *byte == 0) {
-            // Only the zero at its end completes a packet.
+            // Only a packet that ends with zero is complete.
             let found = packet.iter().fold(None, |_, &byte| match deframer.push(byte) {
                 Some(packet) => Packet::decode(packet).and_then(link_frame),
                 None => None,
@@ -122,7 +122,7 @@ mod tests {
         let mut traffic = Traffic::default();
         let frames = [frame(1), frame(2), frame(3)];
         traffic.page_sent(0, &message(&frames)).unwrap();
-        // A busy bus takes none; it is offered the same again.
+        // A busy bus takes no frames; they are offered again.
         assert_eq!(traffic.for_bus(0), traffic.for_bus(1));
         assert_eq!(taken(&mut traffic, 1), frames);
         assert_eq!(traffic.for_page(), None);

@@ -44,7 +44,7 @@ impl Bench {
     fn next_page(&mut self) -> Page {
         for _ in 0..100 {
             let mut page = self.page();
-            // One that is refused is told so instead.
+            // The server may answer with a refusal instead.
             if page.send(packets(&[frame(7)])).is_ok()
                 && let Ok(Some(heard)) = self.robot.receive(self.robot.now_us() + SHORT_US)
             {
@@ -119,7 +119,7 @@ fn a_page_that_sends_no_packets_is_sent_away_and_nothing_goes_out() {
         assert!(close_reason(&mut page).contains("not packets of frames"));
         assert_eq!(bench.receive_within(SHORT_US), None);
     }
-    // More than a message may have: it is hung up on.
+    // The server closes a connection whose message is too long.
     let mut page = bench.next_page();
     let _ = page.send(Message::binary(vec![0; 1_000_000]));
     assert!(page.read().is_err());

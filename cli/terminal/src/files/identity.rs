@@ -38,7 +38,7 @@ pub fn record_shipped(path: &Path, kind: Kind) {
 
 /// Records that a regular file is read.
 pub fn record_input(file: File, path: &Path, kind: Kind) {
-    // The cache of names is ours, and is brought up to date.
+    // The cache of names belongs to Rollwalk, and may be updated.
     if kind == Kind::Names {
         return;
     }
@@ -55,7 +55,7 @@ pub fn record_input(file: File, path: &Path, kind: Kind) {
 /// # Errors
 /// Returns an error if this run has read the file, under this or another name.
 pub fn check_output(output: &Path) -> Result<(), FileError> {
-    // What is not there yet was not read, unless a shipped file stood in for it.
+    // A file that does not exist was not read, unless a shipped file replaced it.
     let Ok(handle) = Handle::from_path(output) else {
         let absolute = |path: &Path| std::path::absolute(path).ok();
         return match shipped_stand_ins().iter().find(|(path, _)| absolute(path) == absolute(output))

@@ -42,7 +42,7 @@ fn write_pair_with(
     let file = secret_in(folder(path)).and_then(|file| fill(file, content.as_bytes()));
     keep_new(file.map_err(|reason| cannot_write(path, reason))?, path)?;
     keep_new(other, public).inspect_err(|_| {
-        // A key without its other half would be in the way of the next attempt.
+        // A key without its other half would prevent the next attempt.
         let _ = fs::remove_file(path);
     })
 }

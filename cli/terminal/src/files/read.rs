@@ -144,7 +144,7 @@ fn stream(
             }
         };
         if let Err(error) = send() {
-            // Nobody listens any more: the file was too large.
+            // The receiver is gone, because the file was too large.
             let _ = sender.send(Err(error));
         }
     });
@@ -206,7 +206,7 @@ fn help(path: &Path, kind: Kind) -> String {
         .filter_map(|found| Some(found.file_name()?.to_str()?.to_owned()))
         .chain(shipped::names_in(folder, path.extension()).map(str::to_owned))
         .collect();
-    // The nearest name first: a slip in typing is the likeliest reason.
+    // The nearest name is first, because a typing error is most likely.
     let given = path.file_name().unwrap_or_default().to_string_lossy();
     let similarity = |name: &String| strsim::normalized_damerau_levenshtein(&given, name);
     beside.sort();
@@ -285,7 +285,7 @@ mod tests {
             error.ends_with("has 1048577 bytes; a robot file (TOML) has at most 1048576"),
             "{error}"
         );
-        // Another kind by its beginning.
+        // The beginning of the file tells its kind.
         let plan = |start: &[u8]| if start.starts_with(b"#") { Kind::Plan } else { Kind::Robot };
         assert_eq!(read_by(&path, PathSource::ByUser, plan).unwrap().1, Kind::Plan);
     }

@@ -137,7 +137,7 @@ impl Series {
         let named = self.named.clone();
         let failed = |error| cannot_write(&named, error);
         let found = self.file.metadata().map_err(failed)?;
-        // Devices and pipes do not fill up.
+        // Devices and pipes have no size limit.
         let is_full = |megabytes: u64| found.is_file() && found.len() >= megabytes * 1_000_000;
         if !self.rotation.megabytes.is_some_and(is_full) {
             return Ok(None);
@@ -147,7 +147,7 @@ impl Series {
         self.files.push_back(path);
         while self.files.len() > self.rotation.files {
             let oldest = self.files.pop_front().unwrap_or_default();
-            // Somebody may have moved it away.
+            // Another program may have moved the file.
             if fs::remove_file(&oldest).is_ok() && std::mem::take(&mut self.says) {
                 output::print_line(format_args!(
                     "removed {}, the oldest of {} files, because of the limit --rotate {}",
@@ -304,7 +304,7 @@ mod tests {
         assert_eq!(fs::read(folder.path().join("run.log")).unwrap(), b"");
         lines.series.clock.0 -= PERIOD;
         lines.push("two").unwrap();
-        // What follows would be lost.
+        // Lines after the failed line would be lost.
         assert_eq!(fs::read(folder.path().join("run.log")).unwrap(), b"one\ntwo\n");
     }
 
@@ -313,7 +313,7 @@ mod tests {
     fn a_log_whose_end_the_disk_does_not_take_says_so() {
         let full = Output::at(Path::new("/dev/full")).unwrap();
         let mut lines = Lines::create(&full, Rotation::default()).unwrap();
-        // It waits for more.
+        // The line waits in the buffer.
         lines.push("one").unwrap();
         let error = lines.flush().unwrap_err().to_string();
         assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");

@@ -77,7 +77,7 @@ impl Output {
                 if identity::is_key(path) {
                     return Err(FileError::OverKey { output: path.to_owned() });
                 }
-                // Without truncating it: is it writable?
+                // Opens without truncation, to test whether the file is writable.
                 OpenOptions::new().write(true).open(path).map_err(refused)?;
                 let path = fs::canonicalize(path).map_err(refused)?;
                 Destination::File { path, permissions: Some(found.permissions()) }
@@ -161,7 +161,7 @@ impl Output {
             Destination::StandardOutput => {
                 let mut stdout = io::stdout().lock();
                 let written = stdout.write_all(content).and_then(|()| stdout.flush());
-                // Whoever reads it has seen enough.
+                // The reader has closed the pipe, because it has read enough.
                 written.or_else(|error| match error.kind() {
                     io::ErrorKind::BrokenPipe => Ok(()),
                     _ => Err(error),
@@ -211,7 +211,7 @@ pub fn save(path: &Path, content: &[u8]) -> miette::Result<()> {
 /// True if the path is standard output, such as `/dev/stdout`.
 fn is_standard_output(path: &Path) -> bool {
     let same = |path| Some(Handle::from_path(path).ok()? == Handle::stdout().ok()?);
-    // A regular file that output is redirected to is one to be replaced.
+    // If output is redirected to a regular file, that file is to be replaced.
     path.starts_with("/dev") && path != Path::new("/dev/null") && same(path).unwrap_or(false)
 }
 
@@ -219,7 +219,7 @@ fn is_standard_output(path: &Path) -> bool {
 fn open_stream(path: &Path, patience: Duration) -> io::Result<File> {
     let (sender, opened) = sync_channel(1);
     let source = path.to_owned();
-    // A thread that waits for ever ends with the process.
+    // A thread that waits forever ends with the process.
     thread::spawn(move || sender.send(OpenOptions::new().write(true).open(source)));
     opened.recv_timeout(patience).unwrap_or_else(|_| {
         let seconds = patience.as_secs();
@@ -275,7 +275,7 @@ fn end_of_links(path: &Path) -> PathBuf {
 /// Replaces a file by a temporary file that is written in the same folder.
 fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io::Result<()> {
     let mut temporary = temporary_in(folder(path))?;
-    // The file's own errors leave out its random name.
+    // Errors of `File` do not contain the random name.
     temporary.as_file_mut().write_all(content)?;
     if let Some(permissions) = permissions {
         keep_owner(path, temporary.as_file());
@@ -290,7 +290,7 @@ fn replace(path: &Path, permissions: Option<&Permissions>, content: &[u8]) -> io
 pub(super) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".rollwalk-");
-    // Those of the umask are taken off; by itself a temporary file would be private to its user.
+    // Subtracts the umask. Temporary files are otherwise private to their user.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder).map_err(|error| error.kind().into())
@@ -301,7 +301,7 @@ pub(super) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
 fn keep_owner(path: &Path, file: &File) {
     use std::os::unix::fs::{MetadataExt, fchown};
     if let Ok(earlier) = fs::metadata(path) {
-        // Only root may give files away; for others a file that they replace becomes theirs.
+        // Only root may give files away. A file that another user replaces becomes theirs.
         let _ = fchown(file, Some(earlier.uid()), Some(earlier.gid()));
     }
 }

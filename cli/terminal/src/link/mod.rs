@@ -64,7 +64,7 @@ pub fn cannot_open(error: OpenError) -> Report {
 /// # Errors
 /// Returns an error if the bus does not exist or cannot be used. The error contains the command to type.
 pub fn live(bus: &BusName) -> Result<LiveLink, OpenError> {
-    // This thread sends heartbeats; where it is not permitted, `rollwalk doctor` says so.
+    // This thread sends heartbeats. `rollwalk doctor` reports if real-time priority is not permitted.
     priority::raise();
     open::open(bus, DEPTH).map(LiveLink::new)
 }

@@ -126,7 +126,7 @@ const NAMES: &str = "json";
 pub fn cache_data(library: u32, ending: &str, what: &impl Serialize) {
     let Some(path) = cache_path(library, ending) else { return };
     let text = serde_json::to_string_pretty(what).unwrap_or_default();
-    // A folder that cannot be made is found by the writer.
+    // The writer reports a folder that cannot be created.
     let _ = fs::create_dir_all(files::folder(&path));
     if let Err(error) = files::write(&path, text.as_bytes()) {
         output::print_line(format_args!("cannot cache the names of the library: {error}"));

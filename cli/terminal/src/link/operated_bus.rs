@@ -107,7 +107,7 @@ impl<'a> OperatedBus<'a> {
                 Ok(Some(frame)) => {
                     self.operator.on_frame(us_since(self.started), &frame);
                     self.heard.iter_mut().for_each(|heard| heard.push(frame));
-                    // What else is there already; an answer may be due at once.
+                    // Reads the frames that have already arrived, because an answer may be due at once.
                     if bus.now_us() >= until_us {
                         return;
                     }

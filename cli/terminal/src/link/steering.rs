@@ -80,7 +80,7 @@ impl SteeringArgs {
     pub fn prepare(&self, library: &Path, robot: Option<&Path>) -> miette::Result<SteeringInputs> {
         let packed = ValidatedLibrary::read(library, robot)?;
         let (route, fastest) = self.route(library, &packed)?;
-        // Whether it can be planned shows before the robot is armed.
+        // Planning errors must appear before the robot is armed.
         route.course().map_err(Report::msg)?;
         Ok(SteeringInputs { route, fastest, catalog: packed.catalog() })
     }

@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn two_that_disagree_have_the_closed_form() {
-        // Variance of 9 and 11: 2, of which 1 is their own.
+        // 9 and 11 have a variance of 2, of which 1 is their own.
         let found = mean(&reports([(9.0, 1.0), (11.0, 1.0)])).unwrap();
         near(found.value, 10.0);
         near(found.between, 1.0);
@@ -132,7 +132,7 @@ mod tests {
     fn the_smallest_deviation_does_not_decide_among_sources_that_disagree() {
         let found = mean(&reports([(1.0, 0.001), (2.0, 0.1), (3.0, 0.1)])).unwrap();
         assert!((found.value - 2.0).abs() < 0.01, "{found:?}");
-        // The other way round among such that agree.
+        // The opposite holds for values that agree.
         let found = mean(&reports([(1.0, 0.001), (1.05, 0.1), (0.95, 0.1)])).unwrap();
         assert!((found.value - 1.0).abs() < 1e-4, "{found:?}");
     }

@@ -72,7 +72,7 @@ pub fn identify(
         search.estimate_noise(steps);
         search.check()?;
     }
-    // Once more with the noise that the fit has left, and without what the run does not tell.
+    // A second pass uses the noise of the first fit, and leaves out quantities that the run does not determine.
     let mut found: Vec<Option<FittedQuantity>> = vec![None; quantities.len()];
     let mut correlated = Vec::new();
     while !search.open.is_empty() {
@@ -86,7 +86,7 @@ pub fn identify(
             .filter(|(_, found)| {
                 !matches!(found.verdict, QuantityVerdict::Changed | QuantityVerdict::Agrees)
             })
-            // What is fitted along stays as the others need it.
+            // Auxiliary quantities remain as the others need them.
             .filter(|(_, found)| !found.quantity.kind.is_along())
             .map(|(number, _)| *number)
             .collect();
@@ -117,7 +117,7 @@ pub fn identify(
             search.at.quantities[number] = 0.0;
         }
     }
-    // With the file's numbers where they agree the run may begin a little otherwise.
+    // Quantities that agree with the file return to the file's values, so the start of the run may change a little.
     search.minimise("where the run begins", horizon, false, true);
     let at_end = search.at.start.clone();
     let mut compare = |model: &SimulationModel, start: &[f64]| {

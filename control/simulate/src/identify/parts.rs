@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn parts_that_differ_by_their_noise_agree() {
-        // Their variance is 0.01².
+        // The variance of the values is 0.01².
         let by = 0.01 * 0.75_f64.sqrt();
         assert!(spread(&reports([1.0 + by, 1.0 - by, 1.0 + by, 1.0 - by], 0.01001)).abs() < 1e-9);
         assert_eq!(spread(&reports([1.0; 4], 0.01)), 0.0);
@@ -64,11 +64,12 @@ mod tests {
 
     #[test]
     fn what_they_disagree_about_is_the_model() {
-        // 0.05² between them and 0.03² of noise, as the variance of four: Σ (v − m)² = 3 (0.05² + 0.03²).
+        // Variance 0.05² between the sources and 0.03² of noise, as the variance of four values: Σ (v − m)² = 3 (0.05² +
+        // 0.03²).
         let by = (0.75 * (0.05_f64.powi(2) + 0.03_f64.powi(2))).sqrt();
         let found = spread(&reports([2.0 + by, 2.0 - by, 2.0 + by, 2.0 - by], 0.03));
         assert!((found - 0.05).abs() < 1e-12, "{found}");
-        // One that knows next to nothing does not count.
+        // A very uncertain source does not count.
         let mut all = reports([2.0 + by, 2.0 - by, 2.0 + by, 2.0 - by], 0.03);
         all.push(SourceEstimate { value: 9.0, deviation: 1e4 });
         assert!((spread(&all) - found).abs() < 0.01, "{}", spread(&all));

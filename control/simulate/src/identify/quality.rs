@@ -86,7 +86,7 @@ mod tests {
         let sign = |k: i32, every: i32| if (k / every) % 2 == 0 { 0.01 } else { -0.01 };
         let quick = estimate_noise(&misses((0..1000).map(|k| sign(k, 1))))[Signal::Joint as usize];
         assert!((quick - 0.01).abs() < 1e-9);
-        // Of a sign that changes every 20th time ρ is 0.9.
+        // A sign that changes every 20th sample has ρ = 0.9.
         let slow = estimate_noise(&misses((0..1000).map(|k| sign(k, 20))))[Signal::Joint as usize];
         assert!((slow / 0.01 / 19_f64.sqrt() - 1.0).abs() < 0.02, "{slow}");
     }

@@ -330,7 +330,7 @@ impl Quantity {
                 }
             }
             Kind::Stiffness => {
-                // With its damping, which comes in over a share of the depth: contacts keep their time constant.
+                // Damping begins at a fraction of the depth, so contacts keep their time constant.
                 let normal = &mut model.parameters.normal;
                 normal.stiffness_n_m = value;
                 normal.damping_n_s_m *= share;
@@ -370,7 +370,7 @@ impl Quantity {
             let of = of.filter(|(_, of)| !dragging || of.contact.drag().is_some());
             of.flat_map(|(number, _)| world.contacts(number)).collect()
         };
-        // Nodes of soft feet have shares of a number.
+        // Nodes of soft feet share the value of their foot.
         let touching = |dragging: bool, of: ContactQuantity, number: f64| {
             let contacts = ContactParameter::new(world.system(), contacts(dragging), of);
             let share = contacts.value(world.system()) / number;
@@ -389,7 +389,7 @@ impl Quantity {
             Kind::SpeedGain => drive(MotorQuantity::SpeedGain),
             Kind::Armature => drive(MotorQuantity::Armature),
             Kind::Mass => {
-                // Wheels that spin are bodies of their own, after the links.
+                // Wheels that spin are separate bodies after the links.
                 let of_links = self.members().iter().copied();
                 let wheels = robot.end_effectors.iter().enumerate();
                 let wheels = wheels.filter(|(_, of)| self.members().contains(&of.link));

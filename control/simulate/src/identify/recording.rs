@@ -259,7 +259,7 @@ impl Recording {
             .iter()
             .map(wanted)
             .filter(|span_s| length_s(span_s) >= SHORTEST_S)
-            // Of several that are as long, the first.
+            // If several are equally long, the first wins.
             .rev()
             .max_by(|one, other| length_s(one).total_cmp(&length_s(other)));
         self.span_s = longest.ok_or(NoMovement { from_s, to_s })?;
@@ -402,7 +402,7 @@ mod tests {
             "{found}"
         );
         assert!(found.contains(&format!("`other_{first}`")), "{found}");
-        // One that lacks a motor may be the right one.
+        // A file without the columns of one motor may still be the right file.
         let found = error(&text.replace(&format!("{second}_target_rad_s"), "gone"));
         assert!(
             found.starts_with(&format!("column `{second}_target_rad_s` is missing")),

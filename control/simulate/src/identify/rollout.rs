@@ -161,7 +161,7 @@ impl Replay {
         let motors: Vec<&Motor> = (world.motors().iter())
             .map(|&motor| world.system().force(motor).expect("a channel's force is its motor"))
             .collect();
-        // The origin of the root link in its body.
+        // Origin of the root link in the frame of its body.
         let (origin, rotation) = world.base();
         let in_body = rotation.tr_mul(&(origin - world.system().motions()[0].position));
         let half_s = 0.5 * self.step_s;

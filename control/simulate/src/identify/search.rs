@@ -156,7 +156,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
         if by_start {
             self.at.start.copy_from_slice(&fit.parameters[count..]);
         }
-        // What the run tells, without what was expected before of the quantities.
+        // Information of the run without the prior of the quantities.
         for k in 0..count {
             fit.hessian[(k, k)] -= 1.0 / (EXPECTED * EXPECTED);
             if fit.hessian[(k, k)] < 1e-9 {
@@ -210,7 +210,7 @@ impl<'a, G: FnMut(&Stage) -> bool> Search<'a, G> {
             let value = quantity.value(self.file);
             let other = match quantity.kind {
                 Kind::Stiffness | Kind::Stick => Some(FIRMNESS * value),
-                // Drives that hold each command until the next one are half of that time ahead of lines between them.
+                // Drives that hold each command until the next are half an interval ahead of a line between commands.
                 Kind::Delay => interval_s.map(|interval_s| value - 0.5 * interval_s),
                 _ => None,
             };
@@ -374,7 +374,7 @@ mod tests {
             let expected_s = if number >> 2 & 1 == 1 { -5e-3 } else { 0.0 };
             assert!((value(3, start) - expected_s).abs() < 1e-12, "{start:?}");
         }
-        // What is not fitted stays.
+        // Quantities that are not fitted keep their values.
         search.open = vec![0, 3];
         assert_eq!(search.starts().len(), 2);
     }

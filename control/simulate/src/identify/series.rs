@@ -129,7 +129,7 @@ mod tests {
         assert_eq!([series.at(-1.0), series.at(1.0)], [[1.0, 0.0], [5.0, 0.0]]);
         assert_eq!(series.value_near(0.05, 0.01), None);
         assert!((series.value_near(0.045, 0.05).unwrap() - 1.9).abs() < 1e-12);
-        // Across the gap nothing is made up.
+        // A gap is not interpolated.
         assert_eq!(series.value_near(0.12, 0.05), Some(3.0));
     }
 

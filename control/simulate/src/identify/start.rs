@@ -79,9 +79,9 @@ impl Start {
         let mut shafts = Vec::new();
         for (number, drive) in recording.drives.iter().enumerate() {
             let angle = drive.rad.beginning(window);
-            // Where only speeds are measured, joints begin where they were commanded to be.
+            // If only speeds are measured, joints begin at their commanded angles.
             let commanded = || if number < joints { drive.target_rad.at(begin_s)[0] } else { 0.0 };
-            // A servo comes to its speed in less time than a parabola follows.
+            // A servo reaches its speed faster than a parabola can follow.
             let slope = match drive.rad_s.is_empty() {
                 true => angle.map_or(0.0, |[_, slope]| slope),
                 false => drive.rad_s.at(begin_s)[0],
@@ -93,7 +93,7 @@ impl Start {
         }
         let driven = robot.end_effectors.iter().enumerate();
         let driven = driven.filter(|(_, of)| of.contact.actuator().is_some());
-        // A wheel comes to its speed in less time than a parabola follows.
+        // A wheel reaches its speed faster than a parabola can follow.
         for ((number, _), drive) in driven.zip(&recording.drives[joints..]) {
             let first = if drive.rad_s.is_empty() { &drive.target_rad_s } else { &drive.rad_s };
             state.wheel_rad_s[number] = first.at(begin_s)[0];
@@ -292,7 +292,7 @@ mod tests {
     fn a_run_begins_as_it_was_measured() {
         let model = SimulationModel::new(&robot("agilebot"));
         let mut run = recording(&model.robot);
-        // A body that moves, turns to the left at 0.4 rad/s, and has a joint and a wheel that turn.
+        // The body moves, turns to the left at 0.4 rad/s, and has a joint and a wheel that turn.
         let place =
             [series(|t| 0.2 + 0.5 * t + t * t), series(|t| -0.1 * t), series(|t| HIGH_M - 0.3 * t)];
         run.position_m = Some(place);
@@ -316,7 +316,7 @@ mod tests {
             near(*found, expected, 1e-9);
         }
         for (found, expected) in state.base_spin_rad_s.iter().zip([0.0, 0.0, 0.4]) {
-            // What a parabola through a tenth of a second leaves of a circle.
+            // Error of a parabola through a tenth of a second of a circle.
             near(*found, expected, 1e-4);
         }
         let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3);
@@ -324,7 +324,7 @@ mod tests {
         near(state.joint_rad[1], 0.25, 1e-9);
         near(state.joint_rad_s[1], -0.6, 1e-9);
         near(state.joint_rad[0], model.robot.joints[0].nominal_rad, 1e-9);
-        // The speed of a wheel is the commanded one; its measured angle is where the simulated one is counted from.
+        // The speed of a wheel is the commanded speed. Its measured angle is the origin of the simulated angle.
         near(state.wheel_rad_s[0], 5.5, 1e-9);
         near(wheel_rad[wheel], 3.0, 1e-9);
     }
@@ -337,7 +337,7 @@ mod tests {
         let wheel = model.robot.joints.len();
         run.drives[wheel].rad_s = series(|_| 4.0);
         run.drives[wheel].target_rad_s = Series::constant(9.0);
-        // A quarter turn to the left, so that what turns about the body's x axis turns about the world's y axis.
+        // After a quarter turn to the left, a rotation about the body's x axis is a rotation about the world's y axis.
         let (half, none) = (std::f64::consts::FRAC_1_SQRT_2, || series(|_| 0.0));
         run.orientation = Some([series(|_| half), none(), none(), series(|_| half)]);
         run.gyro_rad_s = Some([series(|_| 0.7), none(), none()]);
@@ -364,7 +364,7 @@ mod tests {
             World::new(&model.robot, &level, &model.parameters, &start.state).clearance_m()
         };
         let mut run = recording(&model.robot);
-        // Its height was not measured.
+        // The height of the robot was not measured.
         let standing = Start::of(&run, &model);
         near(clearance_m(&standing), -DEPTH_M, 1e-9);
         assert_eq!(standing.state.world_from_body, Matrix3::identity());
@@ -385,7 +385,7 @@ mod tests {
     fn free_wheels_begin_as_they_roll() {
         let model = SimulationModel::new(&robot("swizzlebot2"));
         let mut run = recording(&model.robot);
-        // It moves along its own x axis, which is the world's y axis.
+        // The robot moves along its own x axis, which is the world's y axis.
         let (half, none) = (std::f64::consts::FRAC_1_SQRT_2, || series(|_| 0.0));
         run.orientation = Some([series(|_| half), none(), none(), series(|_| half)]);
         run.position_m = Some([none(), series(|t| 0.6 * t), series(|_| HIGH_M)]);
@@ -401,7 +401,8 @@ mod tests {
         let model = SimulationModel::new(&robot("agilebot"));
         let joints = model.robot.joints.len();
         let mut run = recording(&model.robot);
-        // Motors alone: height, tilt, velocities and joints; no place on the ground and no heading.
+        // With motor data alone, the start has height, tilt, velocities and joints, but no position on the ground and no
+        // heading.
         assert_eq!(Start::of(&run, &model).count(), 1 + 2 + 6 + joints);
         run.position_m = Some([series(|_| 0.0), series(|_| 0.0), series(|_| HIGH_M)]);
         assert_eq!(Start::of(&run, &model).count(), 3 + 2 + 6 + joints);
@@ -409,7 +410,8 @@ mod tests {
         run.orientation = Some([series(|_| 1.0), none(), none(), none()]);
         let start = Start::of(&run, &model);
         assert_eq!(start.count(), 3 + 3 + 6 + joints);
-        // Each is expected to change by its deviation: such a change has a penalty of 1, and the numbers go on from those before.
+        // Each quantity is expected to change by its standard deviation. Such a change has a penalty of 1. The indices continue
+        // after the quantities.
         let penalties = start.penalties(4);
         assert_eq!(penalties.len(), start.count());
         for (number, (of, (_, deviation))) in penalties.iter().zip(&start.freedoms).enumerate() {

@@ -46,7 +46,7 @@ fn recording(model: &SimulationModel, steps: usize, mut noise: impl FnMut() -> f
     let mut drives: Vec<[Vec<(f64, f64)>; 5]> = vec![Default::default(); servos.len()];
     let mut place: [Vec<(f64, f64)>; 3] = Default::default();
     let mut turned: [Vec<(f64, f64)>; 4] = Default::default();
-    // Angle and speed that a channel is commanded in a row.
+    // Commanded angle and speed of a channel in a row.
     let commanded = |channel: usize, kind: &Channel<'_>, row: usize| {
         let time_s = row as f64 * STEP_S;
         let (phase, rate) = (channel as f64, 5.0 + channel as f64 % 3.0);
@@ -129,7 +129,7 @@ fn a_slipping_robot_tells_its_friction_and_its_gains() {
     let found = identify(&robot, recording, &quantities, &Options::default(), |_| true).unwrap();
     for (of, truth) in found.found.iter().zip(truth) {
         assert_eq!(of.verdict, QuantityVerdict::Changed, "{of:?}");
-        // Of four numbers one is beyond 2.4 deviations in every 15th draw.
+        // One of four values exceeds 2.4 deviations in every 15th draw.
         assert!((of.fitted - truth).abs() < 3.0 * of.deviation, "{:?}", found.found);
         assert!(of.deviation < 0.02 * of.fitted, "{of:?}");
     }
@@ -171,7 +171,8 @@ fn parts_of_a_run_begin_where_it_was_measured_then() {
         let expected_s = f64::from(number) * 100.0 * STEP_S;
         assert!((begin_s - expected_s).abs() < 1e-9, "{spans_s:?}");
         assert!((end_s - expected_s - 100.0 * STEP_S).abs() < 1e-9, "{spans_s:?}");
-        // The second begins in the middle of a swing, with what a parabola through a tenth of a second has.
+        // The second part begins in the middle of a swing, and its start has the error of a parabola through a tenth of a
+        // second.
         let part = &all[number as usize];
         let place = replay.recording.position_m.as_ref().unwrap()[0].at(*begin_s)[0];
         assert!((part.start.state.base_position_m.x - place).abs() < 1e-3, "{number}");
@@ -200,7 +201,7 @@ fn what_a_run_does_not_tell_stays_as_it_is() {
     let robot = agilebot();
     let mut model = SimulationModel::new(&robot);
     let mut quiet = gentle(&robot);
-    // Commands of joints that stand still, and what becomes of it.
+    // Commands of joints that stand still, and the resulting motion.
     for (drive, joint) in quiet.drives.iter_mut().zip(&robot.joints) {
         drive.target_rad = Series::constant(joint.nominal_rad);
         drive.target_rad_s = Series::default();
@@ -237,7 +238,7 @@ fn derivatives_by_quantities_are_those_of_finite_differences() {
         Quantity { kind: Kind::Delay, group: None },
     ];
     let mut model = SimulationModel::new(&robot);
-    // A friction that slips, gains that are the same for all, a delay that is no whole number of steps.
+    // A friction that lets feet slip, equal gains for all, and a delay that is not a whole number of steps.
     let values = [0.2, 70.0, 1.2, 5e-3, 1.5, 3e4, 4e3, 0.0047];
     quantities.iter().zip(values).for_each(|(of, value)| of.set(&mut model, value));
     let mut recording = recording(&SimulationModel::new(&robot), 60, || 0.0);
@@ -263,7 +264,7 @@ fn agree(recording: Recording, model: &SimulationModel, quantities: &[Quantity])
         let off = (&difference - jacobian.column(number)).norm() / difference.norm();
         assert!(off < 1e-3, "{name}: off by {off:e} of {}", difference.norm());
     };
-    // A soft foot is put together where its link begins, so that it is another one for each start.
+    // A soft foot is meshed at the initial position of its link, so it differs for each start.
     let is_rigid = model.robot.end_effectors.iter().all(|of| of.soft.is_none());
     for number in 0..if is_rigid { changes.len() } else { 0 } {
         let by = 1e-6;
@@ -301,7 +302,7 @@ fn soft_feet_have_derivatives_by_all_but_their_links_masses() {
         });
     }
     robot.validate().unwrap();
-    // No whole number of steps, where slopes of commands jump.
+    // Not a whole number of steps, so that slopes of commands jump within a step.
     let model = SimulationModel { delay_s: 0.0047, ..SimulationModel::new(&robot) };
     let whole = |kind| Quantity { kind, group: None };
     agree(

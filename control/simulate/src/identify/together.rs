@@ -66,7 +66,7 @@ fn combine(quantity: &Quantity, before: f64, fits: &[&[FittedQuantity]]) -> Comb
     };
     let reports: Vec<SourceEstimate> = telling.iter().map(report).collect();
     let Some(mean) = effects::mean(&reports) else {
-        // Why a run does not tell it is worth more than that none does.
+        // The reason why one run does not determine a quantity is more useful than the statement that none does.
         let absurd = found.iter().find(|(_, of)| of.verdict == QuantityVerdict::Absurd);
         let found =
             absurd.or(found.first()).map_or_else(|| silent(quantity, before), |(_, of)| of.clone());
@@ -127,7 +127,7 @@ mod tests {
         near(all.between.unwrap(), 0.3 * variance.sqrt());
         near(all.found.deviation, 0.3 * ((variance + own * own) / 2.0 + variance).sqrt());
         assert_eq!(all.runs, [0, 1]);
-        // More than a quarter of it.
+        // More than a quarter of the value.
         assert_eq!(all.found.verdict, QuantityVerdict::Vague);
     }
 
@@ -151,17 +151,17 @@ mod tests {
     fn a_run_that_cannot_tell_does_not_count() {
         let [known, other] = [friction(0.3, 0.02), friction(0.32, 0.02)];
         let silent = friction(0.5, f64::INFINITY);
-        // So far off that the search has lost its way.
+        // So far off that the search has diverged.
         let absurd = friction(0.8 * 4.0_f64.exp(), 1e-6);
         let both = combined(Kind::Friction, 0.8, &[known.clone(), other.clone()]);
         let more = [silent.clone(), known.clone(), absurd.clone(), other];
         let all = combined(Kind::Friction, 0.8, &more);
         assert_eq!(all.found, both.found);
         assert_eq!((all.between, all.runs), (both.between, vec![1, 3]));
-        // One that tells it has the last word, without a spread.
+        // A single run that determines the quantity decides alone, without a spread between runs.
         let one = combined(Kind::Friction, 0.8, &[silent.clone(), known.clone()]);
         assert_eq!(one, CombinedQuantity { found: known[0].clone(), between: None, runs: vec![1] });
-        // None: the file's value stays, and the verdict says why.
+        // If no run determines the quantity, the file's value stays, and the verdict gives the reason.
         let none = combined(Kind::Friction, 0.8, &[silent.clone(), absurd]);
         assert_eq!((none.found.verdict, none.runs), (QuantityVerdict::Absurd, Vec::new()));
         let none = combined(Kind::Friction, 0.8, &[silent.clone(), silent]);
@@ -193,7 +193,7 @@ mod tests {
             model: file.clone(),
             found: vec![
                 run_result(Kind::Friction, 0.8, friction, 0.01),
-                // Uncertain, and fitted along.
+                // Uncertain, and fitted as auxiliary quantity.
                 run_result(Kind::Stiffness, stiffness, 2.0 * stiffness, 0.5),
             ],
             correlated: Vec::new(),
@@ -209,7 +209,7 @@ mod tests {
         near(all.model.parameters.normal.stiffness_n_m / stiffness, 2.0);
         let all = combine_fits(&robot, &quantities, &[fit(0.8), fit(0.8)]);
         near(all.model.robot.end_effectors[0].friction_coefficient, 0.8);
-        // No fit at all is the file.
+        // Without any fit, the model is the file.
         assert_eq!(combine_fits(&robot, &quantities, &[]).model, file);
     }
 }

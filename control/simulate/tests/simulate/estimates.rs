@@ -35,7 +35,7 @@ fn errors(plan: &Plan, mut change: impl FnMut(f64, &mut Sensors<'_>, &mut [bool]
     let mut estimator = Estimator::new(tree.clone());
     let options = Options { cycles: 2, ..Options::new(Control::FeedForward, 500) };
     let (mut last_s, mut last_m) = (0.0, None);
-    // The world's axes seen from those of an alignment at rest.
+    // Axes of the world relative to the axes of an alignment at rest.
     let mut world_from_estimate = None;
     let mut errors = Errors::default();
     let outcome = play(plan, &options, |moment| {
@@ -109,7 +109,7 @@ fn noisy_sensors_give_the_state_of_robots_that_drive_turn_and_trot() {
         let errors = errors(&plan(robot, motion), |_, _, _| {});
         assert_eq!(errors.untrusted, None, "{motion}: {errors:?}");
         assert!(errors.tilt_rad < 0.004 && errors.velocity_m_s < 0.01, "{motion}: {errors:?}");
-        // A turn in place has no way.
+        // A turn in place has no distance.
         let most_m = if motion == "anymal_turn" { 0.02 } else { 0.05 * errors.way_m };
         assert!(errors.position_m < most_m && errors.height_m < 0.005, "{motion}: {errors:?}");
         assert!(errors.yaw_rad < 0.03, "{motion}: {errors:?}");
@@ -121,7 +121,7 @@ fn noisy_sensors_give_the_state_of_robots_that_drive_turn_and_trot() {
 fn faults_are_bridged_or_found() {
     let plan = plan("agilebot", "trot");
     const FAULT_S: f64 = 0.4;
-    // Without IMU for 20 ms of each 100 ms; a contact switch that is stuck, closed or open.
+    // No IMU for 20 ms of every 100 ms; a contact switch that is stuck closed or open.
     let gaps = errors(&plan, |time_s, sensors, _| {
         if time_s % 0.1 < 0.02 {
             (sensors.gyro_rad_s, sensors.accelerometer_m_s2) = (None, None);
@@ -137,7 +137,7 @@ fn faults_are_bridged_or_found() {
     });
     assert_eq!(slow.untrusted, None, "{slow:?}");
     let stuck = |value: bool| errors(&plan, |_, _, touches| touches[0] = value);
-    // One sample that is wrong.
+    // One wrong sample.
     let once = |gyro_rad_s: f64, force_m_s2: f64| {
         let mut is_over = false;
         errors(&plan, |time_s, sensors, _| {

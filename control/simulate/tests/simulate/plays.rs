@@ -28,7 +28,7 @@ fn a_robot_comes_where_its_plans_say() {
     let drive = on(0.0, &plan("agilebot", "drive_1m"), true);
     assert!(drive.holds() && (drive.ratio(0).unwrap() - 1.0).abs() < 5e-3, "{drive:?}");
     assert!(drive.totals.slid_m < 1e-3, "{drive:?}");
-    // Rolling along the slope is not held by anything: wheels are driven by speed, with the droop of their drives.
+    // No feedback corrects a displacement along the slope: wheel drives are controlled by speed, and droop under load.
     let uphill = on(0.05, &plan("agilebot", "drive_1m"), true);
     assert!((0.8..1.0).contains(&uphill.ratio(0).unwrap()), "{uphill:?}");
     let turn = on(0.0, &plan("agilebot", "turn_in_place"), true);
@@ -45,7 +45,7 @@ fn without_feed_forward_a_robot_lags_and_on_a_roof_it_does_not_come_there() {
     let plan = plan("swizzlebot5", "swizzlebot5_forward");
     let outcome = on(0.0, &plan, true);
     assert!(outcome.holds(), "{outcome:?}");
-    // MuJoCo: 0.17 over twenty periods.
+    // MuJoCo: 0.17 in twenty periods.
     let outcome = on(0.0, &plan, false);
     assert!(!outcome.holds() && outcome.ratio(0).unwrap() < 0.9, "{outcome:?}");
     let outcome = on(0.5, &plan, true);
@@ -83,7 +83,7 @@ fn terrain_and_pushes_act_on_the_robot() {
     let toppled = run(&level, 120.0);
     assert!(toppled.fell_at_s.is_some_and(|at_s| at_s > 2.0), "{toppled:?}");
     let kerb = |height_m: f64| run(&(Arc::new(Profile::step(0.5, height_m).unwrap()) as _), 0.0);
-    // Four driven wheels of 50 mm climb a kerb of 10 mm, one axle after the other, but no wall.
+    // Four driven wheels of 50 mm climb a kerb of 10 mm, one axle after the other, but not a wall.
     let (low, down, wall) = (kerb(0.01), kerb(-0.01), kerb(0.1));
     for climbed in [&low, &down] {
         assert!(climbed.holds() && climbed.ratio(0).unwrap() > 0.98, "{climbed:?}");
@@ -103,7 +103,7 @@ fn tracked_by_its_whole_body_a_robot_comes_where_its_plan_says() {
     let turn = tracked(&plan("anymal_wheels", "anymal_turn"), &shoves);
     assert!(turn.holds() && (turn.ratio(2).unwrap() - 1.0).abs() < 2e-3, "{turn:?}");
     assert!(turn.totals.slid_m < 0.01 && turn.untracked == 0, "{turn:?}");
-    // What was pushed away comes back to its plan, not to its speed alone.
+    // After a push, the robot returns to its planned path, not only to its planned speed.
     let drive = plan("agilebot", "drive_1m");
     let shove = Shove::new(1.5, 0.1, [15.0, 0.0, 0.0]);
     for shoves in [&shoves[..], &[shove][..]] {
@@ -132,7 +132,7 @@ fn a_tracked_robot_keeps_its_feet_when_the_world_is_another() {
     }
     let noisy = played(Mismatch { noise: Some(Noise::USUAL), ..Mismatch::default() }, 0.0);
     assert!(noisy.untracked == 0 && (noisy.ratio(2).unwrap() - 1.0).abs() < 0.05, "{noisy:?}");
-    // Noise is not nothing.
+    // The noise has an effect.
     assert!((noisy.ratio(2).unwrap() - 1.0).abs() > 1e-3, "{noisy:?}");
     let pushed = played(Mismatch::default(), 250.0);
     assert!(pushed.fell_at_s.is_none(), "{pushed:?}");
@@ -150,9 +150,9 @@ fn a_robot_that_is_pushed_to_its_side_steps_on() {
         assert!(outcome.fell_at_s.is_none(), "{outcome:?}");
         outcome.untracked
     };
-    // 0.8 of its weight.
+    // 0.8 of the weight.
     let [ahead, aside] = [[35.0, 0.0, 0.0], [0.0, 35.0, 0.0]].map(pushed);
-    // Tracked again before the last of its periods of 400 steps.
+    // The tracker follows again before the last of the periods of 400 steps.
     assert!(ahead == 0 && (1..400).contains(&aside), "{ahead} {aside}");
 }
 
@@ -175,7 +175,7 @@ fn the_plan_of_a_robot_that_stumbles_is_played_in_open_loop() {
 fn a_robot_that_loses_its_sensors_comes_to_rest() {
     let turn = plan("anymal_wheels", "anymal_turn");
     let duck = plan("anymal_wheels", "anymal_duck");
-    // Before it moves, half a second before the end of its motion, and with setpoints on their way.
+    // Before the motion, half a second before its end, and with set-points on their way.
     for (plan, from_s, kind, delay_s) in [
         (&turn, 0.5, SensorFaultKind::NoImu, 0.0),
         (&turn, 0.9, SensorFaultKind::EncoderNan(1), 0.01),
@@ -222,7 +222,7 @@ fn a_known_delay_of_setpoints_costs_nothing() {
     };
     let walk = delayed(&plan("creature3", "table_2_1/creature3_walk"), 0.006);
     assert!((walk - 1.0).abs() < 0.02, "{walk}");
-    // In the rest before its motion the robot keeps still.
+    // In the rest before its motion, the robot stands still.
     let drive = delayed(&plan("agilebot", "drive_1m"), 0.01);
     assert!((drive - 1.0).abs() < 2e-3, "{drive}");
 }

@@ -49,7 +49,7 @@ fn a_swizzle_on_soft_servos_makes_its_way_again() {
     let largest = found.plan.samples.iter().flat_map(|sample| &sample.joint_correction_rad);
     assert_eq!(largest.fold(0.0, |most: f64, c| most.max(c.abs())), found.largest_rad);
     found.plan.validate("retargeted").unwrap();
-    // An interrupted search gives what it has: none, or the angles by which the planned torques bend the servos.
+    // An interrupted search returns its present result: nothing, or the angles by which the planned torques deflect the servos.
     assert!(retarget(&plan, &options, |_| false).is_none());
     let first = retarget(&plan, &options, |rollout| rollout == 1).unwrap();
     let of_sample = |sample: &Sample| {

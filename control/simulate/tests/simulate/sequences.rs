@@ -223,7 +223,7 @@ fn play(
     for tick in 0.. {
         let time_s = tick as f64 * tick_s;
         if time_s > MEASURED_S {
-            // Once it moves, it does not change any more.
+            // After the start, the latency does not change.
             let is_taken = sequence.change_latency(latency_s);
             assert_eq!(is_taken, start.is_none());
         }
@@ -232,7 +232,7 @@ fn play(
         }
         each(&mut sequence, time_s);
         let sensed = sensors.sample(&world, tick_s);
-        // Without switches nothing is known of them.
+        // Without switches, the contacts are unknown.
         let none = vec![false; sensed.touches.len()];
         let touches = if bus.switches { sensed.touches } else { &none };
         let gyro_rad_s = sensed.gyro_rad_s.filter(|_| time_s < bus.imu_until_s);
@@ -282,7 +282,7 @@ fn check(outcome: &Outcome) {
     assert!(outcome.fell_at_s.is_none() && !outcome.stopped, "{outcome:?}");
     assert_eq!((outcome.untracked, &outcome.legs[..]), (0, &[0, 1, 2, 3, 4][..]), "{outcome:?}");
     let [mm, mrad] = far(&outcome.from_reference);
-    // It stands where its last steps were: what it is then off to its side, no wheel corrects.
+    // The robot stands at its last footholds, and no wheel corrects the sideways error.
     assert!(mm < 20.0 && mrad < 10.0, "{mm} {mrad} {outcome:?}");
 }
 
@@ -354,7 +354,7 @@ fn a_robot_that_was_not_at_rest_does_not_begin() {
         touches: &[true; 4],
     };
     sequence.go();
-    // Times that are none, and one that lies back, too.
+    // NaN, infinity, and a time in the past.
     for time_s in [f64::NAN, f64::INFINITY, 0.01, 0.0].into_iter().chain((1..200).map(f64::from)) {
         let (laws, untracked) = sequence.tick(time_s, Measurement::Sensors(&sensed));
         assert!(matches!(untracked, Some(TrackingError::State(_))), "{untracked:?}");
@@ -397,7 +397,7 @@ fn sequences_of_both_gaits_come_where_their_plans_lead() {
                 let outcome = play(&plans, 3, Bus { rate_hz, seed, switches, ..BUS }, |_, _| {});
                 check(&outcome);
                 let [mm, mrad] = outcome.off(&planned);
-                // The yaw of the estimate drifts with what it does not know of the bias of the gyro.
+                // The yaw of the estimate drifts with the unknown part of the gyro bias.
                 assert!(mm < 40.0 && mrad < 80.0, "{gait} {seed}: {mm} {mrad} {outcome:?}");
             }
         }

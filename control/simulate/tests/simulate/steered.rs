@@ -31,11 +31,11 @@ fn a_robot_drives_off_within_a_horizon_walks_and_stops() {
     let options = Options { duration_s: 5.0, planning_s: 0.08, ..Options::default() };
     let outcome = steer(&robot, horizon, &commands, &options).unwrap();
     assert_eq!((outcome.fell_at_s, outcome.untracked), (None, 0));
-    // The first one, and one for every 0.1 s.
+    // The first plan, and one for every 0.1 s.
     assert_eq!((outcome.plans.len(), outcome.rejected()), (51, 0), "{:?}", outcome.plans);
     let latency_s = outcome.latency_s(0.2, 0, [0.0, 0.1], 0.0).expect("it drives");
     assert!(latency_s < duration_s, "{latency_s}");
-    // A period of walking, and at the end.
+    // Mean of a period of walking, and at the end.
     let [walks, ..] = outcome.mean(3.4 - period_s, 3.4);
     assert!((walks / 0.1 - 1.0).abs() < 0.2, "{walks}");
     let end = outcome.mean(4.8, 5.0);

@@ -146,7 +146,7 @@ impl Filter {
         jacobian
             .fixed_view_mut::<3, 3>(0, RATE)
             .copy_from(&-(skew(&contact.lever_m) * self.world_from_body));
-        // A foot that slips, lands, or does not touch at all counts the less, the larger its innovation is.
+        // The weight of a foot that slips, lands or does not touch decreases with its innovation.
         let expected = jacobian * self.covariance * jacobian.transpose() + covariance;
         let Some(expected) = expected.cholesky() else { return };
         let squares = innovation.dot(&expected.solve(&innovation));

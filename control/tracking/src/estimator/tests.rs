@@ -179,7 +179,7 @@ fn a_constant_rotation_is_integrated() {
         truth.tick(&mut estimator, |_| {}).unwrap();
     }
     let there = estimator.state().world_from_body * truth.state.world_from_body.transpose();
-    // 1.5 rad.
+    // Rotation of 1.5 rad.
     assert!(rotation::log(&there).norm() < 1e-3, "{there}");
     assert!(velocity_m_s(estimator.state()).norm() < 0.01);
 }
@@ -246,7 +246,7 @@ fn a_long_gap_of_the_imu_is_an_error_until_the_robot_has_stood_still() {
         });
     }
     truth.tick(&mut estimator, |_| {}).unwrap();
-    // A tick that takes as long is such a gap, too.
+    // A tick that is this long is also a gap.
     let mut truth = Truth::at_rest("anymal_wheels", Vector3::zeros());
     let mut estimator = truth.aligned();
     let sensors = Sensors {
@@ -270,7 +270,7 @@ fn a_long_flight_is_an_error() {
     truth.ticks(&mut estimator, 0.49).unwrap();
     let verdict = (0..10).find_map(|_| truth.tick(&mut estimator, |_| {}).err());
     assert_eq!(verdict, Some(EstimateError::NoContact));
-    // Back on its feet it aligns again.
+    // Back on its feet, the robot aligns again.
     truth.touches.fill(true);
     assert_eq!(truth.ticks(&mut estimator, 0.3), Err(EstimateError::NotAligned));
     truth.ticks(&mut estimator, 0.3).unwrap();
@@ -301,7 +301,7 @@ fn sensors_that_contradict_each_other_are_an_error() {
         });
         assert_eq!(verdict, expected, "{turns} {force}");
     }
-    // Feet that are in the air and swing, taken for contacts.
+    // Feet in swing that are reported as contacts.
     let mut estimator = truth.aligned();
     truth.state.velocity[JOINTS..].fill(3.0);
     let verdict = (0..250).find_map(|_| truth.tick(&mut estimator, |_| {}).err());

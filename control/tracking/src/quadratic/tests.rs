@@ -85,7 +85,7 @@ proptest! {
         let _ = solver.solve(&other);
         let found = solver.solve(&program).unwrap().clone();
         check(&program, &solver);
-        // Both end within rounding and gap of the minimum; x of a flat one may differ by the root of that.
+        // Both results are within rounding and gap of the minimum. In a flat minimum, x may differ by the square root of that.
         if let Some(least) = by_clarabel(&program) {
             let objective = 0.5 * found.dot(&(&program.hessian * &found)) + program.gradient.dot(&found);
             prop_assert!((objective - least).abs() < 1e-8 * (1.0 + least.abs()), "{objective} {least}");
@@ -142,7 +142,7 @@ fn what_has_no_solution_says_why() {
     assert_eq!(solver.solve(&program).err(), Some(SolveError::Infeasible));
     program.equalities = 2;
     assert_eq!(solver.solve(&program).err(), Some(SolveError::Infeasible));
-    // Said twice.
+    // The same constraint twice.
     program.normals.copy_from_slice(&[1.0, 2.0]);
     program.bounds.copy_from_slice(&[1.0, 2.0]);
     assert_eq!(solver.solve(&program).unwrap()[0], 1.0);

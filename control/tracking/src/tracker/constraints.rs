@@ -23,7 +23,8 @@ impl Tracker {
     pub(super) fn add_limits(&mut self) {
         let dofs = self.tree.dofs();
         let mut constraint = self.program.equalities;
-        // The pyramid is within the cone of friction; of a robot that recovers around it: to slide a little is better than to fall.
+        // The friction pyramid lies within the cone. For a robot that recovers, it lies around the cone, because sliding a
+        // little is better than a fall.
         let part = if self.recovery.is_active() { 1.0 } else { FRAC_1_SQRT_2 };
         for (j, foot) in self.feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
             let [along, side] = foot.most(part).map(|most| self.normal * most);
@@ -59,7 +60,7 @@ impl Foot {
     ///
     /// `part` scales the sides of the pyramid relative to the radius of the cone.
     pub(super) fn most(&self, part: f64) -> [f64; 2] {
-        // A blade has no cone, but the drag of its glide.
+        // A blade has no cone along its edge, but the drag of its glide.
         let along = self.drag.unwrap_or(part * self.friction);
         [along, part * self.friction]
     }

@@ -38,7 +38,8 @@ impl Tracker {
         let (there, here) = (&planned.frames, &measured.frames);
         let place = there.com(tree) - here.com(tree);
         let speed = planned.com_velocity(tree) - measured.com_velocity(tree);
-        // Far from the plan its linear model says little: there each task finds its way by itself, which survives larger pushes.
+        // Far from the plan, its linear model is inaccurate. There, each task uses its own feedback, which survives larger
+        // pushes.
         let correction = correction.as_ref().filter(|_| !recovery.is_active());
         let feedback = match correction {
             Some(correction) => limited(correction.com_m_s2, weights.com_most_m_s2),
@@ -91,7 +92,7 @@ impl Tracker {
             }
             let mut squares = SquaredTerms { program };
             if foot.phase == Phase::Landing {
-                // Whatever height the plan has for it, and however it goes there.
+                // The planned height of the foot and its rate have no effect.
                 there -= *normal * (BELOW_M + foot.height_m.max(0.0));
                 wanted_m_s2 -= *normal * wanted_m_s2.dot(normal);
                 speed -= *normal * (speed + measured.point_velocity(link, &here)).dot(normal);
@@ -106,7 +107,7 @@ impl Tracker {
                     squares.add_one(weights.posture, dof, wanted);
                 }
             } else if end_effector.contact.rolls() {
-                // With gains, the place is theirs to feed back.
+                // With gains, position feedback is part of the gains.
                 let place = if correction.is_some() { Vector3::zeros() } else { there - here };
                 let wanted = wanted_m_s2 + weights.roll_feedback.of(&place, &speed) - bias;
                 measured.frames.point_jacobian(tree, link, &here, jacobian);

@@ -209,7 +209,7 @@ fn setpoints_do_not_depend_on_place_and_heading() {
         let mut touches = reference.stands.clone();
         for tick in 0..5 {
             let mut reference = reference.clone();
-            // One lifts off, one lands late.
+            // One foot lifts off, and one lands late.
             (reference.stands[1], touches[1], touches[2]) = (tick < 2, tick < 3, tick > 3);
             let mut state = state.clone();
             state.velocity[0] += pushed_m_s;
@@ -236,13 +236,13 @@ fn forces_are_where_the_robot_touches() {
     let (mut tracker, mut reference) = with_gains("anymal_wheels");
     let mut state = reference.state.clone();
     reference.stands[0] = false;
-    // Its knee lifts it off the ground.
+    // The knee lifts the foot off the ground.
     let knee = tracker.tree.robot().joints.iter().rposition(|joint| joint.name.ends_with("KFE"));
     state.joint_rad[knee.expect("it has knees")] *= 1.3;
     tracker.tick(&reference, &state, &[true, true, true, false]).unwrap();
     let forces: Vec<f64> = tracker.feet.iter().map(|foot| foot.force_n.z).collect();
     assert!(forces[0] > 10.0 && forces[3].abs() < 1e-6, "{forces:?}");
-    // The one that should stand is let down.
+    // The foot that should stand is lowered.
     assert_eq!(tracker.feet[3].phase, Phase::Landing);
 }
 
@@ -277,7 +277,7 @@ fn motors_that_are_too_weak_get_what_they_have() {
 #[test]
 fn bad_measurements_are_an_error_and_leave_no_trace() {
     let (mut tracker, mut reference) = with_gains("anymal_wheels");
-    // One is in the air, whose foothold the ticks move on.
+    // One foot is in the air, and the ticks move its foothold.
     reference.stands[1] = false;
     let state = reference.state.clone();
     let before = tracker.tick(&reference, &state, &reference.stands).unwrap().to_vec();
@@ -291,7 +291,7 @@ fn bad_measurements_are_an_error_and_leave_no_trace() {
         refused(&|state| state.world_from_body[(0, 1)] = bad);
         refused(&|state| state.base_position_m.y = bad);
     }
-    // An encoder that has lost a turn, a body that lies on its side or low.
+    // An encoder that has lost a turn; a body that lies on its side or too low.
     for bad in [f64::NAN, f64::INFINITY, 2.0 * PI, -2.0 * PI] {
         refused(&|state| state.joint_rad[3] += bad);
     }

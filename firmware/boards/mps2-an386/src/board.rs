@@ -61,10 +61,10 @@ impl Board {
         *steps = steps.wrapping_add(1);
         match input {
             None => {}
-            // The self test of the first one is no part of a control period either.
+            // The self test of the first library is not part of a control period either.
             Some(Input::Tick) if controller.state() == State::Boot => controller.tick(now_us),
             Some(Input::Tick) => cost.of_tick(|| controller.tick(now_us)),
-            // While it is disarmed a library is checked in here: no part of a control period.
+            // While the robot is disarmed, a library is checked here. The check is not part of a control period.
             Some(Input::Link(frame)) if controller.state() == State::Disarmed => {
                 controller.on_link_frame(now_us, &frame);
             }

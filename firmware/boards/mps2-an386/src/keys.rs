@@ -13,7 +13,7 @@ mod semihosting;
 mod stack;
 mod store;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use core::panic::PanicInfo;

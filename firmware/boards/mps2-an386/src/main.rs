@@ -14,7 +14,7 @@ mod stack;
 mod store;
 mod uart;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use board::Board;
@@ -31,7 +31,7 @@ fn main() -> ! {
     let mut deframer = Deframer::default();
     loop {
         let Some(packet) = deframer.push(uart.read()) else { continue };
-        // Anything else gets no answer: the host asks again or gives up.
+        // Other packets get no answer. The host asks again or gives up.
         let Some((sequence, request)) = Request::decode(packet) else { continue };
         #[cfg(feature = "planted-panic")]
         let sequence = packet[usize::from(sequence)];

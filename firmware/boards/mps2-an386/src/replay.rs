@@ -13,7 +13,7 @@ mod semihosting;
 mod stack;
 mod store;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use board::Board;
@@ -57,7 +57,7 @@ fn replay(board: &mut Board, script: &[u8]) -> Option<Line> {
 /// Script that the emulator has loaded, as a length followed by that many bytes.
 fn script() -> &'static [u8] {
     unsafe extern "C" {
-        // Of the linker script.
+        // Symbols of the linker script.
         static _script_start: u32;
         static _script_end: u32;
     }

@@ -14,7 +14,7 @@ mod registers;
 mod servos;
 mod store;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use cortex_m_rt::entry;

@@ -8,8 +8,7 @@ const PAINT: u32 = 0xA5A5_5A5A;
 const MARGIN_BYTES: usize = 256;
 
 unsafe extern "C" {
-    // Of the linker script: the end of the static variables, where the stack may grow down to, and
-    // its beginning.
+    // Symbols of the linker script: end of the static variables, down to which the stack may grow, and start of the stack.
     static mut __sheap: u32;
     static mut _stack_start: u32;
 }

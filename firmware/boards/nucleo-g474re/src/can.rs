@@ -122,12 +122,12 @@ impl Bus {
             ram.txbuf(word).write_value(0);
         }
         regs.cccr().modify(|w| {
-            // Set by hardware after a failed access to message RAM: it would not send any more.
+            // After a failed access to message RAM, hardware sets this bit, and the controller stops sending.
             w.set_asm(false);
             w.set_fdoe(false);
             w.set_brse(false);
-            // A frame that lost arbitration or met an error is repeated: it is still the latest.
-            // `expire` says for how long.
+            // After a lost arbitration or an error, the frame is repeated, because it is still the latest. `expire` limits the
+            // time.
             w.set_dar(false);
         });
         regs.nbtp().write(|w| {
@@ -154,7 +154,7 @@ impl Bus {
         let fifo = regs.rxfs(0).read();
         if fifo.rfl() {
             self.report.lost = self.report.lost.saturating_add(1);
-            // Both are cleared by the one of the interrupts.
+            // Both flags are cleared in the interrupt of one.
             regs.ir().write(|w| w.set_rfl(0, true));
         }
         if fifo.ffl() == 0 {
@@ -226,7 +226,7 @@ impl Bus {
     /// State of the bus. Call it once in each control period.
     pub fn report(&mut self) -> BusReport {
         let regs = self.port.regs;
-        // Reading it forgets the last error (44.4.13): nobody else does.
+        // A read clears the last error (44.4.13). No other code reads it.
         let status = regs.psr().read();
         let control = regs.cccr().read();
         let before = self.report.state;
@@ -234,7 +234,7 @@ impl Bus {
             _ if control.init() || control.asm() => BusState::Off,
             _ if !status.ep() => BusState::Active,
             Lec::ACK => BusState::NotAcknowledged,
-            // Nothing was sent meanwhile.
+            // No frame was sent since the last read.
             Lec::NO_CHANGE if before == BusState::NotAcknowledged => before,
             _ => BusState::Passive,
         };

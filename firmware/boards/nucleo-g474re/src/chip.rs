@@ -16,7 +16,7 @@ const SUPPLY_THRESHOLD: u8 = 5;
 ///
 /// Waits for the crystal, forever if there is none: the board then drives and sends nothing.
 pub fn start(peripherals: &mut Peripherals) {
-    // The power interface, before the regulator is told of the speed; SYSCFG for the interrupt of a pin.
+    // Power interface, before the regulator learns the speed; SYSCFG for the interrupt of a pin.
     pac::RCC.apb1enr1().modify(|w| w.set_pwren(true));
     pac::RCC.apb2enr().modify(|w| w.set_syscfgen(true));
 
@@ -35,10 +35,10 @@ pub fn start(peripherals: &mut Peripherals) {
     config.boost = true;
     config.hsi48 = None;
     config.ls = rcc::LsConfig::off();
-    // The crystal itself, not the PLL: no jitter, and whole time quanta at 1 Mbit/s.
+    // The crystal instead of the PLL: no jitter, and whole time quanta at 1 Mbit/s.
     config.mux.fdcansel = rcc::mux::Fdcansel::HSE;
     rcc::reinit(config, &mut peripherals.RCC);
-    // Should the crystal fail later, an NMI says so, and `fault` ends everything.
+    // If the crystal fails later, an NMI occurs, and `fault` halts the program.
     pac::RCC.cr().modify(|w| w.set_csson(true));
 
     pac::RCC.ahb2enr().modify(|w| {
@@ -76,7 +76,7 @@ pub fn take_reset_cause() -> Reset {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     pac::RCC.csr().modify(|w| w.set_rmvf(false));
-    // The pin shows in every reset, because the chip pulls it itself.
+    // The flag of the pin is set after every reset, because the chip pulls the pin itself.
     if flags.iwdgrstf() {
         Reset::Watchdog
     } else if flags.sftrstf() {

@@ -15,7 +15,7 @@ impl Clock {
         let timer = pac::TIM5;
         timer.psc().write_value((CORE_HZ / 1_000_000 - 1) as u16);
         timer.arr().write_value(u32::MAX);
-        // The prescaler counts from the next update on: make one.
+        // The prescaler acts from the next update on, so an update is forced.
         timer.egr().write(|w| w.set_ug(true));
         timer.cnt().write_value(0);
         timer.cr1().modify(|w| w.set_cen(true));

@@ -38,7 +38,7 @@ impl EstopContact {
 
     /// Returns true if the contact opened since the previous call, however briefly.
     pub fn take_opened(&self) -> bool {
-        // Read first: a swap in every turn of the loop is dearer than a load.
+        // The load is first, because a swap in every turn of the loop is slower.
         OPENED.load(Ordering::Relaxed) && OPENED.swap(false, Ordering::Relaxed)
     }
 }

@@ -89,7 +89,7 @@ impl ReadNorFlash for Part {
                 let half = unsafe { read_volatile(at) };
                 at = at.wrapping_add(1);
                 bytes.copy_from_slice(&half.to_le_bytes());
-                // The NMI of this load is taken before the next, and before the count is compared.
+                // The NMI of this load occurs before the next load, and before the count is compared.
                 dsb();
                 isb();
             }
@@ -135,8 +135,8 @@ impl NorFlash for Part {
                     FLASH.cr().modify(|w| w.set_pg(true));
                     let low = u32::from_le_bytes([*a, *b, *c, *d]);
                     let high = u32::from_le_bytes([*e, *f, *g, *h]);
-                    // SAFETY: aligned and within the part, by `place`. References to the part come
-                    // from `mapped` alone, and cannot live during a call with `&mut self`.
+                    // SAFETY: aligned and within the part, by `place`. References to the part come only from `mapped`, and
+                    // cannot live during a call with `&mut self`.
                     unsafe {
                         write_volatile(at, low);
                         isb();
@@ -152,7 +152,7 @@ impl NorFlash for Part {
 
 impl MappedFlash for Part {
     fn mapped(&self) -> &[u8] {
-        // SAFETY: flash that no linker section uses, and that changes in calls with `&mut self` only.
+        // SAFETY: flash that no linker section uses, and that changes only in calls with `&mut self`.
         unsafe { core::slice::from_raw_parts(self.start as *const u8, self.size as usize) }
     }
 }
@@ -161,7 +161,7 @@ impl MappedFlash for Part {
 fn uncached<T>(work: impl FnOnce() -> T) -> T {
     FLASH.acr().modify(|w| w.set_dcen(false));
     let done = work();
-    // It is flushed while it is off.
+    // The cache can be flushed only while it is off.
     FLASH.acr().modify(|w| w.set_dcrst(true));
     FLASH.acr().modify(|w| w.set_dcrst(false));
     FLASH.acr().modify(|w| w.set_dcen(true));

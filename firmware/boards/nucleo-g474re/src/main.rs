@@ -32,7 +32,7 @@ mod start;
 mod usart;
 mod watchdog;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use cortex_m_rt::entry;
@@ -68,8 +68,8 @@ fn silence() {
 
 #[entry]
 fn main() -> ! {
-    // SAFETY: this is the only place that takes them, and it is passed once. The HAL's own `init` would
-    // be a path to a panic, for the case that it is called again.
+    // SAFETY: only this line takes the peripherals, and it runs once. The HAL's own `init` would contain a panic for a second
+    // call.
     let mut p = unsafe { Peripherals::steal() };
     chip::start(&mut p);
     let mut clock = Clock::start();
@@ -77,7 +77,7 @@ fn main() -> ! {
     let Some(parts) = flash::parts() else { fault::halt() };
     let started = start::start(parts, settings);
     let Some(ReadyController { controller, on_can, on_serial }) = started else { fault::halt() };
-    // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
+    // `apps/board-bench/src/wiring.rs` makes no image for a robot with other buses.
     if on_can.len() > ACTUATOR_PORTS || on_serial.len() > 1 {
         fault::halt();
     }
@@ -103,7 +103,7 @@ fn main() -> ! {
     let reset = chip::take_reset_cause();
     let now_us = clock.now_us();
     if reset == Reset::Watchdog {
-        // The loop stopped, perhaps with torque on. Whoever is there shall look before it goes on.
+        // The loop had stopped, perhaps with torque on. The operator must look at the robot first.
         controller.estop(now_us);
     }
     let report = BoardReport {
@@ -236,7 +236,7 @@ impl Board {
         self.report.longest_tick_us =
             self.report.longest_tick_us.max(u32::try_from(took_us).unwrap_or(u32::MAX));
         self.report.uptime_ms = (now_us / 1000) as u32;
-        // Last: only a period that came to its end keeps the chip from being reset.
+        // Feeding is last, so that only a completed period prevents a reset of the chip.
         self.watchdog.feed();
     }
 
@@ -264,7 +264,7 @@ impl Board {
         if slot.state != BusState::Off {
             return;
         }
-        // There is one way from EStopped to Disarmed: an operator has cleared it.
+        // The only way from EStopped to Disarmed is a clear by an operator.
         if self.stopped_for_link && self.controller.state() == State::Disarmed {
             self.stopped_for_link = false;
             self.link.start();

@@ -38,7 +38,7 @@ pub fn start(
     let mut wire = Flex::new(wire);
     let open_drain = AfType::output_pull(OutputType::OpenDrain, Speed::VeryHigh, Pull::Up);
     wire.set_as_af_unchecked(function, open_drain);
-    // It stays so; dropping it would disconnect the pin.
+    // The pin remains configured; dropping it would disconnect it.
     core::mem::forget(wire);
     USART3.brr().write(|w| w.0 = divisor);
     USART3.cr3().write(|w| w.set_hdsel(true));

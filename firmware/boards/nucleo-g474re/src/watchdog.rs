@@ -15,7 +15,7 @@ pub struct Watchdog(());
 impl Watchdog {
     /// Starts the watchdog. Only a reset stops it.
     pub fn start() -> Self {
-        // The order of 35.3.2.
+        // Order of 35.3.2.
         IWDG.kr().write(|w| w.set_key(Key::START));
         IWDG.kr().write(|w| w.set_key(Key::ENABLE));
         IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY16));

@@ -125,7 +125,7 @@ pub fn connect<const PIN: usize>(function: u8) {
         w.set_ie(true);
         w.set_schmitt(true);
         w.set_pue(true);
-        // Off after a reset (9.7): the pin is cut from its pad until this.
+        // After a reset, isolation is on (9.7) and disconnects the pin from its pad.
         w.set_iso(false);
     });
     IO_BANK0.gpio(PIN).ctrl().write(|w| w.set_funcsel(function));

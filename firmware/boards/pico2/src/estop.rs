@@ -17,7 +17,7 @@ impl EstopContact {
     pub fn new() -> Self {
         chip::input::<PIN>();
         let contact = Self(());
-        // Rising while the pull-up charges the wire.
+        // The pull-up charges the wire, which causes a rising edge.
         contact.take_opened();
         contact
     }

@@ -26,7 +26,7 @@ pub fn parts() -> Parts {
 
 impl Part {
     fn driver() -> Flash<'static, FLASH, Blocking, ALL> {
-        // SAFETY: the parts, which do not overlap, are its only users, one at a time.
+        // SAFETY: only the parts use the flash. They do not overlap, and one is used at a time.
         Flash::new_blocking(unsafe { FLASH::steal() })
     }
 }
@@ -79,7 +79,7 @@ impl NorFlash for Part {
 impl MappedFlash for Part {
     fn mapped(&self) -> &[u8] {
         let start = (FLASH_BASE as usize).wrapping_add(self.start as usize);
-        // SAFETY: flash that no linker section uses, and that changes in calls with `&mut self` only.
+        // SAFETY: flash that no linker section uses, and that changes only in calls with `&mut self`.
         unsafe { core::slice::from_raw_parts(start as *const u8, self.size as usize) }
     }
 }

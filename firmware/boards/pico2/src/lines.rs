@@ -53,7 +53,7 @@ fn start<const SENDER: usize, const RECEIVER: usize>(
     bit_rate: u32,
 ) -> Option<Line<Sender>> {
     let received = WRITERS.get(number)?.connect(RECEIVED.get(number)?)?;
-    // Clocks of a cycle, in 256ths: 16 whole bits and 8 behind the point, above 1 (11.5.5).
+    // Clocks per cycle in units of 1/256: 16 integer and 8 fractional bits, greater than 1 (11.5.5).
     let cycles = u64::from(CYCLES) * u64::from(bit_rate);
     let divisor = (u64::from(CORE_HZ) * 256).checked_div(cycles)?;
     if !(256..1 << 24).contains(&divisor) {
@@ -77,7 +77,7 @@ impl Transmitter for Sender {
     }
 
     fn write(&mut self, byte: u8) {
-        // The program drives where a bit is 1.
+        // The program drives the line low for bits that are 1.
         let low = u32::from(!byte);
         match self.number {
             0 => PIO0.txf(0).write_value(low),
@@ -91,7 +91,7 @@ type Wrap = (u8, u8);
 
 /// Writes both programs. For the second line, they are already there.
 fn load_programs() -> (Wrap, Wrap) {
-    // A pin that this drives is low: the value of the output stays 0, and its direction carries the bits.
+    // A driven pin is low: the value of the output stays 0, and its direction carries the bits.
     let sender = pio_asm!(
         ".side_set 1",
         ".wrap_target",
@@ -104,7 +104,7 @@ fn load_programs() -> (Wrap, Wrap) {
         "set pindirs, 0    side 1 [5]", // stop bit, with the two instructions above
         ".wrap",
     );
-    // As pico-examples have it. A byte without its stop bit is dropped.
+    // The receiver of pico-examples. It drops a byte without stop bit.
     let receiver = pio_asm!(
         ".wrap_target",
         "start:",
@@ -126,7 +126,7 @@ fn load_programs() -> (Wrap, Wrap) {
 /// Writes a program at an offset of the instruction memory, which has 32 instructions.
 fn load(code: &[u16], at: u8) -> Wrap {
     for (place, &word) in (at..32).zip(code) {
-        // The targets of jumps, which have the opcode 0, move along.
+        // Targets of jumps, which have the opcode 0, are relocated.
         let moved = if word >> 13 == 0 { word.saturating_add(u16::from(at)) } else { word };
         PIO0.instr_mem(usize::from(place & 31)).write(|w| w.set_instr_mem(moved));
     }
@@ -149,8 +149,8 @@ fn set_up_sender<const SM: usize>(pin: u8, divisor: u32, (first, last): Wrap) {
         w.set_sideset_base(pin + 1);
         w.set_sideset_count(1);
     });
-    // `set pins, 0`, `set pindirs, 0` and `jmp first`, as the program would. The direction's pin is always driven: `set`
-    // points there for a moment.
+    // `set pins, 0`, `set pindirs, 0` and `jmp first`, as in the program. `set` briefly acts on the direction pin, which is
+    // always driven.
     sm.instr().write(|w| w.set_instr(0xE000));
     sm.instr().write(|w| w.set_instr(0xE080));
     sm.pinctrl().modify(|w| w.set_set_base(pin + 1));
@@ -185,6 +185,6 @@ fn PIO0_IRQ_0() {
 /// Returns the next byte of a receiver.
 fn next<const SM: usize>() -> Option<u8> {
     let is_empty = PIO0.fstat().read().rxempty() & 1 << SM != 0;
-    // Shifted in from above.
+    // Bits are shifted in from the top.
     (!is_empty).then(|| (PIO0.rxf(SM).read() >> 24) as u8)
 }

@@ -30,7 +30,7 @@ mod uart;
 mod usb;
 mod watchdog;
 
-// The module `robot`: configuration and buses.
+// Module `robot` with configuration and buses.
 include!(concat!(env!("OUT_DIR"), "/robot.rs"));
 
 use cortex_m_rt::entry;
@@ -66,7 +66,7 @@ fn main() -> ! {
     let (settings, _) = start::settings(chip::uid());
     let started = start::start(flash::parts(), settings);
     let Some(ReadyController { controller, on_can, on_serial }) = started else { fault::halt() };
-    // No image is made for a robot with others: `apps/board-bench/src/wiring.rs`.
+    // `apps/board-bench/src/wiring.rs` makes no image for a robot with other buses.
     if on_serial.len() > lines::COUNT || !on_can.is_empty() {
         fault::halt();
     }
@@ -80,7 +80,7 @@ fn main() -> ! {
     }
     let now_us = clock::now_us();
     if reset == Reset::Watchdog {
-        // The loop stopped, perhaps with torque on. The operator shall look before it goes on.
+        // The loop had stopped, perhaps with torque on. The operator must look at the robot first.
         controller.estop(now_us);
     }
     let report =
@@ -164,7 +164,7 @@ impl Board {
 
     /// Runs a control period, after `missed` control periods that were skipped.
     fn tick(&mut self, now_us: u64, missed: u64) {
-        // While torque is off, flash may be written, and periods are missed for it.
+        // While torque is off, a write of flash may cause missed periods.
         if self.torque != Torque::Off {
             self.report.missed_periods = self
                 .report
@@ -184,7 +184,7 @@ impl Board {
         self.report.longest_tick_us =
             self.report.longest_tick_us.max(u32::try_from(took_us).unwrap_or(u32::MAX));
         self.report.uptime_ms = (now_us / 1000) as u32;
-        // Last: only a period that came to its end keeps the chip from being reset.
+        // Feeding is last, so that only a completed period prevents a reset of the chip.
         self.watchdog.feed();
     }
 

@@ -30,12 +30,12 @@ impl Uart {
         chip::connect::<RX>(chip::FUNCTION_UART);
         UART0.uartibrd().write(|w| w.set_baud_divint((DIVISOR >> 6) as u16));
         UART0.uartfbrd().write(|w| w.set_baud_divfrac((DIVISOR & 63) as u8));
-        // A write to it takes the divisor over.
+        // A write to this register activates the divisor.
         UART0.uartlcr_h().write(|w| {
             w.set_wlen(3);
             w.set_fen(true);
         });
-        // Bytes are fetched when 4 of 32 have arrived, or when the line rests.
+        // The interrupt occurs when 4 of 32 bytes have arrived, or when the line is idle.
         UART0.uartifls().write(|w| w.set_rxiflsel(0));
         UART0.uartimsc().write(|w| {
             w.set_rxim(true);
@@ -73,7 +73,7 @@ impl Port for Uart {
 #[interrupt]
 fn UART0_IRQ() {
     WRITER.fill(|| (!UART0.uartfr().read().rxfe()).then(|| UART0.uartdr().read().data()));
-    // The timeout is over when the FIFO is empty; both are cleared here.
+    // The timeout ends when the FIFO is empty. Both flags are cleared here.
     UART0.uarticr().write(|w| {
         w.set_rxic(true);
         w.set_rtic(true);

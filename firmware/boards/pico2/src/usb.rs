@@ -63,12 +63,12 @@ impl Usb {
             w.set_to_phy(true);
             w.set_softcon(true);
         });
-        // The cable's supply is not measured.
+        // The board does not measure the supply of the cable.
         USB.usb_pwr().write(|w| {
             w.set_vbus_detect(true);
             w.set_vbus_detect_override_en(true);
         });
-        // Also connects the transceiver, which is cut off after a reset.
+        // Also connects the transceiver, which a reset disconnects.
         USB.main_ctrl().write(|w| w.set_controller_en(true));
         USB.sie_ctrl().write(|w| w.set_pullup_en(true));
         let device = UsbSerial::new(serial_number);
@@ -78,7 +78,7 @@ impl Usb {
     /// Serves the bus. Call it in every turn of the main loop.
     pub fn work(&mut self) {
         let status = USB.sie_status().read();
-        // These are cleared by writing 1.
+        // Writing 1 clears these flags.
         if status.bus_reset() {
             USB.sie_status().write(|w| {
                 w.set_bus_reset(true);
@@ -105,7 +105,7 @@ impl Usb {
                     return;
                 }
                 if rest.is_empty() {
-                    // The host's handshake: an empty packet, DATA1.
+                    // Handshake of the host: an empty packet, DATA1.
                     Pipe::ControlOut.restart(true);
                     Pipe::ControlOut.release(0, false);
                     self.stage = Stage::Idle;
@@ -184,7 +184,7 @@ impl Usb {
             control.set_endpoint_type(kind);
             control
         };
-        // Their registers begin with endpoint 1.
+        // The registers begin with endpoint 1.
         const { assert!(NOTIFICATIONS == 1 && BYTES == 2) };
         USB_DPRAM
             .ep_in_control(0)
@@ -223,7 +223,7 @@ impl Port for Usb {
     }
 
     fn write(&mut self, bytes: &[u8]) -> usize {
-        // An empty packet ends what filled the one before.
+        // An empty packet ends a transfer whose last packet was full.
         let has_end = bytes.is_empty() && self.sent_full;
         if !self.device.is_configured() || Pipe::ToHost.is_busy() || bytes.is_empty() && !has_end {
             return 0;
@@ -311,8 +311,8 @@ impl Pipe {
     }
 }
 
-// SAFETY, of all four: places within the controller's memory of 4 KiB, by the constants above; bytes and words can be
-// accessed there.
+// SAFETY of all four functions: the constants above place the accesses within the controller's memory of 4 KiB, which allows
+// bytes and words.
 
 fn read_byte(place: u16) -> u8 {
     unsafe { read_volatile(USB_DPRAM.as_ptr().cast::<u8>().wrapping_add(place.into())) }

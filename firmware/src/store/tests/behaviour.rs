@@ -18,7 +18,7 @@ fn a_new_library_plays_on_trial_and_stays_when_confirmed() {
     let mut store = reboot(holding(store.into_flash(), &a));
     assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
     send(&mut store, &b).unwrap();
-    // Until it is activated the old one goes on.
+    // Until activation, the old library is used.
     assert_eq!(store.bytes(), a);
     store.activate().unwrap();
     assert_eq!((store.bytes(), store.on_trial()), (&b[..], true));
@@ -46,7 +46,7 @@ fn a_trial_that_is_not_confirmed_rolls_back_by_itself() {
         store = reboot(store);
         assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
     }
-    // At once when it is refused.
+    // After a refusal, the old library is used at once.
     send(&mut store, &b).unwrap();
     store.activate().unwrap();
     let mut store = reboot(store);
@@ -87,7 +87,7 @@ fn the_first_library_outlasts_the_next_transfer() {
         assert_eq!(store.bytes(), a);
         let mut store = reboot(store);
         assert_eq!(store.bytes(), a);
-        // And the next is on trial, with the first to go back to.
+        // The next library is on trial, and the first one is kept for a roll-back.
         send(&mut store, &b).unwrap();
         store.activate().unwrap();
         assert_eq!((store.bytes(), store.on_trial()), (&b[..], true));
@@ -105,7 +105,7 @@ fn a_transfer_goes_on_after_a_reset() {
     assert_eq!(store.begin(b.len(), file_digest(&b)), Ok(0));
     store.write(0, &b[..300]).unwrap();
     assert_eq!(store.write(301, &b[301..302]), Err(StoreError::OutOfRange));
-    // Blocks that are here already, wholly or in part.
+    // Blocks that are stored already, completely or partly.
     store.write(0, &b[..300]).unwrap();
     store.write(290, &b[290..520]).unwrap();
     let mut store = reboot(store);
@@ -119,7 +119,7 @@ fn a_transfer_goes_on_after_a_reset() {
     assert_eq!(store.received(), b);
     store.activate().unwrap();
     assert_eq!(store.bytes(), b);
-    // Another one starts from its beginning.
+    // Another library starts from its beginning.
     let c = library(3, 90);
     assert_eq!(store.begin(c.len(), file_digest(&c)), Ok(0));
     assert_eq!((store.bytes(), store.on_trial()), (&a[..], false));
@@ -158,7 +158,7 @@ fn a_call_erases_little() {
     assert!(erases(&store, &mut so_far) <= 2);
     for (i, block) in b.chunks(256).enumerate() {
         store.write(256 * i, block).unwrap();
-        // The unit itself, and one of the log when that turns.
+        // The unit itself, and a unit of the log when the log changes units.
         assert!(erases(&store, &mut so_far) <= 2);
     }
     store.seal().unwrap();
@@ -179,7 +179,7 @@ fn footers_stand_in_for_a_lost_log() {
     assert_eq!(store.bytes(), a);
     send(&mut store, &b).unwrap();
     store.activate().unwrap();
-    // On trial only: the confirmed one counts.
+    // Only on trial, so the confirmed library counts.
     let mut store = lose_log(store);
     assert_eq!(store.bytes(), a);
     send(&mut store, &b).unwrap();
@@ -201,7 +201,7 @@ fn a_rotten_library_gives_way_to_the_other_one() {
     store.activate().unwrap();
     let slot_b = 512 + slots::slot_len(&store.flash);
 
-    // On trial.
+    // The library is on trial.
     let rot = |store: &FlashStore<Flash>, at: usize, unreadable: bool| {
         let mut flash = store.flash.clone();
         if unreadable {
@@ -215,7 +215,7 @@ fn a_rotten_library_gives_way_to_the_other_one() {
         assert_eq!(rot(&store, slot_b + 40, unreadable).bytes(), a);
         assert_eq!(rot(&store, 512 + 40, unreadable).bytes(), b);
     }
-    // Confirmed.
+    // The library is confirmed.
     store.confirm().unwrap();
     for unreadable in [false, true] {
         let mut rotten = rot(&store, slot_b + 40, unreadable);
@@ -310,7 +310,7 @@ fn a_transfer_does_not_begin_over_footers_that_cannot_be_erased() {
     send(&mut store, &b).unwrap();
     store.activate().unwrap();
     store.confirm().unwrap();
-    // C goes where A is, in slot A: units 2 to 5.
+    // C replaces A in slot A, units 2 to 5.
     store.flash.worn = Some(5);
     assert_eq!(store.begin(c.len(), file_digest(&c)), Err(StoreError::Medium));
     assert_eq!(store.write(0, &c), Err(StoreError::OutOfRange));

@@ -196,7 +196,7 @@ impl<const W: usize, const E: usize> NorFlash for NorSimulator<W, E> {
         let cut = self.burn(to - from);
         let done = cut.unwrap_or(to - from);
         self.cells[from..from + done].fill(0xFF);
-        // The word that the cut hit is not erased: an unreadable one stays so.
+        // The word that the cut hit is not erased; an unreadable word stays unreadable.
         self.unreadable[from / W..(from + done) / W].fill(false);
         self.fading[from / W..(from + done) / W].fill(false);
         if cut.is_none() {

@@ -52,7 +52,7 @@ impl Flight {
     /// Records a frame passed to the kernel.
     pub fn took_off(&mut self, now_us: u64, frame: Frame) {
         if self.frames.len() >= self.depth {
-            // Taken to be lost, for one that is tried.
+            // The frame counts as lost, so another may be tried.
             self.give_up(1);
             self.probes += 1;
             self.since_us = now_us;
@@ -75,8 +75,8 @@ impl Flight {
             }
             (Some(at), later) => {
                 self.given_up.drain(..=at);
-                // The echo may be of either frame. None up to the later one counts any more, or there would never
-                // be room again if that one is lost; all stay known, since they may still be transmitted.
+                // The echo may belong to either frame. No frame up to the later one counts any more: if that frame is lost,
+                // there would never be room again. All frames stay known, because they may still be transmitted.
                 self.give_up(later.map_or(0, |later| later + 1));
             }
         }
@@ -139,7 +139,7 @@ mod tests {
             }
         }
         assert_eq!(tried, [1, 2]);
-        // The driver had lost the first one only.
+        // The driver had lost only the first frame.
         assert!(flight.landed(20_000_000, &frame(2)));
         assert!(flight.has_room());
     }
@@ -173,11 +173,11 @@ mod tests {
             }
             flight
         };
-        // None: all four are ours.
+        // All four echoes are ours.
         let mut flight = stuck();
         assert!([1, 2, 1, 2].iter().all(|id| flight.landed(3_000_000, &frame(*id))));
         assert!(flight.has_room());
-        // The first two: there is room as soon as the others have left.
+        // After the first two, there is room as soon as the others have left.
         let mut flight = stuck();
         assert!([1, 2].iter().all(|id| flight.landed(3_000_000, &frame(*id))));
         flight.took_off(3_000_000, frame(1));

@@ -69,7 +69,7 @@ impl Health {
         if problems.contains(ControllerProblems::ACTIVE) {
             *self = Self::default();
         } else if problems.intersects(passive) && self.state == BusState::Active {
-            // A sender that no node acknowledges becomes passive, too: the missing acknowledgement says more.
+            // A sender without acknowledgement also becomes passive. The missing acknowledgement says more.
             self.state = BusState::Passive;
         }
     }
@@ -129,7 +129,7 @@ mod tests {
             (health.state(), health.fault_and_remedy("can0", None)),
             (BusState::Active, None)
         );
-        // TX passive, then the reason for it.
+        // TX passive, then its reason.
         health.report(&error(CONTROLLER, [0, 0x20, 0, 0, 0, 0, 128, 0]));
         assert_eq!(health.state(), BusState::Passive);
         health.report(&error(NO_ACK, [0; 8]));
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn damage_is_counted_until_the_bus_is_well() {
         let mut health = Health::default();
-        // Stuff errors, as a wrong bitrate makes them.
+        // Stuff errors, which a wrong bit rate causes.
         health.report(&error(PROTOCOL, [0, 0, 0x04, 0, 0, 0, 0, 0]));
         health.report(&error(PROTOCOL, [0, 0, 0x04, 0x08, 0, 0, 0, 0]));
         let complaint = health.fault_and_remedy("can0", Some(500_000)).unwrap();

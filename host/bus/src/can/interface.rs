@@ -64,7 +64,7 @@ impl Interface {
 /// # Errors
 /// Returns an error if SocketCAN is missing or access is denied. The error contains the command that helps.
 pub fn check_support() -> Result<(), OpenError> {
-    // All interfaces at once: opens if the kernel knows CAN at all.
+    // All interfaces at once: succeeds if the kernel supports CAN.
     let Err(error) = CanSocket::open_iface(0) else { return Ok(()) };
     Err(match error.raw_os_error() {
         Some(UNKNOWN_FAMILY | UNKNOWN_PROTOCOL) => OpenError {
@@ -94,7 +94,7 @@ pub fn open(name: &str, bitrate: Option<u32>) -> Result<(CanSocket, Option<u32>)
     if !is_up(name) {
         return Err(problem(format!("the CAN interface `{name}` is down"), set_up));
     }
-    // Virtual interfaces and some drivers have none.
+    // Virtual interfaces and some drivers report no bit rate.
     let actual = CanInterface::open(name).and_then(|interface| interface.bit_rate()).ok().flatten();
     if let (Some(wanted), Some(actual)) = (bitrate, actual)
         && wanted != actual
@@ -126,7 +126,7 @@ fn set_up(name: &str, is_virtual: bool, bitrate: u32) -> String {
 }
 
 fn is_virtual(name: &str) -> bool {
-    // Hardware has a device; `vcan` and `slcan` have none.
+    // Only hardware has a device file; `vcan` and `slcan` do not.
     !Path::new("/sys/class/net").join(name).join("device").exists()
 }
 

@@ -140,8 +140,8 @@ impl Outlet for CanOutlet {
                 condition.flight.took_off(now_us, *frame);
                 Ok(())
             }
-            // Other programs have filled the queue, or an adapter has stalled: the same as a busy bus. `DEAD_US`
-            // detects a dead one.
+            // Other programs have filled the queue, or an adapter has stalled, as on a busy bus. `DEAD_US` detects a dead
+            // adapter.
             Err(error) if error.should_retry() || error.raw_os_error() == Some(NO_BUFFERS) => {
                 Err(LinkError::Busy)
             }
@@ -218,7 +218,7 @@ mod tests {
     fn frames_are_the_same_on_both_sides_of_the_socket() {
         let standard = Frame::standard(0x7FF, &[1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
         let extended = Frame::extended(0x1FFF_FFFF, &[]).unwrap();
-        // The same number, but another frame.
+        // Another frame with the same number.
         let short = Frame::extended(0x7FF, &[9]).unwrap();
         for frame in [standard, extended, short] {
             assert_eq!(from_socket(&to_socket(&frame)), Some(frame));

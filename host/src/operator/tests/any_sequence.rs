@@ -131,7 +131,7 @@ impl InvariantCheck {
         if self.last != Some(*command) {
             prop_assert!(!self.gone.contains(command), "an old command once more");
             if let Some(last) = self.last.replace(*command) {
-                // A new command has the next number, or one soon after it when one was never sent.
+                // A new command has the next number. If a command was never sent, the number may be a few ahead.
                 let ahead = command.seq.wrapping_sub(last.seq) & 0xF;
                 prop_assert!((1..=8).contains(&ahead), "{:?} after {:?}", command, last);
                 self.gone.push(last);
@@ -163,8 +163,7 @@ proptest! {
                     }
                 }
                 RandomStep::Frame(frame) => {
-                    // A stop of another node counts as well.
-                    // Of this controller.
+                    // A stop by another node of this controller also counts.
                     let heard = FromController::decode(&frame).ok().filter(|of| of.0 == node());
                     let stopped = match heard {
                         Some((_, FromController::Status(status))) => status.state == State::EStopped,

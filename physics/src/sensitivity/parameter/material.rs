@@ -54,7 +54,7 @@ impl Parameter for Softness {
                 }
                 continue;
             }
-            // Stress is linear in all of them.
+            // Stress is linear in all these parameters.
             let mut unit =
                 Material { mu_pa: 0.0, lambda_pa: 0.0, viscosity_pa_s: 0.0, ..*element.material() };
             *self.of.value_mut(&mut unit) = 1.0;

@@ -286,7 +286,7 @@ fn poses_of_holds_are_derivatives_of_the_residual() {
     for (number, pose) in poses.enumerate() {
         let [share, _] = curve.of_knot(number / 6, 0.3);
         let change = |system: &mut System, by: f64| {
-            // Large rotation, as of a gripper; no other change moves this pose.
+            // A large rotation, as of a gripper, because no other change moves this pose.
             static MOVED: std::sync::Mutex<f64> = std::sync::Mutex::new(0.0);
             let mut moved = MOVED.lock().unwrap();
             *moved += by;

@@ -29,8 +29,8 @@ fn the_drift_is_taken_back_and_grows_with_the_sign_that_is_printed() {
         let off = pitch(&kept).into_iter().zip(pitch(&before)).map(|(a, b)| (a - b).abs());
         off.fold(0.0, f64::max).to_degrees()
     };
-    // At most 0.1 degrees, and more than 1 with the printed sign: a drive is nearly linear, so that 10 steps, after which a walk
-    // is beyond that, come to 0.05 only. The drift doubles with every step.
+    // At most 0.1 degrees; more than 1 with the printed sign. A drive is nearly linear, so 10 steps, which suffice for a walk,
+    // reach only 0.05. The drift doubles with every step.
     let [right, printed] = [TAKEN_BACK, -TAKEN_BACK].map(&mut pitched_deg);
     assert!(right < 0.1 && printed > 1.0, "{right} and {printed} degrees");
 }

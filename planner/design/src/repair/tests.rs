@@ -99,7 +99,7 @@ fn the_car_is_repaired_by_lowering_its_front_wheels() {
     let change_m = found.values[0] + 0.03;
     assert!((change_m + HANGS_M).abs() < 2e-5, "{change_m}");
     assert_eq!(seen, found.steps);
-    // Three steps of the design, of which the last only sets free what the pull held back.
+    // Three steps of the design. The last step only releases parameters that the pull held back.
     assert!(found.steps.len() <= 4, "{:?}", found.steps);
     let levels: Vec<f64> = found.steps.iter().map(|step| step.worst_level).collect();
     assert!(levels.is_sorted_by(|before, after| after < before), "{levels:?}");
@@ -127,7 +127,7 @@ fn the_car_is_repaired_by_untilting_its_front_wheels() {
     let tilt = Free {
         name: "tilt".into(),
         original: FRAC_PI_4,
-        // Beyond upright, too: what lost its way would end there.
+        // The range extends beyond upright, where a search that diverges would end.
         bounds: [-0.5, 1.0],
         unit: 0.1,
         symbol: "rad",
@@ -144,7 +144,7 @@ fn the_car_is_repaired_by_untilting_its_front_wheels() {
     };
     let found = repaired(&[tilt], &made, &mut on);
     assert_eq!(driven(&found).solve.status, Status::Converged);
-    // The search ends as soon as the plan converges: with front wheels that hang by less than a millimetre.
+    // The search ends as soon as the plan converges, so the front wheels may hang by less than a millimetre.
     let hang_m = 0.05 * (1.0 - found.values[0].cos());
     assert!(found.values[0] > 0.0 && hang_m < 1e-3, "{:?}", found.values);
 
@@ -185,7 +185,7 @@ fn a_repair_can_be_stopped_at_any_step_and_iteration() {
 
 #[test]
 fn wheels_grow_until_their_motors_are_fast_enough() {
-    // 0.8 m in 2 s: motors of 6.85 rad/s get wheels of 5 cm 0.685 m far.
+    // 0.8 m in 2 s. Motors with 6.85 rad/s move wheels of 5 cm only 0.685 m.
     let made = |values: &[f64]| {
         let mut robot = robot("car");
         robot.end_effectors.iter_mut().for_each(|wheel| wheel.radius_m = values[0]);
@@ -201,7 +201,7 @@ fn wheels_grow_until_their_motors_are_fast_enough() {
     let speeds = solutions[0].plan.samples.iter().map(|s| s.end_effectors[0].motor_speed_rad_s);
     let fastest = speeds.fold(0.0, f64::max);
     assert!(fastest < 6.85 && (0.8 / 2.0 / 6.85..0.085).contains(&found.values[0]), "{fastest}");
-    // What one motion lacks the other is not blamed for.
+    // A limit of one motion is not blamed on the other motion.
     let radius = free("radius", 0.05, [0.03, 0.055]);
     let found = repaired(&[radius], &made, &mut on);
     let Feasibility::Nearest(nearest) = &found.outcome else { panic!("{:?}", found.outcome) };
@@ -235,7 +235,7 @@ fn walker(lengths_m: &[f64], up_m: f64) -> BuiltDesign {
 #[test]
 #[ignore = "minutes: cargo xtask nightly --only long"]
 fn legs_grow_until_the_body_reaches_its_target() {
-    // Legs of 0.23 m that stretch to 0.229, for 0.26 m.
+    // Legs of 0.23 m, which extend to 0.229 m, must reach 0.26 m.
     let names = ["front thigh", "front shank", "rear thigh", "rear shank"];
     let four: Vec<Free> = names.iter().map(|name| free(name, 0.1, [0.05, 0.18])).collect();
     let found = repaired(&four, &|lengths| walker(lengths, 0.26), &mut on);
@@ -243,7 +243,7 @@ fn legs_grow_until_the_body_reaches_its_target() {
     assert!(matches!(solutions[0].plan.solve.status, Status::Converged));
     let heights = solutions[0].plan.samples.iter().map(|sample| sample.base_position_m[2]);
     assert!((heights.fold(0.0, f64::max) - 0.26).abs() < 2e-3);
-    // At least what the knees need that do not stretch further than 0.2 rad; all grow, and none to its bound.
+    // At least the length for knees bent by 0.2 rad. All legs grow, and none to its bound.
     let needed_m = (0.26 - 0.03) / 0.1_f64.cos();
     for legs in found.values.chunks(2) {
         assert!(legs[0] + legs[1] > needed_m - 0.002, "{:?}", found.values);

@@ -94,7 +94,7 @@ fn lines(
         let lost = points.iter().filter(|(_, field)| *field == Field::Lost);
         let lost: Vec<f64> = lost.map(|(at, _)| *at).collect();
         if !lost.is_empty() {
-            // Crosses stand below all values, one line of them below the other.
+            // Crosses are below all values, with one row for each line.
             crossed += 1;
             let value = low - 0.05 * (high - low) * f64::from(crossed);
             marks.extend(lost.iter().map(|&at| Mark { from: at, to: at, value, color: number }));
@@ -162,7 +162,7 @@ fn edges(at: &[f64]) -> Vec<[f64; 2]> {
         let half = |a: usize, b: usize| 0.5 * (sorted[b] - sorted[a]);
         let [below, above] =
             [k.checked_sub(1).map(|j| half(j, k)), (k + 1 < sorted.len()).then(|| half(k, k + 1))];
-        // A value alone has a cell, too.
+        // A single value also has a cell.
         let alone = 0.05 * value.abs().max(0.1);
         let [below, above] = [below.or(above), above.or(below)].map(|half| half.unwrap_or(alone));
         [value - below, value + above]
@@ -228,7 +228,7 @@ mod tests {
         let draw =
             |cells| draw(&Picture { title: "t".into(), quantity: "q".into(), kind: kind(cells) });
         let whole = draw(vec![vec![Holds(1.0); 3], vec![Holds(2.0), Lost, Holds(3.0)]]);
-        // Both ends of the ramp, and two fields in which nothing holds.
+        // Both ends of the ramp, and two cells in which no plan holds.
         for (color, fields) in [("#fde725", 6), ("#440154", 2), (NOTHING, 2)] {
             assert_eq!(count(&whole, &format!("fill=\"{color}\"")), fields, "{color}");
         }

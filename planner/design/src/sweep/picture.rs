@@ -79,10 +79,10 @@ impl Picture {
         let of = quantity.unwrap_or_else(|| preferred(ready, rows));
         let column = Quantity::ALL.iter().position(|other| *other == of).unwrap_or(0);
         let axes = &ready.sweep.axes;
-        // One value is no axis.
+        // A single value is not an axis.
         let varies = |k: &usize| matches!(axes[*k], Axis::Parameter { .. }) && axes[*k].len() > 1;
         let parameters: Vec<usize> = (0..axes.len()).filter(varies).collect();
-        // The axes of the figure: the last two of parameters, the last, or the longest of choices.
+        // Axes of the figure: the last two parameters, the last parameter, or the longest list of choices.
         let shown: Vec<usize> = match parameters[..] {
             [.., y, x] => vec![y, x],
             [x] => vec![x],
@@ -169,7 +169,7 @@ struct Group {
 
 impl Group {
     fn has(&self, row: &Row, choices: &[usize]) -> bool {
-        // Rows without a robot have no motion, and are of all.
+        // Rows without a robot have no motion, and belong to all figures.
         (row.motion == self.motion || row.motion.is_empty())
             && choices.iter().zip(&self.labels).all(|(k, label)| row.labels[*k] == *label)
     }
@@ -189,7 +189,7 @@ fn groups(axes: &[Axis], rows: &[&Row], choices: &[usize]) -> Vec<Group> {
             }
         }
     }
-    // The name of the motion says which motion file was chosen.
+    // The name of the motion tells which motion file was chosen.
     let is_named: Vec<bool> =
         choices.iter().map(|k| !matches!(axes[*k], Axis::Motions { .. })).collect();
     let differs: Vec<bool> = (0..choices.len())

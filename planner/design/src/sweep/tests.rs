@@ -150,7 +150,7 @@ fn rows(ready: &LoadedSweep, motions: &[&str], lost: &[u64]) -> Vec<Row> {
 fn two_parameters_make_maps_and_what_lies_behind_them_is_the_best() {
     let with = |more: &str| ready(&format!("{SWEEP}{more}")).unwrap();
     let axis = |values: &str| format!("[[axis]]\nparameter = \"rear_height\"\nvalues = {values}\n");
-    // Chains along the rear's two heights; two servos, three heights in front.
+    // Chains along the two heights of the rear; two servos, three heights in front.
     let ready = with(&axis("[-0.03, -0.02]"));
     let all = rows(&ready, &["car_drive"], &[2, 3]);
     let Kind::Maps { axes, at, panels } =
@@ -181,7 +181,7 @@ fn choices_alone_stand_side_by_side() {
         ("servo", vec!["XM430-W210-T".to_owned(), "AX-12A".to_owned()])
     );
     assert_eq!(series, [("car_drive".to_owned(), vec![Holds(0.0), Lost])]);
-    // Motions that not all robots have are lost nowhere; a robot that there is not is, for all of them.
+    // Motions that some robots lack are kept. A missing robot loses all its motions.
     let mut all = rows(&ready, &["car_drive"], &[]);
     all[1].motion = "car_turn".to_owned();
     let series = |all: &[Row]| match Picture::of(&ready, &all.iter().collect::<Vec<_>>(), None).kind

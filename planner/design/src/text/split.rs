@@ -76,7 +76,7 @@ fn copied(document: &mut DocumentMut, template: &str, limbs: &[String]) -> Strin
         at
     })
     .visit_item_mut(&mut copy);
-    // The tables of the template lie together, so that those of the copy fit in behind the last.
+    // The tables of the template are contiguous, so the tables of the copy fit after the last of them.
     PositionVisitor(|at| last * ROOM + 1 + at).visit_item_mut(&mut copy);
     if let Some(all) = document.get_mut("template").and_then(Item::as_table_like_mut) {
         all.insert(&name, copy);

@@ -197,7 +197,7 @@ fn another_servo_brings_its_limits_and_where_parts_are_that_servo_its_mass() {
         let motors = after.joints.iter().map(|joint| &joint.actuator);
         let wheels = after.end_effectors.iter().filter_map(|of| of.contact.actuator());
         let motor = motors.chain(wheels).find(|motor| motor.model == name).unwrap();
-        // A wheel may use more of the speed without load.
+        // A wheel may use more of the no-load speed.
         let speed_max_rad_s = match actuator {
             "xm540" => servo.speed_max_rad_s,
             _ => servo.wheel_speed_max_rad_s(),
@@ -205,7 +205,7 @@ fn another_servo_brings_its_limits_and_where_parts_are_that_servo_its_mass() {
         assert_eq!(motor.speed_max_rad_s, speed_max_rad_s);
         assert!(text.to_string().contains("# hip pitch servo XM540: e-manual"), "comments stay");
     }
-    // Nothing says which part it is.
+    // Nothing determines the part.
     let mut text = RobotText::new(&AGILEBOT.replace(", actuator = \"xm540\" }", " }")).unwrap();
     text.set_servo("xm540", catalog.get("MX-64AT").unwrap());
     assert!(text.parts_of("xm540").is_empty());

@@ -118,7 +118,7 @@ fn results_are_multiples_of_what_can_be_made() {
     let designed = legs(&["motions/trot.toml"]);
     let rounded = designed.rounded(&[0.12349, 0.0899999, 0.16, 0.1, 0.0704, 0.19]);
     assert_eq!(rounded, [0.123, 0.09, 0.16, 0.1, 0.07, 0.19]);
-    // Others around, the nearest first: the first two parameters are between multiples.
+    // Other rounded designs, the nearest first. The first two parameters are between multiples.
     let others = designed.roundings(&[0.1234, 0.1003, 0.16, 0.1, 0.07, 0.19]);
     let two: Vec<[f64; 2]> = others.iter().map(|values| [values[0], values[1]]).collect();
     assert_eq!(two, [[0.123, 0.1], [0.124, 0.1], [0.123, 0.101], [0.124, 0.101]]);
@@ -160,10 +160,10 @@ fn designs_that_can_be_made_are_within_their_bounds_or_say_by_how_much_they_are_
         (made.variant.values[1], kept[0].clone())
     };
     let mut beyond = beyond;
-    // What is predicted to be better comes first, though it is further away.
+    // The design with the better prediction comes first, although it is further away.
     let (longer, kept) = beyond(10.0);
     assert!((longer - 0.131).abs() < 1e-12 && kept.is_within());
-    // A bound between the two decides.
+    // A bound between both values decides.
     let (either, kept) = beyond(0.5);
     assert!(!kept.is_within() && kept.excess() > 1.0, "{kept:?}");
     let torques = [0.13, 0.131].map(|length| {
@@ -226,7 +226,7 @@ fn prices_say_what_a_stronger_servo_is_worth() {
     let motions = around.motions(0, &solution.plan.motion);
     let parameters = [around.of_motion(&motions)];
     let (_, slopes) = &optimal.gradients(&[Objective::PlanCost], &parameters).unwrap()[0];
-    // Inside the band of a limit a multiplier is part smoothing.
+    // Inside the band of a limit, the multiplier is partly due to smoothing.
     let ratio = torque.per_unit / slopes[0];
     assert!((0.8..1.25).contains(&ratio), "{ratio}: {prices:?}");
 }

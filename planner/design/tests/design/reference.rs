@@ -71,7 +71,7 @@ fn predictions_of_two_centimetres_take_few_iterations_and_their_error_falls_with
             norm((0..after.len()).map(|k| after[k] - before[k] - by_m * predicted[k]))
         };
         let [coarse, fine] = [0.02, 0.01].map(error);
-        // A quarter, but for terms of third order.
+        // A quarter except for third-order terms.
         assert!((2.5..6.5).contains(&(coarse / fine)), "{motion}: {coarse} and {fine}");
     }
 }

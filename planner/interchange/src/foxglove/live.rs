@@ -115,7 +115,7 @@ impl LiveServer {
         let measured = Channel::offer("/joint_states", &shared, &mut offers);
         let planned = Channel::offer("/planned_joint_states", &shared, &mut offers);
         let forces = Channel::offer("/forces", &shared, &mut offers);
-        // Clients distinguish a restarted server by it.
+        // Clients use it to detect a restarted server.
         let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let greeting = first_messages(robot, &started.as_millis().to_string(), &offers);
         let server = Server {
@@ -267,7 +267,7 @@ fn exchange(
         }
     }
     for _ in 0..ROUND_MAX {
-        // A message is taken only when the one before has left, so that none piles up in the socket.
+        // A message is taken only after the previous message was sent, so that no queue grows in the socket.
         if would_block(socket.flush())?.is_none() {
             break;
         }

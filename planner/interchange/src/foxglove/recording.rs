@@ -87,7 +87,7 @@ struct File {
 impl File {
     fn new() -> McapResult<Self> {
         let library = concat!("rollwalk ", env!("CARGO_PKG_VERSION"));
-        // Without compression every reader can read it, and a plan is small.
+        // Without compression, because every reader can read that, and a plan is small.
         let options = WriteOptions::new().compression(None).library(library);
         Ok(Self { writer: options.create(Cursor::new(Vec::new()))?, sequence: 0 })
     }

@@ -64,7 +64,7 @@ pub fn keyframes(plan: &Plan, rate: Rate) -> Vec<Keyframe> {
     let mut whole = WholeBody::new(plan);
     let frame = |(number, time_s): (usize, f64)| {
         let state = whole.at(time_s, &Isometry3::identity()).state;
-        // What comes after the end of a motion that repeats are the setpoints of its beginning.
+        // After the end of a periodic motion, its first set-points follow.
         let (setpoints, torques_nm) = whole.setpoints(time_s);
         let sample = spline.sample(time_s);
         let feet = sample.end_effectors.iter();

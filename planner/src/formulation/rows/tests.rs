@@ -28,7 +28,7 @@ fn row(
     out.set(2.0, Role::Equality);
     write(&mut out);
     out.row(6.0);
-    // Nothing of a row is left for the next one.
+    // The previous row leaves nothing for the next row.
     out.row(0.0);
     let (rows, _) = out.finish();
     assert_eq!(rows.rows.len(), 2);
@@ -56,7 +56,7 @@ fn rows_with_a_known_pattern_are_those_without() {
                 assert_eq!((&rows.rows, &rows.values), (&expected.rows, &expected.values));
                 assert_eq!((&rows.givens, &rows.columns), (&expected.givens, &expected.columns));
                 for (found, expected) in rows.derivatives.iter().zip(&expected.derivatives) {
-                    // Sums in another order: a few roundings of terms of the size of a stiff row's.
+                    // Sums in another order differ by a few roundings of terms as large as those of a stiff row.
                     assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()) * 1e3);
                 }
             }
@@ -75,7 +75,7 @@ fn values_and_derivatives_apart_are_those_together_for_rows_that_count() {
         let (mut counting, mut others) = (0, 0);
         for seed in [2, 3] {
             let together = system.rows(&at(seed), Rows::default());
-            // Some inequalities count by their multipliers alone.
+            // Some inequalities count only because of their multipliers.
             let shifts: Vec<f64> =
                 (0..together.rows.len()).map(|k| if k % 7 == 0 { 0.5 } else { 0.0 }).collect();
             apart = system.values(&at(seed), apart);
@@ -153,7 +153,7 @@ fn derivatives_are_scaled_added_up_and_kept_when_zero() {
 fn samples_of_one_slot_meet_in_one_column() {
     let problem = problem(Ends::AtRest);
     let columns = Columns::new(&problem);
-    // At rest the sample before the first is the first: −2q + q₋ + q₊ has two of three in one column.
+    // At rest, the sample before the first is the first: −2q + q₋ + q₊ has two of three terms in one column.
     let (_, entries) = row(&problem, [0, 1, 2], |out| {
         out.d(0, JOINTS, 1.0);
         out.d(1, JOINTS, -2.0);
@@ -247,7 +247,7 @@ fn another_structure_is_noticed() {
     };
     let before = problem(robot, &motion);
     assert!(again(&before, &before, 0.0).is_some());
-    // Another end, another foot in the air, one row less.
+    // Another end, another foot in the air, and one row less.
     let at_rest = test_robots::motion(robot, Ends::AtRest);
     assert!(again(&before, &problem(robot, &at_rest), 0.0).is_none());
     let mut steps = motion.clone();
@@ -256,7 +256,7 @@ fn another_structure_is_noticed() {
     let mut anywhere = motion.clone();
     anywhere.goal.turn_rad = None;
     assert!(again(&before, &problem(robot, &anywhere), 0.0).is_none());
-    // The same rows, which depend on other joints.
+    // The same rows depend on other joints.
     let mut moved = robot.clone();
     moved.end_effectors[0].link = moved.joints[0].child;
     let moved = problem(&moved, &motion);

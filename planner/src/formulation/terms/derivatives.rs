@@ -26,7 +26,7 @@ fn check(problem: &Problem, unknowns: &Unknowns, seen: &mut [usize]) {
     let base = rows_at(unknowns);
     let mut dense = vec![vec![0.0; columns.count]; base.rows.len()];
     for (row, dense) in base.rows.iter().zip(&mut dense) {
-        // A row without a derivative, as those of clearances where there is room, checks nothing.
+        // A row without a derivative, such as a satisfied clearance, checks nothing.
         let counts = base.derivatives[row.entries.clone()].iter().any(|d| *d != 0.0);
         seen[row.family as usize] += usize::from(counts);
         for entry in row.entries.clone() {
@@ -149,7 +149,7 @@ fn no_row_changes_where_ground_and_robot_are_higher() {
         let (low, high) = (rows(0.0), rows(UP_M));
         assert_eq!(low.columns, high.columns);
         for ((row, low), high) in low.iter().zip(&high.values) {
-            // Both round differently.
+            // Both results have different rounding.
             let error = (low - high).abs() / low.abs().max(1.0);
             assert!(error < 1e-9, "{} of {}: {low} {high}", row.family, robot.name);
         }

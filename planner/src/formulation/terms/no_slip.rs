@@ -120,7 +120,7 @@ impl Term for LiftOffSlip {
     }
 
     fn write(&self, window: &Window, out: &mut RowWriter) {
-        // One interval for each lift-off: the weight is not for a time.
+        // One interval for each lift-off, so the weight is not multiplied by a duration.
         out.set(1.0, Role::Cost { weight: window.problem.weights.lift_off_slip });
         for j in 0..window.problem.layout.end_effectors.len() {
             if matches!(ends(window, j), StanceEnds::One) && !glides(window, j) {
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_foot_rolls_forward_as_it_pitches_and_to_the_right_as_it_rolls() {
         let radius_m = test_robots::all()[0].end_effectors[0].radius_m;
-        // Pitch and roll together turn about a slightly other axis: their product up to 0.5 s.
+        // Pitch and roll together rotate about a slightly different axis: by their product up to 0.5 s.
         let coupled = radius_m * 0.3 * 0.2 * 0.5;
         assert!(worst(0.3 * radius_m, -0.2 * radius_m) < coupled);
         let still = worst(0.0, 0.0);

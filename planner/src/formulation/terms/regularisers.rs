@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn costs_belong_to_the_motion_not_to_its_samples() {
         let (coarse, fine) = (cost(24), cost(96));
-        // Differences against derivatives of a sine: second order in π/24, under 2 % at 24 samples.
+        // Differences compared with derivatives of a sine: second order in π/24, below 2 % at 24 samples.
         assert!((coarse / fine - 1.0).abs() < 0.02, "{coarse} {fine}");
     }
 }

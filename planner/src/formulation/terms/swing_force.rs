@@ -18,7 +18,7 @@ impl Term for SwingForce {
             if window.stance(1, j) {
                 continue;
             }
-            // Not zero while the warm start unloads the feet.
+            // The force is not zero while the warm start unloads the feet.
             let kept = window.swing_force_n.get(window.at[1]).map(|forces| forces[j]);
             let wanted = kept.unwrap_or_default();
             for c in 0..3 {

@@ -52,7 +52,7 @@ fn edits_one_after_the_other_end_where_plans_without_anything_kept_do() {
             assert!(solve.status == Status::Converged && solve.worst_level <= target, "{file}");
             let anew = last.replan(&edited, &motion, &options(), &mut on).unwrap().plan;
             assert!(solve.iterations <= anew.solve.iterations, "{file}");
-            // The thousandth at which iterations end, and the tail that each of them leaves.
+            // A thousandth, at which iterations end, and the error that each of both plans leaves.
             let (cost, anew) = (cost(&plan), cost(&anew));
             assert!((cost - anew).abs() < 2e-3 * anew, "{file} {by_m}: {cost} {anew}");
         }
@@ -71,7 +71,7 @@ fn an_edit_of_which_the_quadratic_model_is_right_takes_one_iteration() {
     let edited = longer(&robot, 0.002);
     let plan = editing.replan(&edited, &motion, &mut on).unwrap().plan;
     assert!(plan.solve.status == Status::Converged && plan.solve.iterations == 1);
-    // Costs change by less than they may if it goes on.
+    // Further iterations change the costs by less than the tolerance.
     let mut on_from = Editing::new(editing.last().clone(), &tighter);
     let further = on_from.replan(&edited, &motion, &mut on).unwrap().plan;
     let (ended, further) = (cost(&plan), cost(&further));

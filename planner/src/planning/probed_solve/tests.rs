@@ -39,7 +39,7 @@ fn solved(settings: &Settings) -> (SolveOutcome, Vec<f64>) {
 #[test]
 fn multipliers_meet_constraints_that_the_penalty_alone_does_not() {
     let settings = Settings::default();
-    // Any level will do: the solve ends before the first shift of multipliers.
+    // The level does not matter, because the solve ends before the first shift of multipliers.
     let (penalty, _) = solved(&Settings { target_level: f64::INFINITY, ..settings.clone() });
     assert!(penalty.worst_level > 10.0 * settings.target_level, "{penalty:?}");
     let (exact, _) = solved(&settings);
@@ -49,7 +49,7 @@ fn multipliers_meet_constraints_that_the_penalty_alone_does_not() {
 
 #[test]
 fn the_energy_never_rises_while_multipliers_stay() {
-    // Never flat: no shifts.
+    // Never flat, so multipliers do not shift.
     let settings = Settings { flat: 0.0, nearly_flat: 0.0, iterations: 20, ..Settings::default() };
     let (_, energies) = solved(&settings);
     assert_eq!(energies.len(), 20);
@@ -89,8 +89,8 @@ fn methods_agree_on_the_optimum() {
     assert!(relative < 1e-6, "{filtered:?} {exact:?}"); // both end flat to 1e-8 a step
     let (_, at_multipliers) = solved(Method::GaussNewton);
     let scale = &problem.layout.scale;
-    // The same energy ends at the same point. The penalty gives way to costs a little where
-    // multipliers do not; nothing but a weak cost holds wheel speeds after the last interval.
+    // The same energy ends at the same point. The penalty compromises a little with the costs, the multipliers do not. Only a
+    // weak cost determines wheel speeds after the last interval.
     for (a, b, tolerance) in [(&at_filtered, &at_exact, 1e-6), (&at_multipliers, &at_exact, 1e-3)] {
         for (slot, (a, b)) in a.slots.iter().zip(&b.slots).enumerate() {
             let mut apart = (a - b).component_div(scale);

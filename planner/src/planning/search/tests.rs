@@ -57,7 +57,7 @@ fn the_first_in_order_wins_with_any_number_of_threads() {
         (&[Failed, Failed, Hopeless, Decided], 3),
         (&[Failed, Failed, Failed], 0),
         (&[Decided], 0),
-        // One start that sees no way is not enough, two are, whatever comes after them: the first tells why.
+        // One hopeless start is not enough, two are, independent of the others. The first gives the reason.
         (&[Hopeless, Decided, Decided], 1),
         (&[Hopeless, Failed, Decided], 2),
         (&[Hopeless, Hopeless, Decided], 0),
@@ -115,7 +115,7 @@ fn on_one_thread_none_is_begun_after_the_winner() {
 fn an_interrupt_ends_the_race_even_when_those_behind_have_failed() {
     for workers in 1..4 {
         let later_have_failed = AtomicUsize::new(0);
-        // Presses Ctrl-C when only the first candidate is left, as far as there are threads for others.
+        // Simulates Ctrl-C when only the first candidate remains, if there are threads for others.
         let interrupt = |_: &Progress| {
             let wait = workers > 1 && later_have_failed.load(Ordering::SeqCst) < 2;
             if wait { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }

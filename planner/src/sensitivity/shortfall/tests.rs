@@ -70,7 +70,7 @@ fn compare(motion: &Motion, made: fn(f64) -> Robot, lengths: [f64; 2]) -> Shortf
         let best = near[k] + (near[k] - far[k]) / 3.0;
         assert!((found / best - 1.0).abs() < 1e-4, "{}: {k}: {found} {best}", motion.name);
     }
-    // How the point moves.
+    // Change of the point.
     let by = lengths[0];
     let [ahead, behind] = [at(by), at(-by)].map(|there| there.unknowns);
     let scale = &short.problem.layout.scale;
@@ -93,7 +93,7 @@ fn the_tilted_car_falls_short_by_what_differences_say() {
     let robot = car(0.0);
     let drive = motion("car_drive", &robot);
     let short = compare(&drive, car, [1e-4, 2e-4]);
-    // Which constraint is to blame.
+    // Constraints to blame.
     let diagnosis = short.diagnosis().unwrap();
     let [goal, contact] = [0, 1].map(|k| &diagnosis.culprits[k]);
     assert_eq!((goal.constraint, goal.would_do), (Family::DisplacementGoal, None), "{diagnosis}");
@@ -103,7 +103,7 @@ fn the_tilted_car_falls_short_by_what_differences_say() {
     assert_eq!(short.levels()[&Family::ContactPoint], short.worst().1);
     let plan = short.plan();
     assert_eq!((plan.solve.status, plan.solve.diagnosis), (Status::Infeasible, Some(diagnosis)));
-    // With the wheels on the ground it can drive: little is left, and pressing leaves hardly anything.
+    // With the wheels on the ground the car can drive. Little remains, and more weight reduces it hardly.
     let repaired = car(-0.05 * (1.0 - FRAC_1_SQRT_2));
     let design = Design { robot: &repaired, motion: &drive };
     let there = short.of_neighbour(design, &[], &mut on).unwrap();
@@ -139,7 +139,7 @@ fn swizzling_wheels(by_m: f64) -> Robot {
 fn a_motion_without_a_clock_falls_short_by_what_differences_say() {
     let mut swizzle = motion("swizzlebot_forward", &swizzling_wheels(0.0));
     swizzle.goal.forward_m = Some(8.0);
-    // The energy depends on the time shift, which is pinned, by the error of the discretisation.
+    // The energy depends on the pinned time shift by the error of the discretisation.
     swizzle.stance = vec![swizzle.stance[0].clone(); 48];
     let options = Options { start: Start::Sinusoid, ..options() };
     let plan = optimise(&swizzling_wheels(0.0), &swizzle, &options, &mut on);

@@ -27,7 +27,7 @@ impl Locals {
     pub fn new(rows: &Rows, columns: &Columns) -> Self {
         let place = column_variables(columns);
         let variables = columns.of_slot.iter().map(Vec::len).max().unwrap_or(0);
-        // Sets of variables, as bits: those that share a row with a variable of another slot.
+        // Sets of variables as bits: variables that share a row with a variable of another slot.
         let words = variables.div_ceil(64);
         let mut across = vec![0u64; variables * words];
         // Slots of the present row, and the set of its variables in each of them.
@@ -141,7 +141,7 @@ pub(super) fn fronts(
     groups: &[Vec<usize>],
     position: &[usize],
 ) -> Vec<Front> {
-    // A row couples all its columns: once the first is eliminated, what it leaves couples the others.
+    // A row couples all its columns: after the first is eliminated, the update couples the others.
     let mut group_of = Vec::with_capacity(position.len());
     for (index, group) in groups.iter().enumerate() {
         group_of.resize(group_of.len() + group.len(), index);

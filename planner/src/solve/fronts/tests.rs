@@ -132,7 +132,7 @@ proptest! {
         let error = (DVector::from_vec(solution) - &wanted).norm();
         prop_assert!(error < 1e-10 * wanted.norm(), "{error}");
 
-        // A matrix that is not positive definite is refused, and the next one is factorised all the same.
+        // A matrix that is not positive definite is refused, and the next matrix is factorised nevertheless.
         prop_assert!(fronts.factorise(&panels, -1e3).is_none());
         prop_assert!(fronts.factorise(&panels, damping).is_some());
         let mut again: Vec<f64> = right.iter().copied().collect();

@@ -68,7 +68,7 @@ fn dense(rows: &Rows, shifts: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
 fn gradient_matrix_and_step_are_those_of_dense_algebra() {
     let pattern = random_rows(1).0;
     let mut normal = NormalEquations::new(&pattern, &slots(COLUMNS));
-    // The pattern of the first point serves every other.
+    // The pattern of the first point serves all others.
     for seed in [1, 2, 3] {
         let (rows, shifts) = random_rows(seed);
         normal.assemble(&rows, &shifts, PENALTY);
@@ -92,7 +92,7 @@ fn gradient_matrix_and_step_are_those_of_dense_algebra() {
             // The condition number, below 1e6 here, multiplies the rounding.
             assert!((&step - &wanted).norm() < 1e6 * ROUNDING * wanted.norm());
 
-            // E(0) − E(step) of the quadratic model, whose damping is not part of it.
+            // E(0) − E(step) of the quadratic model without damping.
             let model = -gradient.dot(&step) - 0.5 * step.dot(&(&matrix * &step));
             let promised = normal.promised_decrease(step.as_slice(), damping);
             assert!((promised - model).abs() < 1e6 * ROUNDING * model.abs(), "{promised} {model}");

@@ -23,7 +23,7 @@ impl Units {
         // Number of rows of each unit, and the unit of each row.
         let mut counts: Vec<u32> = Vec::with_capacity(rows.rows.len());
         let mut unit_of: Vec<u32> = Vec::with_capacity(rows.rows.len());
-        // Units of the present family, sample and part that may grow.
+        // Units of the present family, sample and part that may still grow.
         let mut open: Vec<Unit> = Vec::new();
         let mut before = None;
         for row in rows.rows.iter() {

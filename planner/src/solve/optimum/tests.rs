@@ -91,7 +91,7 @@ fn an_equality_holds_and_its_optimum_moves_as_the_exact_one() {
     let change = optimum.change(&by_p, Curvature::Full).unwrap();
     near(change.unknowns[0], 0.177_423_09);
     near(change.unknowns[1], 0.238_711_55);
-    // The cost changes by −λ, by the change and by the adjoint.
+    // The cost changes by −λ, both by the change and by the adjoint.
     let slope = [2.0 * (at[0] - 1.0), 2.0 * (at[1] - 2.0)];
     near(dot(&slope, &change.unknowns), -0.921_164_610);
     let adjoint = optimum.adjoint(&slope, Curvature::Full).unwrap();
@@ -111,14 +111,14 @@ fn an_inequality_that_pushes_stays_inside_its_band() {
     // Closed form: −(√ε − √s)².
     near(at, -0.152_786_405);
     near(optimum.shifts()[1], 0.1);
-    // ∂G/∂p = −2, ∂Φ/∂p = 0. The constrained optimum would not move at all.
+    // ∂G/∂p = −2, ∂Φ/∂p = 0. The constrained optimum would not move.
     let by_p = Conditions { gradient: vec![-2.0], fixed_point: vec![0.0; 2] };
     near(optimum.change(&by_p, Curvature::Full).unwrap().unknowns[0], 0.552_786_405);
 }
 
 #[test]
 fn a_saddle_is_none_and_has_an_estimate() {
-    // x² − y² + 2·10⁻⁷(x² + y²), the former as the curvature of a constraint that is 0 at the origin, with a multiplier.
+    // x² − y² + 2·10⁻⁷(x² + y²). The first part is the curvature of a constraint that is 0 at the origin and has a multiplier.
     let roles = [Role::Equality, Role::Cost { weight: 1e-7 }, Role::Cost { weight: 1e-7 }];
     let rows = |m: &[f64]| {
         vec![
@@ -131,7 +131,7 @@ fn a_saddle_is_none_and_has_an_estimate() {
     let optimum = Optimum::near(&toy, vec![0.5, 0.0, 0.0], None).unwrap();
     let by_p = Conditions { gradient: vec![0.0, 1.0], fixed_point: vec![0.0; 3] };
     assert_eq!(optimum.change(&by_p, Curvature::Full), Err(NoOptimum::Saddle));
-    // What Gauss and Newton keep: 2·10⁻⁷ along y.
+    // The Gauss-Newton matrix keeps 2·10⁻⁷ along y.
     let estimate = optimum.change(&by_p, Curvature::GaussNewton).unwrap();
     assert!((estimate.unknowns[1] * 2e-7 + 1.0).abs() < 1e-6, "{:?}", estimate.unknowns);
 }

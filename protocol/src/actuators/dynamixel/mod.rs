@@ -237,8 +237,8 @@ impl Dynamixel {
         let position = |rad| self.goal_position(rad).ok_or(Refusal::OutOfRange("position"));
         let velocity = |rad_s| self.goal_velocity(rad_s).ok_or(Refusal::OutOfRange("speed"));
         let enable = |address, goal| {
-            // A watchdog that has expired has to be cleared before goals can be written. The goal is
-            // there before torque is.
+            // An expired watchdog must be cleared before goals can be written. The goal is written before torque is switched
+            // on.
             Vec::from_array([
                 Write::byte(table::BUS_WATCHDOG, 0),
                 Write { address, data: goal },
@@ -274,7 +274,7 @@ impl Dynamixel {
             Command::Limits { speed_rad_s, torque_nm } => {
                 let positive = |x: f32| x > 0.0;
                 let speed = velocity(speed_rad_s)?;
-                // 0 steps would be no limit.
+                // 0 steps would mean no limit.
                 if !positive(speed_rad_s) || speed == [0; 4] {
                     return Err(Refusal::OutOfRange("speed"));
                 }
@@ -381,7 +381,7 @@ impl Codec for Dynamixel {
         for orders in orders.chunks(MAX_CHANNELS) {
             let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
             for order in orders {
-                // Checked above, and chunks are as large as there is room.
+                // Checked above, and chunks have at most as many orders as fit.
                 let _ = all.push((order.id, self.writes(order).unwrap_or_default()));
             }
             for step in 0..4 {
@@ -416,7 +416,7 @@ impl Codec for Dynamixel {
         const fn packet(parameters: u32) -> u32 {
             10 + parameters + parameters / 3
         }
-        // Of 4 + 5 n and 4 + n parameters a third is 2 + 2 n, rounded down one by one as well.
+        // Of 4 + 5 n and 4 + n parameters, a third is 2 + 2 n, also if both are rounded down separately.
         const ONCE: u32 = 2 * (10 + 4) + 2;
         const EACH: u32 = 5 + 1 + 2 + packet(1 + PRESENT_BYTES as u32);
         if self.reads_fast && actuators <= MAX_PARTS as u32 {

@@ -111,7 +111,7 @@ pub fn next(
     if is_silent && buffer.bytes().is_empty() {
         buffer.parts = None;
     }
-    // Every turn takes bytes away, or ends a packet of parts, whose beginning was taken before.
+    // Every turn removes bytes, or ends a packet of parts whose beginning was removed before.
     while !buffer.bytes().is_empty() {
         if buffer.parts.is_none() {
             buffer.drop_front(header_at(buffer.bytes()));
@@ -130,7 +130,7 @@ pub fn next(
                 if buffer.parts.is_some() && !is_silent {
                     return None;
                 }
-                // What is there begins in the middle of a packet.
+                // The bytes begin in the middle of a packet.
                 buffer.parts = None;
                 continue;
             }
@@ -233,7 +233,7 @@ fn message(packet: &[u8]) -> Option<Message> {
     while let Some(byte) = bytes.next() {
         message.parameters.push(byte).ok()?;
         if (before_last, last, byte) == (0xFF, 0xFF, 0xFD) {
-            // The stuffing. Anything else there was not put there by Protocol 2.0.
+            // Stuffing. Protocol 2.0 writes no other byte here.
             if bytes.next() != Some(0xFD) {
                 return None;
             }

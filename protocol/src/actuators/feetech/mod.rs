@@ -123,11 +123,11 @@ impl Feetech {
         let all = |writes: &[Write]| Vec::from_slice(writes).unwrap_or_default();
         let on = Write::byte(SWITCH, 1);
         Ok(match order.command {
-            // Torque off is also what ends an overload.
+            // Torque off also ends an overload.
             Command::Disable | Command::ClearFaults => all(&[Write::byte(SWITCH, 0)]),
             Command::EnableJoint { measured_rad } => {
                 let [p0, p1] = position(measured_rad)?;
-                // The speed of a goal's way there has no other limit than the motor: the setpoints have one.
+                // On the way to a goal, only the motor limits the speed, but set-points are limited.
                 let [v0, v1] = steps(self.model.max_velocity);
                 all(&[Write { range: MOTION, data: [0, p0, p1, 0, 0, v0, v1] }, on])
             }
@@ -137,7 +137,7 @@ impl Feetech {
             Command::Query => Vec::new(),
             Command::QueryReadings => return Err(Refusal::Unsupported("readings")),
             Command::Limits { speed_rad_s, torque_nm } => {
-                // Not sent: for a wheel it would be a goal.
+                // The speed is checked, but not sent, because for a wheel it would be a goal.
                 velocity(speed_rad_s)?;
                 let limit = self.torque_limit(torque_nm).ok_or(Refusal::OutOfRange("torque"))?;
                 all(&[Write::word(LIMIT, limit)])
@@ -234,7 +234,7 @@ impl Codec for Feetech {
         for orders in orders.chunks(MAX_CHANNELS) {
             let mut all = Vec::<(u8, Writes), MAX_CHANNELS>::new();
             for order in orders {
-                // Checked above, and chunks are as large as there is room.
+                // Checked above, and chunks have at most as many orders as fit.
                 let _ = all.push((order.id, self.writes(order).unwrap_or_default()));
             }
             for step in 0..3 {
@@ -265,7 +265,7 @@ impl Codec for Feetech {
 
     /// Counts the sync writes of joints and wheels, a sync read, and an answer of each servo.
     fn traffic(&self, actuators: u32) -> Traffic {
-        // Around parameters and around data.
+        // Overhead of a packet with parameters, and of an answer with data.
         const PACKET: u32 = 8;
         const ANSWER: u32 = 6 + ANSWER_BYTES as u32;
         polled(actuators, 3 * PACKET, 3 + 1 + ANSWER, self.return_delay_us)

@@ -54,7 +54,7 @@ pub struct Answer {
 /// followed by an impossible length is rejected, since an 8-bit checksum alone would sometimes accept it. An incomplete packet
 /// stays in the buffer, unless the line `is_silent`: then the rest is not coming.
 pub fn take(buffer: &mut ReceiveBuffer, is_silent: bool) -> Option<Answer> {
-    // Every turn takes bytes away.
+    // Every turn removes bytes.
     while !buffer.bytes().is_empty() {
         let length = match *buffer.bytes() {
             [0xFF, 0xFF, BROADCAST, length, ..] if length > 2 => length,

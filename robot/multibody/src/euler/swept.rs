@@ -69,7 +69,7 @@ impl Model {
         d_to.clear();
         let robot = self.robot();
         let center = |pose: &Pose, l: usize| pose.frames.link_com(self.tree(), l);
-        // Positions from the centre of mass, so that numbers stay small far from the origin.
+        // Positions relative to the centre of mass, so that numbers stay small far from the origin.
         carried.clear();
         carried.extend((0..robot.links.len()).map(|l| {
             let (p, next) = (center(from, l) - from.com, center(to, l) - to.com);
@@ -92,9 +92,8 @@ impl SweptMoment {
             return;
         }
         let Self { d_from, d_to, carried: sums, .. } = self;
-        // A turn w about o moves a point at one end by w × (r − o). The first moment Σ m r of the whole robot about its
-        // centre of mass is zero, so that a turn of the whole needs no origin and the motion of the centre of mass
-        // drops out.
+        // A rotation w about o moves a point at one end by w × (r − o). The first moment Σ m r of the robot about its centre of
+        // mass is zero, so a rotation of the whole robot needs no origin, and the motion of the centre of mass cancels.
         d_from.reserve_exact(model.dofs() - 3);
         d_to.reserve_exact(model.dofs() - 3);
         d_from.extend(from.base_axes.iter().map(|w| turned_first(&sums[0], w)));

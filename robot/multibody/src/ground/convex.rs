@@ -38,7 +38,7 @@ impl Ground for Convex {
     fn at(&self, point: &Vector3<f64>) -> Surface {
         let at = Flat::new(point.x, point.z);
         let (first, last) = (self.corners[0], self.corners[self.corners.len() - 1]);
-        // A point of each part of the line, its direction, and how far it goes back and ahead from that point.
+        // A point of each part of the line, its direction, and its extent backward and forward.
         let ends = [
             (first, self.ends[0], f64::NEG_INFINITY, 0.0),
             (last, self.ends[1], 0.0, f64::INFINITY),
@@ -58,7 +58,7 @@ impl Ground for Convex {
                 let up = Flat::new(-along.y, along.x);
                 in_plane(up.dot(&away), &up, &Matrix2::zeros())
             } else {
-                // What is nearest to a corner of a convex solid is outside of it.
+                // A point nearest to a corner of a convex solid is outside the solid.
                 let normal = away / distance;
                 let bend = (Matrix2::identity() - normal * normal.transpose()) / distance;
                 in_plane(distance, &normal, &bend)

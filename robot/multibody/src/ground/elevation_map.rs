@@ -97,7 +97,7 @@ mod tests {
         let level = ElevationMap::default();
         assert_eq!(level.height_above_m(&point), point.z);
         assert_eq!(level.distance(&point), (point.z, Vector3::z()));
-        // To the sign of its zeros.
+        // Equal including the sign of zeros.
         let normal = level.at(&point).normal();
         assert_eq!(normal.map(f64::to_bits), Vector3::z().map(f64::to_bits));
     }

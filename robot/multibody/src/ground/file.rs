@@ -229,7 +229,7 @@ mod tests {
 
     fn height_at(text: &str, x: f64, y: f64) -> f64 {
         let ground = from_toml("test.toml", text).unwrap_or_else(|error| panic!("{error}"));
-        // Down along the vertical.
+        // Downwards along the vertical.
         let mut z = 0.0;
         for _ in 0..60 {
             let surface = ground.at(&Vector3::new(x, y, z));

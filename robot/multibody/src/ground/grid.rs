@@ -80,7 +80,7 @@ impl Ground for Grid {
         if beyond == Vector3::zeros() {
             return surface;
         }
-        // Distance from the point of the solid that is nearest to where the lattice ends, so that gap and normal go on
+        // Distance from the solid's point that is nearest to the end of the lattice, so that gap and normal are continuous
         // across its boundary.
         let Surface { gap_m, gradient, normal, curvature } = surface;
         let from_solid = beyond + normal * gap_m;
@@ -148,7 +148,7 @@ mod tests {
             let order = (coarse[k] / fine[k]).log2();
             assert!(order > least, "{k}: order {order}, errors {} and {}", coarse[k], fine[k]);
         }
-        // A tenth of a per cent of the radius on cells of a sixteenth.
+        // 0.1 % of the radius with cells of a sixteenth.
         assert!(fine[0] < 1e-4, "{}", fine[0]);
     }
 

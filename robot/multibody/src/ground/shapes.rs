@@ -49,7 +49,7 @@ pub struct Sphere {
 /// Surface of a thin object, such as a point or a line. `from_nearest` is the vector from its nearest point. `free` projects
 /// onto the directions in which the nearest point does not follow.
 fn distance(from_nearest: &Vector3<f64>, free: &Matrix3<f64>) -> Surface {
-    // At the thing itself any direction is out.
+    // At the curve itself, any direction leads out.
     let gap_m = from_nearest.norm().max(f64::MIN_POSITIVE);
     let normal = from_nearest / gap_m;
     Surface::exact(gap_m, normal, (free - normal * normal.transpose()) / gap_m)
@@ -112,13 +112,13 @@ impl Ground for Cuboid {
         let over = inside.abs() - self.half_m;
         let sign = inside.map(f64::signum);
         let surface = if over.max() <= 0.0 {
-            // The nearest face is the way out.
+            // The shortest way out is through the nearest face.
             let face = over.imax();
             let mut normal = Vector3::zeros();
             normal[face] = sign[face];
             Surface::exact(over[face], normal, Matrix3::zeros())
         } else {
-            // Nearest to a face, an edge or a corner: only what is over counts.
+            // Nearest to a face, an edge or a corner: only coordinates outside the box count.
             let from_nearest = over.map(|part| part.max(0.0)).component_mul(&sign);
             let free = Matrix3::from_diagonal(&over.map(|part| f64::from(u8::from(part > 0.0))));
             distance(&from_nearest, &free)

@@ -107,7 +107,7 @@ impl<const N: usize> Lattice<N> {
         let (mut stride, mut line) = (1, Vec::new());
         for count in counts {
             for first in 0..coefficients.len() {
-                // Where a line along the axis begins. Lines beyond the samples along later axes are 0, and stay so.
+                // Start of a line along the axis. Lines beyond the samples of later axes are 0, and remain 0.
                 if (first / stride).is_multiple_of(count) {
                     line.clear();
                     line.extend((0..count).map(|k| coefficients[first + stride * k]));

@@ -108,7 +108,7 @@ impl Ground for Profile {
         let at = Flat::new(point.x, point.z);
         let first = Flat::from(self.corners[0]);
         let last = Flat::from(self.corners[self.corners.len() - 1]);
-        // Beginning, direction and length of all parts, the level ones to both sides included.
+        // Start, direction and length of all parts, including the level parts on both sides.
         let ends = [(first, -Flat::x(), f64::INFINITY), (last, Flat::x(), f64::INFINITY)];
         let parts = self.corners.windows(2).map(|pair| {
             let (begin, end) = (Flat::from(pair[0]), Flat::from(pair[1]));
@@ -169,7 +169,7 @@ impl HeightField {
         let at = [x_m, y_m];
         let ranges = [0, 1].map(|axis| self.lattice.range(axis));
         let within = [0, 1].map(|k| at[k].clamp(ranges[k][0], ranges[k][1]));
-        // Beyond the edge nothing changes with the coordinate.
+        // Beyond the edge, derivatives with respect to the coordinate are zero.
         let inside = [0, 1].map(|k| f64::from(u8::from(within[k] == at[k])));
         let bases = [0, 1].map(|axis| self.lattice.basis(axis, within[axis]));
         let sum = |orders| self.lattice.sum(&bases, orders);

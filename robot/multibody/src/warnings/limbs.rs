@@ -57,7 +57,7 @@ fn ends(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
                 let origin = frames.link_origins[robot.joints[joint].child];
                 let across = end.contact.axis_in_link();
                 let across = across.map(|of| frames.world_from_link[end.link] * of);
-                // A joint whose axis is not that of the wheel steers it.
+                // A joint whose axis differs from the wheel's axis steers the wheel.
                 let parallel = across.is_none_or(|across| axis.cross(&across).norm() < PARALLEL);
                 parallel && is_same(seen, &(center - origin), &axis)
             };

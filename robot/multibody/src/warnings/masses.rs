@@ -32,7 +32,7 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
     let robot = seen.tree.robot();
     let total_kg = robot.total_mass_kg();
     let links = robot.links.iter();
-    // A mass that is far too small is not seen by its share.
+    // A mass that is far too small does not count by its share.
     let counts = |link: &Link| link.mass_kg > MASS_LEAST * total_kg;
     let warning = |(index, link): (usize, &Link)| {
         let text = inertia(seen, index, link).or_else(|| density(link))?;

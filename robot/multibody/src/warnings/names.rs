@@ -52,7 +52,7 @@ fn swapped(seen: &CheckedRobot<'_>, direction: &Direction) -> Option<RobotWarnin
         .collect();
     let count = named.len() as f64;
     let middle = named.iter().map(|(_, _, at)| at).sum::<f64>() / count;
-    // Without names of both sides the middle is at the centre of mass.
+    // Without names for both sides, the middle is the centre of mass.
     let both = named.iter().any(|(_, first, _)| *first) && named.iter().any(|(_, first, _)| !first);
     let middle = if both { middle } else { seen.standing.com[direction.axis] };
     let margin = MIDDLE * seen.size_m;

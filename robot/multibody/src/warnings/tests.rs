@@ -18,7 +18,7 @@ fn robots_that_ship_raise_none() {
         let path = entry.unwrap().path();
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let Ok(text) = std::fs::read_to_string(&path) else { continue };
-        // Its wheels are tilted as far as a design can mend.
+        // The wheels are tilted as far as a design can repair.
         if path.extension().is_none_or(|of| of != "toml") || name == "car_tilted" {
             continue;
         }
@@ -213,7 +213,7 @@ fn implausible_inertias_are_counted_wherever_the_frame_is() {
 
 #[test]
 fn a_joint_that_never_moves_its_contact_is_named() {
-    // The knee turns about the line from its origin to the foot. A wheel there would be steered.
+    // The knee rotates about the line from its origin to the foot, which would steer a wheel.
     let along = ("[0.0, 1.0, 0.0] # knee", "[0.0, 0.0, 1.0]");
     let mut robot = Robot::from_toml("robot.toml", &table(&[along])).unwrap();
     robot.end_effectors.iter_mut().for_each(|end| end.contact = Contact::PointFoot);

@@ -15,7 +15,7 @@ pub(super) fn warnings(seen: &CheckedRobot<'_>) -> Vec<RobotWarning> {
         .filter_map(|end| {
             let axis = frames.world_from_link[end.link] * end.contact.axis_in_link()?;
             let center = frames.point(end.link, &end.center_in_link_m);
-            // A blade is no disc: its radius is that of its curvature.
+            // A blade is not a disc, because its radius is a radius of curvature.
             let radius_m = end.contact.blade_length_m().map_or(end.radius_m, |_| 0.0);
             Some((end.name.as_str(), center, axis, radius_m))
         })

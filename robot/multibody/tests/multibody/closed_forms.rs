@@ -120,7 +120,7 @@ fn a_spinning_wheel_resists_turning_as_a_gyroscope() {
     for k in 0..7 {
         assert!((torque[k] - expected[k]).abs() < 1e-15, "{k}: {}", torque[k]); // rounding
     }
-    // Spinning up takes the rotor along, and pushes the body the other way by the wheel alone.
+    // Accelerating the wheel includes the rotor, but only the wheel pushes the body in the other direction.
     top.accelerate(&tree, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0]);
     top.inverse_dynamics(&tree, &Vector3::zeros(), &mut torque);
     assert!((torque[6] - 10.0 * (spin_inertia + ARMATURE)).abs() < 1e-15); // rounding

@@ -20,7 +20,7 @@ fn the_contact_is_the_lowest_point_of_the_rim() {
             assert!((lever.norm() - ee.radius_m).abs() < 1e-14); // rounding
             assert!(lever.dot(&contact.axis).abs() < 1e-14); // rounding
             for turn in 1..12 {
-                // Other points: on the rim of a wheel, on the sphere of a foot.
+                // Other points: on the rim of a wheel, and on the sphere of a foot.
                 let axis = Unit::try_new(contact.axis, 0.5).unwrap_or(Vector3::x_axis());
                 let rotation = Rotation3::from_axis_angle(&axis, turn as f64 * 0.5);
                 assert!((rotation * lever - lever).dot(&state.normal) > -1e-15, "{}", ee.name);
@@ -46,7 +46,8 @@ fn the_material_point_is_the_tyre_and_its_jacobian_has_the_right_rates() {
                 out
             };
             let j = jacobian_of(state);
-            // A piece of rubber: fixed in the link but for the turn of the wheel, which is no part of `State`.
+            // A material point of the tyre: fixed in the link except for the rotation of the wheel, which is not part of
+            // `State`.
             let rotation = now.frames.world_from_link[ee.link];
             let lever_in_link = rotation.transpose() * at.lever;
             let mut expected = difference(tree, state, |frames| {
@@ -60,13 +61,13 @@ fn the_material_point_is_the_tyre_and_its_jacobian_has_the_right_rates() {
             let motion = at.motion(&now);
             assert!((&j * &nu - motion.material_velocity).norm() < 1e-12, "{what}"); // rounding
 
-            // The rate of the Jacobian that is taken anew at the lowest point: the rolling constraint.
+            // Rate of the Jacobian at the lowest point, recomputed at each time: the rolling constraint.
             let mut j_dot = Matrix3xX::zeros(tree.dofs());
             at.material_jacobian_derivative(tree, &now, &motion.geometric_velocity, &mut j_dot);
             assert_near(&j_dot, &rate(state, jacobian_of), &what);
             assert!((&j_dot * &nu - motion.rolling_acceleration).norm() < 1e-11, "{what}"); // rounding
 
-            // The rate of the Jacobian that stays with a piece of rubber.
+            // Rate of the Jacobian at a material point of the tyre.
             let rubber = |state: &State, time_s: f64| {
                 let frames = Frames::new(tree, &state.configuration());
                 let speed = tree.wheel_dof(index).map_or(0.0, |dof| state.velocity[dof]);
@@ -155,7 +156,7 @@ fn an_upright_wheel_rolls_without_slip_at_speed_over_radius() {
     };
     near(motion.material_velocity, 0.0, 0.0);
     near(motion.geometric_velocity, 0.3, 0.0);
-    // On its cycloid the rubber is pulled up by s² r; the constraint of rolling sees nothing of that.
+    // On its cycloid, the tyre accelerates upwards by s² r; the rolling constraint does not contain this.
     near(motion.material_acceleration, 0.0, 6.0f64.powi(2) * 0.05);
     near(motion.rolling_acceleration, 0.0, 0.0);
 }

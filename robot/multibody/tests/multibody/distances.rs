@@ -60,17 +60,17 @@ fn capsules_that_cross_lie_side_by_side_or_are_points() {
     };
     let x = line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.1);
     let distance = |other: &Capsule| x.distance(other).distance_m;
-    // Across at its middle, beside it, behind its end, and a sphere.
+    // Across the middle, beside the line, behind its end, and a sphere.
     assert_eq!(distance(&line([0.5, -1.0, 0.5], [0.5, 1.0, 0.5], 0.2)), 0.5 - 0.3);
     assert_eq!(distance(&line([0.2, 0.4, 0.0], [0.8, 0.4, 0.0], 0.2)), 0.4 - 0.1 - 0.2);
     assert_eq!(distance(&line([3.0, 0.0, 0.0], [4.0, 0.0, 0.0], 0.2)), 2.0 - 0.1 - 0.2);
     assert_eq!(distance(&line([0.5, 0.0, 1.0], [0.5, 0.0, 1.0], 0.25)), 1.0 - 0.1 - 0.25);
-    // Axes that cross: as deep as the radii, the way out along the common normal.
+    // Axes that cross: the depth is the sum of the radii, the way out is the common normal.
     let crossing = x.distance(&line([0.25, -1.0, 0.0], [0.25, 1.0, 0.0], 0.2));
     assert!((crossing.distance_m + 0.3).abs() < 1e-15);
     assert!(crossing.by_first.map(|by| by.xy().norm()) == [0.0; 2]);
     assert!((crossing.by_first[0].z.abs() - 0.75).abs() < 1e-15);
-    // The same capsule twice, and two that are the same point.
+    // The same capsule twice, and two capsules at the same point.
     let spot = line([1.0; 3], [1.0; 3], 0.1);
     for same in [x, spot] {
         let twice = same.distance(&same);
@@ -107,7 +107,7 @@ fn distances_are_the_least_over_both_shapes() {
         let (a, b, c) = (capsule(&mut rng), capsule(&mut rng), oriented_box(&mut rng));
         let searched = least(|s, t| (point(&a, s) - point(&b, t)).norm());
         let found = a.distance(&b).distance_m + a.radius_m + b.radius_m;
-        // A ternary search finds the place to 1e-8 only, where the distance is flat.
+        // A ternary search is accurate only to 1e-8, because the distance is flat there.
         assert!((found - searched).abs() < 1e-9, "{found} {searched} {a:?} {b:?}");
         let searched = least(|s, _| to_box(&point(&a, s), &c));
         let found = a.distance_to_box(&c).distance_m + a.radius_m;

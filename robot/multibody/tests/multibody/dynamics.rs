@@ -70,7 +70,7 @@ fn kinetic_energy_is_the_sum_over_links_and_wheels() {
                 link.mass_kg * v.norm_squared() + w.dot(&(now.frames.link_inertia(tree, l) * w));
         }
         for wheel in tree.wheels() {
-            // The wheel turns with its link and about its axis: in place of the link's share comes its own.
+            // The wheel rotates with its link and about its axis. Its own share replaces the link's.
             let speed = state.velocity[tree.wheel_dof(wheel.end_effector).unwrap()];
             let axis = now.frames.world_from_link[wheel.link] * wheel.axis_in_link;
             let carried = axis.dot(&now.angular_velocity[wheel.link]);

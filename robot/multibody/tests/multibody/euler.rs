@@ -93,7 +93,7 @@ fn the_swept_moment_is_angular_momentum_over_a_short_interval() {
         let at = |t: f64| model.pose(&(&q + &rates * t));
         let (before, here, after) = (at(-0.5 * h), at(0.0), at(0.5 * h));
         let moment = model.swept_moment(&before, &after).value / h;
-        // Momentum of every link about the centre of mass, from the rates alone.
+        // Momentum of every link about the centre of mass, only from the rates.
         let mut velocity = rates.clone();
         let omega: Vector3<f64> =
             here.base_axes.iter().zip(rates.rows(BASE_YAW, 3).iter()).map(|(w, v)| w * *v).sum();
@@ -130,7 +130,7 @@ fn derivatives_of_the_swept_moment_match_finite_differences() {
                 swept(&shifted(&q, step), &next).value - swept(&shifted(&q, -step), &next).value;
             let to =
                 swept(&q, &shifted(&next, step)).value - swept(&q, &shifted(&next, -step)).value;
-            // The base's position changes nothing.
+            // The base's position has no effect.
             let column =
                 |d: &[Vector3<f64>]| if k < BASE_YAW { Vector3::zeros() } else { d[k - BASE_YAW] };
             let size = 1.0 + exact.value.norm();

@@ -57,7 +57,7 @@ const CORNERS: [[f64; 2]; 4] = [[0.2, 0.1], [0.2, -0.1], [-0.2, 0.1], [-0.2, -0.
 
 #[test]
 fn a_table_on_bent_legs_is_as_by_hand() {
-    // Feet are behind the hips by the difference of both links.
+    // Feet are behind the hips by the difference of the two links.
     let foot_x = (SHANK_M - THIGH_M) * LEAN_RAD.sin();
     let robot = table(&CORNERS, Vector3::new(foot_x, 0.0, 0.0));
     let standing = Standing::new(&Tree::new(&robot)).unwrap();
@@ -70,14 +70,14 @@ fn a_table_on_bent_legs_is_as_by_hand() {
     for (leg, contact) in standing.contacts.iter().enumerate() {
         assert!((contact.force_n - share).abs() < 1e-6);
         assert!(contact.position.z.abs() < 1e-12);
-        // A force upward at x from an axis along +y turns about −y x f: the motor holds against it.
+        // A force upward at x, relative to an axis along +y, has the moment −y x f. The motor resists it.
         let lever = [foot_x, SHANK_M * LEAN_RAD.sin()];
         let torque = lever.map(|x| x * share);
         for (joint, torque) in torque.into_iter().enumerate() {
             let found = standing.torque_nm[2 * leg + joint];
             assert!((found - torque).abs() < 1e-6, "{found} {torque}");
         }
-        // Each joint yields by τ / kp, at its lever: Σ x² f / kp, always downward.
+        // Each joint deflects by τ / kp, with its lever: Σ x² f / kp, always downward.
         let sag = lever.iter().map(|x| x * x * share / kp).sum::<f64>();
         assert!((contact.sag_m - sag).abs() < 1e-9, "{} {sag}", contact.sag_m);
     }
@@ -95,12 +95,12 @@ fn forces_balance_a_centre_of_mass_that_is_off_the_middle() {
     assert!((sum(&|_| 1.0) - weight).abs() < 1e-6);
     assert!((sum(&|p| p.x) - weight * off.x).abs() < 1e-6);
     assert!((sum(&|p| p.y) - weight * off.y).abs() < 1e-6);
-    // Beyond the feet: it tips, and forces are even.
+    // The centre of mass is beyond the feet: the robot tips, and forces are equal.
     let beyond = Vector3::new(0.4, 0.0, 0.0);
     let standing = Standing::new(&Tree::new(&table(&CORNERS, beyond))).unwrap();
     assert!(!standing.balanced);
     assert!(standing.contacts.iter().all(|c| (c.force_n - weight / 4.0).abs() < 1e-6));
-    // Two feet in line balance what is along the line, and nothing across it.
+    // Two feet balance moments along their line, but not across it.
     let biped = table(&CORNERS[..2], Vector3::new(0.2 + foot_x, 0.05, 0.0));
     let standing = Standing::new(&Tree::new(&biped)).unwrap();
     assert!(standing.balanced);
@@ -128,7 +128,7 @@ fn torques_of_shipped_robots_are_those_of_inverse_dynamics() {
     for robot in robots::shipped() {
         let tree = Tree::new(&robot);
         let standing = Standing::new(&tree).unwrap();
-        // Its front wheels hang.
+        // The front wheels hang in the air.
         let tips = robot.name == "car_tilted";
         assert_eq!(standing.balanced, !tips, "{}", robot.name);
         let nominal: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();

@@ -43,7 +43,7 @@ pub fn axles(
     rigid: &Rigid,
     up: &Vector3<f64>,
 ) -> Vec<usize> {
-    // Warnings belong to the import.
+    // Warnings are part of the import.
     let bodies = merge(urdf, graph, tree, rigid, &mut Notes::new("", ""));
     let children = bodies.children();
     let mut straight = vec![Isometry3::identity(); bodies.bodies.len()];
@@ -68,7 +68,7 @@ fn is_wheel(urdf: &Urdf, graph: &Graph, index: usize, joint: &Joint, body: &Body
     let shapes = placed_shapes(urdf, graph, index);
     let round = shapes.iter().any(|shape| about(shape, &joint.axis).is_some());
     if !joint.is_endless() {
-        // Some exporters give each joint limits.
+        // Some exporters give limits to every joint.
         return called && round;
     }
     if let Some(outermost) = outermost(&shapes, &joint.axis) {
@@ -78,7 +78,7 @@ fn is_wheel(urdf: &Urdf, graph: &Graph, index: usize, joint: &Joint, body: &Body
     let about_axis = joint.axis.dot(&(body.mass.inertia_kg_m2 * joint.axis.into_inner()));
     let gyration_m = (about_axis / body.mass.mass_kg).max(0.0).sqrt();
     let beside_m = body.mass.com_m.cross(&joint.axis).norm();
-    // Some files give every link the same centre of mass: a name settles a mass at the side.
+    // Some files give every link the same centre of mass, so the name decides if a mass is beside the axis.
     !has_mass || beside_m <= CENTRED * gyration_m || called && beside_m < gyration_m
 }
 
@@ -118,7 +118,7 @@ fn placed_shapes(urdf: &Urdf, graph: &Graph, axle: usize) -> Vec<Shape> {
         };
         shapes.extend(urdf.links[link].shapes.iter().map(of));
         for &joint in &graph.leaving[link] {
-            // What moves behind an axle is locked in the template.
+            // Links that move behind an axle are locked in the template.
             let pose = wheel_from_link * urdf.joints[joint].parent_from_joint;
             open.push((graph.ends[joint].1, pose));
         }
@@ -148,7 +148,7 @@ pub(super) fn disc(urdf: &Urdf, graph: &Graph, axle: usize, size_m: f64) -> Disc
     let round = shapes.iter().filter_map(|shape| {
         Some((about(shape, axis)?, shape.collision, shape.link_from_shape.translation.vector))
     });
-    // A visual tyre around a collision hub is the tyre.
+    // A visual tyre around a collision hub counts as the tyre.
     if let Some((radius_m, _, center_m)) = round.max_by(|a, b| a.0.total_cmp(&b.0)) {
         return Disc { center_m, radius_m, measured: true };
     }

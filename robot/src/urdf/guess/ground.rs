@@ -74,14 +74,14 @@ fn standing(limbs: &[Limb]) -> Vec<bool> {
     let mut out = vec![false; limbs.len()];
     let hanging: Vec<bool> = limbs.iter().map(Limb::hangs).collect();
     if !hanging.contains(&true) {
-        // Limbs that stand out from the body: an insect, or the arms of a robot on a base.
+        // Limbs that spread from the body: an insect, or the arms of a robot on a base.
         return vec![limbs.len() >= CRAWLER; limbs.len()];
     }
     loop {
         let stands = level(limbs, &hanging, &out);
         let count = stands.iter().filter(|stands| **stands).count();
         let left = hanging.iter().zip(&out).filter(|(hangs, out)| **hangs && !**out).count();
-        // A single arm that hangs lower than the legs is out.
+        // A single arm that hangs lower than the legs is excluded.
         let lone = stands.iter().position(|stands| *stands);
         match lone {
             Some(lone) if count == 1 && left > 2 => out[lone] = true,

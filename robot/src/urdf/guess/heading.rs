@@ -82,17 +82,17 @@ pub(in super::super) fn up(urdf: &Urdf, bodies: &Bodies) -> usize {
     let legs: Vec<&Limb> = limbs.iter().filter(|limb| !called || is_leg(limb)).collect();
     let along: Vec<_> = legs.iter().filter_map(|limb| limb.along).collect();
     let hanging = along.iter().sum::<Vector3<f64>>() / along.len().max(1) as f64;
-    // Two limbs of any name may be arms.
+    // Two limbs with unknown names may be arms.
     let least = if called { 2 } else { 3 };
     let hanging = axis(&hanging).filter(|_| along.len() >= least && hanging.norm() > SAME);
     let opposite = |axis: usize| axis ^ 1;
     let named = apart(&limbs, [&FRONT, &REAR]).zip(apart(&limbs, [&LEFT, &RIGHT]));
     if let Some(up) = named.and_then(|(front, left)| axis(&front.cross(&left))) {
-        // Names that put the ground above the robot are wrong themselves.
+        // Names according to which the ground is above the robot are wrong.
         return if hanging == Some(up) { opposite(up) } else { up };
     }
     match hanging {
-        // Limbs that point forward lie in the plane of their first joints.
+        // Limbs that point forward are in the plane of their first joints.
         Some(down) if across_hips(&legs, &direction(down)) => opposite(down),
         _ => UP,
     }

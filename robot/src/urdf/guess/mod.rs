@@ -92,7 +92,7 @@ pub(super) fn lacks_motor(urdf: &Urdf, joint: &Joint) -> bool {
 
 /// Feet and wheels that reach the ground together, in the order of limbs.
 pub(super) fn ends(urdf: &Urdf, graph: &Graph, bodies: &Bodies, rigid: &Rigid) -> Vec<End> {
-    // In the order of links, whatever that of the set.
+    // Sorted by link, because the set has no order.
     let mut axles: Vec<usize> = rigid.wheels.iter().copied().collect();
     axles.sort_by_key(|&axle| graph.ends[axle].1);
     let mut on_body = vec![Vec::new(); bodies.bodies.len()];

@@ -59,7 +59,7 @@ pub(super) struct Posed<'a> {
 impl<'a> Posed<'a> {
     pub fn new(urdf: &'a Urdf, bodies: &'a Bodies, size_m: f64) -> Self {
         let turns = stance::turns(urdf, bodies);
-        // At home a leg may be folded.
+        // In the home pose, a leg may be folded.
         let zero = stance::zero(&turns);
         let poses = stance::poses(bodies, turns.iter().map(|turn| &turn.axis), &zero);
         Self { urdf, bodies, turns, poses, children: bodies.children(), size_m }
@@ -87,7 +87,7 @@ pub(super) fn foot(posed: &Posed<'_>, body: usize) -> Option<End> {
     let off_axis: Vec<_> =
         all.iter().copied().filter(|pad| beside_m(&pad.center_m) > on_axis_m).collect();
     let heavy_m = beside_m(&bodies.bodies[body].mass.com_m);
-    // A sphere on the axis is the foot only if nothing is beyond.
+    // A sphere on the axis is the foot only if nothing extends beyond it.
     let pads = if off_axis.is_empty() && heavy_m <= on_axis_m { all } else { off_axis };
     if let Some(pad) = lowest(&pads, &tail) {
         return at(bodies, pad.link, pad.center_m, pad.radius_m, true);
@@ -114,7 +114,7 @@ fn tail(posed: &Posed<'_>, body: usize) -> Option<Tail> {
     let size_m = posed.size_m;
     let path: Vec<usize> =
         stance::chain(bodies, body).iter().rev().map(|&joint| bodies.moving[joint].child).collect();
-    // The limb begins where others leave.
+    // A limb begins where other limbs branch off.
     let own = path.iter().skip(1).take_while(|&&body| posed.children[body] == 1).count();
     let chain = &path[..=own];
     let last = body.checked_sub(1)?;
@@ -140,7 +140,7 @@ fn tail(posed: &Posed<'_>, body: usize) -> Option<Tail> {
     let along_joints = |bodies: &[usize]| -> f64 {
         bodies.windows(2).map(|ends| (origin(ends[1]) - origin(ends[0])).norm()).sum()
     };
-    // The first joint is at the body, wherever the frame of that is.
+    // The first joint is at the body, independent of the body's frame.
     let end_m = (middle - origin(body)).norm();
     let from_root_m = along_joints(&path) + end_m;
     let turn = poses[body].rotation.inverse();
@@ -168,7 +168,7 @@ fn pad(link: usize, pose: &Isometry3<f64>, shape: &Shape, along: &Vector3<f64>) 
             let (axis, half_m) = (axis(2), 0.5 * length_m);
             let lengthwise = axis.dot(along);
             if lengthwise < 0.3 {
-                // It lies on its side.
+                // The wheel's axis is vertical.
                 (Vector3::zeros(), radius_m)
             } else {
                 let radius_m = radius_m.min(half_m);

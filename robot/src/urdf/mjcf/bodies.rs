@@ -214,7 +214,7 @@ fn body<'a, 'i>(
             _ => {}
         }
     }
-    // As of a URDF: collision geometry first.
+    // Collision geometry first, as in a URDF.
     link.shapes.sort_by_key(|shape| !shape.collision);
     if follows {
         link.mass = (!masses.is_empty()).then(|| sum(&masses));
@@ -268,9 +268,9 @@ fn read_joint<'a, 'i>(
         if turns { reader.angle(value) } else { value }
     };
     let reference = reader.number(of, "ref").unwrap_or_default();
-    // The body is where the file puts it at the angle 0.
+    // At angle 0, the body is at the file's pose.
     let ends = range.map(|range| range.map(|end| scaled(reader, end - reference)));
-    // Keyframes are in radians whatever the unit of the file.
+    // Keyframes are in radians, independent of the file's unit.
     let home = found.home.take(if kind == Kind::Floating { 4 } else { 1 });
     let home = home.map(|home| home - scaled(reader, reference)).filter(|_| kind != Kind::Floating);
     if has_spring(reader, of) {

@@ -31,7 +31,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
     /// Reads a solid of a link; `None` for planes, height fields and impossible sizes.
     pub fn geom(&mut self, of: Element<'a, 'i>, link_from_here: &Isometry3<f64>) -> Option<Geom> {
         let kind = self.word(of, "type").unwrap_or("sphere");
-        // A geom with a mesh is the simple form that MuJoCo fits to it.
+        // MuJoCo replaces a geom with a mesh by a fitted simple form.
         let kind = if self.word(of, "mesh").is_some() { "mesh" } else { kind };
         let mut size = self.numbers(of, "size", 1, 3).unwrap_or_default();
         let mut pose = self.pose(of);
@@ -66,7 +66,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         let link_from_shape = link_from_here * pose;
         let solid = match form {
             Form::Sphere(radius_m) => Solid::Sphere { radius_m },
-            // The shape of a cylinder is a capsule that ends with it.
+            // The shape of a cylinder is a capsule with the same ends.
             Form::Capsule { radius_m, half_m } => {
                 Solid::Cylinder { radius_m, length_m: 2.0 * (half_m + radius_m) }
             }
@@ -114,7 +114,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         let SymmetricEigen { eigenvalues, eigenvectors: axes } =
             mass.inertia_kg_m2.symmetric_eigen();
         let mut moments = eigenvalues.map(|moment| moment.max(least_kg_m2));
-        // Those of a thin disc are ones that a body can have, but for rounding.
+        // Moments of a thin disc are physical except for rounding.
         if self.model.balances && moments.sum() < (2.0 - 1e-9) * moments.max() {
             moments.fill(moments.mean());
         }
@@ -140,7 +140,7 @@ impl<'a, 'i> Reader<'_, '_, '_, 'a, 'i> {
         };
         let mut pose = self.pose(of);
         let inertia = if let Some([xx, yy, zz, xy, xz, yz]) = self.fixed::<6>(of, "fullinertia") {
-            // MuJoCo refers it to the axes of the body and ignores the orientation beside it.
+            // MuJoCo uses the axes of the body, and ignores the orientation beside it.
             pose.rotation = nalgebra::UnitQuaternion::identity();
             Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
         } else {
@@ -167,7 +167,7 @@ impl Form {
             Form::Capsule { radius_m: r, half_m: h } => {
                 let (rod, caps) = (PI * r * r * 2.0 * h, ball(r));
                 let volume = rod + caps;
-                // Of both half balls about the centre of the capsule: 2/5 r² + h² + 3/4 h r.
+                // Both half spheres about the centre of the capsule: 2/5 r² + h² + 3/4 h r.
                 let across =
                     rod * (r * r / 4.0 + h * h / 3.0) + caps * (0.4 * r * r + h * h + 0.75 * h * r);
                 let about_axis = rod * r * r / 2.0 + caps * 0.4 * r * r;

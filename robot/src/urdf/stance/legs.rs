@@ -101,7 +101,7 @@ pub(in super::super) fn across(
         own.iter().map(|&joint| axis(joint)).filter(|axis| axis.dot(up).abs() < LEVEL).collect();
     let same =
         |axis: &Vector3<f64>| level.iter().filter(|other| other.dot(axis).abs() > PARALLEL).count();
-    // The last of equals is the knee.
+    // Of equals, the last one is the knee.
     let best = level.iter().max_by_key(|axis| same(axis))?;
     (same(best) > 1).then_some(*best)
 }
@@ -115,7 +115,7 @@ pub(super) fn legs(bodies: &Bodies, turns: &[Turn], straight: &[f64], tips: &[Ti
         if legs.iter().any(|leg| leg.body == tip.body) {
             continue;
         }
-        // Of several contacts of a body, the lowest one.
+        // Of several contacts of a body, the lowest.
         let on_body = tips.iter().filter(|other| other.body == tip.body);
         let bottom = |tip: &&Tip| at(&poses, tip).z - tip.radius_m;
         let Some(tip) = on_body.min_by(|a, b| bottom(a).total_cmp(&bottom(b))) else { continue };
@@ -153,7 +153,7 @@ fn leg(
     let after = own.iter().skip_while(|&&joint| joint != hip);
     let mut points: Vec<_> = after.map(|&joint| child(joint).translation.vector).collect();
     points.push(tip_m);
-    // Offsets along the axes do not reach down.
+    // Offsets along the axes do not add to the reach.
     let in_plane = |of: Vector3<f64>| (of - level * of.dot(&level)).norm();
     let length_m = points.windows(2).map(|ends| in_plane(ends[1] - ends[0])).sum();
     let hip_m = points[0];

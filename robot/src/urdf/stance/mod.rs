@@ -128,7 +128,7 @@ fn bent(
         let tips_m = tips.iter().map(|tip| at(&poses, tip).x);
         let ahead_m = com_m(bodies, &poses).x - tips_m.sum::<f64>() / tips.len().max(1) as f64;
         found = (angles, worst_m);
-        // A robot that cannot reach the place below its centre of mass stands as it can.
+        // A robot that cannot reach the point below its centre of mass stands as well as possible.
         if legs.iter().any(|leg| worst_m > MISS * leg.length_m) {
             break;
         }

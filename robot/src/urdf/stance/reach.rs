@@ -107,7 +107,7 @@ impl Solver<'_> {
         let &[hip, knee, ..] = &leg.bending[..] else { return angles };
         let at_joint = |joint: usize| now[self.bodies.moving[joint].child];
         let [hip_m, knee_m] = [hip, knee].map(|joint| at_joint(joint).translation.vector);
-        // An angle about `across` turns z to `out`.
+        // A rotation about `across` turns z towards `out`.
         let polar = |of: Vector3<f64>| {
             let of = self.in_leg(&of);
             (of.x.hypot(of.z), of.x.atan2(of.z))
@@ -119,7 +119,7 @@ impl Solver<'_> {
             let cosine = (near.powi(2) + side.powi(2) - far.powi(2)) / (2.0 * near * side);
             cosine.clamp(-1.0, 1.0).acos()
         };
-        // With z up and `out` to the right, angles grow clockwise: less than the goal's is outward below the hip.
+        // With z up and `out` to the right, angles grow clockwise: an angle smaller than the goal's is outward below the hip.
         let new_thigh_rad = goal_rad - side * corner(thigh_m, goal_m, shank_m);
         let new_shank_rad = goal_rad + side * corner(shank_m, goal_m, thigh_m);
         let turned = [new_thigh_rad - thigh_rad, new_shank_rad - shank_rad];

@@ -33,7 +33,7 @@ impl<'a> Commands<'a> {
         }
         let &[wait, node] = self.left.next()?;
         self.wait = wait;
-        // One more than there are, to be refused.
+        // One node more than exist, which is refused.
         Some(NodeId(node % (self.nodes + 1)))
     }
 }
@@ -57,7 +57,7 @@ pub fn ten_seconds(library: &Library<'_>, config: &RobotConfig, commands: &[u8])
         assert!(at_rest, "starts in the safe pose");
     }
     let mut todo = Commands::new(commands, library);
-    // Frames until the goal is there, while no other command comes.
+    // Frames until the goal is reached, if no other command arrives.
     let mut announced = None;
     for _ in 0..FRAMES {
         if let Some(goal) = todo.next() {
@@ -125,7 +125,7 @@ fn tick_by_tick(library: &Library<'_>, config: &RobotConfig, commands: &[u8]) {
             && let Some(goal) = todo.next()
         {
             let _ = player.set_goal(library, goal);
-            // Slower, or a halt, or on again, as it comes.
+            // Slower, a halt, or onward, depending on the tick.
             match tick % 5 {
                 0 => player.halt(),
                 1 => player.set_speed((tick % 80) as u8),

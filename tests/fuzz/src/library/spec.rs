@@ -47,7 +47,7 @@ fn motion(u: &mut Unstructured<'_>, config: &RobotConfig, still: bool) -> Result
         let (at, swing) = u.arbitrary::<(u8, u8)>()?;
         let range = 0.5 * (c.max - c.min);
         let fastest = c.max_rate / 60.0 * frames as f32 / TAU;
-        // 250 of 256 is what just fits.
+        // 250 of 256 just fits.
         let size = range.min(fastest) * f32::from(swing) / 250.0;
         let size = if still { 0.0 } else { 0.5 * size };
         let wheel = c.kind == ChannelKind::WheelSpeed;
@@ -106,7 +106,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
     let n = config.channels.len();
     let frame = |i: usize, k: u16| &motions[i].values[usize::from(k) * n..][..n];
     let count = |i: usize| (motions[i].values.len() / n) as u16;
-    // There and back from SAFE, and some more.
+    // To SAFE and back for each motion, and some others.
     let mut pairs: Vec<(usize, usize)> =
         (1..motions.len()).flat_map(|i| [(0, i), (i, 0)]).collect();
     for _ in 0..u.int_in_range(0..=4)? {
@@ -125,7 +125,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
             blend(&config, frame(from, exit), frame(to, entry)),
         ));
     }
-    // Torques that join because the values do.
+    // Torques join if values do.
     let with_torques: bool = u.arbitrary()?;
     let torques = |values: &[f32]| -> Vec<f32> {
         let count = if with_torques { values.len() } else { 0 };
@@ -169,7 +169,7 @@ pub fn encoded(u: &mut Unstructured<'_>) -> Result<(RobotConfig, Option<Vec<u8>>
             Some(bytes)
         }
         Err(why) => {
-            // Robots are sound, and room there is.
+            // Robots are valid, and the buffer is large enough.
             assert!(!matches!(why, EncodeError::Config(_) | EncodeError::Full { .. }), "{why}");
             None
         }

@@ -19,7 +19,7 @@ const OLDEST_AGE: u8 = 0x7F;
 /// Flash with runs of bytes at various offsets, blank elsewhere. Repairs the checksums if `repaired`.
 pub fn cells(u: &mut Unstructured<'_>, repaired: bool) -> Result<Vec<u8>> {
     let mut cells = vec![0xFF; FLASH_LEN];
-    // Two libraries where they belong.
+    // Two libraries in their slots.
     let (a, b) = (library(u.arbitrary()?), library(u.arbitrary()?));
     cells[LOG_LEN..][..a.len()].copy_from_slice(&a);
     cells[LOG_LEN + SLOT_LEN..][..b.len()].copy_from_slice(&b);

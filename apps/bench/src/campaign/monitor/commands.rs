@@ -93,7 +93,7 @@ impl Commands {
 
     /// Records a command that the controller receives. Returns true if it is the first copy.
     pub fn on_received(&mut self, at: SimTime, command: Command) -> bool {
-        // A bridge may delay it for any time; one that the host has not sent counts as just made.
+        // A bridge may delay a command for any time. A command that the host has not sent counts as just made.
         let sent = self.sent.iter().rev().find(|sent| sent.command == command);
         let timed = sent.copied().unwrap_or(TimedCommand::at(at, command));
         let in_time = at.as_us() / 1000 <= timed.expires_ms;
@@ -145,7 +145,7 @@ impl Commands {
         let ReceivedCommand { timed: TimedCommand { command, .. }, executed, goal, .. } =
             &mut self.received[index];
         if ack.result != CommandResult::Ok {
-            // These two may answer a copy of an executed command, or of one that arrives in time later.
+            // Both results may answer a copy of an executed command, even of a command that arrives in time later.
             let of_a_copy =
                 matches!(ack.result, CommandResult::OutOfOrder | CommandResult::Expired);
             if executed.is_none() && !of_a_copy {
@@ -285,7 +285,7 @@ mod tests {
         commands.on_received(SimTime::from_ms(65_600), play(1, 2));
         let rule = commands.on_ack(answer(1, CommandResult::Ok)).unwrap_err().0;
         assert_eq!(rule, Rule::NotExpired);
-        // The same bits again, in another command.
+        // Another command with the same bits.
         commands.on_sent(SimTime::from_ms(131_072), play(1, 2));
         commands.on_received(SimTime::from_ms(131_100), play(1, 2));
         assert!(commands.on_ack(answer(1, CommandResult::Ok)).is_ok());
@@ -293,13 +293,13 @@ mod tests {
 
     #[test]
     fn a_motion_may_be_passed_on_the_way_to_another() {
-        // Motion 1 is on a way to motion 2, and on none to SAFE.
+        // The robot passes motion 1 on its way to motion 2, but not on its way to SAFE.
         let mut commands = Commands::new(vec![1, 2, 3], vec![(2, 1)]);
         assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
         commands.on_received(SimTime::ZERO, play(1, 3));
         assert!(commands.on_clip_start(1).is_ok() && commands.on_clip_start(2).is_ok());
         assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
-        // To SAFE the robot goes without a command.
+        // The robot moves to SAFE without a command.
         let mut commands = Commands::new(vec![1, 2, 3], vec![(0, 2)]);
         assert!(commands.on_clip_start(2).is_ok() && commands.on_clip_start(1).is_err());
     }
@@ -310,7 +310,7 @@ mod tests {
         commands.on_received(SimTime::ZERO, play(1, 2));
         // A copy requests nothing more.
         commands.on_received(SimTime::ZERO, play(1, 2));
-        // SAFE, and a transition.
+        // Clip 0 is SAFE; clip 7 is a transition.
         assert!(commands.on_clip_start(0).is_ok() && commands.on_clip_start(7).is_ok());
         assert!(commands.on_clip_start(1).is_ok());
         assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);
@@ -354,7 +354,7 @@ mod tests {
             }
             commands
         };
-        // Its transition was running.
+        // The transition to the superseded motion was running.
         let mut commands = superseded();
         assert!(commands.on_clip_start(1).is_ok() && commands.on_clip_start(2).is_ok());
         assert_eq!(commands.on_clip_start(1).unwrap_err().0, Rule::ExecutedOnce);

@@ -85,7 +85,7 @@ mod tests {
         assert!(nonces.accept(SimTime::from_ms(2000), 7));
         assert!(!nonces.accept(SimTime::from_ms(2000), 7));
         assert!(!issued(7).accept(SimTime::from_ms(2001), 7));
-        // A repeated acknowledgement does not extend its life.
+        // A repeated acknowledgement does not extend the lifetime of a nonce.
         let mut nonces = issued(7);
         nonces.on_ack(SimTime::from_ms(500), ack(Action::ArmRequest, CommandResult::Ok, 7));
         assert!(!nonces.accept(SimTime::from_ms(2001), 7));

@@ -132,7 +132,7 @@ impl Setpoints {
             Some(last) => {
                 self.check_rate(channel, &limits, last, PreviousSetpoint { value, tick })?
             }
-            // Without stiffness the position of a setpoint has no effect.
+            // Without stiffness the position of a set-point has no effect.
             None if kp == Some(0.0) => {}
             None => self.check_start(channel, &limits, value, body)?,
         }

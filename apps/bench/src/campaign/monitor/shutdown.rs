@@ -118,7 +118,7 @@ impl ShutdownCheck {
         }
         let Timing { notices_within, way_home, damping, .. } = self.timing;
         match state {
-            // A return without a fault may be slower, at a reduced playback speed.
+            // A return without a fault may be slower, because the playback speed may be reduced.
             State::Returning if required == Severity::Return => {
                 self.require_torque_off(
                     at,
@@ -199,7 +199,7 @@ mod tests {
         let mut check = playing();
         check.on_heartbeat(ms(300), 8);
         assert_eq!(rule(&mut check, 330, State::Playing, &[]), Some(Rule::ReturnsInTime));
-        // 0.25 + 0.025 + 3 + 1 s and the motors' 10 ms.
+        // Sum of 0.25, 0.025, 3 and 1 s, and 10 ms for the motors.
         assert!(!check.is_overdue(ms(4285)) && check.is_overdue(ms(4286)));
         assert!(check.take_overdue(ms(4286)).is_some() && !check.is_overdue(ms(9000)));
     }

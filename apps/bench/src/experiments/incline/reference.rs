@@ -162,13 +162,13 @@ impl Reference {
         velocities: &[Vector3<f64>],
         model: &MomentumModel,
     ) -> Option<(Vec<Vector3<f64>>, Vec<(usize, Vector3<f64>)>)> {
-        // In units of a particle's mass.
+        // Unit: mass of a particle.
         let unit_kg = model.blocks[0].2[(0, 0)];
         let size = 3 * velocities.len();
         let mut hessian = Triplets::default();
         for (row, column, block) in &model.blocks {
             for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
-                // The upper triangle is asked for.
+                // The solver needs the upper triangle only.
                 if 3 * row + i <= 3 * column + j {
                     hessian.add(3 * row + i, 3 * column + j, block[(i, j)] / unit_kg);
                 }
@@ -304,7 +304,7 @@ mod tests {
                 let across = impulse - normal * pushed;
                 let slip = motion.velocity - normal * normal.dot(&motion.velocity);
                 assert!(across.norm() <= 0.4 * pushed + 1e-10, "{across:?} {pushed}");
-                // To 5e-11 N·s, and 1e-8 m/s, that a step may be wrong by.
+                // A step may have errors of 5e-11 N·s and 1e-8 m/s.
                 if pushed > 1e-6 && slip.norm() > 1e-3 {
                     slipped += 1;
                     let law = -slip.normalize() * (0.4 * pushed);

@@ -45,7 +45,7 @@ pub fn measure(
     let fine = Throw { stick_s: Some(ball.step_s), ..ball.clone().in_steps(FINE_S) };
     let with = |node_stiffness_n_m: f64| Throw { node_stiffness_n_m, ..fine.clone() };
     let stiff = with(STIFF_N_M);
-    // Shifts that are known to be beyond the bound: 0.138 and 0.065.
+    // These two shifts, 0.138 and 0.065, are known to exceed the bound.
     let tosses = [("two bounces", 0.14), ("one bounce", 0.07)];
     for (&(forward, upward, _), (bounces, known)) in minima.iter().zip(tosses) {
         watch.report(&format!("minimum with {bounces}, k_n {STIFF_N_M}"));
@@ -60,7 +60,7 @@ pub fn measure(
         let what = format!("minimum in steps of {} ms, m/s, k_n {STIFF_N_M}", 1e3 * fine.step_s);
         told(&what, &format!("{} and {}", short(at[0]), short(at[1])));
         let (mut below, mut ends) = (Vec::new(), Vec::new());
-        // With friction as stiff as that of stiff contacts in the last one.
+        // Friction is as stiff as in the last case with stiff contacts.
         let firm =
             Throw { stick_s: Some(ball.step_s * STIFF_N_M / SOFTEST_N_M), ..with(SOFTEST_N_M) };
         for throw in [&stiff, &with(SOFTEST_N_M), &firm] {

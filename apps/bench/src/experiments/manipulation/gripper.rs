@@ -33,7 +33,7 @@ pub(crate) struct Gripper {
 impl Gripper {
     pub fn add(assembly: &mut Assembly, at: Vector3<f64>) -> Self {
         let body = add_cube(assembly, BodyMotion::at(at));
-        // A robot's arm is far stiffer than what it pulls.
+        // A robot's arm is far stiffer than the object that it pulls.
         let grip = HoldGains {
             shift_n_m: 1e4,
             velocity_n_s_m: 0.0,

@@ -75,7 +75,7 @@ impl Network {
         for (number, (inputs, outputs, first)) in layers().into_iter().enumerate().rev() {
             let (from, to) = (&pass.layers[number], &pass.layers[number + 1]);
             if number + 2 < SIZES.len() {
-                // Of the unit, from its own value: e^x is one more than it.
+                // Derivative of the unit from its output: e^x = output + 1.
                 by.iter_mut()
                     .zip(to)
                     .for_each(|(by, y)| *by *= if *y > 0.0 { 1.0 } else { y + 1.0 });

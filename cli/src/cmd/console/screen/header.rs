@@ -69,7 +69,7 @@ pub fn state_words(view: &View) -> &'static str {
         Some(State::Returning) => "RETURNING",
         Some(State::Damped) => "DAMPED",
         Some(State::TorqueOff) => "TORQUE OFF",
-        // By a bus that failed: nobody has pressed anything.
+        // The stop of a failed bus is not an emergency stop, because the operator has pressed nothing.
         Some(State::EStopped) if stopped_by_a_bus(view) => "STOPPED",
         Some(State::EStopped) => "EMERGENCY STOP",
         Some(State::Streaming) => "STREAMING",
@@ -136,7 +136,7 @@ fn link(view: &View, width: usize) -> Line<'static> {
     let text =
         format!(" round trip {round_trip} ms, status {age_s:.2} s old, lost {lost} of {all}");
     match complaint {
-        // How well it carries is in the way of why it does not.
+        // A complaint about the bus is more important than its load.
         Some(why) => Line::styled(fit(&format!(" BUS: {why}"), width), bad),
         None => Line::from(fit(&text, width)),
     }

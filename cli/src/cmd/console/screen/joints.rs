@@ -20,7 +20,7 @@ const OLD_US: u64 = 500_000;
 pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
     let (width, height) =
         (usize::from(area.width.saturating_sub(2)), usize::from(area.height.saturating_sub(2)));
-    // Beside name, bar and temperature there are 29 columns.
+    // Columns beside name, bar and temperature: 29.
     let is_hot_known = temperatures(scene).next().is_some() && width >= TEMPERATURE_WIDTH;
     let spare = width.saturating_sub(if is_hot_known { 34 } else { 29 });
     let bar = (spare / 3).clamp(5, 15);

@@ -66,7 +66,7 @@ pub fn draw(frame: &mut Frame, scene: &Scene, area: Rect) {
         }
         lines.push(Line::from(head));
     }
-    // The rows around the one that plays.
+    // Rows around the motion that plays.
     let room = height.saturating_sub(lines.len() + 2).max(1);
     let middle = match place {
         Some(GraphPosition::Motion(motion)) => motion,

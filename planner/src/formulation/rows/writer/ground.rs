@@ -28,7 +28,7 @@ impl<'a> RowWriter<'a> {
     /// Adds `factor` times the derivative of the centre of mass's height above the ground.
     pub fn d_com_height(&mut self, k: usize, factor: f64, ground: &Elevation) {
         let upward = ground.upward();
-        // The base moves it along itself, and on level ground z alone counts.
+        // The base moves the point along itself, and on level ground only z counts.
         let first = if self.on_level_ground() { 2 } else { 0 };
         let states: &'a [State] = self.states;
         let columns = states[self.at[k]].pose.d_com.iter().enumerate().skip(first);
