@@ -102,11 +102,14 @@ impl<'r> View<'r> {
             Joints::Planned(all) => (&self.planned, &self.live.planned, all),
         };
         let by_channel = |channel: usize| all.iter().find(|j| usize::from(j.channel) == channel);
-        let nominal = self.robot.joints.iter().enumerate();
+        let nominal: Vec<_> = self.robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        let transmission = self.robot.transmission();
         let angle =
             |of: Option<&Joint>, other: f64| of.and_then(|j| j.position_rad).unwrap_or(other);
-        let joint_rad: Vec<_> =
-            nominal.map(|(k, joint)| angle(by_channel(k), joint.nominal_rad)).collect();
+        let nominal = transmission.motors(&nominal).into_iter().enumerate();
+        let motor_rad: Vec<_> =
+            nominal.map(|(k, nominal_rad)| angle(by_channel(k), nominal_rad)).collect();
+        let joint_rad = transmission.joints(&motor_rad);
         let mut wheel_rad = vec![0.0; self.robot.end_effectors.len()];
         let gone_s = self.rolled_at.elapsed().as_secs_f64();
         for (channel, wheel) in wheels(self.robot) {
@@ -152,12 +155,13 @@ impl<'r> View<'r> {
         for (channel, wheel) in wheels(self.robot) {
             wheel_rad[wheel] = shafts[channel][0];
         }
-        let joint_rad: Vec<_> = shafts[..joints].iter().map(|shaft| shaft[0]).collect();
+        let joint_rad: Vec<_> = (0..joints).map(|joint| world.joint(joint)[0]).collect();
         let posture = Posture { world_from_body, joint_rad: &joint_rad, wheel_rad: &wheel_rad };
         let speeds: Vec<_> = shafts.iter().map(|shaft| shaft[1]).collect();
         let torques: Vec<_> = shafts.iter().map(|shaft| shaft[2]).collect();
         let laws: Vec<_> = (0..shafts.len()).map(|channel| world.law(channel)).collect();
         let targets: Vec<_> = laws[..joints].iter().map(|law| law.position_rad).collect();
+        let targets = self.robot.transmission().joints(&targets);
         let target_speeds: Vec<_> = laws.iter().map(|law| law.speed_rad_s).collect();
         let target = Posture { world_from_body, joint_rad: &targets, wheel_rad: &wheel_rad };
         let touches = world.touches().map(|touch| (touch.point.into(), touch.force.into()));

@@ -9,7 +9,7 @@
 //! | [`body`], [`assembly`] | rigid bodies and particles; bodies and forces from which a system is built |
 //! | [`force`] | interface of forces on bodies |
 //! | [`points`], [`joint`], [`spring`] | forces between two points; joints as stiff springs; springs and strings |
-//! | [`anchor`], [`motor`] | springs to the world; motors |
+//! | [`anchor`], [`motor`], [`coupled_motor`] | springs to the world; motors of one and of several hinges |
 //! | [`soft`] | soft bodies of tetrahedra |
 //! | [`hold`], [`push`] | hoist, stand or hand; external forces |
 //! | [`collision`] | contact of a point of one body with another body |
@@ -49,6 +49,7 @@ pub mod body;
 mod check;
 pub mod collision;
 pub mod contact;
+pub mod coupled_motor;
 pub mod curve;
 pub mod event;
 pub mod force;

@@ -46,10 +46,19 @@ pub struct Law {
 pub struct Torque {
     /// Torque on the driven body about the axis, N·m.
     pub value_nm: f64,
-    by_angle: f64,
-    by_speed: f64,
+    pub(crate) by_angle: f64,
+    pub(crate) by_speed: f64,
     /// Derivative with respect to the torque that the control loops request: 1 within all limits, 0 at a limit.
     by_wanted: f64,
+}
+
+impl Torque {
+    /// Subtracts the torque that accelerates a rotor. `gain` is the derivative of the acceleration with respect to the speed.
+    pub(crate) fn with_rotor(mut self, armature_kg_m2: f64, acceleration: f64, gain: f64) -> Self {
+        self.value_nm -= armature_kg_m2 * acceleration;
+        self.by_speed -= armature_kg_m2 * gain;
+        self
+    }
 }
 
 impl Law {
@@ -219,10 +228,8 @@ impl Motor {
 
     /// Total torque on the second body about the axis, including rotor inertia.
     fn moment(&self, view: &View<'_>) -> Torque {
-        let mut torque = self.bounded(self.angle(view.now), self.speed(view.now));
-        torque.value_nm -= self.armature_kg_m2 * self.acceleration(view);
-        torque.by_speed -= self.armature_kg_m2 * view.weights.gain();
-        torque
+        let torque = self.bounded(self.angle(view.now), self.speed(view.now));
+        torque.with_rotor(self.armature_kg_m2, self.acceleration(view), view.weights.gain())
     }
 }
 

@@ -12,6 +12,8 @@ mod parameters;
 mod parts;
 mod state;
 
+use crate::coupled_motor::CoupledMotor;
+use crate::force::Force;
 use crate::hold::{Hold, TargetPose};
 use crate::motor::{Law, Motor};
 use crate::push::Push;
@@ -42,6 +44,8 @@ pub struct World {
     root_center: Vector3<f64>,
     /// Body of each spinning wheel, indexed by end effector.
     wheels: Vec<Option<usize>>,
+    /// Force index of the hinge of each joint.
+    joints: Vec<usize>,
     /// Force index of each motor, by channel.
     motors: Vec<usize>,
     /// Force indices of the contacts of each end effector. Soft feet and ground with several parts have several contacts.
@@ -70,11 +74,21 @@ impl World {
         let wheels = build.wheels(state);
         let contacts = build.contacts(&wheels, ground);
         let shapes = build.shapes(ground);
-        let Build { mut assembly, centers, motors, .. } = build;
+        let Build { mut assembly, centers, joints, motors, .. } = build;
         let hold = assembly.add(Hold { body: [0], grip: parameters.grip, place: None });
         let push = assembly.add(Push { body: [0], force_n: Vector3::zeros() });
         let system = System::new(parameters.settings, assembly);
-        Self { system, root_center: centers[0], wheels, motors, contacts, shapes, hold, push }
+        Self {
+            system,
+            root_center: centers[0],
+            wheels,
+            joints,
+            motors,
+            contacts,
+            shapes,
+            hold,
+            push,
+        }
     }
 
     /// Creates a robot in its nominal pose with its servos on. The feet just touch the ground below the origin.
@@ -86,10 +100,11 @@ impl World {
             state.base_position_m.z -= lowest_m(world.foot_touches());
             world = Self::new(robot, ground, parameters, &state);
         }
+        let nominal = robot.transmission().motors(&state.joint_rad);
         for (number, channel) in robot.channels().enumerate() {
             let mut law = Law::servo(channel.actuator());
-            if let Channel::Joint(joint) = channel {
-                law.position_rad = joint.nominal_rad;
+            if let Channel::Joint(_) = channel {
+                law.position_rad = nominal[number];
             }
             world.set_law(number, law);
         }
@@ -145,8 +160,14 @@ impl World {
     /// # Panics
     /// If the robot lacks this channel.
     pub fn set_law(&mut self, channel: usize, law: Law) {
-        let motor = self.system.force_mut::<Motor>(self.motors[channel]);
-        motor.expect("a channel's force is its motor").law = law;
+        let force = self.motors[channel];
+        match self.system.force_mut::<CoupledMotor>(force) {
+            Some(motor) => motor.law = law,
+            None => {
+                let motor = self.system.force_mut::<Motor>(force);
+                motor.expect("a channel's force is its motor").law = law;
+            }
+        }
     }
 
     /// Control law of a channel's motor.
@@ -154,18 +175,37 @@ impl World {
     /// # Panics
     /// If the robot lacks this channel.
     pub fn law(&self, channel: usize) -> Law {
-        self.system
-            .force::<Motor>(self.motors[channel])
-            .expect("a channel's force is its motor")
-            .law
+        match self.coupled(channel) {
+            Some(motor) => motor.law,
+            None => self.hinge(self.motors[channel]).law,
+        }
     }
 
     /// Angle, rad, speed, rad/s, and torque, N·m, of a channel's motor. The angle includes whole turns.
     pub fn shaft(&self, channel: usize) -> [f64; 3] {
-        let motor = self.system.force::<Motor>(self.motors[channel]);
-        let motor = motor.expect("a channel's force is its motor");
+        if let Some(motor) = self.coupled(channel) {
+            let bodies = motor.bodies().iter();
+            let now: Vec<_> = bodies.map(|&body| self.system.motions()[body]).collect();
+            return [motor.angle(&now), motor.speed(&now), motor.torque(&now).value_nm];
+        }
+        let motor = self.hinge(self.motors[channel]);
         let now = motor.bodies.map(|body| self.system.motions()[body]);
         [motor.angle(&now), motor.speed(&now), motor.torque(&now).value_nm]
+    }
+
+    /// Angle, rad, and speed, rad/s, of a joint. The angle includes whole turns.
+    pub fn joint(&self, joint: usize) -> [f64; 2] {
+        let hinge = self.hinge(self.joints[joint]);
+        let now = hinge.bodies.map(|body| self.system.motions()[body]);
+        [hinge.angle(&now), hinge.speed(&now)]
+    }
+
+    fn coupled(&self, channel: usize) -> Option<&CoupledMotor> {
+        self.system.force(self.motors[channel])
+    }
+
+    fn hinge(&self, force: usize) -> &Motor {
+        self.system.force(force).expect("the force is a hinge with a motor")
     }
 
     /// State of an end effector's deepest contact, with the total force on the end effector.
@@ -233,14 +273,14 @@ impl World {
         let (base_velocity, spin) = self.base_velocity();
         let joints = tree.robot().joints.len();
         let mut velocity: Vec<f64> = base_velocity.iter().chain(spin.iter()).copied().collect();
-        velocity.extend(self.shafts().take(joints).map(|[_, speed_rad_s, _]| speed_rad_s));
+        velocity.extend((0..joints).map(|joint| self.joint(joint)[1]));
         velocity.extend(tree.wheels().iter().map(|wheel| {
             let motions = self.system.motions();
             let body = self.wheels[wheel.end_effector].expect("a wheel that spins is a body");
             let axis = motions[wheel.link].rotation * wheel.axis_in_link;
             axis.dot(&(motions[body].spin - motions[wheel.link].spin))
         }));
-        let joint_rad = self.shafts().take(joints).map(|[angle_rad, ..]| angle_rad).collect();
+        let joint_rad = (0..joints).map(|joint| self.joint(joint)[0]).collect();
         State { base_position_m, world_from_body, joint_rad, velocity }
     }
 

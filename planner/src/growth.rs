@@ -17,7 +17,7 @@ use crate::motion::Ends;
 use crate::plan::Plan;
 use crate::sample::PlanSpline;
 use cycle::{ContactLoad, Instant, Roll, growth};
-use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use rollwalk_multibody::{JOINTS, Kinematics, RimContact, Tree};
 use rollwalk_robot::{GRAVITY_M_S2, Joint};
 use serde::Serialize;
@@ -116,10 +116,15 @@ fn instant(
 
     let joints = robot.joints.len();
     let mut jacobian = DMatrix::zeros(3 * standing.len(), joints);
-    let mut stiffness = DMatrix::from_diagonal(&DVector::from_iterator(
-        joints,
-        robot.joints.iter().map(|joint| joint.actuator.kp_nm_rad),
-    ));
+    let mut stiffness = DMatrix::zeros(joints, joints);
+    for (motor, joint) in robot.joints.iter().enumerate() {
+        let ratios = tree.transmission().ratios(motor);
+        for a in ratios {
+            for b in ratios {
+                stiffness[(a.joint, b.joint)] += a.ratio * b.ratio * joint.actuator.kp_nm_rad;
+            }
+        }
+    }
     let mut columns = Matrix3xX::zeros(tree.dofs());
     for (row, &j) in standing.iter().enumerate() {
         // A wheel's spin is not a joint; it yields as `Roll`.

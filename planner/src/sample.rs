@@ -31,7 +31,7 @@ use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS
 use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, Robot};
-use spline::Spline;
+use spline::{Jet, Spline};
 
 /// Plan as a function of time.
 #[derive(Clone, Debug)]
@@ -66,9 +66,9 @@ pub struct PlanSpline {
 /// Set-points for the controller at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setpoints {
-    /// Joint angles in joint order, rad.
+    /// Angles of the joints' motors in joint order, rad. They are those of the joints unless motors are coupled.
     pub joint_rad: Vec<f64>,
-    /// Joint speeds in joint order, rad/s.
+    /// Speeds of the joints' motors in joint order, rad/s.
     pub joint_speed_rad_s: Vec<f64>,
     /// Motor speeds of the driven wheels in end-effector order, about the axis in the robot file, rad/s.
     pub motor_speed_rad_s: Vec<f64>,
@@ -154,8 +154,11 @@ impl PlanSpline {
     pub fn setpoints(&self, plan_time_s: f64) -> Setpoints {
         let (time_s, _) = self.within(plan_time_s);
         let joints: Vec<_> = self.pose[4..].iter().map(|spline| spline.at(time_s)).collect();
-        let mut joint_rad: Vec<_> = joints.iter().map(|jet| jet.value.re).collect();
-        let mut joint_speed_rad_s: Vec<_> = joints.iter().map(|jet| jet.rate.re).collect();
+        let transmission = self.model.tree().transmission();
+        let motors =
+            |of: fn(&Jet) -> f64| transmission.motors(&joints.iter().map(of).collect::<Vec<_>>());
+        let mut joint_rad = motors(|jet| jet.value.re);
+        let mut joint_speed_rad_s = motors(|jet| jet.rate.re);
         for (k, [correction_rad, rate_rad_s]) in self.corrections(time_s).into_iter().enumerate() {
             joint_rad[k] += correction_rad;
             joint_speed_rad_s[k] += rate_rad_s;

@@ -7,10 +7,12 @@ use crate::problem::variables::Layout;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::Model;
 use rollwalk_multibody::ground::ElevationMap;
-use rollwalk_robot::{Actuator, Contact, EndEffector, Robot, RollingDrag, TorqueSpeedLine};
+use rollwalk_robot::{
+    Actuator, Contact, EndEffector, JointRatio, Robot, RollingDrag, TorqueSpeedLine,
+};
 
 /// Shipped robots with driven wheels, free wheels and feet, and variants of them: AgileBot on welded wheels, AgileBot with
-/// torque-speed lines, SwizzleBot on two inline wheels per leg with drag, and SwizzleBot on skates.
+/// torque-speed lines and coupled motors, SwizzleBot on two inline wheels per leg with drag, and SwizzleBot on skates.
 pub fn all() -> Vec<Robot> {
     let [agilebot, swizzlebot, creature3] = [
         ("agilebot.toml", include_str!("../../shipped/robots/agilebot.toml")),
@@ -18,8 +20,12 @@ pub fn all() -> Vec<Robot> {
         ("creature3.toml", include_str!("../../shipped/robots/creature3.toml")),
     ]
     .map(|(name, text)| Robot::from_toml(name, text).expect("shipped robots are valid"));
-    let made =
-        [welded(&agilebot), with_lines(&agilebot), inline(&swizzlebot), on_skates(&swizzlebot)];
+    let made = [
+        welded(&agilebot),
+        coupled(with_lines(&agilebot)),
+        inline(&swizzlebot),
+        on_skates(&swizzlebot),
+    ];
     made.iter().for_each(|robot| robot.validate().expect("made robots are valid"));
     [agilebot, swizzlebot, creature3].into_iter().chain(made).collect()
 }
@@ -64,6 +70,24 @@ fn with_lines(robot: &Robot) -> Robot {
     for end_effector in &mut robot.end_effectors {
         if let Some(actuator) = end_effector.contact.actuator_mut() {
             with_line(actuator);
+        }
+    }
+    robot
+}
+
+/// Returns AgileBot with belts to its knees, and with a differential for roll and steering of each leg.
+fn coupled(mut robot: Robot) -> Robot {
+    robot.name += "_coupled";
+    for hip in (0..robot.joints.len()).step_by(4) {
+        let [roll, pitch, knee, steer] = [0, 1, 2, 3].map(|k| hip + k);
+        let rows = [
+            (roll, [(roll, 1.0), (steer, 0.5)]),
+            (knee, [(pitch, 1.3), (knee, 1.3)]),
+            (steer, [(roll, 0.8), (steer, -1.0)]),
+        ];
+        for (motor, row) in rows {
+            let row = row.map(|(joint, ratio)| JointRatio { joint, ratio });
+            robot.joints[motor].motor_per_joint = row.into();
         }
     }
     robot

@@ -33,7 +33,7 @@ pub struct InverseDynamics {
 /// Motor torques and ground forces at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuation {
-    /// Torque of every joint's motor about the joint's axis on the child, in joint order, N·m.
+    /// Torque of every joint's motor, in joint order, N·m. Without a coupling, it acts about the joint's axis on the child.
     pub joint_nm: Vec<f64>,
     /// Torque of every wheel's motor on the wheel about the axis in the robot file, in end-effector order, N·m. `None` without
     /// a motor.
@@ -130,7 +130,7 @@ impl InverseDynamics {
         };
         let actuation = Actuation {
             motor_nm: feet.map(motor).collect(),
-            joint_nm: generalised[JOINTS..JOINTS + joints].to_vec(),
+            joint_nm: tree.transmission().motor_torques(&generalised[JOINTS..JOINTS + joints]),
             force_n,
             unmet_force_n: unmet.fixed_rows::<3>(0).into(),
             unmet_moment_nm: unmet.fixed_rows::<3>(3).into(),

@@ -31,16 +31,15 @@ impl Channel<'_> {
         }
     }
 
-    /// Limits, gains and address of the channel for the controller.
-    pub fn config(&self) -> config::Channel {
+    /// Limits, gains and address of the channel of a valid robot for the controller. A coupled servo has the range that the
+    /// limits of its joints allow.
+    pub fn config(&self, robot: &Robot) -> config::Channel {
         let actuator = self.actuator();
         let (kind, min, max, max_rate) = match self {
-            Channel::Joint(joint) => (
-                ChannelKind::JointPosition,
-                joint.position_min_rad,
-                joint.position_max_rad,
-                actuator.speed_max_rad_s,
-            ),
+            Channel::Joint(joint) => {
+                let [min_rad, max_rad] = servo_range(joint, robot);
+                (ChannelKind::JointPosition, min_rad, max_rad, actuator.speed_max_rad_s)
+            }
             Channel::Wheel(wheel, _) => {
                 let grip = wheel.friction_coefficient * GRAVITY_M_S2 / wheel.radius_m;
                 let spin_up = actuator.torque_max_nm / actuator.armature_kg_m2;
@@ -60,6 +59,24 @@ impl Channel<'_> {
             id: actuator.id,
         }
     }
+}
+
+/// Range of a joint's servo, rad.
+pub(crate) fn servo_range(joint: &Joint, robot: &Robot) -> [f64; 2] {
+    if !joint.is_coupled() {
+        return [joint.position_min_rad, joint.position_max_rad];
+    }
+    let end = |is_upper: bool| {
+        let ratios = joint.motor_per_joint.iter();
+        let terms = ratios.filter_map(|of| Some((of.ratio, robot.joints.get(of.joint)?)));
+        terms
+            .map(|(ratio, of)| {
+                let upper = is_upper == (ratio > 0.0);
+                ratio * if upper { of.position_max_rad } else { of.position_min_rad }
+            })
+            .sum::<f64>()
+    };
+    [end(false), end(true)]
 }
 
 impl Robot {

@@ -2,6 +2,7 @@
 
 use crate::model::Robot;
 use crate::rules::{self, InvalidRobot};
+use crate::transmission::Transmission;
 use rollwalk_protocol::actuators::bus::{Bus, Buses, MAX_BUSES};
 use rollwalk_protocol::config::{RobotConfig, robot_id};
 use rollwalk_protocol::crc::crc32c_append;
@@ -17,6 +18,14 @@ impl Robot {
             return Ok(());
         }
         Err(InvalidRobot { name: self.name.clone(), violations })
+    }
+
+    /// Map between the joints of a valid robot and their servos.
+    ///
+    /// # Panics
+    /// If the couplings are not invertible, which [`Self::validate`] refuses.
+    pub fn transmission(&self) -> Transmission {
+        Transmission::new(self).expect("a valid robot's couplings are invertible")
     }
 
     /// Total mass of the links, kg.
@@ -43,7 +52,7 @@ impl Robot {
     pub fn controller_config(&self) -> Result<RobotConfig, InvalidRobot> {
         self.validate()?;
         // `validate` has bounded the number of channels, so that none is dropped here.
-        let channels = self.channels().map(|channel| channel.config()).collect();
+        let channels = self.channels().map(|channel| channel.config(self)).collect();
         let buses = self.buses.iter().filter(|(_, bus)| **bus != Bus::default());
         let robot = buses.fold(robot_id(&self.name), |id, bus| crc32c_append(id, &encoded(bus)));
         Ok(RobotConfig { robot, channels })

@@ -31,6 +31,7 @@ mod pose;
 mod rules;
 pub mod shape;
 mod solid;
+mod transmission;
 pub mod urdf;
 
 pub use actuator::{Actuator, TorqueSpeedLine};
@@ -38,9 +39,10 @@ pub use blade::Blade;
 pub use channel::Channel;
 pub use clearance::ClearancePair;
 pub use contact::{Contact, RollingDrag};
-pub use model::{EndEffector, Joint, Link, Robot, SoftMaterial};
+pub use model::{EndEffector, Joint, JointRatio, Link, Robot, SoftMaterial};
 pub use rules::{InvalidRobot, Item, Violation};
 pub use solid::{Form, Solid};
+pub use transmission::Transmission;
 
 /// Standard gravity, m/s².
 pub const GRAVITY_M_S2: f64 = 9.806_65;

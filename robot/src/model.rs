@@ -69,6 +69,27 @@ pub struct Joint {
     pub nominal_rad: f64,
     /// Servo of the joint.
     pub actuator: Actuator,
+    /// Ratios of the servo's angle to the angles of all joints that it turns, such as those of a belt or a differential. Empty
+    /// for a servo whose angle is that of its own joint.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motor_per_joint: Vec<JointRatio>,
+}
+
+/// Derivative of a servo's angle with respect to the angle of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointRatio {
+    /// Index of the joint.
+    pub joint: usize,
+    /// Radians of the servo per radian of the joint.
+    pub ratio: f64,
+}
+
+impl Joint {
+    /// Returns true if the angle of the servo differs from that of the joint.
+    pub fn is_coupled(&self) -> bool {
+        !self.motor_per_joint.is_empty()
+    }
 }
 
 /// Foot or wheel that may touch the ground.

@@ -3,7 +3,7 @@
 
 use crate::clock::SimTime;
 use crate::ground::Grounded;
-use crate::load::joint_loads;
+use crate::load::motor_loads;
 use crate::plant::Plant;
 use crate::servo::Servo;
 use rollwalk_drives::Answer;
@@ -29,15 +29,25 @@ pub struct Body {
 impl Body {
     /// Creates a robot at rest in its nominal pose on a stand, with torque off.
     pub fn new(robot: &Robot) -> Self {
+        let nominal: Vec<_> = robot.joints.iter().map(|joint| joint.nominal_rad).collect();
+        let mut nominal = robot.transmission().motors(&nominal).into_iter();
         let servos = robot.channels().map(|channel| {
+            let config = channel.config(robot);
             let plant = match channel {
-                Channel::Joint(joint) => Plant::new(&joint.actuator, joint.nominal_rad)
-                    .with_stops(joint.position_min_rad, joint.position_max_rad),
+                Channel::Joint(joint) => {
+                    let position_rad = nominal.next().unwrap_or(joint.nominal_rad);
+                    let [min_rad, max_rad] = [config.min, config.max].map(f64::from);
+                    let [min_rad, max_rad] = match joint.is_coupled() {
+                        true => [min_rad, max_rad],
+                        false => [joint.position_min_rad, joint.position_max_rad],
+                    };
+                    Plant::new(&joint.actuator, position_rad).with_stops(min_rad, max_rad)
+                }
                 // In the robot file, the wheel is part of its link. Only its rotor is separate.
                 Channel::Wheel(_, actuator) => Plant::new(actuator, 0.0),
             };
             let bus = robot.buses.get(&channel.actuator().bus).copied().unwrap_or_default();
-            Servo::new(&bus, &channel.config(), plant)
+            Servo::new(&bus, &config, plant)
         });
         let servos = servos.collect();
         let addresses = robot.channels().map(|c| (c.actuator().bus, c.actuator().id)).collect();
@@ -86,16 +96,16 @@ impl Body {
         self.servos.iter().enumerate().map(value).collect()
     }
 
-    /// Recomputes the inertia and weight on every joint from the present pose. Has no effect on a robot on the ground.
+    /// Recomputes the inertia and weight on every motor from the present pose. Has no effect on a robot on the ground.
     pub fn update_loads(&mut self) {
         if self.ground.is_some() {
             return;
         }
-        let joints: Vec<f64> = self.servos[..self.tree.robot().joints.len()]
+        let motors: Vec<f64> = self.servos[..self.tree.robot().joints.len()]
             .iter()
             .map(|servo| servo.plant.position_rad)
             .collect();
-        for (servo, load) in self.servos.iter_mut().zip(joint_loads(&self.tree, &joints)) {
+        for (servo, load) in self.servos.iter_mut().zip(motor_loads(&self.tree, &motors)) {
             servo.plant.load_inertia_kg_m2 = load.inertia_kg_m2;
             servo.plant.load_torque_nm = load.gravity_nm;
         }

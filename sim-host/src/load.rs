@@ -1,4 +1,4 @@
-//! Load of each joint, inertia and weight, while the body is held level and still.
+//! Load of each joint's motor, inertia and weight, while the body is held level and still.
 //!
 //! The load consists of the diagonal of the mass matrix, and of the generalised forces of the weight in the present pose. It
 //! excludes coupling between joints, Coriolis terms and the ground.
@@ -14,6 +14,22 @@ pub struct JointLoad {
     pub inertia_kg_m2: f64,
     /// Torque of the weight about the joint axis, N·m.
     pub gravity_nm: f64,
+}
+
+/// Load of the motor of every joint at motor angles. A coupled motor has the inertia of its joints while the other motors stand.
+pub fn motor_loads(tree: &Tree, motor_rad: &[f64]) -> Vec<JointLoad> {
+    let transmission = tree.transmission();
+    let joints = joint_loads(tree, &transmission.joints(motor_rad));
+    let motor = |motor: usize| {
+        let factors = transmission.torque_factors(motor).iter();
+        let loads = factors.map(|of| (of.ratio, joints[of.joint]));
+        let add = |sum: JointLoad, (factor, load): (f64, JointLoad)| JointLoad {
+            inertia_kg_m2: sum.inertia_kg_m2 + factor * factor * load.inertia_kg_m2,
+            gravity_nm: sum.gravity_nm + factor * load.gravity_nm,
+        };
+        loads.fold(JointLoad::default(), add)
+    };
+    (0..motor_rad.len()).map(motor).collect()
 }
 
 /// Load of every joint at the pose `joint_rad`, in joint order. Rotors are excluded, since the tree has no armature.
@@ -75,6 +91,7 @@ mod tests {
             position_max_rad: 3.0,
             nominal_rad: 0.0,
             actuator,
+            motor_per_joint: Vec::new(),
         }
     }
 

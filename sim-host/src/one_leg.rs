@@ -56,6 +56,7 @@ pub fn robot() -> Robot {
         position_max_rad: 1.5,
         nominal_rad,
         actuator,
+        motor_per_joint: Vec::new(),
     };
     Robot {
         name: "one_leg".into(),

@@ -7,6 +7,7 @@ mod command_line;
 mod console;
 mod controlled;
 mod controlling;
+mod couplings;
 mod demo;
 mod designs;
 mod diagnosis;

@@ -62,7 +62,7 @@ struct Step {
     base_m: [f64; 3],
     turned: [f64; 4],
     com_m: [f64; 3],
-    /// Angle, speed and torque of each joint.
+    /// Angle and speed of each joint, and torque of its motor.
     joints: Vec<[f64; 3]>,
     force_n: Vec<[f64; 3]>,
 }
@@ -78,8 +78,13 @@ impl Step {
             base_m: base.into(),
             turned: before.map_or(turned, |before| nearer_quaternion(turned, &before.turned)),
             com_m: world.com().0.into(),
-            // Joints are the first channels, wheels follow.
-            joints: world.shafts().take(joints).collect(),
+            // Channels are motors of joints first, then of wheels.
+            joints: (0..joints)
+                .map(|joint| {
+                    let [angle_rad, speed_rad_s] = world.joint(joint);
+                    [angle_rad, speed_rad_s, world.shaft(joint)[2]]
+                })
+                .collect(),
             force_n: world.touches().map(|touch| touch.force.into()).collect(),
         }
     }

@@ -78,7 +78,7 @@ pub struct RetargetResult {
 /// Calls `goes_on` before each rollout with the number of the rollout. If `goes_on` returns `false` the search ends with the
 /// best corrections so far.
 ///
-/// Returns `None` if the uncorrected plan falls, or if a step of the simulation has no solution.
+/// Returns `None` if the uncorrected plan falls, or if a step of the simulation has no solution. Motors must not be coupled.
 pub fn retarget(
     plan: &Plan,
     options: &Options,

@@ -26,7 +26,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Point3, Rotation3, Vector2, Vector3}
 use rollwalk_multibody::{
     ANGULAR, CompositeInertia, Configuration, JOINTS, Kinematics, LINEAR, RimContact, State, Tree,
 };
-use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Robot};
+use rollwalk_robot::{EndEffector, GRAVITY_M_S2, JointRatio, Robot};
 use thiserror::Error;
 
 /// Ratio of the drives' kp during tracking to the kp of the robot file. The drives close this loop around the set-points
@@ -81,10 +81,13 @@ pub struct Setpoint {
     pub kd_nm_s_rad: f64,
 }
 
-/// Motor with its index in ν.
-#[derive(Clone, Copy, Debug)]
+/// Motor with the degrees of freedom that it moves.
+#[derive(Clone, Debug)]
 struct Channel {
-    dof: usize,
+    /// Indices in ν, with the radians of the motor per radian.
+    ratios: Vec<(usize, f64)>,
+    /// Indices in ν, with the factors by which generalised forces add up to the torque of the motor.
+    torques: Vec<(usize, f64)>,
     kp_nm_rad: f64,
     kd_nm_s_rad: f64,
     torque_max_nm: f64,
@@ -171,16 +174,24 @@ impl Tracker {
             weights.roll = weights.roll_balancing;
         }
         let motors = robot.channels().map(|channel| channel.actuator().clone());
-        let joints = (0..robot.joints.len()).map(|joint| JOINTS + joint);
+        let transmission = tree.transmission();
+        let dofs_of = |row: &[JointRatio]| -> Vec<_> {
+            row.iter().map(|of| (JOINTS + of.joint, of.ratio)).collect()
+        };
+        let joints = (0..robot.joints.len()).map(|joint| {
+            (dofs_of(transmission.ratios(joint)), dofs_of(transmission.torque_factors(joint)))
+        });
         let is_driven = |wheel: usize| robot.end_effectors[wheel].contact.actuator().is_some();
         let wheels = || tree.wheels().iter().map(|wheel| wheel.end_effector);
         let dof = |wheel: usize| tree.wheel_dof(wheel).expect("it spins");
         let driven = wheels().filter(|&wheel| is_driven(wheel)).map(dof);
+        let driven = driven.map(|dof| (vec![(dof, 1.0)], vec![(dof, 1.0)]));
         let channels: Vec<Channel> = joints
             .chain(driven)
             .zip(motors)
-            .map(|(dof, motor)| Channel {
-                dof,
+            .map(|((ratios, torques), motor)| Channel {
+                ratios,
+                torques,
                 kp_nm_rad: KP_PART * motor.kp_nm_rad,
                 kd_nm_s_rad: KD_PART * motor.kd_nm_s_rad,
                 torque_max_nm: motor.torque_max_nm,
@@ -395,21 +406,30 @@ impl Tracker {
             foot.force_n = Vector3::new(x[at], x[at + 1], x[at + 2]);
         }
         for (channel, setpoint) in self.channels.iter().zip(&mut self.setpoints) {
-            let acceleration = x[channel.dof];
-            let mut torque_nm = self.bias[channel.dof];
-            for (dof, row) in self.mass.row(channel.dof).iter().enumerate() {
-                torque_nm += row * x[dof];
-            }
-            for foot in self.feet.iter().filter(|foot| foot.stands()) {
-                torque_nm -= foot.jacobian.column(channel.dof).dot(&foot.force_n);
-            }
-            let speed = self.ahead.velocity[channel.dof];
-            let speed_then = speed + self.tick_s * acceleration;
-            let is_joint = channel.dof < self.tree.first_wheel_dof();
+            let generalised = |dof: usize| {
+                let mut torque_nm = self.bias[dof];
+                for (other, row) in self.mass.row(dof).iter().enumerate() {
+                    torque_nm += row * x[other];
+                }
+                for foot in self.feet.iter().filter(|foot| foot.stands()) {
+                    torque_nm -= foot.jacobian.column(dof).dot(&foot.force_n);
+                }
+                torque_nm
+            };
+            let torque_nm: f64 =
+                channel.torques.iter().map(|(dof, factor)| factor * generalised(*dof)).sum();
+            let motor = |of: &dyn Fn(usize) -> f64| -> f64 {
+                channel.ratios.iter().map(|(dof, ratio)| ratio * of(*dof)).sum()
+            };
+            let speed_of = |dof: usize| self.ahead.velocity[dof] + self.tick_s * x[dof];
+            let speed_then = motor(&speed_of);
+            let is_joint = channel.ratios[0].0 < self.tree.first_wheel_dof();
             let (position, position_then, wanted_speed) = if is_joint {
-                let joint = channel.dof - JOINTS;
-                let then = self.ahead.joint_rad[joint] + self.tick_s * speed_then;
-                (reference.state.joint_rad[joint], then, reference.state.velocity[channel.dof])
+                let then =
+                    |dof: usize| self.ahead.joint_rad[dof - JOINTS] + self.tick_s * speed_of(dof);
+                let planned = &reference.state;
+                let position = motor(&|dof| planned.joint_rad[dof - JOINTS]);
+                (position, motor(&then), motor(&|dof| planned.velocity[dof]))
             } else {
                 // The plan has no wheel angles.
                 (0.0, 0.0, speed_then)

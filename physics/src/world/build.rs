@@ -8,8 +8,10 @@ use super::{Parameters, RobotState};
 use crate::assembly::Assembly;
 use crate::body::Inertia;
 use crate::contact::{GroundContact, Resistance, Tip};
+use crate::coupled_motor::CoupledMotor;
 use crate::friction::Friction;
 use crate::motion::BodyMotion;
+use crate::motor::Motor;
 use nalgebra::Vector3;
 use rollwalk_multibody::ground::{Ground, parts_of};
 use rollwalk_multibody::{rest_of_link, spinning_wheels};
@@ -27,6 +29,8 @@ pub(super) struct Build<'a> {
     pub centers: Vec<Vector3<f64>>,
     inertias: Vec<Inertia>,
     spinning: Vec<(usize, Inertia)>,
+    /// Force index of the hinge of each joint.
+    pub joints: Vec<usize>,
     /// Force index of each motor, by channel.
     pub motors: Vec<usize>,
 }
@@ -50,11 +54,21 @@ impl<'a> Build<'a> {
         for (inertia, motion) in inertias.iter().zip(link_motions(robot, state, &centers)) {
             assembly.add_body(*inertia, motion);
         }
-        Self { robot, parameters, assembly, centers, inertias, spinning, motors: Vec::new() }
+        Self {
+            robot,
+            parameters,
+            assembly,
+            centers,
+            inertias,
+            spinning,
+            joints: Vec::new(),
+            motors: Vec::new(),
+        }
     }
 
     /// Adds the joints and their motors.
     pub fn joints(&mut self, state: &RobotState) {
+        let mut hinges = Vec::new();
         for (joint, &angle_rad) in self.robot.joints.iter().zip(&state.joint_rad) {
             let turn = joint.parent_from_joint.rotation.to_rotation_matrix();
             let across = perpendicular(&joint.axis_in_joint);
@@ -68,9 +82,27 @@ impl<'a> Build<'a> {
             };
             hinge.add(&mut self.assembly, self.parameters);
             let stops = Some(stops(joint));
-            let motor = hinge.motor(joint.actuator.armature_kg_m2, stops, angle_rad);
-            self.motors.push(self.assembly.add(motor));
+            let armature_kg_m2 =
+                if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 };
+            let motor = hinge.motor(armature_kg_m2, stops, angle_rad);
+            hinges.push(motor.clone());
+            self.joints.push(self.assembly.add(motor));
         }
+        for index in 0..hinges.len() {
+            let motor = self.motor(index, &hinges);
+            self.motors.push(motor);
+        }
+    }
+
+    /// Adds the motor of a joint, unless it is that of the joint's hinge alone.
+    fn motor(&mut self, index: usize, hinges: &[Motor]) -> usize {
+        let joint = &self.robot.joints[index];
+        if !joint.is_coupled() {
+            return self.joints[index];
+        }
+        let turned = joint.motor_per_joint.iter().map(|of| (of.ratio, hinges[of.joint].clone()));
+        let motor = CoupledMotor::new(turned, joint.actuator.armature_kg_m2);
+        self.assembly.add(motor)
     }
 
     /// Adds the spinning wheels, their hinges and their motors. Returns the body of each wheel, by end effector.

@@ -15,7 +15,7 @@ use nalgebra::{Isometry3, Matrix3};
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
-use rollwalk_robot::{GRAVITY_M_S2, Robot, Solid};
+use rollwalk_robot::{GRAVITY_M_S2, Joint, Robot, Solid};
 use std::io;
 
 /// Time step, s. Step and contact parameters (stiff, elliptic cones) equal those of the replays (`docs/replay.md`).
@@ -75,6 +75,7 @@ fn model(
             let tree = Bodies { bodies: &bodies, loads_n: &loads_n };
             tree.body(xml, &mut Names::from_iter(["ground"]), 0)
         })?;
+        tendons(xml, robot, &bodies)?;
         actuators(xml, robot, &bodies)?;
         sensors(xml, &bodies)?;
         xml.element("keyframe", &[], |xml| {
@@ -184,7 +185,8 @@ impl Bodies<'_> {
             return xml.empty("freejoint", &[("name", "base".into())]);
         };
         let mut attributes = vec![("name", hinge.name.clone()), ("axis", vector(&hinge.axis))];
-        if let Some(motor) = hinge.of.actuator() {
+        // The rotor of a coupled motor is in its tendon.
+        if let Some(motor) = hinge.of.actuator().filter(|_| !is_coupled(hinge)) {
             attributes.push(("armature", motor.armature_kg_m2.to_string()));
         }
         match hinge.of {
@@ -261,6 +263,32 @@ fn pose(pose: &Isometry3<f64>) -> [(&'static str, String); 2] {
     [("pos", vector(&pose.translation.vector)), ("quat", numbers(&[q.w, q.i, q.j, q.k]))]
 }
 
+/// Couplings as fixed tendons, whose length is the angle of the motor.
+fn tendons(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
+    if !robot.joints.iter().any(Joint::is_coupled) {
+        return Ok(());
+    }
+    let of_joint = |joint: usize| bodies[robot.joints[joint].child].hinge.as_ref();
+    xml.element("tendon", &[], |xml| {
+        for (number, joint) in robot.joints.iter().enumerate() {
+            let Some(hinge) = of_joint(number).filter(|_| joint.is_coupled()) else { continue };
+            let armature = joint.actuator.armature_kg_m2.to_string();
+            let attributes = [("name", hinge.name.clone()), ("armature", armature)];
+            xml.element("fixed", &attributes, |xml| {
+                joint.motor_per_joint.iter().try_for_each(|of| {
+                    let name = of_joint(of.joint).map_or_else(String::new, |of| of.name.clone());
+                    xml.empty("joint", &[("joint", name), ("coef", of.ratio.to_string())])
+                })
+            })?;
+        }
+        Ok(())
+    })
+}
+
+fn is_coupled(hinge: &Hinge<'_>) -> bool {
+    matches!(hinge.of, HingeOrigin::Joint { joint, .. } if joint.is_coupled())
+}
+
 /// Servos of joints and drives of wheels, in channel order: torque = kp (control − angle) − kd speed, or kd (control − speed).
 fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()> {
     xml.element("actuator", &[], |xml| {
@@ -272,7 +300,8 @@ fn actuators(xml: &mut Xml, robot: &Robot, bodies: &[Body<'_>]) -> io::Result<()
                 HingeOrigin::Wheel { .. } => ("velocity", None),
             };
             let gains = gains.into_iter().chain([("kv", motor.kd_nm_s_rad)]);
-            let mut attributes = vec![("name", hinge.name.clone()), ("joint", hinge.name.clone())];
+            let driven = if is_coupled(hinge) { "tendon" } else { "joint" };
+            let mut attributes = vec![("name", hinge.name.clone()), (driven, hinge.name.clone())];
             attributes.extend(gains.map(|(name, gain)| (name, gain.to_string())));
             attributes.push(("forcerange", numbers(&[-limit_nm, limit_nm])));
             xml.empty(kind, &attributes)?;

@@ -84,15 +84,26 @@ struct Xyzw {
 pub fn trajectory(plan: &Plan, rate: Rate) -> String {
     let robot = &plan.robot;
     let (spline, mut whole) = (PlanSpline::new(plan), WholeBody::new(plan));
+    let transmission = robot.transmission();
     let (mut joints, mut base) = (Vec::new(), Vec::new());
     for time_s in rate.times_s(plan.motion.duration_s) {
         let time_from_start = duration(time_s);
-        let (setpoints, effort) = whole.setpoints(time_s);
+        let (setpoints, motors_nm) = whole.setpoints(time_s);
+        let (of_joints, of_wheels) = motors_nm.split_at(robot.joints.len());
+        let effort = [&transmission.joint_torques(of_joints), of_wheels].concat();
         let angles = spline.motor_angles_rad(time_s);
         let wheels = driven_wheels(robot).map(|wheel| angles[wheel]);
         joints.push(JointPoint {
-            positions: setpoints.joint_rad.into_iter().chain(wheels).collect(),
-            velocities: [setpoints.joint_speed_rad_s, setpoints.motor_speed_rad_s].concat(),
+            positions: transmission
+                .joints(&setpoints.joint_rad)
+                .into_iter()
+                .chain(wheels)
+                .collect(),
+            velocities: [
+                transmission.joints(&setpoints.joint_speed_rad_s),
+                setpoints.motor_speed_rad_s,
+            ]
+            .concat(),
             effort,
             time_from_start,
         });

@@ -3,7 +3,7 @@
 use rollwalk_interchange::foxglove::{Figure, Posture};
 use rollwalk_robot::urdf::{Text, import, survey};
 use rollwalk_robot::{EndEffector, Joint, Robot};
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 fn shipped(name: &str) -> Robot {
@@ -56,7 +56,7 @@ fn robots_come_back_from_urdf_with_their_joints_wheels_and_masses() {
 
 #[test]
 fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
-    for name in ["agilebot", "pup", "anymal_wheels", "legbot"] {
+    for name in ["agilebot", "pup", "pup_belt", "anymal_wheels", "legbot"] {
         let [robot, back] =
             round_trip(name, |robot| rollwalk_interchange::mjcf(robot, &[]).unwrap());
         for joint in &robot.joints {
@@ -67,9 +67,18 @@ fn robots_come_back_from_mjcf_with_their_joints_wheels_and_masses() {
                 "{name} {}",
                 joint.name
             );
+            let [ratios, found] = [(&robot, joint), (&back, joint_named(&back, &joint.name))]
+                .map(|(robot, joint)| ratios(robot, joint));
+            assert_eq!(found, ratios, "{name} {}", joint.name);
         }
         assert_eq!(wheels(&back).len(), wheels(&robot).len(), "{name}");
     }
+}
+
+/// Ratios of a coupled motor by the names of joints.
+fn ratios<'r>(robot: &'r Robot, joint: &Joint) -> BTreeMap<&'r str, String> {
+    let ratios = joint.motor_per_joint.iter();
+    ratios.map(|of| (&*robot.joints[of.joint].name, of.ratio.to_string())).collect()
 }
 
 #[test]

@@ -29,7 +29,8 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
             let limit = of.actuator.torque_max_nm;
             let beyond = (torque_nm.abs() - limit).max(0.0);
             joint.record_excess(beyond, limit, &w, Some(&of.name));
-            let [before, after] = [w.before, w.after].map(|state| state.sample.joint_rad[j]);
+            let motor_rad = |state: &State| motor_rad(timeline, state, j);
+            let [before, after] = [w.before, w.after].map(motor_rad);
             let speed_rad_s = (after - before) / (2.0 * h);
             let beyond = beyond_line(&of.actuator, torque_nm, speed_rad_s);
             if let Some(beyond) = beyond.filter(|_| begins) {
@@ -56,8 +57,8 @@ pub fn torques(timeline: &Timeline) -> Vec<WorstCase> {
     vec![joint, wheel, line]
 }
 
-/// Joint torques, N·m: minus the power of ground forces, weight and inertia per unit of joint rate, plus the torque that
-/// accelerates the rotor.
+/// Torques of the motors of joints, N·m. A joint's torque is minus the power of ground forces, weight and inertia per unit of
+/// joint rate, plus the torque that accelerates rotors.
 fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     let model = &timeline.model;
     let here = w.here;
@@ -66,17 +67,15 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
     let bent = |of: &dyn Fn(&State) -> Vector3<f64>| {
         (of(w.before) - of(here) * 2.0 + of(w.after)) * per_h2
     };
-    let mut torques: Vec<f64> = timeline
-        .plan
-        .robot
-        .joints
-        .iter()
-        .enumerate()
+    let joints = &timeline.plan.robot.joints;
+    let rotors: Vec<f64> = (joints.iter().enumerate())
         .map(|(j, joint)| {
-            let angle = |state: &State| Vector3::repeat(state.sample.joint_rad[j]);
+            let angle = |state: &State| Vector3::repeat(motor_rad(timeline, state, j));
             joint.actuator.armature_kg_m2 * bent(&angle).x
         })
         .collect();
+    let transmission = model.tree().transmission();
+    let mut torques = transmission.joint_torques(&rotors);
     for (l, link) in timeline.plan.robot.links.iter().enumerate() {
         let center = |state: &State| state.pose.frames.point(l, &link.com_in_link_m);
         let push = (bent(&center) - gravity) * link.mass_kg;
@@ -98,7 +97,13 @@ fn joint_torques_nm(timeline: &Timeline, w: &Window) -> Vec<f64> {
             torques[dof - JOINTS] -= here.force(index).dot(&velocity);
         }
     }
-    torques
+    transmission.motor_torques(&torques)
+}
+
+/// Angle of the motor of a joint, rad.
+fn motor_rad(timeline: &Timeline, state: &State, joint: usize) -> f64 {
+    let ratios = timeline.model.tree().transmission().ratios(joint).iter();
+    ratios.map(|of| of.ratio * state.sample.joint_rad[of.joint]).sum()
 }
 
 /// Torque of a wheel, N·m: minus the power of the ground force per unit of spin. The rim at the contact moves against the

@@ -289,7 +289,10 @@ fn limits(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
         }
     }
     for w in timeline.intervals() {
-        let angles = w.here.sample.joint_rad.iter().zip(&w.after.sample.joint_rad);
+        let transmission = timeline.model.tree().transmission();
+        let [here, after] =
+            [w.here, w.after].map(|state| transmission.motors(&state.sample.joint_rad));
+        let angles = here.iter().zip(&after);
         for (joint, (q, next)) in timeline.plan.robot.joints.iter().zip(angles) {
             let limit = joint.actuator.speed_max_rad_s;
             let beyond = (((next - q) / h).abs() - limit).max(0.0);

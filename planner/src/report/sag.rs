@@ -76,16 +76,19 @@ pub fn sag(timeline: &Timeline) -> Option<Sag> {
     worst
 }
 
-/// Rise of an end effector relative to the body, m, if each joint of its limb deflects by its torque over its stiffness. Joints
+/// Rise of an end effector relative to the body, m, if each motor of its limb deflects by its torque over its stiffness. Motors
 /// without stiffness are taken as rigid.
 fn yields_m(timeline: &Timeline, state: &State, j: usize) -> f64 {
     let limb = timeline.model.chain(j).dofs.iter().zip(&state.pose.end_effectors[j].d_center);
     limb.filter(|(dof, _)| **dof >= JOINTS)
         .map(|(dof, column)| {
-            let joint = dof - JOINTS;
-            let kp_nm_rad = timeline.plan.robot.joints[joint].actuator.kp_nm_rad;
-            let yields_rad = state.sample.joint_torque_nm[joint] / kp_nm_rad;
-            if kp_nm_rad > 0.0 { -yields_rad * column.z } else { 0.0 }
+            let motors = timeline.model.tree().transmission().motor_ratios(dof - JOINTS).iter();
+            let yields_rad = motors.map(|of| {
+                let kp_nm_rad = timeline.plan.robot.joints[of.joint].actuator.kp_nm_rad;
+                let yields_rad = state.sample.joint_torque_nm[of.joint] / kp_nm_rad;
+                if kp_nm_rad > 0.0 { of.ratio * yields_rad } else { 0.0 }
+            });
+            -yields_rad.sum::<f64>() * column.z
         })
         .sum()
 }

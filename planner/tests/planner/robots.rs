@@ -14,7 +14,7 @@ use std::path::Path;
 const CANNOT_DRIVE: &str = "car_tilted";
 
 /// Robot files other than [`CANNOT_DRIVE`], each with a motion file.
-const MOTIONS: [(&str, &str); 16] = [
+const MOTIONS: [(&str, &str); 17] = [
     ("agilebot", "slalom"),
     ("agilebot_sprint", "table_2_1/agilebot_start_stop"),
     ("anymal_wheels", "anymal_duck"),
@@ -24,6 +24,7 @@ const MOTIONS: [(&str, &str); 16] = [
     ("dinobot", "table_2_1/dinobot_skating"),
     ("legbot", "legbot_walk"),
     ("pup", "pup_walk"),
+    ("pup_belt", "pup_belt_walk"),
     ("skatebot", "table_2_1/skatebot_skating"),
     ("skaterbot", "skaterbot_stand"),
     ("swizzlebot", "swizzlebot_turn"),

@@ -6,6 +6,7 @@
 use crate::rotation::skew;
 use crate::{ANGULAR, Frames, JOINTS, LINEAR, Tree};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rollwalk_robot::JointRatio;
 
 /// Inertia of every link together with all links that it carries.
 #[derive(Clone, Debug)]
@@ -70,7 +71,13 @@ impl CompositeInertia {
     pub fn joint_inertia(&self, tree: &Tree, frames: &Frames, joint: usize) -> f64 {
         let screw = screw(tree, frames, joint);
         let momentum = self.links[tree.robot().joints[joint].child].momentum(&screw);
-        screw.power(&momentum) + tree.joint_armature_kg_m2(joint)
+        let transmission = tree.transmission();
+        let rotors = (0..tree.robot().joints.len()).flat_map(|motor| {
+            let of_joint = move |of: &&JointRatio| of.joint == joint;
+            let ratio = transmission.ratios(motor).iter().find(of_joint)?.ratio;
+            Some(ratio * ratio * tree.motor_armature_kg_m2(motor))
+        });
+        screw.power(&momentum) + rotors.sum::<f64>()
     }
 
     /// Mass matrix M(q), [`Tree::dofs`] square: the kinetic energy is ½ νᵀ M ν, the momenta are M ν.
@@ -88,7 +95,15 @@ impl CompositeInertia {
         for (j, joint) in tree.robot().joints.iter().enumerate() {
             let momentum = self.links[joint.child].momentum(&screw(tree, frames, j));
             set_column(tree, frames, out, JOINTS + j, joint.child, &momentum);
-            out[(JOINTS + j, JOINTS + j)] += tree.joint_armature_kg_m2(j);
+        }
+        for motor in 0..tree.robot().joints.len() {
+            let ratios = tree.transmission().ratios(motor);
+            for a in ratios {
+                for b in ratios {
+                    let inertia = a.ratio * b.ratio * tree.motor_armature_kg_m2(motor);
+                    out[(JOINTS + a.joint, JOINTS + b.joint)] += inertia;
+                }
+            }
         }
         for (w, wheel) in tree.wheels().iter().enumerate() {
             let dof = tree.first_wheel_dof() + w;

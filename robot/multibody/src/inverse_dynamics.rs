@@ -36,9 +36,18 @@ impl Kinematics {
             out[dof] = spin_inertia * (carrier + acceleration)
                 + tree.wheel_armature_kg_m2(wheel) * acceleration;
         }
-        for j in 0..tree.robot().joints.len() {
-            out[JOINTS + j] += tree.joint_armature_kg_m2(j) * self.acceleration[JOINTS + j];
+        for motor in 0..tree.robot().joints.len() {
+            let torque_nm = tree.motor_armature_kg_m2(motor) * self.motor_acceleration(tree, motor);
+            for of in tree.transmission().ratios(motor) {
+                out[JOINTS + of.joint] += of.ratio * torque_nm;
+            }
         }
+    }
+
+    /// Acceleration of the motor of a joint, rad/s².
+    fn motor_acceleration(&self, tree: &Tree, motor: usize) -> f64 {
+        let ratios = tree.transmission().ratios(motor).iter();
+        ratios.map(|of| of.ratio * self.acceleration[JOINTS + of.joint]).sum()
     }
 
     /// Adds the generalised forces of a force at a point and a moment on a link, all in world axes.

@@ -23,7 +23,7 @@ pub struct Standing {
     pub contacts: Vec<StandingContact>,
     /// True if contact forces that only push can balance the weight. If false, all forces are equal, and the robot tips over.
     pub balanced: bool,
-    /// Static torque of each joint, N·m.
+    /// Static torque of the motor of each joint, N·m.
     pub torque_nm: Vec<f64>,
 }
 
@@ -74,7 +74,9 @@ impl Standing {
             balanced,
             torque_nm: Vec::new(),
         };
-        standing.torque_nm = (0..nominal.len()).map(|joint| standing.torque(tree, joint)).collect();
+        let joints_nm: Vec<_> =
+            (0..nominal.len()).map(|joint| standing.torque(tree, joint)).collect();
+        standing.torque_nm = tree.transmission().motor_torques(&joints_nm);
         for index in 0..points.len() {
             standing.contacts[index].sag_m = standing.sag(tree, index);
         }
@@ -95,7 +97,7 @@ impl Standing {
         -self.frames.joint_axes[joint].dot(&moment)
     }
 
-    /// Sag of the body towards a contact, m. Each joint deviates from its set-point by −τ / kp, which lifts the contact towards
+    /// Sag of the body towards a contact, m. Each motor deviates from its set-point by −τ / kp, which lifts the contact towards
     /// the body.
     fn sag(&self, tree: &Tree, end_effector: usize) -> f64 {
         let robot = tree.robot();
@@ -103,7 +105,13 @@ impl Standing {
         let lift = |&joint: &usize| {
             let arm = self.contacts[end_effector].position
                 - self.frames.link_origins[robot.joints[joint].child];
-            let off_rad = -self.torque_nm[joint] / robot.joints[joint].actuator.kp_nm_rad;
+            let motors = tree.transmission().motor_ratios(joint).iter();
+            let off_rad: f64 = motors
+                .map(|of| {
+                    let kp_nm_rad = robot.joints[of.joint].actuator.kp_nm_rad;
+                    of.ratio * (-self.torque_nm[of.joint] / kp_nm_rad)
+                })
+                .sum();
             self.frames.joint_axes[joint].cross(&arm).z * off_rad
         };
         joints.map(lift).sum()

@@ -2,7 +2,7 @@
 
 use crate::JOINTS;
 use nalgebra::{Matrix3, Vector3};
-use rollwalk_robot::{EndEffector, Robot};
+use rollwalk_robot::{EndEffector, Robot, Transmission};
 
 /// Structure, masses and degrees of freedom of a robot, computed once.
 ///
@@ -11,6 +11,7 @@ use rollwalk_robot::{EndEffector, Robot};
 #[derive(Clone, Debug)]
 pub struct Tree {
     robot: Robot,
+    transmission: Transmission,
     total_mass_kg: f64,
     /// Parent-from-joint rotations at angle 0.
     parent_from_joint: Vec<Matrix3<f64>>,
@@ -42,6 +43,9 @@ pub struct Wheel {
 
 impl Tree {
     /// Prepares a robot. Wheels turn with their links, and joints have no armature.
+    ///
+    /// # Panics
+    /// If couplings of the robot are not invertible, which [`Robot::validate`] refuses.
     pub fn new(robot: &Robot) -> Self {
         let mut joints_to_link = vec![Vec::new(); robot.links.len()];
         for (index, joint) in robot.joints.iter().enumerate() {
@@ -65,6 +69,7 @@ impl Tree {
             carried_mass_kg,
             wheels: Vec::new(),
             armature: false,
+            transmission: robot.transmission(),
             robot: robot.clone(),
         }
     }
@@ -118,6 +123,11 @@ impl Tree {
         &self.robot
     }
 
+    /// Map between the joints and their motors.
+    pub fn transmission(&self) -> &Transmission {
+        &self.transmission
+    }
+
     /// Total mass, kg.
     pub fn total_mass_kg(&self) -> f64 {
         self.total_mass_kg
@@ -159,8 +169,8 @@ impl Tree {
         &self.parent_from_joint[joint]
     }
 
-    /// Armature of a joint, kg·m²; 0 without [`Self::with_armature`].
-    pub(crate) fn joint_armature_kg_m2(&self, joint: usize) -> f64 {
+    /// Armature of the motor of a joint at the motor's output, kg·m²; 0 without [`Self::with_armature`].
+    pub(crate) fn motor_armature_kg_m2(&self, joint: usize) -> f64 {
         if self.armature { self.robot.joints[joint].actuator.armature_kg_m2 } else { 0.0 }
     }
 

@@ -13,8 +13,8 @@ use super::parts::{self, MassProperties};
 use super::shapes::shape;
 use crate::actuator::Actuator;
 use crate::contact::{Contact, KINDS};
-use crate::document::{Document, Span, Table, alternatives};
-use crate::model::{EndEffector, Joint, Link, Robot};
+use crate::document::{Document, NamedNumber, Span, Table, alternatives};
+use crate::model::{EndEffector, Joint, JointRatio, Link, Robot};
 use crate::rules::ITEMS_MAX;
 use crate::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use crate::solid::Solid;
@@ -25,6 +25,16 @@ use std::ops::RangeInclusive;
 
 /// Name, in templates, of the link that carries the limb.
 const MOUNT: &str = "mount";
+
+/// Key for the ratios of a coupled servo.
+const MOTOR_PER_JOINT: &str = "motor_per_joint";
+
+/// Ratio of a coupled servo to a joint with this name.
+struct NamedRatio {
+    name: String,
+    span: Span,
+    ratio: f64,
+}
 
 /// Data sheets by name, with their tables.
 type Sheets<'d> = BTreeMap<&'d str, (Actuator, Table<'d>)>;
@@ -118,6 +128,8 @@ struct Reader<'r, 'd> {
     places: ItemTables<'d>,
     /// Limbs with a joint on the link that carries them.
     placed: HashSet<String>,
+    /// Ratios of coupled servos, by joint.
+    couplings: Vec<(usize, Table<'d>, Vec<NamedRatio>)>,
     /// Faults of unresolved names: span, message, label and help.
     unresolved: RefCell<Vec<(Span, String, String, String)>>,
 }
@@ -138,6 +150,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             parts: Vec::new(),
             places: ItemTables::new(root),
             placed: HashSet::new(),
+            couplings: Vec::new(),
             unresolved: RefCell::default(),
         }
     }
@@ -167,6 +180,23 @@ impl<'r, 'd> Reader<'r, 'd> {
             for table in group.table.tables("end_effector") {
                 self.end_effector(group, table, &mut ids);
             }
+        }
+        self.couple();
+    }
+
+    /// Resolves the joints of coupled servos, which may be later in the file.
+    fn couple(&mut self) {
+        for (joint, table, ratios) in std::mem::take(&mut self.couplings) {
+            let names = self.robot.joints.iter().map(|joint| joint.name.as_str());
+            let resolved = ratios.into_iter().filter_map(|NamedRatio { name, span, ratio }| {
+                let index = names.clone().position(|known| known == name);
+                if index.is_none() {
+                    self.unknown_at(span, "joint", &table, &name, names.clone());
+                }
+                Some(JointRatio { joint: index?, ratio })
+            });
+            let resolved: Vec<_> = resolved.collect();
+            self.robot.joints[joint].motor_per_joint = resolved;
         }
     }
 
@@ -217,8 +247,22 @@ impl<'r, 'd> Reader<'r, 'd> {
         };
         let child = self.link_index(&table, "child", &group.name(&child));
         let motor = self.motor(group, &table, ids);
+        let coupling = table.given(MOTOR_PER_JOINT, Table::table);
         table.done();
         let Some((actuator, sheet)) = motor else { return };
+        if let Some(coupling) = coupling {
+            let ratio = |of: NamedNumber<'_>| NamedRatio {
+                name: group.name(of.name),
+                span: of.name_span,
+                ratio: of.number,
+            };
+            let ratios: Vec<_> = coupling.named_numbers().into_iter().map(ratio).collect();
+            if ratios.is_empty() {
+                let help = "give the ratio of at least the joint itself, or leave the table out";
+                table.fault(MOTOR_PER_JOINT, "is empty", "no ratio", help);
+            }
+            self.couplings.push((self.robot.joints.len(), table.clone(), ratios));
+        }
         let origin = Translation3::from(mount_m + group.point(origin_m));
         self.robot.joints.push(Joint {
             name: group.name(&name),
@@ -230,6 +274,7 @@ impl<'r, 'd> Reader<'r, 'd> {
             position_max_rad,
             nominal_rad,
             actuator,
+            motor_per_joint: Vec::new(),
         });
         let limb = group.limb.map(|limb| limb.table.clone());
         self.places.joints.push(Source { item: table, sheet: Some(sheet), limb });
@@ -359,9 +404,21 @@ impl<'r, 'd> Reader<'r, 'd> {
         name: &str,
         known: impl IntoIterator<Item = &'k str> + Clone,
     ) {
+        self.unknown_at(table.span_of(key), kind, table, name, known);
+    }
+
+    /// Records that the name at `span` in a table is not that of a known `kind`.
+    fn unknown_at<'k>(
+        &self,
+        span: Span,
+        kind: &str,
+        table: &Table<'_>,
+        name: &str,
+        known: impl IntoIterator<Item = &'k str> + Clone,
+    ) {
         let message = format!("{}: there is no {kind} `{name}`", table.what());
         let help = alternatives(name, known);
-        let fault = (table.span_of(key), message, format!("unknown {kind}"), help);
+        let fault = (span, message, format!("unknown {kind}"), help);
         let mut unresolved = self.unresolved.borrow_mut();
         // A template is read for each of its limbs.
         if !unresolved.contains(&fault) {

@@ -1,7 +1,7 @@
 //! Rules of actuator buses: ranges of settings, and of channels' limits in the protocol's frames.
 
 use super::{Check, Item};
-use crate::channel::Channel;
+use crate::channel::{Channel, servo_range};
 use rollwalk_protocol::actuator::MAX_ID;
 use rollwalk_protocol::actuators::Refusal;
 use rollwalk_protocol::actuators::bus::{Bus, ControlLoop, Pose, Protocol};
@@ -72,7 +72,7 @@ impl Check<'_> {
     /// Checks limits, gains and address of a channel against the ranges of its bus's protocol. Requires numbers and a bus that
     /// break no other rule.
     pub(super) fn protocol_ranges(&mut self, channel: &Channel<'_>) {
-        let config = channel.config();
+        let config = channel.config(self.robot);
         let bus = self.robot.buses.get(&config.bus).copied().unwrap_or_default();
         let Err(refusal) = bus.can_drive(&config) else { return };
         let drive = format!("{} on bus {}", bus.protocol.name(), config.bus);
@@ -82,7 +82,7 @@ impl Check<'_> {
             Refusal::OutOfRange("position") => {
                 // Values of the file, not rounded to the controller's numbers.
                 let (min, max) = match channel {
-                    Channel::Joint(joint) => (joint.position_min_rad, joint.position_max_rad),
+                    Channel::Joint(joint) => servo_range(joint, self.robot).into(),
                     Channel::Wheel(..) => (config.min.into(), config.max.into()),
                 };
                 let widest = min.abs() > max.abs();
@@ -94,6 +94,17 @@ impl Check<'_> {
             Refusal::OutOfRange("kp") => ("kp_nm_rad", motor.kp_nm_rad, " N·m/rad"),
             Refusal::OutOfRange("kd") => ("kd_nm_s_rad", motor.kd_nm_s_rad, " N·m·s/rad"),
             Refusal::OutOfRange("torque") => ("torque_max_nm", motor.torque_max_nm, " N·m"),
+            Refusal::OutOfRange(_) if matches!(channel, Channel::Joint(of) if of.is_coupled()) => {
+                let help = format!(
+                    "{drive} cannot command it: narrow the limits of the joints, or lower the ratios"
+                );
+                let problem = format_args!(
+                    "gives the servo a range of {:.3} to {:.3} rad",
+                    config.min, config.max
+                );
+                self.violated("motor_per_joint", problem, help);
+                return;
+            }
             Refusal::OutOfRange(_) | Refusal::Unsupported(_) | Refusal::Missing(_) => {
                 let help =
                     format!("put the motor on a bus with another protocol ({drive}: {refusal})");

@@ -1,10 +1,11 @@
 //! Rules of joints, and of motors of joints and wheels.
 
-use super::Check;
 use super::check::Bound;
+use super::{Check, Item};
 use crate::actuator::Actuator;
 use crate::document::NAME_MAX;
-use crate::model::Joint;
+use crate::model::{Joint, JointRatio};
+use crate::transmission::Transmission;
 use rollwalk_protocol::actuator;
 use rollwalk_protocol::actuators::bus::MAX_BUSES;
 use rollwalk_protocol::text::{Excerpt, is_plain_name};
@@ -14,6 +15,9 @@ use std::f64::consts::TAU;
 const SPEED_MAX_RAD_S: f64 = actuator::MAX_SPEED_RAD_S as f64;
 /// Largest torque of a motor in these frames, N·m. Larger numbers are usually N·mm.
 const TORQUE_MAX_NM: f64 = actuator::MAX_TORQUE_NM as f64;
+/// Smallest and largest ratio of a servo to a joint.
+const RATIO_MIN: f64 = 0.01;
+const RATIO_MAX: f64 = 100.0;
 /// Number of actuator buses of a controller.
 const BUSES: u8 = MAX_BUSES as u8;
 
@@ -56,6 +60,46 @@ impl Check<'_> {
             let help = "give a stiffness above 0 N·m/rad, with which the joint holds its position";
             self.violated("kp_nm_rad", "is 0", help);
         }
+        self.coupling(index, joint);
+    }
+
+    fn coupling(&mut self, index: usize, joint: &Joint) {
+        let field = "motor_per_joint";
+        let known = |of: &JointRatio| self.robot.joints.get(of.joint).map(|of| of.name.as_str());
+        let names: Vec<_> =
+            joint.motor_per_joint.iter().map(|of| known(of).unwrap_or("?")).collect();
+        for (number, (of, name)) in joint.motor_per_joint.iter().zip(names).enumerate() {
+            // The comparison is false for NaN.
+            if !(RATIO_MIN..=RATIO_MAX).contains(&of.ratio.abs()) {
+                let help = format!(
+                    "a ratio is from {RATIO_MIN} to {RATIO_MAX} in size, in radians of the servo per radian of the joint; leave out a joint that the servo does not turn"
+                );
+                self.violated(field, format_args!("of `{name}` is {}", of.ratio), help);
+            }
+            let joints = self.robot.joints.len();
+            let is_again = joint.motor_per_joint[..number].iter().any(|it| it.joint == of.joint);
+            if of.joint >= joints || is_again {
+                let help = format!("each entry is one of the joints 0 to {}", joints - 1);
+                self.violated(field, format_args!("has joint {} wrongly", of.joint), help);
+            }
+        }
+        if joint.is_coupled() && !joint.motor_per_joint.iter().any(|of| of.joint == index) {
+            let help = format!("add `{} = 1.0`, or another ratio", joint.name);
+            self.violated(field, "lacks the joint itself", help);
+        }
+    }
+
+    /// Checks that the servos determine the joints. Requires couplings that break no other rule.
+    pub(super) fn couplings(&mut self) {
+        if Transmission::new(self.robot).is_some() {
+            return;
+        }
+        let joints = self.robot.joints.iter().enumerate();
+        let mut coupled = joints.filter(|(_, joint)| joint.is_coupled());
+        let Some((index, joint)) = coupled.next_back() else { return };
+        self.at(Item::Joint(index), format!("joint `{}`", joint.name));
+        let help = "the rows of the servos must be independent, such as { a = 1, b = 1 } and { a = 1, b = -1 }";
+        self.violated("motor_per_joint", "lets joints move while all servos rest", help);
     }
 
     fn joint_range(&mut self, joint: &Joint) {

@@ -97,10 +97,12 @@ impl<'a> Conversion<'a, '_> {
                 axis: joint.axis.into_inner(),
                 range: *range,
                 motor,
+                motor_per_joint: joint.motor_per_joint.clone(),
                 urdf: joint.span.clone(),
                 side: given.map(|given| given.span.clone()),
             });
         }
+        self.couple(&mut joints);
         let ends: Vec<_> = self.side.end_effectors.iter().collect();
         let end_effectors = ends
             .into_iter()
@@ -120,6 +122,24 @@ impl<'a> Conversion<'a, '_> {
             joints,
             end_effectors,
         })
+    }
+
+    /// Replaces names of coupled joints by those in the robot file. Warns of joints that do not move.
+    fn couple(&mut self, joints: &mut [DraftJoint]) {
+        let names: HashMap<_, _> =
+            joints.iter().map(|joint| (joint.from.clone(), joint.name.clone())).collect();
+        for joint in joints {
+            let ratios = std::mem::take(&mut joint.motor_per_joint);
+            for (name, ratio) in ratios {
+                match names.get(&name) {
+                    Some(name) => joint.motor_per_joint.push((name.clone(), ratio)),
+                    None => self.notes.warn(&joint.urdf, format_args!(
+                        "the motor of joint `{}` also turns `{name}`, which does not move in the robot file: that ratio is dropped",
+                        joint.from
+                    )),
+                }
+            }
+        }
     }
 
     /// Feet and wheels of the side file whose links the robot has.

@@ -70,6 +70,8 @@ pub(super) struct DraftJoint {
     pub axis: Vector3<f64>,
     pub range: Range,
     pub motor: Motor,
+    /// Names of the joints that the motor turns, with their ratios; empty for a motor of this joint alone.
+    pub motor_per_joint: Vec<(String, f64)>,
     /// Span in the URDF.
     pub urdf: Span,
     /// Span in the side file, if that has the joint.

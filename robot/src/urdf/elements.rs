@@ -259,6 +259,7 @@ impl Reader<'_, '_> {
             parent_from_joint,
             axis,
             mimics,
+            motor_per_joint: Vec::new(),
             has_motor: limit.effort.is_some(),
             limit,
             home: None,

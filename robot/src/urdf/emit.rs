@@ -2,7 +2,7 @@
 
 use super::draft::{Draft, DraftSheet, Motor, Origin};
 use super::side::NUMBERS;
-use super::toml_text::{array, comment, quoted, show};
+use super::toml_text::{array, comment, key, quoted, show};
 use crate::shape::Shape;
 use nalgebra::Vector3;
 use std::fmt::Write;
@@ -73,6 +73,11 @@ pub(super) fn emit(draft: &Draft, sources: [&str; 2]) -> Emitted {
         out.line(format_args!("position_max_rad = {}", show(joint.range.max_rad)));
         out.line(format_args!("nominal_rad = {}", show(joint.range.nominal_rad)));
         out.motor(draft, joint.motor);
+        if !joint.motor_per_joint.is_empty() {
+            let ratio = |(name, ratio): &(String, f64)| format!("{} = {}", key(name), show(*ratio));
+            let ratios: Vec<_> = joint.motor_per_joint.iter().map(ratio).collect();
+            out.line(format_args!("motor_per_joint = {{ {} }}", ratios.join(", ")));
+        }
         let side = joint.side.clone().map(Origin::Side);
         out.came_from(start, &side.unwrap_or(Origin::Urdf(joint.urdf.clone())));
     }

@@ -83,6 +83,8 @@ pub(super) struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// Joint that this one follows.
     pub mimics: Option<String>,
+    /// Joints that the motor turns, with radians of the motor per radian; empty for a motor of this joint alone.
+    pub motor_per_joint: Vec<(String, f64)>,
     /// True if the file describes a motor: an `effort`, or an actuator of a MuJoCo model.
     pub has_motor: bool,
     pub limit: Limit,

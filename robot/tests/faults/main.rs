@@ -1,6 +1,7 @@
 //! Tests of error messages for robot files: each class of fault has line, field, value and the correct value.
 
 mod contacts;
+mod couplings;
 mod document;
 mod rules;
 mod shapes;

@@ -1,7 +1,7 @@
 //! Tests of the MJCF import, for features that URDF lacks. `planner/interchange/tests/consumers.rs` compares poses and masses
 //! with MuJoCo.
 
-use rollwalk_robot::urdf::{Survey, Text, survey};
+use rollwalk_robot::urdf::{Survey, Text, import, survey};
 
 fn surveyed(text: &str) -> Result<Survey, String> {
     survey(Text { name: "robot.xml", text }).map_err(|error| {
@@ -194,6 +194,36 @@ fn loops_tendons_and_springs_are_named_and_passive_joints_locked() {
         assert!(survey.end_effectors.iter().all(|end| end.link.ends_with("_shank")));
         assert!(survey.template.contains("fl_pin = 0.0"), "{}", survey.template);
     }
+}
+
+#[test]
+fn a_motor_at_a_fixed_tendon_turns_its_joints() {
+    let legs = linked("", "");
+    let belt = "<tendon><fixed name=\"belt\" armature=\"0.003\"><joint joint=\"fl_hip\" coef=\"1.5\"/>\
+                <joint joint=\"fl_knee\" coef=\"-1.25\"/></fixed></tendon></mujoco>";
+    let text = legs
+        .replace(
+            "<motor joint=\"fl_knee\" ctrlrange=\"-9 9\"/>",
+            "<motor tendon=\"belt\" gear=\"2\" ctrlrange=\"-3 3\"/>",
+        )
+        .replace("</mujoco>", belt);
+    let survey = surveyed(&text).unwrap();
+    assert!(
+        !survey.warnings.iter().any(|warning| warning.contains("belt")),
+        "{:?}",
+        survey.warnings
+    );
+    let side = Text { name: "side.toml", text: &survey.template };
+    let robot = import(Text { name: "robot.xml", text: &text }, side).unwrap().robot;
+    let index = |name: &str| robot.joints.iter().position(|joint| joint.name == name).unwrap();
+    let (hip, knee) = (index("fl_hip"), index("fl_knee"));
+    let ratios = |joint: usize| -> Vec<_> {
+        let ratios = robot.joints[joint].motor_per_joint.iter();
+        ratios.map(|of| (of.joint, of.ratio)).collect()
+    };
+    assert_eq!((ratios(hip), ratios(knee)), (vec![], vec![(hip, 1.5), (knee, -1.25)]));
+    let motor = &robot.joints[knee].actuator;
+    assert_eq!((motor.torque_max_nm, motor.armature_kg_m2), (6.0, 0.003));
 }
 
 #[test]

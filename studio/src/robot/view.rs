@@ -151,9 +151,12 @@ fn sort_angles(
     angle_rad: impl Fn(usize) -> Option<f64>,
 ) {
     let joints = joint_rad.len();
-    for (channel, joint) in joint_rad.iter_mut().enumerate() {
-        *joint = angle_rad(channel).unwrap_or(*joint);
+    let transmission = robot.transmission();
+    let mut motor_rad = transmission.motors(joint_rad);
+    for (channel, motor) in motor_rad.iter_mut().enumerate() {
+        *motor = angle_rad(channel).unwrap_or(*motor);
     }
+    joint_rad.copy_from_slice(&transmission.joints(&motor_rad));
     let driven =
         turning_wheels(robot).filter(|&j| robot.end_effectors[j].contact.actuator().is_some());
     for (channel, j) in (joints..).zip(driven) {

@@ -10,7 +10,7 @@ use rollwalk_multibody::{Tree, Wheel};
 use rollwalk_physics::motor::Law;
 use rollwalk_pilot::{AGAIN_US, ARM_AGAIN_US, ARMS};
 use rollwalk_protocol::wire::State;
-use rollwalk_robot::{Channel, Robot};
+use rollwalk_robot::{Channel, Robot, Transmission};
 use rollwalk_simulate::closed_loop::{self, TrackingError};
 use rollwalk_simulate::sequence::Sequence;
 use rollwalk_tracking::Sensors;
@@ -69,7 +69,8 @@ pub struct Conductor<'p> {
     sequence: Sequence<'p>,
     /// Channel of each spinning wheel.
     wheels: Vec<usize>,
-    joints: usize,
+    /// Map between the measured motors and the joints.
+    transmission: Transmission,
     end_effectors: usize,
     tracking: Tracking,
     tick_s: f64,
@@ -131,7 +132,7 @@ impl<'p> Conductor<'p> {
         Self {
             sequence,
             wheels,
-            joints: robot.joints.len(),
+            transmission: robot.transmission(),
             end_effectors: robot.end_effectors.len(),
             tick_s: 1.0 / f64::from(tracking.rate_hz),
             tracking,
@@ -334,10 +335,13 @@ impl<'p> Conductor<'p> {
         let joint = |channel: usize| measured.joints.get(channel).copied().flatten();
         let angle = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.position_rad));
         let speed = |channel| joint(channel).map_or(f64::NAN, |of| f64::from(of.velocity_rad_s));
-        self.joint_rad.clear();
-        self.joint_rad.extend((0..self.joints).map(angle));
-        self.speed_rad_s.clear();
-        self.speed_rad_s.extend((0..self.joints).chain(self.wheels.iter().copied()).map(speed));
+        let joints = self.transmission.motor_count();
+        let of_joints = |motors: &dyn Fn(usize) -> f64| {
+            self.transmission.joints(&(0..joints).map(motors).collect::<Vec<_>>())
+        };
+        self.joint_rad = of_joints(&angle);
+        self.speed_rad_s = of_joints(&speed);
+        self.speed_rad_s.extend(self.wheels.iter().copied().map(speed));
         let contacts = self.fresh_contacts(measured);
         self.planned_contacts = contacts.is_none();
         let contacts = contacts.unwrap_or(0);
@@ -365,7 +369,11 @@ impl<'p> Conductor<'p> {
     }
 
     fn target(&self, channel: usize, law: &Law) -> Target {
-        let value = if channel < self.joints { law.position_rad } else { law.speed_rad_s };
+        let value = if channel < self.transmission.motor_count() {
+            law.position_rad
+        } else {
+            law.speed_rad_s
+        };
         Target { value: value as f32, torque_nm: law.torque_nm as f32 }
     }
 

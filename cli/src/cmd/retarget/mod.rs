@@ -95,6 +95,14 @@ struct Document<'a> {
 impl CorrectedPlan {
     /// Corrects a plan; returns `None` after Ctrl-C.
     fn find(plan: &Plan, args: &Args, feed_forward: bool) -> miette::Result<Option<Self>> {
+        if let Some(joint) = plan.robot.joints.iter().find(|joint| joint.is_coupled()) {
+            return Err(miette!(
+                help = "play the plan with feed-forward torques, which needs no corrections",
+                "the motor of joint `{}` turns several joints (`motor_per_joint`), and set-points \
+                 of such motors cannot be corrected",
+                joint.name
+            ));
+        }
         let control = if feed_forward { Control::FeedForward } else { Control::Servos };
         let options = Options {
             feed_forward,

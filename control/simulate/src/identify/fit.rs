@@ -53,6 +53,9 @@ pub fn identify(
     if let Some(link) = quantities.iter().find_map(|of| of.soft_link(robot)) {
         return Err(FitError::Soft(link.to_owned()));
     }
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.is_coupled()) {
+        return Err(FitError::Coupled(joint.name.clone()));
+    }
     let file = SimulationModel::new(robot);
     let replay = replay(recording, &file, options)?;
     let until = replay.steps - (replay.steps as f64 * options.held_out) as usize;

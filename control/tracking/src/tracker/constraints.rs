@@ -14,7 +14,8 @@ impl Tracker {
     pub(super) fn add_dynamics(&mut self) {
         let free = (0..JOINTS).chain(self.free_wheels.iter().copied());
         for (constraint, dof) in free.enumerate() {
-            write_torque(&mut self.program, constraint, dof, 1.0, &self.mass, &self.feet);
+            let Self { program, mass, feet, .. } = self;
+            write_torque(program, constraint, &[(dof, 1.0)], 1.0, mass, feet);
             self.program.bounds[constraint] = -self.bias[dof];
         }
     }
@@ -46,8 +47,10 @@ impl Tracker {
         for channel in &self.channels {
             for sign in [1.0, -1.0] {
                 let Self { program, mass, feet, .. } = self;
-                write_torque(program, constraint, channel.dof, sign, mass, feet);
-                program.bounds[constraint] = -channel.torque_max_nm - sign * self.bias[channel.dof];
+                write_torque(program, constraint, &channel.torques, sign, mass, feet);
+                let bias_nm: f64 =
+                    channel.torques.iter().map(|(dof, factor)| factor * self.bias[*dof]).sum();
+                program.bounds[constraint] = -channel.torque_max_nm - sign * bias_nm;
                 constraint += 1;
             }
         }
@@ -66,11 +69,11 @@ impl Foot {
     }
 }
 
-/// Writes a torque without its bias, times `sign`, as the normal of a constraint.
+/// Writes a sum of generalised forces times factors, without bias, times `sign`, as the normal of a constraint.
 fn write_torque(
     program: &mut Program,
     constraint: usize,
-    dof: usize,
+    forces: &[(usize, f64)],
     sign: f64,
     mass: &DMatrix<f64>,
     feet: &[Foot],
@@ -78,11 +81,13 @@ fn write_torque(
     let dofs = mass.ncols();
     let mut normal = program.normals.column_mut(constraint);
     for other in 0..dofs {
-        normal[other] = sign * mass[(dof, other)];
+        let row = forces.iter().map(|(dof, factor)| factor * mass[(*dof, other)]);
+        normal[other] = sign * row.sum::<f64>();
     }
     for (j, foot) in feet.iter().enumerate().filter(|(_, foot)| foot.stands()) {
         for k in 0..3 {
-            normal[dofs + 3 * j + k] = -sign * foot.jacobian[(k, dof)];
+            let row = forces.iter().map(|(dof, factor)| factor * foot.jacobian[(k, *dof)]);
+            normal[dofs + 3 * j + k] = -sign * row.sum::<f64>();
         }
     }
 }

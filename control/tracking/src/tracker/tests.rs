@@ -45,7 +45,9 @@ fn accelerations(tracker: &Tracker) -> (DVector<f64>, DVector<f64>) {
     let dofs = tracker.tree.dofs();
     let mut generalised = DVector::zeros(dofs);
     for (channel, setpoint) in tracker.channels.iter().zip(&tracker.setpoints) {
-        generalised[channel.dof] = setpoint.torque_nm;
+        for (dof, ratio) in &channel.ratios {
+            generalised[*dof] += ratio * setpoint.torque_nm;
+        }
     }
     for foot in tracker.feet.iter().filter(|foot| foot.stands()) {
         generalised += foot.jacobian.tr_mul(&foot.force_n);
@@ -102,8 +104,9 @@ fn drives_and_feed_forward_add_up_at_the_end_of_a_tick() {
     let mut bare = without_drives("anymal_wheels");
     let torques = bare.tick(&reference, &state, &reference.stands).unwrap();
     for ((setpoint, bare), channel) in setpoints.iter().zip(torques).zip(&tracker.channels) {
-        let speed_then = state.velocity[channel.dof] + TICK_S * expected[channel.dof];
-        let (position, position_then) = match channel.dof.checked_sub(JOINTS) {
+        let speed_then =
+            state.velocity[channel.ratios[0].0] + TICK_S * expected[channel.ratios[0].0];
+        let (position, position_then) = match channel.ratios[0].0.checked_sub(JOINTS) {
             Some(joint) if joint < state.joint_rad.len() => {
                 assert_eq!(setpoint.position_rad, reference.state.joint_rad[joint]);
                 (setpoint.position_rad, state.joint_rad[joint] + TICK_S * speed_then)

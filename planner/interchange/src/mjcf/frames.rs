@@ -50,7 +50,7 @@ pub fn standing(robot: &Robot) -> Option<Keyframe> {
         qvel: order.velocities(&state, &still),
         ctrl: controls(
             robot,
-            &state.joint_rad,
+            &robot.transmission().motors(&state.joint_rad),
             &vec![0.0; robot.joints.len()],
             &vec![0.0; motors.count()],
             &standing.torque_nm,

@@ -1,16 +1,16 @@
 //! Torque limits of joint motors: |τ| ≤ u τ_max, where u is the fraction of the limit that plans may use. One inequality row
 //! per joint and sample, N·m.
 //!
-//! The torque balances the planned ground forces and the weight and inertia of everything beyond the joint, its own rotor
-//! included:
+//! The torque of a joint balances the planned ground forces and the weight and inertia of everything beyond the joint. The torque
+//! of its motor also accelerates the rotor:
 //!
 //! ```text
-//! τ = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ] + I_a q̈
+//! τ_joint = w · [ Σ m (p − o) × (p̈ − g) − Σ (e − o) × f ]     τ_motor = A⁻ᵀ τ_joint + I_a A q̈
 //! ```
 //!
-//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, and I_a the
-//! inertia of rotor and gearbox. Accelerations are second differences in the mean around the sample
-//! ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
+//! w and o are the axis and origin of the joint, p the points that it carries, e and f the contacts beyond it, I_a the inertia
+//! of rotor and gearbox, and A the ratios of the motors ([`rollwalk_robot::Transmission`]). Accelerations are second differences
+//! in the mean around the sample ([`crate::problem::MeanWeights`]); p × p̈ follows from the moments that the limb sweeps
 //! ([`rollwalk_multibody::euler::SweptMoment`]). |τ| has a kink at 0, where the row is far from active, so that one row covers
 //! both signs.
 
@@ -19,9 +19,9 @@ use crate::formulation::rows::{Role, RowWriter, Subject, Window};
 use crate::formulation::{Span, Term, TermInfo};
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::{
-    BASE_POSITION, BASE_YAW, CarriedPair, JOINTS, Model, cross_sum, turned_first, turned_second,
+    BASE_POSITION, BASE_YAW, CarriedPair, JOINTS, cross_sum, turned_first, turned_second,
 };
-use rollwalk_robot::GRAVITY_M_S2;
+use rollwalk_robot::{GRAVITY_M_S2, JointRatio};
 
 /// Constraint: torque limits of joint motors.
 pub struct JointTorque;
@@ -29,12 +29,68 @@ pub struct JointTorque;
 /// Half-width of the smoothing of Eq. 2.16, as a fraction of the limit.
 pub(super) const BAND_FRACTION: f64 = 0.05;
 
-/// Torque of one joint at the middle sample of a window, with the values that its derivative needs.
-pub(super) struct Torque<'w> {
-    window: &'w Window<'w>,
-    joint: usize,
+/// Torque of the motor of one joint at the middle sample of a window.
+pub(super) struct MotorTorque<'w> {
     /// Torque, N·m.
     pub value_nm: f64,
+    /// Factor and torque of the first joint on which the motor acts.
+    first: (f64, Torque<'w>),
+    /// Factors and torques of the other joints.
+    others: Vec<(f64, Torque<'w>)>,
+    rotor: Rotor<'w>,
+}
+
+/// Inertia of the rotor of a motor.
+#[derive(Clone, Copy)]
+struct Rotor<'w> {
+    armature_kg_m2: f64,
+    ratios: &'w [JointRatio],
+}
+
+impl<'w> MotorTorque<'w> {
+    /// Computes the torque of the motor of joint `motor`. Feet in swing carry no force.
+    pub fn new(window: &'w Window<'w>, motor: usize) -> Self {
+        let tree = window.problem.model.tree();
+        let transmission = tree.transmission();
+        let armature_kg_m2 = tree.robot().joints[motor].actuator.armature_kg_m2;
+        let rotor = Rotor { armature_kg_m2, ratios: transmission.ratios(motor) };
+        let mut factors = transmission.torque_factors(motor).iter();
+        let mut next = || factors.next().map(|of| (of.ratio, Torque::new(window, of.joint)));
+        let first = next().expect("a motor acts on a joint");
+        let others: Vec<_> = std::iter::from_fn(next).collect();
+        let all = std::iter::once(&first).chain(&others);
+        let torque_nm = all.map(|(factor, torque)| factor * torque.value_nm).sum::<f64>();
+        let acceleration: f64 = rotor
+            .ratios
+            .iter()
+            .map(|of| {
+                let angles = window.states.map(|state| state.vars[JOINTS + of.joint]);
+                of.ratio * ((angles[0] - 2.0 * angles[1] + angles[2]) * first.1.per_h2)
+            })
+            .sum();
+        let value_nm = torque_nm + armature_kg_m2 * acceleration;
+        Self { value_nm, first, others, rotor }
+    }
+
+    /// Adds `factor` times the derivative of the torque to the next row.
+    pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
+        if !out.differentiates() {
+            return;
+        }
+        let (of_joint, torque) = &self.first;
+        torque.differentiate(of_joint * factor, Some((factor, self.rotor)), out);
+        for (of_joint, torque) in &self.others {
+            torque.differentiate(of_joint * factor, None, out);
+        }
+    }
+}
+
+/// Torque of one joint at the middle sample of a window, with the values that its derivative needs.
+struct Torque<'w> {
+    window: &'w Window<'w>,
+    joint: usize,
+    /// Torque, N·m, without rotors.
+    value_nm: f64,
     axis: Vector3<f64>,
     origin: Vector3<f64>,
     /// Moment of inertia forces minus the moment of all other forces beyond the joint, about its origin, N·m.
@@ -51,7 +107,7 @@ pub(super) struct Torque<'w> {
 
 impl<'w> Torque<'w> {
     /// Computes the torque of joint `joint`. Feet in swing carry no force.
-    pub fn new(window: &'w Window<'w>, joint: usize) -> Self {
+    fn new(window: &'w Window<'w>, joint: usize) -> Self {
         let problem = window.problem;
         let model = &problem.model;
         let carried = model.carried(joint);
@@ -77,9 +133,7 @@ impl<'w> Torque<'w> {
             moment -= (here.vector(vars.position) - origin).cross(&f);
             ground_force += f;
         }
-        let angles = window.states.map(|state| state.vars[JOINTS + joint]);
-        let acceleration = (angles[0] - 2.0 * angles[1] + angles[2]) * per_h2;
-        let value_nm = axis.dot(&moment) + armature_kg_m2(model, joint) * acceleration;
+        let value_nm = axis.dot(&moment);
         Self {
             window,
             joint,
@@ -94,14 +148,12 @@ impl<'w> Torque<'w> {
         }
     }
 
-    /// Adds `factor` times the derivative of the torque to the next row.
-    pub fn differentiate(&self, factor: f64, out: &mut RowWriter) {
-        if !out.differentiates() {
-            return;
-        }
+    /// Adds `factor` times the derivative of the torque, and a factor times that of the torque of a rotor, to the next row.
+    fn differentiate(&self, factor: f64, rotor: Option<(f64, Rotor<'_>)>, out: &mut RowWriter) {
         let Self { window, joint, axis, per_h2, .. } = self;
         let model = &window.problem.model;
         let here = window.states[1];
+        let rotor = rotor.map(|(factor, rotor)| (per_h2 * factor, rotor));
         let (axis, per_h2) = (axis * factor, per_h2 * factor);
         for &j in self.standing() {
             let vars = &window.problem.layout.end_effectors[j];
@@ -116,9 +168,13 @@ impl<'w> Torque<'w> {
         out.d_vector(0, BASE_POSITION, &d_shift);
         out.d_vector(1, BASE_POSITION, &(d_origin - d_shift * 2.0));
         out.d_vector(2, BASE_POSITION, &d_shift);
-        let inertia = armature_kg_m2(model, *joint) * per_h2;
-        for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
-            out.d(k, JOINTS + joint, inertia * times);
+        if let Some((per_h2, Rotor { armature_kg_m2, ratios })) = rotor {
+            let inertia = armature_kg_m2 * per_h2;
+            for of in ratios {
+                for (k, times) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+                    out.d(k, JOINTS + of.joint, of.ratio * (inertia * times));
+                }
+            }
         }
 
         let [before, here, after] = self.arms;
@@ -181,10 +237,6 @@ impl<'w> Torque<'w> {
     }
 }
 
-fn armature_kg_m2(model: &Model, joint: usize) -> f64 {
-    model.robot().joints[joint].actuator.armature_kg_m2
-}
-
 fn gravity() -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -GRAVITY_M_S2)
 }
@@ -202,7 +254,7 @@ impl Term for JointTorque {
             if out.skips_row() {
                 continue;
             }
-            let torque = Torque::new(window, j);
+            let torque = MotorTorque::new(window, j);
             torque.differentiate(torque.value_nm.signum(), out);
             let usable = window.problem.reserve.torque_use;
             out.given("torque_max_nm", limit, -usable);
@@ -235,7 +287,7 @@ mod tests {
         let at = [0, 1, 2];
         let window =
             Window { problem: &problem, at, states: at.map(|t| &states[t]), swing_force_n: &[] };
-        Torque::new(&window, 0).value_nm
+        MotorTorque::new(&window, 0).value_nm
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! two partly cancel. The row is then satisfied whenever torque and speed are within their limits, which do not exceed the ends
 //! of the line.
 
-use super::joint_torque::{BAND_FRACTION, Torque};
+use super::joint_torque::{BAND_FRACTION, MotorTorque};
 use super::wheel_speed::MotorSpeed;
 use super::wheel_torque;
 use crate::families::Family;
@@ -31,16 +31,25 @@ impl Term for TorqueSpeed {
             if out.skips_row() {
                 continue;
             }
-            let torque = Torque::new(window, j);
+            let torque = MotorTorque::new(window, j);
+            let ratios = problem.model.tree().transmission().ratios(j);
             let [before, _, after] = window.states;
-            let speed_rad_s = (after.vars[JOINTS + j] - before.vars[JOINTS + j]) / (2.0 * h);
+            let speed_rad_s: f64 = ratios
+                .iter()
+                .map(|of| {
+                    let [before, after] = [before, after].map(|at| at.vars[JOINTS + of.joint]);
+                    of.ratio * ((after - before) / (2.0 * h))
+                })
+                .sum();
             let used =
                 torque.value_nm / line.stall_torque_nm + speed_rad_s / line.no_load_speed_rad_s;
             let sign = used.signum();
             torque.differentiate(sign / line.stall_torque_nm, out);
             let d_angle = sign / line.no_load_speed_rad_s / (2.0 * h);
-            out.d(0, JOINTS + j, -d_angle);
-            out.d(2, JOINTS + j, d_angle);
+            for of in ratios {
+                out.d(0, JOINTS + of.joint, of.ratio * -d_angle);
+                out.d(2, JOINTS + of.joint, of.ratio * d_angle);
+            }
             out.row_of(Subject::Joint(j), used.abs() - 1.0);
         }
         for (j, ee) in robot.end_effectors.iter().enumerate() {

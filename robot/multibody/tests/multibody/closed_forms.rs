@@ -46,6 +46,7 @@ fn two_link_arm() -> Robot {
             position_max_rad: 3.0,
             nominal_rad: 0.0,
             actuator: actuator(ARMATURE),
+            motor_per_joint: Vec::new(),
         });
     }
     robot

@@ -77,7 +77,9 @@ fn kinetic_energy_is_the_sum_over_links_and_wheels() {
             energy += wheel.spin_inertia_kg_m2 * ((carried + speed).powi(2) - carried.powi(2));
             energy += wheel.armature_kg_m2 * speed * speed;
         }
-        for (joint, speed) in tree.robot().joints.iter().zip(&state.velocity[6..]) {
+        let joints = tree.robot().joints.len();
+        let motor_speeds = tree.transmission().motors(&state.velocity[6..6 + joints]);
+        for (joint, speed) in tree.robot().joints.iter().zip(&motor_speeds) {
             energy += joint.actuator.armature_kg_m2 * speed * speed;
         }
         let from_matrix = nu.dot(&(mass_matrix(tree, &at) * &nu));

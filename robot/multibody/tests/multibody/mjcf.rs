@@ -6,7 +6,7 @@
 use crate::robots::wheel_mass_kg;
 use nalgebra::{Matrix3, Vector3};
 use rollwalk_multibody::{Tree, Wheel};
-use rollwalk_robot::Robot;
+use rollwalk_robot::{Joint, Robot};
 use std::fmt::Write;
 
 /// MuJoCo model of a robot with armature and spinning wheels, which are thin discs.
@@ -18,7 +18,21 @@ pub fn model(tree: &Tree) -> String {
         tree.robot().links[0].name
     );
     link(tree, 0, &mut out);
-    out += "</worldbody>\n</mujoco>\n";
+    out += "</worldbody>\n";
+    if tree.robot().joints.iter().any(Joint::is_coupled) {
+        out += "<tendon>\n";
+        for joint in tree.robot().joints.iter().filter(|joint| joint.is_coupled()) {
+            let armature = joint.actuator.armature_kg_m2;
+            writeln!(out, "<fixed armature=\"{armature:?}\">").unwrap();
+            for of in &joint.motor_per_joint {
+                let (name, ratio) = (&tree.robot().joints[of.joint].name, of.ratio);
+                writeln!(out, "<joint joint=\"{name}\" coef=\"{ratio:?}\"/>").unwrap();
+            }
+            out += "</fixed>\n";
+        }
+        out += "</tendon>\n";
+    }
+    out += "</mujoco>\n";
     out
 }
 
@@ -60,7 +74,9 @@ fn link(tree: &Tree, index: usize, out: &mut String) {
         let name = &robot.links[joint.child].name;
         let quaternion = format!("{:?} {:?} {:?} {:?}", q.w, q.i, q.j, q.k);
         writeln!(out, "<body name=\"{name}\" pos=\"{position}\" quat=\"{quaternion}\">").unwrap();
-        hinge(&joint.name, &joint.axis_in_joint, joint.actuator.armature_kg_m2, out);
+        // The rotor of a coupled motor is in its tendon.
+        let armature = if joint.is_coupled() { 0.0 } else { joint.actuator.armature_kg_m2 };
+        hinge(&joint.name, &joint.axis_in_joint, armature, out);
         link(tree, joint.child, out);
     }
     *out += "</body>\n";

@@ -1,5 +1,6 @@
 //! `<body>`: links and joints. Actuators and equalities, by the joint that they act on.
 
+use super::couplings::{Coupling, couplings};
 use super::dropped::{has_spring, warn_springs};
 use super::home::Home;
 use super::model::FromGeoms;
@@ -34,6 +35,10 @@ struct Drives<'a> {
     effort: HashMap<&'a str, f64>,
     /// Joint that another one follows.
     follows: HashMap<&'a str, String>,
+    /// Joints that the motor of a joint turns, with their ratios.
+    ratios: HashMap<&'a str, Vec<(String, f64)>>,
+    /// Inertia of the rotor of such a motor, kg·m².
+    rotors: HashMap<&'a str, f64>,
 }
 
 /// Data of joints that the reader collects over all bodies.
@@ -176,6 +181,7 @@ fn body<'a, 'i>(
             parent_from_joint: parent_from_body,
             axis: Vector3::x_axis(),
             mimics: None,
+            motor_per_joint: Vec::new(),
             has_motor: false,
             limit: Limit::default(),
             home: None,
@@ -284,7 +290,9 @@ fn read_joint<'a, 'i>(
         upper: ends.map(|e| e[1]),
         velocity: None,
         effort,
-        armature_kg_m2: reader.number(of, "armature").filter(|armature| *armature >= 0.0),
+        armature_kg_m2: (drives.rotors.get(&*name).copied())
+            .or_else(|| reader.number(of, "armature"))
+            .filter(|armature| *armature >= 0.0),
     };
     Some(Joint {
         span: tag(of.node),
@@ -294,6 +302,7 @@ fn read_joint<'a, 'i>(
         parent_from_joint,
         axis: body_from_joint.rotation * axis,
         mimics: drives.follows.get(&*name).cloned(),
+        motor_per_joint: drives.ratios.get(&*name).cloned().unwrap_or_default(),
         has_motor: own.is_some() || drives.driven.contains(&*name),
         limit,
         home,
@@ -303,8 +312,14 @@ fn read_joint<'a, 'i>(
 
 /// Reads actuators, and equalities of joints.
 fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -> Drives<'a> {
-    let mut drives =
-        Drives { driven: HashSet::new(), effort: HashMap::new(), follows: HashMap::new() };
+    let mut drives = Drives {
+        driven: HashSet::new(),
+        effort: HashMap::new(),
+        follows: HashMap::new(),
+        ratios: HashMap::new(),
+        rotors: HashMap::new(),
+    };
+    let couplings = couplings(root);
     let of_kind = |kind: &'static str| {
         let lists = root.children().filter(move |node| node.has_tag_name(kind));
         lists.flat_map(|list| list.children()).filter(|node| node.is_element())
@@ -312,9 +327,15 @@ fn drives<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>) -
     for node in of_kind("actuator") {
         reader.check_class(node, "class");
         let of = Element { node, class: None };
-        let Some(joint) = node.attribute("joint").or(node.attribute("jointinparent")) else {
-            continue;
-        };
+        let joint = node.attribute("joint").or(node.attribute("jointinparent"));
+        let coupling = couplings.iter().find(|of| of.actuator == node);
+        let Some(joint) = joint.or(coupling.map(|of| of.joint)) else { continue };
+        if let Some(Coupling { ratios, tendon, .. }) = coupling {
+            let ratios = ratios.iter().map(|(name, ratio)| ((*name).to_owned(), *ratio));
+            drives.ratios.insert(joint, ratios.collect());
+            let tendon = Element { node: *tendon, class: None };
+            drives.rotors.extend(reader.number(tendon, "armature").map(|rotor| (joint, rotor)));
+        }
         drives.driven.insert(joint);
         let gear = reader.numbers(of, "gear", 1, 6).and_then(|gear| gear.first().copied());
         let gear = gear.unwrap_or(1.0).abs();

@@ -1,5 +1,6 @@
 //! Elements that constrain or drive the robot and that robot files lack. A warning names them.
 
+use super::couplings::couplings;
 use super::numbers::{Element, Reader};
 use crate::document::Span;
 use crate::urdf::elements::tag;
@@ -18,6 +19,7 @@ pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
         let lists = root.children().filter(move |node| node.has_tag_name(list));
         lists.flat_map(|list| list.children()).filter(|node| node.is_element())
     };
+    let couplings = couplings(root);
     for (list, kinds, effect) in [
         (
             "equality",
@@ -27,11 +29,14 @@ pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
         (
             "tendon",
             &["fixed", "spatial"],
-            "robot files have no tendons, so the joints move independently: lock those without a motor under [lock] of the side file",
+            "robot files have no tendons but fixed ones with a motor of their own, so the joints move independently: lock those without a motor under [lock] of the side file",
         ),
     ] {
         for kind in kinds {
-            let found: Vec<_> = inside(list).filter(|node| node.has_tag_name(*kind)).collect();
+            let is_dropped = |node: &Node<'_, '_>| {
+                node.has_tag_name(*kind) && couplings.iter().all(|of| of.tendon != *node)
+            };
+            let found: Vec<_> = inside(list).filter(is_dropped).collect();
             let Some(first) = found.first() else { continue };
             let names: Vec<_> = found.iter().map(|node| name(*node)).collect();
             let what = some_names(names.iter());
@@ -42,7 +47,9 @@ pub fn warn<'a, 'i>(root: Node<'a, 'i>, reader: &mut Reader<'_, '_, '_, 'a, 'i>)
     }
     let other =
         |node: &Node<'_, '_>| OTHER_TARGETS.iter().any(|target| node.has_attribute(*target));
-    let found: Vec<_> = inside("actuator").filter(other).collect();
+    let is_dropped =
+        |node: &Node<'_, '_>| other(node) && couplings.iter().all(|of| of.actuator != *node);
+    let found: Vec<_> = inside("actuator").filter(is_dropped).collect();
     if let Some(first) = found.first() {
         let names: Vec<_> = found.iter().map(|node| name(*node)).collect();
         let what = some_names(names.iter());

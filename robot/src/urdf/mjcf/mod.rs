@@ -5,6 +5,7 @@
 //! link is that of its joint: the reader moves a body to the anchor of its joint. It reads neither meshes nor included files.
 
 mod bodies;
+mod couplings;
 mod dropped;
 mod geoms;
 mod home;

@@ -1,0 +1,221 @@
+//! Motor that turns several hinges, such as the knee motor of a belt drive at the hip.
+//!
+//! The angle of the motor is θ = Σ r θ_k over its hinges k with ratios r. A torque τ of the motor acts on each hinge as r τ.
+
+use crate::force::{Derivative, Force, StateBlock, View, Wrench};
+use crate::motion::BodyMotion;
+use crate::motor::{Law, Motor, Torque};
+use nalgebra::{Matrix3, Vector3};
+use rollwalk_multibody::rotation::skew;
+
+/// Motor on several hinges.
+#[derive(Clone, Debug)]
+pub struct CoupledMotor {
+    /// Indices of all bodies of the hinges, without duplicates.
+    bodies: Vec<usize>,
+    hinges: Vec<CoupledHinge>,
+    /// Inertia of rotor and gearbox at the output, kg·m².
+    pub armature_kg_m2: f64,
+    /// Control law.
+    pub law: Law,
+}
+
+/// Hinge that a motor turns.
+#[derive(Clone, Debug)]
+struct CoupledHinge {
+    /// Radians of the motor per radian of the hinge.
+    ratio: f64,
+    /// Carrying and driven body, as indices of the motor's bodies.
+    ends: [usize; 2],
+    /// Hinge without power, for its angle.
+    hinge: Motor,
+}
+
+impl CoupledHinge {
+    fn now(&self, motions: &[BodyMotion]) -> [BodyMotion; 2] {
+        self.ends.map(|end| motions[end])
+    }
+}
+
+impl CoupledMotor {
+    /// Creates a motor without power on hinges with ratios.
+    pub fn new(hinges: impl IntoIterator<Item = (f64, Motor)>, armature_kg_m2: f64) -> Self {
+        let mut bodies = Vec::new();
+        let mut local = |body: usize| {
+            bodies.iter().position(|known| *known == body).unwrap_or_else(|| {
+                bodies.push(body);
+                bodies.len() - 1
+            })
+        };
+        let hinges = hinges.into_iter().map(|(ratio, hinge)| CoupledHinge {
+            ratio,
+            ends: hinge.bodies.map(&mut local),
+            hinge,
+        });
+        let hinges = hinges.collect();
+        Self { bodies, hinges, armature_kg_m2, law: Law::default() }
+    }
+
+    /// Angle of the motor, rad, including whole turns. `now` are the motions of its bodies.
+    pub fn angle(&self, now: &[BodyMotion]) -> f64 {
+        self.hinges.iter().map(|of| of.ratio * of.hinge.angle(&of.now(now))).sum()
+    }
+
+    /// Speed of the motor, rad/s.
+    pub fn speed(&self, now: &[BodyMotion]) -> f64 {
+        self.hinges.iter().map(|of| of.ratio * of.hinge.speed(&of.now(now))).sum()
+    }
+
+    /// Torque of the control law, without rotor inertia.
+    pub fn torque(&self, now: &[BodyMotion]) -> Torque {
+        self.law.torque(self.angle(now), self.speed(now))
+    }
+
+    /// Torque of the motor including rotor inertia.
+    fn moment(&self, view: &View<'_>) -> Torque {
+        let speed = |motions: &[BodyMotion]| self.speed(motions);
+        let acceleration = view.weights.rate(speed(view.now), speed(view.last), speed(view.before));
+        let gain = view.weights.gain();
+        self.torque(view.now).with_rotor(self.armature_kg_m2, acceleration, gain)
+    }
+}
+
+impl Force for CoupledMotor {
+    fn bodies(&self) -> &[usize] {
+        &self.bodies
+    }
+
+    fn end_step(&mut self, motions: &[BodyMotion]) {
+        self.hinges.iter_mut().for_each(|of| of.hinge.end_step(motions));
+    }
+
+    fn wrenches(&self, view: &View<'_>, wrenches: &mut [Wrench]) {
+        let torque_nm = self.moment(view).value_nm;
+        for of in &self.hinges {
+            let axis = of.hinge.axis_in_world(&view.now[of.ends[0]]);
+            let moment = axis * (of.ratio * torque_nm);
+            wrenches[of.ends[0]].moment -= moment;
+            wrenches[of.ends[1]].moment += moment;
+        }
+    }
+
+    fn derivatives(
+        &self,
+        view: &View<'_>,
+        wrenches: &mut [Wrench],
+        derivatives: &mut [Derivative],
+    ) {
+        self.wrenches(view, wrenches);
+        let torque = self.moment(view);
+        let count = self.bodies.len();
+        for on in &self.hinges {
+            let axis = on.hinge.axis_in_world(&view.now[on.ends[0]]);
+            for (end, sign) in on.ends.into_iter().zip([-1.0, 1.0]) {
+                let on_end = sign * on.ratio;
+                // The axis turns with the carrier.
+                let by_axis = skew(&axis) * (-on_end * torque.value_nm);
+                derivatives[end * count + on.ends[0]].add_moment(StateBlock::Rotation, &by_axis);
+                for by in &self.hinges {
+                    let now = by.now(view.now);
+                    let [first, second] = by.ends.map(|body| end * count + body);
+                    let moment = axis * (on_end * by.ratio);
+                    let gradient = by.hinge.angle_by_turn(&now);
+                    let by_angle = moment * gradient.transpose() * torque.by_angle;
+                    let (by_turn, by_spin) = by_speed(&by.hinge, &now, &(moment * torque.by_speed));
+                    derivatives[first].add_moment(StateBlock::Rotation, &(by_turn - by_angle));
+                    derivatives[second].add_moment(StateBlock::Rotation, &by_angle);
+                    derivatives[first].add_moment(StateBlock::Spin, &-by_spin);
+                    derivatives[second].add_moment(StateBlock::Spin, &by_spin);
+                }
+            }
+        }
+    }
+
+    /// Adds the derivatives of the rotor inertia, which depends on earlier speeds.
+    fn history(&self, view: &View<'_>, last: &mut [Derivative], before: &mut [Derivative]) -> bool {
+        let count = self.bodies.len();
+        let times = [(view.last, last), (view.before, before)];
+        for ((then, derivatives), gain) in times.into_iter().zip(view.weights.earlier_gains()) {
+            for on in &self.hinges {
+                let axis = on.hinge.axis_in_world(&view.now[on.ends[0]]);
+                for (end, sign) in on.ends.into_iter().zip([-1.0, 1.0]) {
+                    for by in &self.hinges {
+                        let [first, second] = by.ends.map(|body| end * count + body);
+                        let ratio = sign * on.ratio * by.ratio;
+                        let moment = axis * (-ratio * self.armature_kg_m2 * gain);
+                        let (by_turn, by_spin) = by_speed(&by.hinge, &by.now(then), &moment);
+                        derivatives[first].add_moment(StateBlock::Rotation, &by_turn);
+                        derivatives[first].add_moment(StateBlock::Spin, &-by_spin);
+                        derivatives[second].add_moment(StateBlock::Spin, &by_spin);
+                    }
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Derivatives of `moment` times the speed of a hinge with respect to a turn of its first body and to the spin of its second
+/// body. The derivative with respect to the spin of the first body has the opposite sign.
+fn by_speed(
+    hinge: &Motor,
+    now: &[BodyMotion; 2],
+    moment: &Vector3<f64>,
+) -> (Matrix3<f64>, Matrix3<f64>) {
+    let axis = hinge.axis_in_world(&now[0]);
+    let relative = now[1].spin - now[0].spin;
+    (moment * axis.cross(&relative).transpose(), moment * axis.transpose())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::agrees_with_finite_differences;
+
+    fn motor(law: Law) -> CoupledMotor {
+        let hinge = |bodies, axis: Vector3<f64>, across| Motor {
+            bodies,
+            axis,
+            across: [across, across],
+            armature_kg_m2: 0.0,
+            stops: None,
+            angle_rad: 0.0,
+            law: Law::default(),
+        };
+        let hinges = [
+            (0.7, hinge([0, 1], Vector3::y(), Vector3::x())),
+            (-1.4, hinge([1, 2], Vector3::z(), Vector3::x())),
+        ];
+        CoupledMotor { law, ..CoupledMotor::new(hinges, 0.02) }
+    }
+
+    #[test]
+    fn a_coupled_motor_has_its_derivatives_free_and_at_its_limit() {
+        let free = Law {
+            kp_nm_rad: 5.0,
+            kd_nm_s_rad: 0.3,
+            position_rad: 0.2,
+            speed_rad_s: -0.4,
+            torque_nm: 0.7,
+            limit_nm: 1e3,
+            line: None,
+        };
+        agrees_with_finite_differences(&motor(free));
+        agrees_with_finite_differences(&motor(Law { limit_nm: 0.1, ..free }));
+    }
+
+    #[test]
+    fn a_motor_on_one_hinge_is_that_of_the_hinge() {
+        let law = Law { kp_nm_rad: 5.0, kd_nm_s_rad: 0.3, limit_nm: 1e3, ..Law::default() };
+        let turned = BodyMotion {
+            rotation: crate::rotation::Increment::new(Vector3::y() * 0.4).rotation(),
+            spin: Vector3::new(0.1, 1.5, -0.2),
+            ..BodyMotion::at(Vector3::zeros())
+        };
+        let now = [BodyMotion::at(Vector3::zeros()), turned];
+        let hinge = motor(law).hinges[0].hinge.clone();
+        let coupled = CoupledMotor { law, ..CoupledMotor::new([(1.0, hinge.clone())], 0.02) };
+        let alone = Motor { law, ..hinge };
+        assert_eq!(coupled.torque(&now).value_nm, alone.torque(&now).value_nm);
+    }
+}
