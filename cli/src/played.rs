@@ -8,7 +8,7 @@ use rollwalk_terminal::interrupt;
 /// Number of periods of periodic motions.
 const PERIODS: usize = 5;
 
-/// Plays a plan on level ground with `rate_hz` steps per second; ends early after Ctrl-C.
+/// Plays a plan on its ground with `rate_hz` steps per second; ends early after Ctrl-C.
 ///
 /// # Errors
 /// Returns an error if a step of the world has no solution.

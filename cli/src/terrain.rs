@@ -56,9 +56,18 @@ impl GroundArgs {
     /// Returns an error if the terrain file is missing or wrong.
     fn ground(&self) -> miette::Result<Arc<dyn Ground>> {
         match &self.terrain {
-            Some(path) => Source::Disk.terrain(path),
+            Some(path) => Ok(Source::Disk.terrain(path)?.solid()),
             None => Ok(Arc::new(Plane::rising(self.slope.unwrap_or(0.0).to_radians()))),
         }
+    }
+
+    /// Returns the ground for a robot; `None` if no option selects one.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ground_for`](Self::ground_for).
+    pub fn given_for(&self, robot: &Robot) -> miette::Result<Option<Arc<dyn Ground>>> {
+        let given = self.slope.is_some() || self.terrain.is_some();
+        given.then(|| self.ground_for(robot)).transpose()
     }
 
     /// Returns the ground, after checking that the robot does not start inside it.

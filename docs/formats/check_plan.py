@@ -845,6 +845,8 @@ def main(arguments):
             if plan.get("format") != "rollwalk-plan" or plan.get("version") != 3:
                 raise ValueError("format and version are not rollwalk-plan 3")
             refuse_strange_numbers(plan)
+            if "terrain" in plan["motion"]:
+                raise ValueError("motion.terrain is given; this script checks plans for level ground")
             table = check(plan)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
             print(plain("%s: not a usable plan: %s: %s" % (path, type(error).__name__, error)), file=sys.stderr)

@@ -73,6 +73,20 @@ pub enum LibraryMismatch {
         /// Name of the plan file.
         at: String,
     },
+    /// A motion is for a terrain.
+    #[error("{library}: motion `{motion}` is for a terrain (see {at})")]
+    #[diagnostic(help(
+        "leave the motion out: a library holds motions for level ground, because the controller \
+         does not know where the terrain begins"
+    ))]
+    Terrain {
+        /// Name of the library file.
+        library: String,
+        /// Name of the motion.
+        motion: String,
+        /// Name of the motion file or plan file.
+        at: String,
+    },
     /// A motion is made for another robot.
     #[error(
         "{library}: motion `{motion}` is for robot `{other}` (see {at}), but the library is for \
@@ -147,6 +161,10 @@ impl Contents {
                     (other, at, advice)
                 }
             };
+            if motions.last().is_some_and(|motion: &Motion| motion.terrain.is_some()) {
+                let (library, motion) = (name.to_owned(), item.name.clone());
+                return Err(shelf.misfit(LibraryMismatch::Terrain { library, motion, at }));
+            }
             if other != robot {
                 let same_name = other.name == robot.name;
                 return Err(shelf.misfit(LibraryMismatch::OtherRobot {

@@ -271,6 +271,10 @@ catalogue! {
     Time: "time", "plan format", S, Residual(AGREEMENT), Check, NO_ADVICE;
     Ends: "ends", "plan format", Mixed, Residual(AGREEMENT), Check, NO_ADVICE;
     ContactFlag: "contact flag", "plan format", None, Residual(0.5), Check, NO_ADVICE;
+    Foothold: "foothold", "terrain", M, Residual(0.001), Request,
+        "a goal and footfalls with which strides end on the treads, or a smaller margin_m";
+    SwingClearance: "swing clearance", "terrain, half-way", M, Residual(0.001), Request,
+        "a higher swing_height_m, or swings of more samples";
 }
 
 impl Family {
@@ -377,6 +381,9 @@ impl FamilySet {
     pub const ALL: Self = Self(u64::MAX);
     /// Limits due to shapes that obstruct a motion. A stronger motor does not remove them.
     pub const OBSTACLES: Self = Self::of(&[Family::LinkClearance, Family::GroundClearance]);
+
+    /// Families of terrain with edges. Plans on other ground do not list them.
+    pub const TERRAIN: Self = Self::of(&[Family::Foothold, Family::SwingClearance]);
 
     /// Returns the set of the given families.
     pub const fn of(families: &[Family]) -> Self {

@@ -17,6 +17,7 @@ mod term;
 pub mod terms;
 
 pub use term::{Span, Term, TermInfo};
+pub(crate) use terms::LEAN;
 
 use crate::families::FamilySet;
 use crate::problem::variables::TimelineSample;
@@ -26,10 +27,10 @@ use rows::{Columns, DifferentiatedRows, Evaluation, Pattern, Row, RowWriter, Row
 use std::cell::{Cell, OnceCell};
 use terms::{
     Anchor, BladeContact, Collision, ContactHeight, ContactPoint, Displacement, DynamicsAngular,
-    DynamicsLinear, EvenForce, Friction, GroundClearance, HeightBound, JointLimit, JointSpeed,
-    JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, Steering, SwingForce,
-    TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed, Traction, Turn, WheelAxis,
-    WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
+    DynamicsLinear, EvenForce, Foothold, Friction, GroundClearance, HeightBound, JointLimit,
+    JointSpeed, JointTorque, LiftOffSlip, LinkClearance, NoSlip, Posture, Smoothness, Steering,
+    SwingClearance, SwingForce, TargetHeading, TargetPosition, TargetVelocity, TorqueSpeed,
+    Traction, Turn, WheelAxis, WheelEffort, WheelHeld, WheelSmoothness, WheelSpeed, WheelTorque,
 };
 
 /// Terms of the formulation.
@@ -68,6 +69,8 @@ pub static TERMS: &[&dyn Term] = &[
     &WheelSmoothness,
     &Steering,
     &LiftOffSlip,
+    &Foothold,
+    &SwingClearance,
 ];
 
 /// Returns true if a term with this span has rows for the window around timeline sample `t`.

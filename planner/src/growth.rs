@@ -108,7 +108,11 @@ fn instant(
     let com = frames.com(tree);
     let planned = spline.planned_contacts(time_s);
     let rims: Option<Vec<_>> = (0..robot.end_effectors.len())
-        .map(|j| RimContact::on(tree, frames, j, spline.ground()))
+        .map(|j| {
+            let foot = &robot.end_effectors[j];
+            let center = frames.point(foot.link, &foot.center_in_link_m);
+            RimContact::on(tree, frames, j, &spline.ground().contact(j, true, &center))
+        })
         .collect();
     let rims = rims?;
     let stands = |j: &usize| planned[*j].share >= 1.0;
@@ -144,7 +148,7 @@ fn instant(
         }
     }
     let weight_n = tree.total_mass_kg() * GRAVITY_M_S2;
-    let height_m = spline.ground().height_above_m(&com);
+    let height_m = spline.ground().body().height_above_m(&com);
     // `try_inverse` instead of `solve`, which panics for a robot without joints.
     let mut compliance = &jacobian * stiffness.try_inverse()? * jacobian.transpose();
     (0..compliance.nrows()).for_each(|k| compliance[(k, k)] += GROUND_YIELDS * height_m / weight_n);

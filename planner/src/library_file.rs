@@ -9,8 +9,7 @@ mod stepping;
 pub use stepping::count_of_steps;
 
 use crate::motion::file::{Footfalls, name, steps};
-use crate::motion::{Ends, Goal, Motion, Reserve};
-use rollwalk_multibody::ground::ElevationMap;
+use crate::motion::{Ends, Footing, Goal, Motion, Reserve};
 use rollwalk_protocol::library::{MAX_MOTIONS, MAX_TRANSITIONS};
 use rollwalk_protocol::names::are_confusable;
 use rollwalk_robot::Robot;
@@ -358,7 +357,8 @@ fn planned(document: &Document<'_>, table: &Table<'_>, robot: &Robot) -> Option<
         targets,
         heights,
         reserve: Reserve::default(),
-        ground: ElevationMap::default(),
+        terrain: None,
+        ground: Footing::default(),
         needs_feedback: None,
     })
 }

@@ -3,21 +3,23 @@
 //! A problem is built from a motion goal ([`Problem::new`]), from two states of other motions ([`Problem::transition`]) or from
 //! the present state of a robot ([`Problem::horizon`]). Costs and constraints are in [`crate::formulation`].
 
+mod footholds;
 mod horizon;
 mod means;
 pub mod state;
 pub mod variables;
 mod weights;
 
+pub use footholds::ContactGround;
 pub use horizon::HorizonGoal;
 pub use means::MeanWeights;
 pub use weights::Weights;
 
-use crate::motion::{Ends, Goal, HeightLimit, Moment, Motion, Reserve, Target, swing};
+use crate::motion::{Ends, Footing, Goal, HeightLimit, Moment, Motion, Reserve, Target, swing};
 use crate::plan::Placement;
 use nalgebra::DVector;
+use rollwalk_multibody::clearance::GroundPoint;
 use rollwalk_multibody::euler::Model;
-use rollwalk_multibody::ground::ElevationMap;
 use state::State;
 use variables::{Layout, Lift, TimelineSample, force_scale_n};
 use weights::WEIGHT_INTERVAL_S;
@@ -38,9 +40,15 @@ pub struct Problem {
     /// Contact flags along the timeline: `[timeline sample][end effector]`.
     pub stance: Vec<Vec<bool>>,
     /// Ground under the robot.
-    pub ground: ElevationMap,
+    pub ground: Footing,
+    /// Ground and borders at the contacts along the timeline: `[timeline sample][end effector]`.
+    pub contacts: Vec<Vec<ContactGround>>,
+    /// Points of links that must keep clear of the ground.
+    pub clearance_points: Vec<GroundPoint>,
     /// Heights of contact points above the ground along the timeline, m (Eq. 2.9).
     pub height_m: Vec<Vec<f64>>,
+    /// Height w_h of a swing, m (Eq. 2.9).
+    pub swing_height_m: f64,
     /// True if the motion is periodic. The intervals of a periodic motion include the one from the last sample to the next
     /// period.
     pub periodic: bool,
@@ -154,11 +162,12 @@ impl Problem {
         timeline.push(ghost(if periodic { 0 } else { last }, Lift::Placed));
         let stance = timeline.iter().map(|s| motion.stance[s.slot].clone()).collect();
         let intervals = if periodic { samples } else { last };
-        Self {
+        let mut problem = Self {
             interval_s: motion.duration_s / intervals as f64,
             samples,
             ground: motion.ground.clone(),
             height_m: swing::heights(&slots(&timeline), &motion.stance, motion),
+            swing_height_m: motion.swing_height_m,
             timeline,
             stance,
             periodic,
@@ -172,10 +181,14 @@ impl Problem {
             heights: placed_heights(motion),
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             steering: Vec::new(),
+            contacts: Vec::new(),
+            clearance_points: Vec::new(),
             weights,
             model,
             layout,
-        }
+        };
+        problem.assign_footholds();
+        problem
     }
 
     /// Builds the problem of a transition from `start` to `end`. `motion.stance` includes the samples at both ends. The
@@ -212,11 +225,12 @@ impl Problem {
         for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
             frozen[0][wheel.speed] = false;
         }
-        let problem = Self {
+        let mut problem = Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
             ground: motion.ground.clone(),
             height_m: swing::heights(&slots(&timeline), &slot_stance, motion),
+            swing_height_m: motion.swing_height_m,
             timeline,
             stance,
             periodic: false,
@@ -229,11 +243,14 @@ impl Problem {
             targets: placed_targets(motion),
             heights: placed_heights(motion),
             posture_q: blend(&model, &start.posture_rad, &end.posture_rad, samples),
+            contacts: Vec::new(),
+            clearance_points: Vec::new(),
             steering: Vec::new(),
             weights,
             model,
             layout,
         };
+        problem.assign_footholds();
         let fixed = [start.at.clone(), end.at.clone(), start.beyond.clone(), end.beyond.clone()];
         (problem, fixed)
     }
@@ -250,6 +267,15 @@ impl Problem {
         (self.interval_s / WEIGHT_INTERVAL_S).powi(1 - 2 * order)
     }
 
+    /// Placement of the goal, with 0 for its free components.
+    pub fn goal_placement(&self) -> Placement {
+        let goal = &self.goal;
+        Placement {
+            offset_m: [goal.forward_m.unwrap_or(0.0), goal.left_m.unwrap_or(0.0)],
+            yaw_rad: goal.turn_rad.unwrap_or(0.0),
+        }
+    }
+
     /// Timeline index of the sample at which the motion's displacement is measured.
     pub fn last(&self) -> usize {
         if self.periodic { self.samples + 1 } else { self.samples }
@@ -264,7 +290,8 @@ impl Problem {
     /// Sets the force and moment sums of every slot to those of its ground forces.
     pub fn add_up(&self, unknowns: &mut Unknowns) {
         for slot in &mut unknowns.slots {
-            let state = State::new(&self.model, &self.layout, &self.ground, slot.clone());
+            // Sums of forces do not depend on the ground.
+            let state = State::new(&self.model, &self.layout, &self.contacts[0], slot.clone());
             let [force, moment] = state.wrench(&self.layout);
             slot.fixed_rows_mut::<3>(self.layout.wrench).copy_from(&force);
             slot.fixed_rows_mut::<3>(self.layout.wrench + 3).copy_from(&moment);
@@ -278,21 +305,21 @@ impl Problem {
 
     /// Evaluates the timeline as [`states`](Self::states) does, in the memory of earlier states.
     pub fn states_in(&self, unknowns: &Unknowns, mut states: Vec<State>) -> Vec<State> {
-        let Self { model, layout, ground, timeline, .. } = self;
+        let Self { model, layout, contacts, timeline, .. } = self;
         let is_of = |state: &State| state.is_of(model, layout);
         if states.len() == timeline.len() && states.iter().all(is_of) {
-            for (state, sample) in states.iter_mut().zip(timeline) {
+            for ((state, sample), contacts) in states.iter_mut().zip(timeline).zip(contacts) {
                 let stored = &unknowns.slots[sample.slot];
                 state.vars.copy_from(stored);
                 sample.lift.lift(layout, stored, &unknowns.placement, &mut state.vars);
-                state.update(model, layout, ground);
+                state.update(model, layout, contacts);
             }
         } else {
             states.clear();
-            states.extend(timeline.iter().map(|sample| {
+            states.extend(timeline.iter().zip(contacts).map(|(sample, contacts)| {
                 let stored = &unknowns.slots[sample.slot];
                 let vars = sample.lift.apply(layout, stored, &unknowns.placement);
-                State::new(model, layout, ground, vars)
+                State::new(model, layout, contacts, vars)
             }));
         }
         for t in 1..states.len() {

@@ -303,7 +303,7 @@ impl Horizon {
 
     /// Ground of the gait. The ground is level, because horizons begin elsewhere than their gait.
     fn ground(&self) -> &ElevationMap {
-        &self.schedule.gait.motion.ground
+        self.schedule.gait.motion.ground.body()
     }
 
     /// Heights of the contact points above the ground, with their rates.

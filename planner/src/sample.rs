@@ -22,13 +22,12 @@ mod tests;
 pub(crate) use rates::{PlannedContact, Rates};
 pub use resample::resample;
 
-use crate::motion::Ends;
+use crate::motion::{Ends, Footing};
 use crate::plan::{EndEffectorSample, Placement, Plan, Sample};
 use crate::problem::state::{ContactFrame, tilt_and_yaw};
 use curves::Curves;
 use nalgebra::{Complex, DVector, UnitQuaternion, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, EndEffectorPose, JOINTS, Model};
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, Robot};
 use spline::{Jet, Spline};
@@ -37,7 +36,7 @@ use spline::{Jet, Spline};
 #[derive(Clone, Debug)]
 pub struct PlanSpline {
     model: Model,
-    ground: ElevationMap,
+    ground: Footing,
     ends: Ends,
     spacing_s: f64,
     duration_s: f64,
@@ -146,7 +145,7 @@ impl PlanSpline {
     }
 
     /// Returns the ground of the plan.
-    pub(crate) fn ground(&self) -> &ElevationMap {
+    pub(crate) fn ground(&self) -> &Footing {
         &self.ground
     }
 
@@ -228,11 +227,13 @@ impl PlanSpline {
                     let near = self.yaw_rad[i][j] + placement.yaw_rad;
                     tilt_and_yaw(&mount.axis, near).into()
                 });
-                let frame = ContactFrame::below(radius_m, angles, &self.ground, &mount.center);
+                let stands = self.stands(i, u, j);
+                let map = self.ground.contact(j, stands, &mount.center);
+                let frame = ContactFrame::below(radius_m, angles, &map, &mount.center);
                 let [tilt_rad, yaw_rad] = angles.unwrap_or_default();
                 let force = self.force_n[i][j].lerp(&self.force_n[i + 1][j], u);
                 EndEffectorSample {
-                    contact: self.stands(i, u, j),
+                    contact: stands,
                     position_m: (mount.center + frame.to_contact).into(),
                     force_n: placement.vector(force.into()),
                     wheel_speed_rad_s: if self.still[j] {

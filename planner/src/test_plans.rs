@@ -5,14 +5,13 @@
 //! every residual of the discrete equations vanish.
 
 use crate::families::{Family, Formulation};
-use crate::motion::{Ends, Goal, Motion};
+use crate::motion::{Ends, Footing, Goal, Motion};
 use crate::plan::{
     EndEffectorSample, FORMAT, Placement, Plan, Sample, SolveSummary, Status, VERSION,
 };
 use crate::torque;
 use nalgebra::{DMatrix, DVector, Dyn, Isometry3, Matrix3, OMatrix, RowVector6, U6, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, JOINTS, Model, Pose};
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::shape::DEFAULT_CLEARANCE_MARGIN_M;
 use rollwalk_robot::{Actuator, Contact, EndEffector, GRAVITY_M_S2, Joint, Link, Robot};
 use std::f64::consts::TAU;
@@ -271,7 +270,8 @@ impl BoxMotion {
                 targets: Vec::new(),
                 heights: Vec::new(),
                 reserve: Default::default(),
-                ground: ElevationMap::default(),
+                terrain: None,
+                ground: Footing::default(),
                 needs_feedback: None,
             },
             sample_interval_s: h,
@@ -295,7 +295,7 @@ impl BoxMotion {
                 diagnosis: None,
                 refinements: Vec::new(),
             },
-            formulation: Formulation,
+            formulation: Formulation::default(),
             robot,
         };
         torque::write(&mut plan);

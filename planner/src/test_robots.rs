@@ -1,12 +1,11 @@
 //! Robots and random points for tests.
 
-use crate::motion::{Ends, Goal, HeightLimit, Motion, Subject, Target};
+use crate::motion::{Ends, Footing, Goal, HeightLimit, Motion, Subject, Target};
 use crate::plan::Placement;
 use crate::problem::Unknowns;
 use crate::problem::variables::Layout;
 use nalgebra::Vector3;
 use rollwalk_multibody::euler::Model;
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::{
     Actuator, Contact, EndEffector, JointRatio, Robot, RollingDrag, TorqueSpeedLine,
 };
@@ -174,7 +173,8 @@ pub fn motion(robot: &Robot, ends: Ends) -> Motion {
         targets: Vec::new(),
         heights: Vec::new(),
         reserve: Default::default(),
-        ground: ElevationMap::default(),
+        terrain: None,
+        ground: Footing::default(),
         needs_feedback: None,
     }
 }

@@ -97,9 +97,12 @@ impl InverseDynamics {
             .enumerate()
             .filter(|(_, planned)| planned.share > NO_SHARE)
             .filter_map(|(j, planned)| {
-                let contact = RimContact::on(tree, &kinematics.frames, j, ground)?;
+                let end = &tree.robot().end_effectors[j];
+                let center = kinematics.frames.point(end.link, &end.center_in_link_m);
+                let map = ground.contact(j, true, &center);
+                let contact = RimContact::on(tree, &kinematics.frames, j, &map)?;
                 let foot = &tree.robot().end_effectors[j];
-                let above_m = ground.height_above_m(&contact.position());
+                let above_m = map.height_above_m(&contact.position());
                 let support = Support::new(foot, &contact, above_m, kinematics, planned, &com);
                 Some((contact, support))
             })
@@ -107,7 +110,7 @@ impl InverseDynamics {
         let wanted = RequiredWrench {
             wrench: about_com(&generalised, &base_to_com),
             weight_n: tree.total_mass_kg() * GRAVITY_M_S2,
-            height_m: ground.height_above_m(&com).max(LEVER_MIN_M),
+            height_m: ground.body().height_above_m(&com).max(LEVER_MIN_M),
         };
         let supports: Vec<&Support> = contacts.iter().map(|(_, support)| support).collect();
         let forces = ground_forces::nearest(&supports, &wanted);

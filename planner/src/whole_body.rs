@@ -1,7 +1,7 @@
 //! Plan for a whole-body controller: at any time, the generalised motion, the ground forces that balance it, and the stance end
 //! effectors.
 
-use crate::plan::Plan;
+use crate::plan::{EndEffectorSample, Plan};
 use crate::sample::{PlannedContact, Setpoints};
 use crate::torque::InverseDynamics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -28,6 +28,8 @@ pub struct Instant {
     /// Force of the ground on each end effector, N. With these forces, motor torques alone produce the acceleration, except for
     /// the part that the ground cannot supply.
     pub force_n: Vec<Vector3<f64>>,
+    /// Height of the ground at each end effector above the plane z = 0 of the plan, m; zeros for a plan without a terrain.
+    pub ground_height_m: Vec<f64>,
 }
 
 impl WholeBody {
@@ -52,6 +54,20 @@ impl WholeBody {
         stand(&self.inverse.spline().planned_contacts(plan_time_s))
     }
 
+    fn ground_height_m(&self, plan_time_s: f64) -> Vec<f64> {
+        let spline = self.inverse.spline();
+        let ground = spline.ground();
+        if ground.terrain().is_none() {
+            return vec![0.0; self.tree().robot().end_effectors.len()];
+        }
+        let sample = spline.sample(plan_time_s);
+        let height_m = |(j, end): (usize, &EndEffectorSample)| {
+            let contact = Vector3::from(end.position_m);
+            ground.contact(j, end.contact, &contact).at(&contact).height_m
+        };
+        sample.end_effectors.iter().enumerate().map(height_m).collect()
+    }
+
     /// State of the robot at a time. `world_from_plan` is the pose of the plan in the world. A periodic motion continues in
     /// later periods; other motions stay at their ends.
     pub fn at(&mut self, plan_time_s: f64, world_from_plan: &Isometry3<f64>) -> Instant {
@@ -62,7 +78,9 @@ impl WholeBody {
         let there = world_from_plan * Isometry3::from_parts(Translation3::new(x, y, 0.0), yaw);
         let mut acceleration = rates.acceleration;
         turn_base(&mut acceleration, there.rotation.to_rotation_matrix().matrix());
+        let ground_height_m = self.ground_height_m(plan_time_s);
         Instant {
+            ground_height_m,
             state: rates.state.moved(&there),
             acceleration,
             stands: stand(&contacts),

@@ -183,7 +183,7 @@ impl Bench<'_> {
     fn play(&self, world: &World, shoves: Vec<Shove>) -> miette::Result<RunOutcome> {
         let options = Options {
             cycles: self.cycles,
-            ground: Arc::new(Plane::rising(world.slope_rad)),
+            ground: Some(Arc::new(Plane::rising(world.slope_rad))),
             shoves,
             mismatch: world.mismatch,
             ..Options::new(self.control, RATE_HZ)

@@ -4,7 +4,7 @@ use crate::error::{input_error, refused, refused_by_system};
 use pyo3::prelude::*;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
-use rollwalk_multibody::ground::{self, Ground};
+use rollwalk_multibody::ground::{self, Terrain};
 use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch};
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::Plan;
@@ -65,8 +65,11 @@ impl Source {
         let NamedText { name, text } = self.text(path, "motion file")?;
         let robot = Motion::robot_path_in_toml(&name, &text).map_err(input_error)?;
         let robot = self.robot(&resolve_relative(path, &robot))?;
-        let motion = Motion::from_toml(&name, &text, &robot).map_err(input_error)?;
-        Ok((robot, motion))
+        let terrain = Motion::terrain_path_in_toml(&name, &text).map_err(input_error)?;
+        let read = |named: String| self.terrain(&resolve_relative(path, &named));
+        let terrain = terrain.map(read).transpose()?;
+        let motion = Motion::from_toml_on(&name, &text, &robot, terrain.as_ref());
+        Ok((robot, motion.map_err(input_error)?))
     }
 
     /// Reads a plan.
@@ -94,7 +97,7 @@ impl Source {
     }
 
     /// Reads a terrain file.
-    pub fn terrain(self, path: &Path) -> PyResult<Arc<dyn Ground>> {
+    pub fn terrain(self, path: &Path) -> PyResult<Terrain> {
         let NamedText { name, text } = self.text(path, "terrain file")?;
         ground::file::from_toml(&name, &text).map_err(input_error)
     }

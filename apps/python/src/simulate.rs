@@ -210,7 +210,7 @@ pub fn simulate(
         ..Options::new(control, rate_hz)
     };
     if let Some(terrain) = terrain {
-        options.ground = Source::Disk.terrain(&terrain)?;
+        options.ground = Some(Source::Disk.terrain(&terrain)?.solid());
     }
     let joints = plan.robot.joints.len();
     let mut steps = Vec::new();

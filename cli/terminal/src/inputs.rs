@@ -11,7 +11,7 @@ use rollwalk_design::catalog::Catalog;
 use rollwalk_design::designed::{Designed, NamedText};
 use rollwalk_design::file::DesignFile;
 use rollwalk_design::sweep::{Files, LoadedSweep, Sweep};
-use rollwalk_multibody::ground::{self, Ground};
+use rollwalk_multibody::ground::{self, Terrain};
 use rollwalk_planner::building::{Contents, LibraryFiles, LibraryMismatch, LibraryRequest};
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::Motion;
@@ -21,7 +21,6 @@ use rollwalk_robot::{Robot, Solid};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Source of input files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,25 +59,33 @@ mod lines {
 pub struct MotionTexts {
     pub motion: TextFile,
     pub robot: TextFile,
+    /// Terrain file, if the motion file names one.
+    pub terrain: Option<TextFile>,
 }
 
 impl MotionTexts {
     /// Parses and validates both files.
     ///
     /// # Errors
-    /// Returns all mistakes in the robot file, or else all mistakes in the motion file.
+    /// Returns all mistakes in the robot file, else those in the terrain file, else those in the motion file.
     pub fn parse(&self) -> miette::Result<(Robot, Motion)> {
         let robot = robot(&self.robot)?;
         let TextFile { path, text } = &self.motion;
         let explain = Kind::Motion.explain(Path::new(path), text);
-        let motion = Motion::from_toml(path, text, &robot).map_err(explain)?;
-        Ok((robot, motion))
+        let terrain = self.terrain.as_ref().map(terrain).transpose()?;
+        let motion = Motion::from_toml_on(path, text, &robot, terrain.as_ref());
+        Ok((robot, motion.map_err(explain)?))
     }
 }
 
 /// Parses and validates the text of a robot file.
 fn robot(TextFile { path, text }: &TextFile) -> miette::Result<Robot> {
     Robot::from_toml(path, text).map_err(Kind::Robot.explain(Path::new(path), text))
+}
+
+/// Parses and validates the text of a terrain file.
+fn terrain(TextFile { path, text }: &TextFile) -> miette::Result<Terrain> {
+    ground::file::from_toml(path, text).map_err(Kind::Terrain.explain(Path::new(path), text))
 }
 
 /// Library file with all files that it names.
@@ -194,18 +201,23 @@ impl Source {
         self.beside_motion(self.text(path, PathSource::ByUser, Kind::Motion)?)?.parse()
     }
 
-    /// Reads the robot file that a motion file names, and returns both texts.
+    /// Reads the robot file and the terrain file that a motion file names, and returns all texts.
     ///
     /// # Errors
-    /// Returns an error if the motion file does not name a robot file, or if the robot file is missing.
+    /// Returns an error if the motion file does not name a robot file, or if a file that it names is missing.
     pub fn beside_motion(self, motion: TextFile) -> miette::Result<MotionTexts> {
         let TextFile { path, text } = &motion;
-        let explain = Kind::Motion.explain(Path::new(path), text);
+        let explain = |error| Kind::Motion.explain(Path::new(path), text)(error);
         let robot = Motion::robot_path_in_toml(path, text).map_err(explain)?;
-        let text =
-            self.text(&resolve_relative(Path::new(path), &robot), PathSource::InFile, Kind::Robot);
-        let robot = text.wrap_err_with(|| names(Path::new(path), &robot))?;
-        Ok(MotionTexts { motion, robot })
+        let terrain = Motion::terrain_path_in_toml(path, text).map_err(explain)?;
+        let read = |named: String, kind| {
+            let text =
+                self.text(&resolve_relative(Path::new(path), &named), PathSource::InFile, kind);
+            text.wrap_err_with(|| names(Path::new(path), &named))
+        };
+        let robot = read(robot, Kind::Robot)?;
+        let terrain = terrain.map(|named| read(named, Kind::Terrain)).transpose()?;
+        Ok(MotionTexts { robot, terrain, motion })
     }
 
     /// Reads and validates a library file, its robot and its motions.
@@ -306,9 +318,8 @@ impl Source {
     ///
     /// # Errors
     /// Returns an error if the file is missing, or all mistakes in it.
-    pub fn terrain(self, path: &Path) -> miette::Result<Arc<dyn Ground>> {
-        let TextFile { path: name, text } = self.text(path, PathSource::ByUser, Kind::Terrain)?;
-        ground::file::from_toml(&name, &text).map_err(Kind::Terrain.explain(path, &text))
+    pub fn terrain(self, path: &Path) -> miette::Result<Terrain> {
+        terrain(&self.text(path, PathSource::ByUser, Kind::Terrain)?)
     }
 
     fn text(self, path: &Path, named: PathSource, kind: Kind) -> miette::Result<TextFile> {

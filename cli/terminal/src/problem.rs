@@ -31,6 +31,9 @@ pub struct Problem {
     pub robot: TextFile,
     /// Plan used as the starting point.
     from: Option<TextFile>,
+    /// Terrain file of the motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    terrain: Option<TextFile>,
 }
 
 /// Format of problem files.
@@ -54,9 +57,9 @@ pub struct ParsedProblem {
 impl Problem {
     /// Creates a problem from these texts.
     pub fn new(texts: MotionTexts, from: Option<TextFile>, options: Choices) -> Self {
-        let MotionTexts { motion, robot } = texts;
+        let MotionTexts { motion, robot, terrain } = texts;
         let (format, program) = (PROBLEM_FORMAT.to_owned(), PROGRAM.to_owned());
-        Self { format, version: VERSION, program, options, motion, robot, from }
+        Self { format, version: VERSION, program, options, motion, robot, terrain, from }
     }
 
     /// Parses a problem file; errors name it `file`.
@@ -92,7 +95,8 @@ impl Problem {
             None => file.clone(),
         };
         let parts = [(Some(&self.motion), Kind::Motion), (Some(&self.robot), Kind::Robot)];
-        for (file, kind) in parts.into_iter().chain([(self.from.as_ref(), Kind::Plan)]) {
+        let optional = [(self.terrain.as_ref(), Kind::Terrain), (self.from.as_ref(), Kind::Plan)];
+        for (file, kind) in parts.into_iter().chain(optional) {
             // As if each text were its own file.
             let Some(file) = file.filter(|file| file.text.len() as u64 > kind.max_bytes()) else {
                 continue;
@@ -100,7 +104,11 @@ impl Problem {
             let (path, bytes) = (named(file).path.into(), Some(file.text.len() as u64));
             return Err(FileError::TooLarge { kind, path, bytes }.into());
         }
-        let texts = MotionTexts { motion: named(&self.motion), robot: named(&self.robot) };
+        let texts = MotionTexts {
+            motion: named(&self.motion),
+            robot: named(&self.robot),
+            terrain: self.terrain.as_ref().map(named),
+        };
         let (robot, motion) = texts.parse()?;
         let plan = |file: &TextFile| {
             let TextFile { path, text } = named(file);

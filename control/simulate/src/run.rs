@@ -22,8 +22,9 @@ pub struct Options {
     pub cycles: usize,
     /// Approximate number of simulation steps per second. The duration of the motion is a whole number of steps.
     pub rate_hz: u32,
-    /// Ground under the robot. The robot begins at the origin; the plane of its plan touches the ground there.
-    pub ground: Arc<dyn Ground>,
+    /// Ground under the robot; `None` for the ground of the plan. The robot begins at the origin. The plane of a plan for level
+    /// ground touches the ground there.
+    pub ground: Option<Arc<dyn Ground>>,
     /// Pushes. Their times count from the start of the simulation.
     pub shoves: Vec<Shove>,
     /// Differences between the planned robot and the simulated one.
@@ -31,10 +32,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// Options for five periods on level ground, without pushes and mismatch.
+    /// Options for five periods on the ground of the plan, without pushes and mismatch.
     pub fn new(control: Control, rate_hz: u32) -> Self {
-        let (ground, shoves) = (Arc::new(Plane::level()), Vec::new());
-        Self { control, cycles: 5, rate_hz, ground, shoves, mismatch: Mismatch::default() }
+        let (shoves, mismatch) = (Vec::new(), Mismatch::default());
+        Self { control, cycles: 5, rate_hz, ground: None, shoves, mismatch }
     }
 }
 
@@ -71,8 +72,10 @@ pub fn play(
     let script = Script::new(plan, options.control != Control::Servos);
     let robot = options.mismatch.of(&plan.robot);
     let parameters = options.mismatch.parameters(&robot);
-    let (mut world, world_from_plan) = begin(&script, &robot, &options.ground, &parameters);
-    let mut tracker = Tracker::new(&script, &world, &options.ground, world_from_plan.inverse());
+    let planned = || plan.motion.ground.solid().unwrap_or_else(|| Arc::new(Plane::level()));
+    let ground = options.ground.clone().unwrap_or_else(planned);
+    let (mut world, world_from_plan) = begin(&script, &robot, &ground, &parameters);
+    let mut tracker = Tracker::new(&script, &world, &ground, world_from_plan.inverse());
     let step_s = step_s(&script, options.rate_hz);
     let (beats, total) = run_steps(&script, options.cycles, step_s);
     let total_s = total as f64 * step_s;
@@ -123,13 +126,17 @@ pub(crate) fn step_s(script: &Script<'_>, rate_hz: u32) -> f64 {
 }
 
 /// World with the robot in the start state of its plan, on the ground at the origin, and the rotation of the plan in this
-/// world.
+/// world. A plan for a terrain is in the frame of that terrain.
 pub(crate) fn begin(
     script: &Script<'_>,
     robot: &Robot,
     ground: &Arc<dyn Ground>,
     parameters: &Parameters,
 ) -> (World, Rotation3<f64>) {
+    if script.plan().motion.terrain.is_some() {
+        let start = script.start(&Rotation3::identity());
+        return (World::new(robot, ground, parameters, &start), Rotation3::identity());
+    }
     let surface = ground.at(&Vector3::zeros());
     let normal = normal_at_start(ground.as_ref());
     let plane = match normal == surface.normal {

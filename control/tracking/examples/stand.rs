@@ -62,6 +62,7 @@ pub fn stand() -> Result<Stand, Box<dyn Error>> {
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * (mass_kg * GRAVITY_M_S2 / feet as f64); feet],
+        ground_height_m: vec![0.0; feet],
     };
     let mut tracker = Tracker::new(tree, Weights::default(), TICK_S);
 

@@ -38,6 +38,7 @@ fn measure(robot: &Robot, ticks: usize) {
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * part_n; feet],
+        ground_height_m: vec![0.0; feet],
     };
     let mut state = reference.state.clone();
     let gains = Gains::new(&tree, &Costs::default(), 1.0, true, |_| reference.clone());

@@ -37,6 +37,7 @@
 //!     acceleration: vec![0.0; tree.dofs()],
 //!     stands: vec![true; feet],
 //!     force_n: vec![Vector3::z() * part_n; feet],
+//!     ground_height_m: vec![0.0; feet],
 //! };
 //! let mut tracker = Tracker::new(tree, Weights::default(), 0.002);
 //! let setpoints = tracker.tick(&reference, &reference.state, &reference.stands)?;

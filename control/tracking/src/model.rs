@@ -258,6 +258,7 @@ mod tests {
             world_from_ground: Isometry3::identity(),
             acceleration: vec![0.0; tree.dofs()],
             stands: vec![true; 4],
+            ground_height_m: vec![0.0; forces.len()],
             force_n: forces.clone(),
             state,
         };

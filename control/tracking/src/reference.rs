@@ -18,4 +18,6 @@ pub struct Reference {
     pub stands: Vec<bool>,
     /// Ground force on each end effector, N.
     pub force_n: Vec<Vector3<f64>>,
+    /// Height of the ground at each end effector above the plane z = 0 of the ground, m.
+    pub ground_height_m: Vec<f64>,
 }

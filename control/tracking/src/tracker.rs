@@ -497,7 +497,8 @@ impl Tracker {
                 contact.map_or(at.frames.point(of.link, &of.center_in_link_m), |of| of.position())
             };
             (foot.planned, foot.measured) = (lowest(planned), lowest(measured));
-            foot.height_m = (ground_from_world * Point3::from(foot.planned)).z;
+            let plane_m = (ground_from_world * Point3::from(foot.planned)).z;
+            foot.height_m = plane_m - reference.ground_height_m[j];
         }
         let (there, here) = (planned.frames.com(tree), measured.frames.com(tree));
         let height_m = (ground_from_world * Point3::from(there)).z;
@@ -519,7 +520,8 @@ impl Tracker {
             };
             let recovers = self.recovery.is_active();
             let is_needed = as_planned.stands || recovers;
-            let above_m = (ground_from_world * Point3::from(foot.measured)).z;
+            let plane_m = (ground_from_world * Point3::from(foot.measured)).z;
+            let above_m = plane_m - reference.ground_height_m[j];
             let touches = contacts::touches(touches[j], is_needed, above_m / height_m);
             // A wheel whose axis is vertical has no contact point.
             foot.phase = contacts::phase(as_planned, touches && contact.is_some(), recovers);

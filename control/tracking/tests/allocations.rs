@@ -28,6 +28,7 @@ fn a_tick_allocates_nothing() {
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true, false, true, true],
         force_n: vec![nalgebra::Vector3::z() * 100.0; 4],
+        ground_height_m: vec![0.0; 4],
     };
     let mut state = reference.state.clone();
     state.velocity[0] = 0.3;

@@ -1,9 +1,10 @@
 //! MJCF, the models of MuJoCo: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 //!
-//! The model contains level ground. Servos are its actuators; a gyro, an accelerometer and the motors' angles are its
-//! sensors. [`motion`] adds a plan as keyframes with the controls that play it.
+//! The model contains level ground, or the terrain of its plan. Servos are its actuators; a gyro, an accelerometer and the
+//! motors' angles are its sensors. [`motion`] adds a plan as keyframes with the controls that play it.
 
 mod frames;
+mod terrain;
 
 use crate::bodies::{
     Blades, Body, Geometry, Hinge, HingeOrigin, Names, PlacedSolid, Role, TYRE_HALF_WIDTH, bodies,
@@ -12,6 +13,7 @@ use crate::bodies::{
 use crate::xml::{Xml, numbers, vector};
 use frames::{Keyframe, keyframes, standing};
 use nalgebra::{Isometry3, Matrix3};
+use rollwalk_multibody::ground::Terrain;
 use rollwalk_multibody::{Standing, Tree};
 use rollwalk_planner::export::Rate;
 use rollwalk_planner::plan::Plan;
@@ -33,7 +35,7 @@ const INERTIA_SLACK: f64 = 1e-12;
 /// None: the text is written to memory.
 pub fn mjcf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
     let comment = format!("{}, written by rollwalk robot export", robot.name);
-    model(robot, parts, &comment, standing(robot).as_slice())
+    model(robot, parts, None, &comment, standing(robot).as_slice())
 }
 
 /// Writes a plan as an MJCF model with keyframes from its beginning to its end, named by motion and number. Controls are
@@ -44,12 +46,13 @@ pub fn mjcf(robot: &Robot, parts: &[Vec<Solid>]) -> io::Result<String> {
 pub fn motion(plan: &Plan, rate: Rate) -> io::Result<String> {
     let comment =
         format!("{} of {}, written by rollwalk export", plan.motion.name, plan.robot.name);
-    model(&plan.robot, &[], &comment, &keyframes(plan, rate))
+    model(&plan.robot, &[], plan.motion.ground.terrain(), &comment, &keyframes(plan, rate))
 }
 
 fn model(
     robot: &Robot,
     parts: &[Vec<Solid>],
+    ground: Option<&Terrain>,
     comment: &str,
     keyframes: &[Keyframe],
 ) -> io::Result<String> {
@@ -66,14 +69,14 @@ fn model(
         ];
         xml.empty("option", &option)?;
         defaults(xml)?;
-        assets(xml)?;
+        assets(xml, ground)?;
         xml.element("worldbody", &[], |xml| {
             xml.empty("light", &[("pos", "0 0 3".into()), ("directional", "true".into())])?;
-            let ground = [("name", "ground".into()), ("class", "ground".into())];
-            xml.empty("geom", &ground)?;
+            terrain::geoms(xml, ground)?;
             let loads_n = loads(robot);
             let tree = Bodies { bodies: &bodies, loads_n: &loads_n };
-            tree.body(xml, &mut Names::from_iter(["ground"]), 0)
+            let names = terrain::names(ground);
+            tree.body(xml, &mut names.iter().map(String::as_str).collect(), 0)
         })?;
         tendons(xml, robot, &bodies)?;
         actuators(xml, robot, &bodies)?;
@@ -124,8 +127,9 @@ fn defaults(xml: &mut Xml) -> io::Result<()> {
     })
 }
 
-fn assets(xml: &mut Xml) -> io::Result<()> {
+fn assets(xml: &mut Xml, ground: Option<&Terrain>) -> io::Result<()> {
     xml.element("asset", &[], |xml| {
+        terrain::assets(xml, ground)?;
         let texture = [
             ("name", "ground".into()),
             ("type", "2d".into()),

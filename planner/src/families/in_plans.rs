@@ -1,6 +1,6 @@
 //! Catalogue of families in every plan, so that a check in another language needs no table of its own.
 
-use super::{AGREEMENT, CLEARANCE_M, Family, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
+use super::{AGREEMENT, CLEARANCE_M, Family, FamilySet, Kind, Level, ROLLING_SIGN_WIDTH_M_S};
 use rollwalk_robot::GRAVITY_M_S2;
 use rollwalk_robot::document::alternatives;
 use serde::de::Error;
@@ -11,7 +11,10 @@ use serde_json::Value;
 /// levels is refused, because a report would apply different ones. Wording of equations, order, and families added since the
 /// plan was made are ignored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Formulation;
+pub struct Formulation {
+    /// True if the families of terrain are listed.
+    pub on_terrain: bool,
+}
 
 #[derive(Serialize)]
 struct Record {
@@ -50,27 +53,35 @@ impl FamilyRecord {
 }
 
 impl Record {
-    fn new() -> Self {
+    fn new(families: impl Iterator<Item = Family>) -> Self {
         Self {
             gravity_m_s2: GRAVITY_M_S2,
             clearance_m: CLEARANCE_M,
             rolling_sign_width_m_s: ROLLING_SIGN_WIDTH_M_S,
-            families: Family::ALL.iter().copied().map(FamilyRecord::new).collect(),
+            families: families.map(FamilyRecord::new).collect(),
         }
     }
 }
 
 impl Serialize for Formulation {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Record::new().serialize(serializer)
+        let all = Family::ALL.iter().copied();
+        let listed = all.filter(|family| self.on_terrain || !FamilySet::TERRAIN.contains(*family));
+        Record::new(listed).serialize(serializer)
     }
 }
 
 impl<'de> Deserialize<'de> for Formulation {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let found = Value::deserialize(deserializer)?;
-        let known = serde_json::to_value(Record::new()).map_err(D::Error::custom)?;
-        agree(&found, &known).map(|()| Self).map_err(D::Error::custom)
+        let all = Record::new(Family::ALL.iter().copied());
+        let known = serde_json::to_value(all).map_err(D::Error::custom)?;
+        agree(&found, &known).map_err(D::Error::custom)?;
+        let lists = |family: Family| {
+            let names = found["families"].as_array().into_iter().flatten();
+            names.filter_map(|of| of["name"].as_str()).any(|name| name == family.name())
+        };
+        Ok(Self { on_terrain: lists(Family::Foothold) })
     }
 }
 
@@ -127,7 +138,7 @@ mod tests {
     use super::*;
 
     fn catalogue() -> Value {
-        serde_json::to_value(Formulation).unwrap()
+        serde_json::to_value(Formulation::default()).unwrap()
     }
 
     fn read(catalogue: &Value) -> Result<Formulation, serde_json::Error> {
@@ -151,7 +162,7 @@ mod tests {
         for (index, change) in changes.into_iter().enumerate() {
             let mut changed = catalogue();
             change(&mut changed);
-            assert_eq!(read(&changed).ok(), Some(Formulation), "change {index}");
+            assert_eq!(read(&changed).ok(), Some(Formulation::default()), "change {index}");
         }
     }
 

@@ -1,8 +1,9 @@
 //! Reader of motion files: from TOML text to a [`Motion`] for a given robot (docs/motion-files.md).
 
-use super::{Ends, Goal, Motion, Reserve};
+use super::phases::CYCLES;
+use super::{ContactMargins, Ends, Footing, Goal, Motion, Reserve};
 use super::{choreography_check, choreography_file, footfall, wheels};
-use rollwalk_multibody::ground::ElevationMap;
+use rollwalk_multibody::ground::Terrain;
 use rollwalk_protocol::library::{MAX_CLIP_FRAMES, MAX_NAME, RATE_HZ};
 use rollwalk_protocol::names;
 use rollwalk_protocol::text::{Printable, is_plain_name};
@@ -42,13 +43,97 @@ impl Motion {
     /// # Errors
     /// Returns an error if the file is invalid. The error lists all faults, each with its position and a help line.
     pub fn from_toml(file_name: &str, text: &str, robot: &Robot) -> Result<Self, DocumentError> {
+        Self::from_toml_on(file_name, text, robot, None)
+    }
+
+    /// Returns the path of the terrain file that a motion file names, relative to the motion file. `None` for level ground.
+    ///
+    /// # Errors
+    /// Returns an error if the text is not TOML, or if `terrain` is not a text.
+    pub fn terrain_path_in_toml(
+        file_name: &str,
+        text: &str,
+    ) -> Result<Option<String>, DocumentError> {
         let document = Document::parse(file_name, text)?;
-        let motion = motion(&document, robot);
+        let root = document.root();
+        let path = match root.has(TERRAIN) {
+            true => root.string(TERRAIN).map(Some),
+            false => Some(None),
+        };
+        document.finish(path)
+    }
+
+    /// Reads and validates a motion file as [`Self::from_toml`] does, with the terrain that it names. The caller has read the
+    /// file at [`Self::terrain_path_in_toml`].
+    ///
+    /// # Errors
+    /// Returns an error if the file is invalid, or if it names a terrain and none is given.
+    pub fn from_toml_on(
+        file_name: &str,
+        text: &str,
+        robot: &Robot,
+        terrain: Option<&Terrain>,
+    ) -> Result<Self, DocumentError> {
+        let document = Document::parse(file_name, text)?;
+        let motion = motion(&document, robot, terrain);
         document.finish(motion)
     }
 }
 
-fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
+/// Key of the terrain file.
+const TERRAIN: &str = "terrain";
+/// Table of the distances of contacts from the edges of a terrain.
+const CONTACT: &str = "contact";
+
+/// Reads the terrain of a motion and its margins.
+fn on_terrain(
+    root: &Table<'_>,
+    robot: &Robot,
+    terrain: Option<&Terrain>,
+) -> Option<Option<(Terrain, ContactMargins)>> {
+    let margins = if root.has(CONTACT) {
+        let table = root.table(CONTACT)?;
+        let usual = ContactMargins::of(robot);
+        let length = |key: &'static str, usual_m: f64| match table.has(key) {
+            true => table.number_in(key, 0.001..=1.0, "m"),
+            false => Some(usual_m),
+        };
+        let margin_m = length("margin_m", usual.margin_m);
+        let swing_reach_m = length("swing_reach_m", usual.swing_reach_m);
+        table.done();
+        Some(ContactMargins { margin_m: margin_m?, swing_reach_m: swing_reach_m? })
+    } else {
+        None
+    };
+    if !root.has(TERRAIN) {
+        if margins.is_some() {
+            let help = "name a terrain file in `terrain`, or leave out `[contact]`";
+            root.fault(CONTACT, "is for motions on terrain", "no terrain", help);
+            return None;
+        }
+        return Some(None);
+    }
+    let path = root.string(TERRAIN)?;
+    let Some(terrain) = terrain else {
+        let problem = format_args!("is \"{path}\", which was not read");
+        let help = "plan the motion with `rollwalk plan`, which reads terrain files";
+        root.fault(TERRAIN, problem, "needs the terrain file", help);
+        return None;
+    };
+    let margins = margins.unwrap_or_else(|| ContactMargins::of(robot));
+    Some(Some((terrain.clone(), margins)))
+}
+
+/// Refuses a periodic motion on terrain that does not repeat under its displacement.
+fn check_terrain(root: &Table<'_>, motion: &Motion) {
+    if motion.terrain.is_some() && motion.ends == Ends::Periodic {
+        let help = "give `ends = \"at_rest\"`, and `cycles` in `[footfalls]` for several cycles";
+        let problem = "is \"periodic\", but terrain does not repeat with the motion";
+        root.fault("ends", problem, "not on terrain", help);
+    }
+}
+
+fn motion(document: &Document<'_>, robot: &Robot, terrain: Option<&Terrain>) -> Option<Motion> {
     let mut root = document.root();
     // The caller has read the robot with this name; here the key is only accepted.
     let named_robot = root.string("robot");
@@ -67,7 +152,15 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     let held_wheels = wheels::held(document, &root, robot);
     let reserve = reserve(&root);
     let needs_feedback = needs_feedback(&root);
-    let footfalls = root.table("footfalls").map(Footfalls::Table);
+    let terrain = on_terrain(&root, robot, terrain);
+    let footfalls = root.table("footfalls");
+    if let (Some(Ends::Periodic), Some(table)) = (ends, &footfalls)
+        && table.has(CYCLES)
+    {
+        let help = "leave out `cycles`: a periodic motion is one cycle";
+        table.fault(CYCLES, "is for motions at rest at their ends", "not periodic", help);
+    }
+    let footfalls = footfalls.map(Footfalls::Table);
     let steps = steps(document, &root, robot, footfalls);
     let duration_s = steps.as_ref().map(|(duration_s, ..)| *duration_s);
     let [target_tables, height_tables] =
@@ -79,7 +172,7 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
     root.done();
     let (duration_s, stance, swing_height_m) = steps?;
     named_robot?;
-    let motion = Motion {
+    let mut motion = Motion {
         name: name?,
         duration_s,
         ends: ends?,
@@ -91,9 +184,14 @@ fn motion(document: &Document<'_>, robot: &Robot) -> Option<Motion> {
         targets: targets.into_iter().collect::<Option<_>>()?,
         heights: heights.into_iter().collect::<Option<_>>()?,
         reserve: reserve?,
-        ground: ElevationMap::default(),
+        terrain: None,
+        ground: Footing::default(),
         needs_feedback: needs_feedback?,
     };
+    if let Some((terrain, margins)) = terrain? {
+        motion.set_terrain(terrain, margins, robot);
+        check_terrain(&root, &motion);
+    }
     if motion.ends == Ends::AtRest {
         check_rest(&root, &motion);
     }

@@ -1,6 +1,6 @@
 //! Footfall patterns of motion files: all in stance, a named gait, phases (`phases`), or rows of `#` and `.`.
 
-use super::phases::{self, Swing, cycle, duty, listed};
+use super::phases::{self, Swing, cycles, duty, listed, stance_of};
 use rollwalk_robot::document::{Document, NamedString, Table, alternatives};
 use rollwalk_robot::{EndEffector, Robot};
 
@@ -55,16 +55,17 @@ pub(super) fn stance(
 fn gait(table: &Table<'_>, robot: &Robot, samples: usize) -> Option<Vec<Vec<bool>>> {
     let gait = table.choice("gait", &GAITS.map(|(name, _)| name));
     let duty = duty(table);
+    let cycles = cycles(table);
     let feet = gait_columns(robot);
     if feet.is_none() {
         unknown_feet(table, robot);
     }
     table.done();
     let (_, centers) = GAITS.get(gait?)?;
-    let (swing, feet) = (1.0 - duty?, feet?);
+    let (swing, feet, cycles) = (1.0 - duty?, feet?, cycles?);
     let swings: Vec<_> =
         feet.iter().map(|&row| Swing { center: centers[row], share: swing }).collect();
-    Some(cycle(&swings, samples))
+    Some(stance_of(&swings, samples, cycles))
 }
 
 /// Row in [`GAIT_FEET`] of every end effector of the robot. End effectors of one limb swing together: `front_left`,

@@ -7,6 +7,7 @@ mod choreography_check;
 mod choreography_file;
 pub(crate) mod file;
 mod footfall;
+mod footing;
 mod moment;
 mod phases;
 pub(crate) mod swing;
@@ -14,9 +15,9 @@ mod wheels;
 
 pub use choreography::{HeightLimit, Subject, Target};
 pub use footfall::gaits;
+pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch};
 pub use moment::Moment;
 
-use rollwalk_multibody::ground::ElevationMap;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -48,10 +49,12 @@ pub struct Motion {
     /// Fractions of the motors' torque and speed that the motion may use.
     #[serde(default)]
     pub reserve: Reserve,
-    /// Ground on which the robot moves, in the frame in which the motion begins at the origin and heads along x. Motion files
-    /// have level ground; plan files omit the ground.
+    /// Terrain, in the frame in which the motion begins at the origin and heads along x. `None` for level ground.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<MotionTerrain>,
+    /// Ground that follows from the terrain and the robot.
     #[serde(skip)]
-    pub ground: ElevationMap,
+    pub ground: Footing,
     /// Reason why the motion fails without feedback, from the motion file. `None` if it needs no feedback.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub needs_feedback: Option<String>,

@@ -26,8 +26,9 @@ pub(super) fn stance(
     };
     let all_differ = duties.as_ref().is_some_and(|duties| duties.iter().all(Option::is_some));
     let common = if all_differ && !table.has("duty") { Some(1.0) } else { duty(table) };
+    let cycles = cycles(table);
     table.done();
-    let (phases, duties, common) = (phases??, duties?, common?);
+    let (phases, duties, common, cycles) = (phases??, duties?, common?, cycles?);
     let mut swings = Vec::with_capacity(phases.len());
     for ((foot, phase), duty) in robot.end_effectors.iter().zip(phases).zip(duties) {
         let Some(phase) = phase else {
@@ -43,7 +44,7 @@ pub(super) fn stance(
         // A swing ends at touch-down.
         swings.push(Swing { center: phase - 0.5 * share, share });
     }
-    (swings.len() == robot.end_effectors.len()).then(|| cycle(&swings, samples))
+    (swings.len() == robot.end_effectors.len()).then(|| stance_of(&swings, samples, cycles))
 }
 
 /// Value of each end effector in the table; `None` for end effectors that the table omits.
@@ -94,8 +95,47 @@ pub(super) struct Swing {
     pub share: f64,
 }
 
+/// Key of the number of cycles of a motion at rest at its ends.
+pub(super) const CYCLES: &str = "cycles";
+/// Maximum number of cycles.
+const CYCLES_MAX: u32 = 100;
+/// Duration for which a motion of several cycles stands at each end, over that of a cycle.
+const STAND: f64 = 0.25;
+
+/// Stance flags of one cycle, or of a number of cycles between two stands.
+pub(super) fn stance_of(swings: &[Swing], samples: usize, cycles: Option<u32>) -> Vec<Vec<bool>> {
+    match cycles {
+        Some(cycles) => repeated(swings, samples, cycles),
+        None => cycle(swings, samples),
+    }
+}
+
+/// Reads the number of cycles; `Some(None)` if the table has none, so that the motion is one cycle.
+pub(super) fn cycles(table: &Table<'_>) -> Option<Option<u32>> {
+    match table.has(CYCLES) {
+        true => table.integer(CYCLES, 1..=CYCLES_MAX).map(Some),
+        false => Some(None),
+    }
+}
+
+/// Stance flags `[sample][end effector]` of a motion that stands, makes some cycles, and stands. Each swing is whole.
+fn repeated(swings: &[Swing], samples: usize, cycles: u32) -> Vec<Vec<bool>> {
+    let length = f64::from(cycles) + 2.0 * STAND;
+    let stance_at = |sample: usize| {
+        let phase = sample as f64 / (samples - 1) as f64 * length - STAND;
+        let stands = |swing: &Swing| {
+            let half = swing.share / 2.0;
+            let center = phase + (swing.center - phase + 0.5).rem_euclid(1.0) - 0.5;
+            let is_whole = center - half >= -1e-9 && center + half <= f64::from(cycles) + 1e-9;
+            !is_whole || (phase - center).abs() >= half - 1e-9
+        };
+        swings.iter().map(stands).collect()
+    };
+    (0..samples).map(stance_at).collect()
+}
+
 /// Stance flags `[sample][end effector]` of one cycle.
-pub(super) fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
+fn cycle(swings: &[Swing], samples: usize) -> Vec<Vec<bool>> {
     let stance_at = |sample: usize| {
         let phase = sample as f64 / samples as f64;
         // Distance on the circle of phases, with a tolerance: rounding must not decide about a sample on the border.

@@ -5,7 +5,9 @@
 
 use super::{FORMAT, Plan, VERSION};
 use crate::json::{Format, JsonError};
+use crate::motion::MotionTerrain;
 use miette::Diagnostic;
+use rollwalk_multibody::ground::file as terrain_file;
 use rollwalk_robot::InvalidRobot;
 use thiserror::Error;
 
@@ -26,6 +28,15 @@ pub enum PlanError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Json(#[from] JsonError),
+    /// The terrain breaks the rules of terrain files.
+    #[error("{file}: motion.terrain: {faults}")]
+    #[diagnostic(help("correct the terrain file, and plan the motion again"))]
+    Terrain {
+        /// Name of the file, as passed by the caller.
+        file: String,
+        /// Faults of the terrain.
+        faults: String,
+    },
     /// The robot breaks the rules of robot files.
     #[error("{file}: robot: {error}")]
     #[diagnostic(help(
@@ -55,8 +66,15 @@ impl Plan {
     /// # Errors
     /// Returns an error if the text is not a valid plan. [`PlanError`] names file, field, value and the valid range.
     pub fn from_json(file: &str, text: &str) -> Result<Self, PlanError> {
-        let plan: Self = JSON.read(file, text)?;
+        let mut plan: Self = JSON.read(file, text)?;
         plan.validate(file)?;
+        if let Some(MotionTerrain { toml, margins }) = plan.motion.terrain.clone() {
+            let terrain =
+                terrain_file::from_toml("motion.terrain.toml", &toml).map_err(|error| {
+                    PlanError::Terrain { file: file.to_owned(), faults: error.to_string() }
+                })?;
+            plan.motion.set_terrain(terrain, margins, &plan.robot);
+        }
         Ok(plan)
     }
 }

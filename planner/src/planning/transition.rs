@@ -11,7 +11,7 @@ use super::refine;
 use super::request::{Options, Request};
 use super::solution::Solution;
 use super::trials::SolveMethods;
-use crate::motion::Motion;
+use crate::motion::{Footing, Motion};
 use crate::plan::{Placement, Plan, SolveStart, StartKind};
 use crate::problem::variables::{Layout, Lift};
 use crate::problem::{PrescribedEnd, Problem};
@@ -20,7 +20,6 @@ use crate::solve::{Progress, SolveMode};
 use crate::start::{self, guess};
 use nalgebra::DVector;
 use rollwalk_multibody::euler::Model;
-use rollwalk_multibody::ground::ElevationMap;
 use std::ops::ControlFlow;
 use thiserror::Error;
 
@@ -163,12 +162,7 @@ const VELOCITY_STEP_S: f64 = 1e-5;
 ///
 /// `step_s` is the interval, negative at the motion that the transition leaves. The velocity is a one-sided difference within
 /// the plan.
-fn prescribed_end(
-    model: &Model,
-    ground: &ElevationMap,
-    moment: Moment,
-    step_s: f64,
-) -> PrescribedEnd {
+fn prescribed_end(model: &Model, ground: &Footing, moment: Moment, step_s: f64) -> PrescribedEnd {
     let layout = Layout::new(model);
     let spline = PlanSpline::new(moment.plan);
     let here = spline.sample(moment.time_s);

@@ -52,7 +52,7 @@ pub(super) fn write_samples(
         after,
         end_placement: unknowns.placement,
         solve,
-        formulation: Formulation,
+        formulation: Formulation { on_terrain: motion.terrain.is_some() },
     }
 }
 

@@ -12,6 +12,7 @@ use crate::motion::Ends;
 use crate::plan::{Plan, Sample};
 use crate::sample::PlanSpline;
 use nalgebra::Vector3;
+use rollwalk_multibody::ground::Terrain;
 use svg::Document;
 use svg::node::element::{Group, Line, Style, Text, Title};
 
@@ -132,7 +133,7 @@ impl Chart {
 impl Page {
     fn new(plan: &Plan, extras: AnimationParts) -> Self {
         let run = Run::new(plan);
-        let view = View::of(&run, extras);
+        let view = View::of(&run, extras, plan.motion.ground.terrain());
         let chart = extras.footfalls.then(|| panels::footfalls(plan)).flatten();
         let feet = plan.robot.end_effectors.len();
         let chart_height = chart.as_ref().map_or(0.0, |_| CHART_HEIGHT + ROW_HEIGHT * feet as f64);
@@ -282,11 +283,12 @@ struct View {
     height: f64,
     /// Minimum and maximum world x and y of the ground, m.
     ground_m: [[f64; 2]; 2],
+    terrain: Option<Terrain>,
 }
 
 impl View {
     /// Fits the view to a whole run.
-    fn of(run: &Run, extras: AnimationParts) -> Self {
+    fn of(run: &Run, extras: AnimationParts, terrain: Option<&Terrain>) -> Self {
         let extent_m = run.figure.extent_m();
         let mut points: Vec<Vector3<f64>> = Vec::new();
         for moment in &run.moments {
@@ -301,7 +303,9 @@ impl View {
         });
         let unit = Camera { target_m: Vector3::zeros(), origin: [0.0; 2], px_per_m: 1.0 };
         let around = AROUND * extent_m;
-        let page: Vec<[f64; 2]> = corners(ground_m).iter().map(|p| unit.project(p)).collect();
+        let facets = terrain.map(|terrain| terrain.facets(ground_m)).unwrap_or_default();
+        let surface = corners(ground_m).into_iter().chain(facets.into_iter().flatten());
+        let page: Vec<[f64; 2]> = surface.map(|p| unit.project(&p)).collect();
         let robot = points.iter().map(|p| unit.project(p));
         let [x, y] = [0, 1].map(|axis| {
             let [low, high] = bounds(robot.clone().map(|p| p[axis]));
@@ -316,11 +320,38 @@ impl View {
             0.5 * (WIDTH - MARK_WIDTH - px_per_m * (x[0] + x[1])),
             HEADER_HEIGHT - px_per_m * y[0],
         ];
-        Self { camera: Camera { target_m: Vector3::zeros(), origin, px_per_m }, height, ground_m }
+        let camera = Camera { target_m: Vector3::zeros(), origin, px_per_m };
+        Self { camera, height, ground_m, terrain: terrain.cloned() }
+    }
+
+    /// Draws the terrain, the parts furthest from the camera first. Steep parts are darker.
+    fn terrain(&self, terrain: &Terrain) -> Group {
+        let mut facets = terrain.facets(self.ground_m);
+        let depth = |facet: &[Vector3<f64>; 4]| {
+            facet.iter().map(|corner| self.camera.depth(corner)).sum::<f64>()
+        };
+        facets.sort_by(|one, other| depth(other).total_cmp(&depth(one)));
+        let shaded = |facet: &[Vector3<f64>; 4]| {
+            let normal = (facet[1] - facet[0]).cross(&(facet[3] - facet[0]));
+            let level = normal.z.abs() / normal.norm().max(f64::MIN_POSITIVE);
+            let fill = if level > 0.999 {
+                "#f5f7fa"
+            } else if level > 0.9 {
+                "#e9edf2"
+            } else {
+                "#cbd2d9"
+            };
+            let patch = closed_path(&facet.map(|corner| self.camera.project(&corner)));
+            patch.set("fill", fill).set("stroke", "#d9e2ec")
+        };
+        facets.iter().map(shaded).fold(Group::new(), Group::add)
     }
 
     /// Draws the ground with lines at round distances, labelled at the edges nearest the camera.
     fn ground(&self) -> Group {
+        if let Some(terrain) = &self.terrain {
+            return self.terrain(terrain);
+        }
         let [[x_min, x_max], [y_min, y_max]] = self.ground_m;
         let patch = closed_path(&corners(self.ground_m).map(|p| self.camera.project(&p)));
         let mut group = Group::new().add(patch.set("fill", "#f5f7fa").set("stroke", "#e4e7eb"));
@@ -427,7 +458,8 @@ mod tests {
     fn all_that_moves_is_on_the_page() {
         let plan = test_plans::cruise();
         let run = Run::new(&plan);
-        let view = View::of(&run, AnimationParts { forces: true, ..AnimationParts::default() });
+        let extras = AnimationParts { forces: true, ..AnimationParts::default() };
+        let view = View::of(&run, extras, None);
         for moment in &run.moments {
             for point in run.figure.outline(&moment.sample) {
                 let [x, y] = view.camera.project(&point);

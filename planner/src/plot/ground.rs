@@ -15,8 +15,14 @@ impl EvaluatedPlan<'_> {
         let names = distinct(feet.iter().map(|foot| foot.name.as_str()));
         let series = names.iter().enumerate();
         let ground = &self.plan.motion.ground;
-        let above_m = |foot: &EndEffectorSample| ground.height_above_m(&foot.position_m.into());
-        let series: Vec<Series> = series.map(|(j, name)| self.foot(name, j, j, above_m)).collect();
+        let above_m = |j: usize| {
+            move |foot: &EndEffectorSample| {
+                let contact = foot.position_m.into();
+                ground.contact(j, foot.contact, &contact).height_above_m(&contact)
+            }
+        };
+        let series: Vec<Series> =
+            series.map(|(j, name)| self.foot(name, j, j, above_m(j))).collect();
         let heights = series.iter().flat_map(|curve| &curve.line);
         let lifts = heights.map(|[_, height]| *height).any(|height| height > LIFTED_M);
         lifts.then(|| self.limited("swing height (m)", series, Vec::new(), vec![0.0]))

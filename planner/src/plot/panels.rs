@@ -147,7 +147,7 @@ impl EvaluatedPlan<'_> {
     }
 
     fn heights(&self) -> Option<Panel> {
-        let ground = &self.plan.motion.ground;
+        let ground = self.plan.motion.ground.body();
         let above_m = |point: [f64; 3]| ground.height_above_m(&point.into());
         let com = self.series("centre of mass", 0, |s| above_m(s.com_m));
         let base = self.series("base", 1, |s| above_m(s.base_position_m));

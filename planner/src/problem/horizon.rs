@@ -42,11 +42,12 @@ impl Problem {
         for wheel in layout.end_effectors.iter().filter_map(|e| e.wheel) {
             frozen[0][wheel.speed] = false;
         }
-        Self {
+        let mut problem = Self {
             interval_s: motion.duration_s / (samples - 1) as f64,
             samples,
             ground: motion.ground.clone(),
             height_m: around(&goal.height_m),
+            swing_height_m: motion.swing_height_m,
             stance: (0..samples + 2).map(|t| motion.stance[beside(t)].clone()).collect(),
             timeline,
             periodic: false,
@@ -60,9 +61,13 @@ impl Problem {
             heights: vec![Vec::new(); samples + 2],
             posture_q: vec![model.standing_q(&motion.posture_rad); samples],
             steering: goal.steering,
+            contacts: Vec::new(),
+            clearance_points: Vec::new(),
             weights,
             model,
             layout,
-        }
+        };
+        problem.assign_footholds();
+        problem
     }
 }

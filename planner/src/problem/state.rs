@@ -1,5 +1,6 @@
 //! Evaluated sample of the timeline: variables, forward kinematics and wheel frames.
 
+use crate::problem::ContactGround;
 use crate::problem::variables::Layout;
 use nalgebra::{DVector, Matrix3, Vector3};
 use rollwalk_multibody::euler::{Model, Pose, SweptMoment};
@@ -190,10 +191,15 @@ pub fn tilt_and_yaw(axis: &Vector3<f64>, near_yaw_rad: f64) -> (f64, f64) {
 
 impl State {
     /// Evaluates a sample without the derivatives of its kinematics.
-    pub fn new(model: &Model, layout: &Layout, ground: &ElevationMap, vars: DVector<f64>) -> Self {
+    pub fn new(
+        model: &Model,
+        layout: &Layout,
+        contacts: &[ContactGround],
+        vars: DVector<f64>,
+    ) -> Self {
         let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
         let mut state = Self { vars, pose, frames: Vec::new(), swept_to_next: None };
-        state.update_frames(model, layout, ground);
+        state.update_frames(model, layout, contacts);
         state
     }
 
@@ -208,19 +214,19 @@ impl State {
     }
 
     /// Evaluates the sample again after a change of its variables.
-    pub fn update(&mut self, model: &Model, layout: &Layout, ground: &ElevationMap) {
+    pub fn update(&mut self, model: &Model, layout: &Layout, contacts: &[ContactGround]) {
         model.update_pose(&self.vars.as_slice()[..layout.dofs], &mut self.pose);
-        self.update_frames(model, layout, ground);
+        self.update_frames(model, layout, contacts);
     }
 
-    fn update_frames(&mut self, model: &Model, layout: &Layout, ground: &ElevationMap) {
+    fn update_frames(&mut self, model: &Model, layout: &Layout, contacts: &[ContactGround]) {
         let Self { vars, frames, .. } = self;
         let end_effectors = layout.end_effectors.iter().zip(&model.robot().end_effectors);
         frames.clear();
-        frames.extend(end_effectors.map(|(at, ee)| {
+        frames.extend(end_effectors.zip(contacts).map(|((at, ee), ground)| {
             let angles = at.wheel.map(|wheel| [vars[wheel.tilt], vars[wheel.yaw]]);
             let contact = vars.fixed_rows::<3>(at.position).into();
-            ContactFrame::new(ee.radius_m, angles, ground, &contact)
+            ContactFrame::new(ee.radius_m, angles, &ground.map, &contact)
         }));
     }
 

@@ -1,13 +1,12 @@
 //! Gait of a horizon: stance and swing of each end effector over a cycle, and the sway of the body.
 
-use crate::motion::{Ends, Goal, Motion};
+use crate::motion::{Ends, Footing, Goal, Motion};
 use crate::plan::Placement;
 use crate::plan::Plan;
 use crate::problem::variables::{Layout, Lift};
 use crate::start::guess;
 use nalgebra::DVector;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_robot::Robot;
 use thiserror::Error;
 
@@ -113,7 +112,8 @@ impl Gait {
             targets: Vec::new(),
             heights: Vec::new(),
             reserve: Default::default(),
-            ground: ElevationMap::default(),
+            terrain: None,
+            ground: Footing::default(),
             needs_feedback: None,
         };
         let model = Model::new(robot);

@@ -158,8 +158,9 @@ pub(super) fn beginning(problem: &Problem, tree: &Tree, state: State) -> Initial
     for vars in [&mut at, &mut before] {
         guess::follow_kinematics(&problem.model, layout, &problem.ground, vars);
     }
-    let evaluated =
-        |vars: &DVector<f64>| Sampled::new(&problem.model, layout, &problem.ground, vars.clone());
+    let evaluated = |vars: &DVector<f64>| {
+        Sampled::new(&problem.model, layout, &problem.contacts[1], vars.clone())
+    };
     let [from, to] = [evaluated(&before), evaluated(&at)];
     for (j, wheel) in layout.end_effectors.iter().enumerate() {
         let (Some(wheel), Some(dof)) = (wheel.wheel, tree.wheel_dof(j)) else { continue };

@@ -15,7 +15,7 @@ pub fn residuals(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
 
 /// Height of a subject above the ground, m.
 fn height_m(state: &State, of: Subject) -> f64 {
-    state.ground.height_above_m(&position(state, of))
+    state.ground.body().height_above_m(&position(state, of))
 }
 
 /// Position of a subject in the world, m.

@@ -1,12 +1,11 @@
 //! States of a plan with their kinematics and their neighbours in time, the input of all residuals.
 
 use crate::families::Scales;
-use crate::motion::Ends;
+use crate::motion::{Ends, Footing};
 use crate::plan::{Plan, Sample};
 use crate::problem::state::ContactFrame;
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS, Model, Pose};
-use rollwalk_multibody::ground::ElevationMap;
 use rollwalk_multibody::rotation;
 use rollwalk_robot::{EndEffector, GRAVITY_M_S2, Link};
 
@@ -22,7 +21,7 @@ pub struct State<'a> {
     /// Contact frames from the plan's tilt and yaw.
     pub frames: Vec<ContactFrame>,
     /// Ground of the plan.
-    pub ground: &'a ElevationMap,
+    pub ground: &'a Footing,
 }
 
 /// States of a plan in order of time, including one before the first sample and one after the final sample.
@@ -95,7 +94,7 @@ impl<'a> Timeline<'a> {
     /// Reference values for tolerances as played.
     pub fn scales(&self) -> Scales {
         let (samples, ground) = (&self.plan.samples, &self.plan.motion.ground);
-        let above_m = |sample: &Sample| ground.height_above_m(&sample.com_m.into());
+        let above_m = |sample: &Sample| ground.body().height_above_m(&sample.com_m.into());
         let height_m = samples.iter().map(above_m).sum::<f64>() / samples.len() as f64;
         Scales {
             weight_n: self.model.total_mass_kg() * GRAVITY_M_S2,
@@ -110,7 +109,7 @@ impl<'a> Timeline<'a> {
 }
 
 impl<'a> State<'a> {
-    fn new(model: &Model, ground: &'a ElevationMap, sample: &'a Sample) -> Self {
+    fn new(model: &Model, ground: &'a Footing, sample: &'a Sample) -> Self {
         let mut q = DVector::zeros(model.dofs());
         q.rows_mut(BASE_POSITION, 3).copy_from_slice(&sample.base_position_m);
         q.rows_mut(BASE_YAW, 3).copy_from_slice(&sample.base_yaw_pitch_roll_rad);
@@ -120,9 +119,12 @@ impl<'a> State<'a> {
             .end_effectors
             .iter()
             .zip(&sample.end_effectors)
-            .map(|(e, s)| {
+            .enumerate()
+            .map(|(j, (e, s))| {
                 let angles = e.contact.rolls().then_some([s.tilt_rad, s.yaw_rad]);
-                ContactFrame::new(e.radius_m, angles, ground, &s.position_m.into())
+                let contact = s.position_m.into();
+                let map = ground.contact(j, s.contact, &contact);
+                ContactFrame::new(e.radius_m, angles, &map, &contact)
             })
             .collect();
         Self { sample, pose: model.pose(&q), frames, ground }
@@ -140,7 +142,7 @@ impl<'a> State<'a> {
 
     /// Height of the contact point of end effector `j` above the ground, m.
     pub fn contact_height_m(&self, j: usize) -> f64 {
-        self.ground.height_above_m(&self.contact(j))
+        self.contact(j).z - self.frames[j].ground.height_m
     }
 
     /// Ground force on end effector `j`, N.

@@ -21,6 +21,9 @@ pub fn at_samples(timeline: &Timeline) -> Vec<Row> {
         blade_contact(timeline),
         wheel_axis(timeline),
     ]);
+    if timeline.plan.motion.ground.has_edges() {
+        found.push(foothold(timeline));
+    }
     found.extend([motor_speed(timeline), held_wheel(timeline)]);
     found.extend(limits(timeline, Grid::Samples));
     found.extend(clearance::residuals(timeline, Grid::Samples));
@@ -173,6 +176,21 @@ fn contact_motion(timeline: &Timeline, grid: Grid) -> Vec<WorstCase> {
         }
     }
     vec![slip, landing, height, dip]
+}
+
+/// Distance of footholds beyond the borders of their patches, m.
+fn foothold(timeline: &Timeline) -> WorstCase {
+    let mut worst = WorstCase::of(Family::Foothold, Grid::Samples);
+    let ground = &timeline.plan.motion.ground;
+    for w in timeline.samples() {
+        for (j, foot) in feet(timeline).filter(|(j, _)| w.here.stands(*j)) {
+            let place = w.here.contact(j).xy();
+            let patch = ground.patch(j, &place);
+            let over = patch.map_or(0.0, |patch| (patch.nearest(&place) - place).norm());
+            worst.record(over, &w, Some(&foot.name));
+        }
+    }
+    worst
 }
 
 fn end_effector_clearance(timeline: &Timeline) -> WorstCase {

@@ -1,19 +1,19 @@
 //! Standing start, moved evenly towards the goal.
 
-use crate::plan::Placement;
+use crate::formulation::LEAN;
+use crate::motion::Footing;
 use crate::problem::state::{ContactFrame, rolling_direction, tilt_and_yaw};
 use crate::problem::variables::Layout;
 use crate::problem::{Problem, Unknowns};
 use nalgebra::{DVector, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, Model};
-use rollwalk_multibody::ground::ElevationMap;
 
 /// Sets the variables that follow from `q` by forward kinematics: contact points and wheel angles. Yaw angles are unwrapped to
 /// stay near those in `vars`.
 pub fn follow_kinematics(
     model: &Model,
     layout: &Layout,
-    ground: &ElevationMap,
+    ground: &Footing,
     vars: &mut DVector<f64>,
 ) {
     let pose = model.pose_values(&vars.rows(0, layout.dofs).into_owned());
@@ -25,15 +25,16 @@ pub fn follow_kinematics(
             (vars[wheel.tilt], vars[wheel.yaw]) = (tilt, yaw);
             [tilt, yaw]
         });
-        let frame = ContactFrame::below(radius, angles, ground, &mount.center);
+        let map = ground.contact(j, true, &mount.center);
+        let frame = ContactFrame::below(radius, angles, &map, &mount.center);
         vars.fixed_rows_mut::<3>(ee.position).copy_from(&(mount.center + frame.to_contact));
     }
 }
 
 /// Raises a robot that stands on the plane z = 0 to the height of the ground below its base.
-fn stand_on(ground: &ElevationMap, vars: &mut DVector<f64>) {
+fn stand_on(ground: &Footing, vars: &mut DVector<f64>) {
     let base = vars.fixed_rows::<3>(BASE_POSITION).into();
-    vars[BASE_POSITION + 2] += ground.at(&base).height_m;
+    vars[BASE_POSITION + 2] += ground.body().at(&base).height_m;
 }
 
 /// Variables of the robot standing at the origin with its weight shared evenly.
@@ -49,19 +50,10 @@ pub fn standing(problem: &Problem) -> DVector<f64> {
     vars
 }
 
-/// Placement of the goal, with 0 for its free components.
-pub fn goal_placement(problem: &Problem) -> Placement {
-    let goal = &problem.goal;
-    Placement {
-        offset_m: [goal.forward_m.unwrap_or(0.0), goal.left_m.unwrap_or(0.0)],
-        yaw_rad: goal.turn_rad.unwrap_or(0.0),
-    }
-}
-
 /// Unknowns with a standing robot at all samples, moved and turned evenly towards the goal.
 pub fn from_standing(problem: &Problem) -> Unknowns {
     let stand = standing(problem);
-    let placement = goal_placement(problem);
+    let placement = problem.goal_placement();
     let way = Vector3::new(placement.offset_m[0], placement.offset_m[1], 0.0);
     let turn = placement.yaw_rad;
     let intervals = (problem.last() - 1) as f64;
@@ -91,7 +83,49 @@ pub fn from_standing(problem: &Problem) -> Unknowns {
             vars
         })
         .collect();
-    Unknowns { slots, placement }
+    let mut unknowns = Unknowns { slots, placement };
+    if problem.ground.terrain().is_some() {
+        on_terrain(problem, &mut unknowns);
+    }
+    unknowns
+}
+
+/// Leans the body with the mean ground below it, and moves contact points to their footholds. Swings follow their envelope on a
+/// straight way from one foothold to the next.
+fn on_terrain(problem: &Problem, unknowns: &mut Unknowns) {
+    let (layout, model) = (&problem.layout, &problem.model);
+    for (i, vars) in unknowns.slots.iter_mut().enumerate() {
+        let base: Vector3<f64> = vars.fixed_rows::<3>(BASE_POSITION).into();
+        let slope = problem.ground.body().at(&base).slope;
+        let (sine, cosine) = vars[BASE_YAW].sin_cos();
+        vars[BASE_YAW + 1] -= LEAN * (slope.x * cosine + slope.y * sine);
+        vars[BASE_YAW + 2] += LEAN * (slope.y * cosine - slope.x * sine);
+        follow_kinematics(model, layout, &problem.ground, vars);
+        for (j, ee) in layout.end_effectors.iter().enumerate() {
+            let contact = &problem.contacts[i + 1][j];
+            let mut point: Vector3<f64> = vars.fixed_rows::<3>(ee.position).into();
+            if let Some(foothold) = contact.foothold {
+                point = foothold;
+            } else {
+                if let Some(between) = between_footholds(problem, i + 1, j) {
+                    point = between;
+                }
+                point.z = contact.map.at(&point).height_m + problem.height_m[i + 1][j];
+            }
+            vars.fixed_rows_mut::<3>(ee.position).copy_from(&point);
+        }
+    }
+}
+
+/// Place of a swing on the straight way between the footholds before and after it. `None` if one of them is not planned.
+fn between_footholds(problem: &Problem, t: usize, j: usize) -> Option<Vector3<f64>> {
+    let stands = |t: &usize| problem.stance[*t][j];
+    let from = (1..t).rev().find(stands)?;
+    let to = (t + 1..=problem.samples).find(stands)?;
+    let [begin, end] = [from, to].map(|t| problem.contacts[t][j].foothold);
+    // Smooth, at rest at both ends.
+    let u = (t - from) as f64 / (to - from) as f64;
+    Some(begin?.lerp(&end?, u * u * (3.0 - 2.0 * u)))
 }
 
 /// Shares the weight evenly among the feet in stance.

@@ -46,7 +46,7 @@ pub fn neighbour(problem: &Problem, previous: &Plan) -> Unknowns {
     let placement = if problem.placement_free {
         relative_to(&origin, &previous.end_placement)
     } else {
-        guess::goal_placement(problem)
+        problem.goal_placement()
     };
     Unknowns { slots, placement }
 }

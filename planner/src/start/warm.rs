@@ -48,6 +48,8 @@ const STEPPING: FamilySet = FamilySet::OBSTACLES.with(&[
     Family::ContactPoint,
     Family::WheelAxis,
     Family::ContactHeight,
+    Family::Foothold,
+    Family::SwingClearance,
     Family::Slip,
     Family::HeldWheel,
     Family::EndEffectorClearance,

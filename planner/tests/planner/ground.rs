@@ -15,7 +15,7 @@ const SAME: f64 = 1e-5;
 
 fn planned(robot: &Robot, motion: &str, up_m: f64) -> Plan {
     let mut motion = Motion::from_toml("motion.toml", motion, robot).unwrap();
-    motion.ground = ElevationMap::Level(up_m);
+    motion.ground = ElevationMap::Level(up_m).into();
     optimise(robot, &motion, &Options::default(), &mut |_| ControlFlow::Continue(()))
 }
 

@@ -1,6 +1,8 @@
 //! Motion and library files: contents of shipped files, and faults of broken ones with their lines.
 
 use proptest::prelude::*;
+use rollwalk_multibody::ground::Terrain;
+use rollwalk_multibody::ground::file::from_toml;
 use rollwalk_planner::library_file::LibraryFile;
 use rollwalk_planner::motion::{Ends, Motion, Reserve};
 use rollwalk_robot::Robot;
@@ -478,6 +480,64 @@ fn held_wheels_that_never_swing_reach_as_far_as_their_links_pitch() {
         assert!(error.faults().count() > 0);
         assert!(error.faults().all(|f| f.message.contains("cannot be reached")), "{error}");
     }
+}
+
+/// Walk at rest at its ends, with several cycles.
+fn cycles(count: u32) -> String {
+    WALK.replacen("ends = \"periodic\"", "ends = \"at_rest\"", 1)
+        .replacen("duration_s = 1.6", "duration_s = 4.0", 1)
+        .replacen("samples = 32", "samples = 81", 1)
+        .replacen("duty = 0.8", &format!("duty = 0.8\ncycles = {count}"), 1)
+}
+
+#[test]
+fn cycles_repeat_a_gait_between_two_stands_with_whole_swings() {
+    let walk = motion(&cycles(2));
+    // Two cycles and half a cycle of standing in 80 intervals: 32 a cycle, 8 at each end.
+    for foot in 0..4 {
+        let row = row(&walk, foot);
+        assert!(row.starts_with("########") && row.ends_with("########"), "{row}");
+        let swings: Vec<_> = row.split('#').filter(|swing| !swing.is_empty()).collect();
+        assert_eq!(swings.len(), 2, "{row}");
+        assert!(swings.iter().all(|swing| swing.len() >= 6), "{row}");
+    }
+    assert_faults(
+        broken("duty = 0.8", "duty = 0.8\ncycles = 2"),
+        &[(line("duty = 0.8") + 1, "`cycles` is for motions at rest", "one cycle")],
+    );
+}
+
+#[test]
+fn a_terrain_must_be_read_and_needs_ends_at_rest() {
+    let robot = agilebot();
+    let climb = cycles(2).replacen("swing_height_m", "terrain = \"step.toml\"\nswing_height_m", 1);
+    assert_eq!(
+        Motion::terrain_path_in_toml("climb.toml", &climb).unwrap().as_deref(),
+        Some("step.toml")
+    );
+    assert_eq!(Motion::terrain_path_in_toml("walk.toml", WALK).unwrap(), None);
+    let refused = |text: &str, terrain: Option<&Terrain>| {
+        let error = Motion::from_toml_on("climb.toml", text, &robot, terrain).unwrap_err();
+        error.faults().map(|fault| format!("{}; {}", fault.message, fault.help)).collect::<String>()
+    };
+    let unread = refused(&climb, None);
+    assert!(unread.contains("`terrain` is \"step.toml\", which was not read"), "{unread}");
+
+    let step = from_toml("step.toml", "[step]\nat_x_m = 0.4\nheight_m = 0.03").unwrap();
+    let read = Motion::from_toml_on("climb.toml", &climb, &robot, Some(&step)).unwrap();
+    assert_eq!(read.ground.terrain(), Some(&step));
+    // Defaults scale with the robot.
+    let margins = read.terrain.unwrap().margins;
+    assert!(margins.margin_m > 0.01 && margins.swing_reach_m > margins.margin_m, "{margins:?}");
+    let periodic = WALK.replacen("swing_height_m", "terrain = \"step.toml\"\nswing_height_m", 1);
+    let periodic = refused(&periodic, Some(&step));
+    assert!(periodic.contains("terrain does not repeat"), "{periodic}");
+    let alone = format!("{}\n[contact]\nmargin_m = 0.02\n", cycles(2));
+    let alone = refused(&alone, None);
+    assert!(alone.contains("`contact` is for motions on terrain"), "{alone}");
+    let far = format!("{climb}\n[contact]\nmargin_m = 2\n");
+    let far = refused(&far, Some(&step));
+    assert!(far.contains("`margin_m` is 2") && far.contains("0.001 to 1 m"), "{far}");
 }
 
 #[test]

@@ -22,6 +22,8 @@ pub struct Clearance {
     shapes: Vec<LinkShape>,
     pairs: Vec<Pair>,
     points: Vec<GroundPoint>,
+    /// Indices in `points` of the two ends of each capsule.
+    limbs: Vec<[usize; 2]>,
 }
 
 /// Pair of shapes that must keep clear of each other.
@@ -164,6 +166,19 @@ impl Clearance {
                 let nominal_m = nominal.point(link, &center_in_link_m).z - radius_m;
                 if nominal_m >= 0.0 {
                     let least_m = least_m.min(nominal_m);
+                    let end = made.points.len();
+                    let is_limb = |before: &GroundPoint| {
+                        let shapes = robot.links[link].shapes.iter();
+                        before.link == link
+                            && shapes.into_iter().any(|shape| {
+                                matches!(shape, Shape::Capsule { from_in_link_m, to_in_link_m, .. }
+                                    if *from_in_link_m == before.center_in_link_m
+                                        && *to_in_link_m == center_in_link_m)
+                            })
+                    };
+                    if made.points.last().is_some_and(is_limb) {
+                        made.limbs.push([end - 1, end]);
+                    }
                     made.points.push(GroundPoint { link, center_in_link_m, radius_m, least_m });
                 }
             }
@@ -194,6 +209,23 @@ impl Clearance {
     /// Points above the ground.
     pub fn points(&self) -> &[GroundPoint] {
         &self.points
+    }
+
+    /// Points between the ends of capsules, at most a distance apart. A limb can be above an edge with both ends and cut it
+    /// between them.
+    pub fn points_between(&self, spacing_m: f64) -> Vec<GroundPoint> {
+        let along = |&[from, to]: &[usize; 2]| {
+            let [from, to] = [from, to].map(|index| &self.points[index]);
+            let way = to.center_in_link_m - from.center_in_link_m;
+            let count = (way.norm() / spacing_m).ceil() as usize;
+            let at = |k: usize| GroundPoint {
+                center_in_link_m: from.center_in_link_m + way * (k as f64 / count as f64),
+                least_m: from.least_m.min(to.least_m),
+                ..from.clone()
+            };
+            (1..count).map(at).collect::<Vec<_>>()
+        };
+        self.limbs.iter().flat_map(along).collect()
     }
 
     /// Transforms all shapes to world axes.

@@ -1,8 +1,10 @@
 //! Ground as a signed distance: gap, normal and curvature at a point (thesis 4.5).
 
+mod contour;
 mod convex;
 mod elevation;
 mod elevation_map;
+mod facets;
 pub mod file;
 mod grid;
 mod rotated;
@@ -13,13 +15,15 @@ mod terrain;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
+pub use contour::{Contour, Filter};
 pub use elevation::Elevation;
 pub use elevation_map::ElevationMap;
+pub use file::Terrain;
 pub use grid::Grid;
 pub use rotated::RotatedGround;
 pub use shapes::{Capsule, Cuboid, Plane, Rounded, Sphere, Union};
 pub use spline::FieldError;
-pub use terrain::{HeightField, Profile, ProfileError};
+pub use terrain::{HeightField, Profile, ProfileError, Tread};
 
 /// Gap, normal and curvature of the ground at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

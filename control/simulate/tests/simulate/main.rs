@@ -9,6 +9,7 @@ mod retargets;
 mod sequences;
 mod steered;
 mod steps;
+mod terrain;
 
 use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};

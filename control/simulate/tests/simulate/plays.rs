@@ -13,7 +13,7 @@ use std::sync::Arc;
 const TRACKING: Control = Control::Tracking(Feedback::Gains);
 
 fn on(slope_rad: f64, plan: &Plan, feed_forward: bool) -> RunOutcome {
-    let ground = Arc::new(Plane::rising(slope_rad));
+    let ground: Option<Arc<dyn Ground>> = Some(Arc::new(Plane::rising(slope_rad)));
     let control = if feed_forward { Control::FeedForward } else { Control::Servos };
     let options = Options { cycles: 3, ground, ..Options::new(control, 60) };
     play(plan, &options, |_| true).unwrap()
@@ -73,7 +73,7 @@ fn terrain_and_pushes_act_on_the_robot() {
     let level: Arc<dyn Ground> = Arc::new(Plane::level());
     let run = |ground: &Arc<dyn Ground>, push_n: f64| {
         let shoves = vec![Shove::new(2.0, 0.1, [0.0, push_n, 0.0])];
-        let ground = Arc::clone(ground);
+        let ground = Some(Arc::clone(ground));
         let options =
             Options { cycles: 1, ground, shoves, ..Options::new(Control::FeedForward, 120) };
         play(&plan, &options, |_| true).unwrap()

@@ -37,6 +37,7 @@ fn standing(tree: &Tree) -> Reference {
         acceleration: vec![0.0; tree.dofs()],
         stands: vec![true; feet],
         force_n: vec![Vector3::z() * part_n; feet],
+        ground_height_m: vec![0.0; feet],
     }
 }
 

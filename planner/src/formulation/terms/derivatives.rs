@@ -5,10 +5,11 @@ use super::link_clearance::FAR_M;
 use crate::families::{Family, FamilySet};
 use crate::formulation::rows::Rows;
 use crate::formulation::{System, TERMS};
-use crate::motion::Ends;
+use crate::motion::{ContactMargins, Ends, Footing};
 use crate::problem::{Problem, Unknowns, Weights};
 use crate::test_robots::{self, random_unknowns};
 use rollwalk_multibody::euler::Model;
+use rollwalk_multibody::ground::file::from_toml;
 use rollwalk_multibody::ground::{ElevationMap, HeightField};
 use rollwalk_robot::Robot;
 use std::sync::Arc;
@@ -86,7 +87,7 @@ fn problem(robot: &Robot, ends: Ends, ground: &ElevationMap) -> Problem {
     motion.held_wheels = (0..robot.end_effectors.len()).map(|j| j % 2 == 1 && driven(j)).collect();
     motion.targets = test_robots::targets();
     motion.heights = test_robots::heights();
-    motion.ground = ground.clone();
+    motion.ground = ground.clone().into();
     let mut problem = if ends == Ends::Prescribed {
         let random = random_unknowns(&model, 4, 77).slots;
         let end = |k: usize| crate::problem::PrescribedEnd {
@@ -117,7 +118,8 @@ fn every_term_matches_finite_differences_on_every_robot() {
     }
     // A term that wrote no row was not checked.
     for family in TERMS.iter().map(|term| term.info().family) {
-        assert!(seen[family as usize] > 0, "{family} wrote no rows");
+        let wrote = seen[family as usize] > 0;
+        assert!(wrote != FamilySet::TERRAIN.contains(family), "{family} wrote rows: {wrote}");
     }
 }
 
@@ -129,6 +131,33 @@ fn every_term_matches_finite_differences_on_waves() {
         check_robot(robot, ends, &waves(), 7, &mut seen);
     }
     for family in TERMS.iter().map(|term| term.info().family) {
+        let wrote = seen[family as usize] > 0;
+        assert!(wrote != FamilySet::TERRAIN.contains(family), "{family} wrote rows: {wrote}");
+    }
+}
+
+/// Checks the terms of terrain with edges, for robots whose end effectors all step.
+#[test]
+fn every_term_matches_finite_differences_on_stairs() {
+    const STAIRS: &str =
+        "heading_deg = 20\n[stairs]\nat_x_m = -0.3\ncount = 3\nriser_m = 0.05\ntread_m = 0.4";
+    // A wide envelope has third derivatives that central differences resolve.
+    let margins = ContactMargins { margin_m: 0.03, swing_reach_m: 0.1 };
+    let mut seen = vec![0; Family::ALL.len()];
+    for (robot, ends) in
+        test_robots::all().iter().zip([Ends::AtRest, Ends::Prescribed].into_iter().cycle())
+    {
+        let mut problem = problem(robot, ends, &ElevationMap::default());
+        let terrain = from_toml("stairs.toml", STAIRS).expect("stairs");
+        let rolls = vec![false; robot.end_effectors.len()];
+        problem.ground = Footing::on(terrain, &margins, robot, &rolls);
+        problem.assign_footholds();
+        let unknowns = random_unknowns(&problem.model, problem.frozen.len(), 7);
+        check(&problem, &unknowns, &mut seen);
+    }
+    for family in
+        [Family::Foothold, Family::SwingClearance, Family::ContactHeight, Family::GroundClearance]
+    {
         assert!(seen[family as usize] > 0, "{family} wrote no rows");
     }
 }

@@ -24,7 +24,7 @@ impl Term for GroundClearance {
         let (model, ground) = (&window.problem.model, &window.problem.ground);
         let (robot, pose) = (model.robot(), &window.states[1].pose);
         out.set(1.0, Role::Inequality { band: BAND_M });
-        for point in model.clearance().points() {
+        for point in &window.problem.clearance_points {
             if out.skips_row() {
                 continue;
             }

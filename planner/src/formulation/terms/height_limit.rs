@@ -33,7 +33,7 @@ impl Term for HeightBound {
                         state.vector(problem.layout.end_effectors[j].position)
                     }
                 };
-                let ground = problem.ground.at(&point);
+                let ground = problem.ground.body().at(&point);
                 match limit.of {
                     Subject::Com => out.d_com_height(1, sign, &ground),
                     Subject::Body => out.d_height(1, BASE_POSITION, sign, &ground),

@@ -3,14 +3,19 @@
 use crate::families::Family;
 use crate::formulation::rows::{Role, RowWriter, Window};
 use crate::formulation::{Span, Term, TermInfo};
+use nalgebra::Vector2;
 use rollwalk_multibody::euler::{BASE_POSITION, BASE_YAW, JOINTS};
 
 /// Cost: differences of ground forces from an even share of the weight among the stance feet, in units of Mg/n. Without this
 /// cost, soft servos could not play the plan.
 pub struct EvenForce;
 
-/// Cost: differences of joints from the motion's posture, and of the body from level at the matching height above the ground.
+/// Cost: differences of joints from the motion's posture, and of the body from the matching height above the ground below it.
+/// The body is pitched and rolled by a fraction of the slope of that ground.
 pub struct Posture;
+
+/// Fraction of the ground's slope by which the body leans with it.
+pub(crate) const LEAN: f64 = 0.6;
 
 /// Cost: wheel speeds (rim speed, m/s). Held wheels have no row, because their speed follows from their links.
 pub struct WheelEffort;
@@ -60,11 +65,26 @@ impl Term for Posture {
         let posture = &problem.posture_q[window.at[1] - 1];
         let state = window.states[1];
         let base = state.vector(BASE_POSITION);
-        let ground = problem.ground.at(&base);
+        let ground = problem.ground.body().at(&base);
         out.d_height(1, BASE_POSITION, 1.0, &ground);
         out.row(base.z - ground.height_m - posture[BASE_POSITION + 2]);
-        let level = [BASE_YAW + 1, BASE_YAW + 2];
-        for dof in level.into_iter().chain(JOINTS..problem.layout.dofs) {
+        // Slope forward and to the left of the heading: pitch is positive nose down, roll left side up.
+        let (sine, cosine) = state.vars[BASE_YAW].sin_cos();
+        let [forward, left] = [Vector2::new(cosine, sine), Vector2::new(-sine, cosine)];
+        for (dof, along, across, sign) in
+            [(BASE_YAW + 1, forward, left, 1.0), (BASE_YAW + 2, left, -forward, -1.0)]
+        {
+            out.d(1, dof, 1.0);
+            if !problem.ground.is_level() {
+                let by_place = ground.bend * along * (sign * LEAN);
+                out.d(1, BASE_POSITION, by_place.x);
+                out.d(1, BASE_POSITION + 1, by_place.y);
+                out.d(1, BASE_YAW, sign * LEAN * ground.slope.dot(&across));
+            }
+            let lean = sign * LEAN * ground.slope.dot(&along);
+            out.row(state.vars[dof] - posture[dof] + lean);
+        }
+        for dof in JOINTS..problem.layout.dofs {
             out.d(1, dof, 1.0);
             out.row(state.vars[dof] - posture[dof]);
         }

@@ -66,7 +66,7 @@ fn write_height(window: &Window, out: &mut RowWriter, of: Subject, weights: [f64
         let state = window.states[k];
         let variables = variables(window, of);
         let point = variables.map_or(state.pose.com, |first| state.vector(first));
-        let ground = window.problem.ground.at(&point);
+        let ground = window.problem.ground.body().at(&point);
         match variables {
             None => out.d_com_height(k, weight, &ground),
             Some(first) => out.d_height(k, first, weight, &ground),

@@ -1,8 +1,8 @@
 //! Ground as a height over the x-y plane, with its first two derivatives, as the planner requires. A solid with walls or
 //! overhangs has no such height.
 
-use super::{Elevation, HeightField};
-use nalgebra::Vector3;
+use super::{Contour, Elevation, HeightField};
+use nalgebra::{Matrix2, Rotation2, Vector2, Vector3};
 use std::sync::Arc;
 
 /// Height of the ground over the x-y plane.
@@ -10,8 +10,19 @@ use std::sync::Arc;
 pub enum ElevationMap {
     /// Level ground at a height, m.
     Level(f64),
+    /// Plane through the point of this height above the origin, m, with this gradient.
+    Plane {
+        /// Height at the origin, m.
+        height_m: f64,
+        /// Gradient of the height.
+        slope: Vector2<f64>,
+    },
+    /// Heights along x.
+    Contour(Arc<Contour>),
     /// Spline through heights on a grid.
     Field(Arc<HeightField>),
+    /// Map whose x axis points along a heading, rad.
+    Turned(f64, Arc<Self>),
 }
 
 impl Default for ElevationMap {
@@ -28,36 +39,59 @@ impl ElevationMap {
         matches!(self, Self::Level(_))
     }
 
+    /// Map that is turned about the vertical through the origin, so that its x axis points along a heading, rad.
+    pub fn turned(self, heading_rad: f64) -> Self {
+        match self {
+            Self::Level(_) => self,
+            _ if heading_rad == 0.0 => self,
+            Self::Plane { height_m, slope } => {
+                Self::Plane { height_m, slope: Rotation2::new(heading_rad) * slope }
+            }
+            other => Self::Turned(heading_rad, Arc::new(other)),
+        }
+    }
+
     /// Elevation at the x and y of a point.
     pub fn at(&self, point: &Vector3<f64>) -> Elevation {
+        self.at_xy(point.xy())
+    }
+
+    fn at_xy(&self, at: Vector2<f64>) -> Elevation {
         match self {
             Self::Level(height_m) => Elevation { height_m: *height_m, ..Elevation::default() },
-            Self::Field(field) => field.elevation(point.x, point.y),
+            Self::Plane { height_m, slope } => Elevation {
+                height_m: height_m + slope.dot(&at),
+                slope: *slope,
+                bend: Matrix2::zeros(),
+            },
+            Self::Contour(contour) => contour.elevation(at.x),
+            Self::Field(field) => field.elevation(at.x, at.y),
+            Self::Turned(heading_rad, map) => {
+                let turn = Rotation2::new(*heading_rad);
+                let Elevation { height_m, slope, bend } = map.at_xy(turn.inverse() * at);
+                let (turn, back) = (turn.matrix(), turn.matrix().transpose());
+                Elevation { height_m, slope: turn * slope, bend: turn * bend * back }
+            }
         }
     }
 
     /// Height of a point above the ground, m.
     pub fn height_above_m(&self, point: &Vector3<f64>) -> f64 {
-        match self {
-            Self::Level(height_m) => point.z - height_m,
-            Self::Field(field) => point.z - field.elevation(point.x, point.y).height_m,
-        }
+        point.z - self.at(point).height_m
     }
 
     /// First-order distance of a point from the ground, (z − h)/|ν|, m, and its gradient.
     pub fn distance(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        match self {
-            Self::Level(height_m) => (point.z - height_m, Vector3::z()),
-            Self::Field(field) => {
-                let below = field.elevation(point.x, point.y);
-                let upward = below.upward();
-                let length = upward.norm();
-                let distance_m = (point.z - below.height_m) / length;
-                let d_length = below.bend * below.slope / length;
-                let d_length = Vector3::new(d_length.x, d_length.y, 0.0);
-                (distance_m, (upward - d_length * distance_m) / length)
-            }
+        if let Self::Level(height_m) = self {
+            return (point.z - height_m, Vector3::z());
         }
+        let below = self.at(point);
+        let upward = below.upward();
+        let length = upward.norm();
+        let distance_m = (point.z - below.height_m) / length;
+        let d_length = below.bend * below.slope / length;
+        let d_length = Vector3::new(d_length.x, d_length.y, 0.0);
+        (distance_m, (upward - d_length * distance_m) / length)
     }
 }
 

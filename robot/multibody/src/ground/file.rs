@@ -1,4 +1,4 @@
-//! Terrain files: TOML files that describe a [`Ground`] (docs/terrain-files.md).
+//! Terrain files: TOML files that describe ground (docs/terrain-files.md).
 
 use super::terrain::CORNER_MIN_M;
 use super::{Ground, HeightField, Plane, Profile, RotatedGround};
@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub const SLOPE_MAX_DEG: f64 = 45.0;
 /// Maximum number of corners in a profile.
 const CORNERS_MAX: usize = 200;
+/// Maximum number of risers of stairs.
+const STAIRS_MAX: u32 = 100;
 /// Maximum number of heights in a field.
 const HEIGHTS_MAX: usize = 250_000;
 /// Maximum distance of a coordinate from the origin, m.
@@ -18,13 +20,51 @@ const FAR_M: f64 = 1000.0;
 /// Maximum absolute height of the ground, m.
 const HEIGHT_MAX_M: f64 = 10.0;
 
+/// Ground of a terrain file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Terrain {
+    /// Text of the file.
+    pub toml: String,
+    /// Shape before it is turned.
+    pub shape: Shape,
+    /// Heading of the shape's x axis, rad.
+    pub heading_rad: f64,
+}
+
+/// Shape of a terrain.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// Plane through the origin that rises along x by an angle, rad.
+    Slope(f64),
+    /// Heights along x.
+    Profile(Profile),
+    /// Heights on a grid.
+    Field(Arc<HeightField>),
+}
+
+impl Terrain {
+    /// Solid of the terrain, for simulations and distances.
+    pub fn solid(&self) -> Arc<dyn Ground> {
+        let solid: Arc<dyn Ground> = match &self.shape {
+            Shape::Slope(angle_rad) => Arc::new(Plane::rising(*angle_rad)),
+            Shape::Profile(profile) => Arc::new(profile.clone()),
+            Shape::Field(field) => Arc::clone(field) as Arc<dyn Ground>,
+        };
+        match self.heading_rad {
+            0.0 => solid,
+            heading_rad => Arc::new(RotatedGround::new(solid, heading_rad)),
+        }
+    }
+}
+
 /// Reader of a kind of terrain.
-type TerrainReader = fn(&Table<'_>) -> Option<Arc<dyn Ground>>;
+type TerrainReader = fn(&Table<'_>) -> Option<Shape>;
 
 /// Names of the tables for the kinds of terrain, with their readers.
-const KINDS: [(&str, TerrainReader); 6] = [
+const KINDS: [(&str, TerrainReader); 7] = [
     ("slope", slope),
     ("step", step),
+    ("stairs", stairs),
     ("ramp", ramp),
     ("profile", profile),
     ("rough", rough),
@@ -40,13 +80,15 @@ pub fn kinds() -> impl Iterator<Item = &'static str> {
 ///
 /// # Errors
 /// Returns every fault of the file.
-pub fn from_toml(file_name: &str, text: &str) -> Result<Arc<dyn Ground>, DocumentError> {
+pub fn from_toml(file_name: &str, text: &str) -> Result<Terrain, DocumentError> {
     let document = Document::parse(file_name, text)?;
-    let ground = ground(&document);
-    document.finish(ground)
+    let read = shape(&document);
+    let terrain = |(shape, heading_rad)| Terrain { toml: text.to_owned(), shape, heading_rad };
+    document.finish(read.map(terrain))
 }
 
-fn ground(document: &Document<'_>) -> Option<Arc<dyn Ground>> {
+/// Reads the shape and its heading, rad.
+fn shape(document: &Document<'_>) -> Option<(Shape, f64)> {
     let root = document.root();
     let heading_deg = match root.has("heading_deg") {
         true => root.number_in("heading_deg", -180.0..=180.0, "degrees"),
@@ -70,36 +112,44 @@ fn ground(document: &Document<'_>) -> Option<Arc<dyn Ground>> {
         return None;
     };
     let table = root.table(name)?;
-    let ground = read(&table);
+    let shape = read(&table);
     table.done();
-    let heading_rad = heading_deg?.to_radians();
-    let ground = ground?;
-    if heading_rad == 0.0 {
-        Some(ground)
-    } else {
-        Some(Arc::new(RotatedGround::new(ground, heading_rad)))
-    }
+    Some((shape?, heading_deg?.to_radians()))
 }
 
-fn slope(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+fn slope(table: &Table<'_>) -> Option<Shape> {
     let angle_deg = table.number_in("angle_deg", -SLOPE_MAX_DEG..=SLOPE_MAX_DEG, "degrees")?;
-    Some(Arc::new(Plane::rising(angle_deg.to_radians())))
+    Some(Shape::Slope(angle_deg.to_radians()))
 }
 
-fn step(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+fn step(table: &Table<'_>) -> Option<Shape> {
     let at_x_m = coordinate(table, "at_x_m");
     let height_m = height(table, "height_m");
-    Some(Arc::new(Profile::step(at_x_m?, height_m?).ok()?))
+    Some(Shape::Profile(Profile::step(at_x_m?, height_m?).ok()?))
 }
 
-fn ramp(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+/// Reads stairs with risers of equal height, positive up, and a landing after the final one.
+fn stairs(table: &Table<'_>) -> Option<Shape> {
+    let at_x_m = coordinate(table, "at_x_m");
+    let count = table.integer("count", 1..=STAIRS_MAX);
+    let riser_m = height(table, "riser_m");
+    let tread_m = table.number_in("tread_m", 0.01..=FAR_M, "m");
+    let (at_x_m, count, riser_m, tread_m) = (at_x_m?, count?, riser_m?, tread_m?);
+    let riser = |k: u32| {
+        let x_m = at_x_m + tread_m * f64::from(k);
+        [k, k + 1].map(|step| [x_m, riser_m * f64::from(step)])
+    };
+    Some(Shape::Profile(Profile::new((0..count).flat_map(riser).collect()).ok()?))
+}
+
+fn ramp(table: &Table<'_>) -> Option<Shape> {
     let from_x_m = coordinate(table, "from_x_m");
     let length_m = table.number_in("length_m", 0.001..=FAR_M, "m");
     let height_m = height(table, "height_m");
-    Some(Arc::new(Profile::ramp(from_x_m?, length_m?, height_m?).ok()?))
+    Some(Shape::Profile(Profile::ramp(from_x_m?, length_m?, height_m?).ok()?))
 }
 
-fn profile(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+fn profile(table: &Table<'_>) -> Option<Shape> {
     let x_m = within(table, "x_m", 1..=CORNERS_MAX, FAR_M);
     let z_m = within(table, "z_m", 1..=CORNERS_MAX, HEIGHT_MAX_M);
     let (x_m, z_m) = (x_m?, z_m?);
@@ -110,7 +160,7 @@ fn profile(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     }
     let corners = x_m.into_iter().zip(z_m).map(|(x, z)| [x, z]).collect();
     match Profile::new(corners) {
-        Ok(profile) => Some(Arc::new(profile)),
+        Ok(profile) => Some(Shape::Profile(profile)),
         Err(why) => {
             table.fault(
                 "x_m",
@@ -124,7 +174,7 @@ fn profile(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
 }
 
 /// Reads ground with random heights from 0 to `height_m`. Equal seeds give equal heights.
-fn rough(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+fn rough(table: &Table<'_>) -> Option<Shape> {
     let height_m = table.number_in("height_m", 0.0..=1.0, "m");
     let spacing_m = table.number_in("spacing_m", 0.01..=10.0, "m");
     let half_m = table.number_in("half_m", 0.1..=100.0, "m");
@@ -144,10 +194,11 @@ fn rough(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
     let (height_m, mut rng) = (height_m?, fastrand::Rng::with_seed(seed?.into()));
     let heights = (0..count * count).map(|_| height_m * rng.f64()).collect();
     let origin = -0.5 * spacing_m * (count - 1) as f64;
-    Some(Arc::new(HeightField::new([origin; 2], spacing_m, [count; 2], heights).ok()?))
+    let field = HeightField::new([origin; 2], spacing_m, [count; 2], heights).ok()?;
+    Some(Shape::Field(Arc::new(field)))
 }
 
-fn height_field(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
+fn height_field(table: &Table<'_>) -> Option<Shape> {
     let origin_m = table.numbers::<2>("origin_m").filter(|origin_m| {
         let near = origin_m.iter().all(|value| value.abs() <= FAR_M);
         if !near {
@@ -174,7 +225,7 @@ fn height_field(table: &Table<'_>) -> Option<Arc<dyn Ground>> {
         return None;
     }
     match HeightField::new(origin_m, spacing_m, [across, rows], heights_m) {
-        Ok(field) => Some(Arc::new(field)),
+        Ok(field) => Some(Shape::Field(Arc::new(field))),
         Err(why) => {
             table.fault(
                 "heights_m",
@@ -228,7 +279,8 @@ mod tests {
     use nalgebra::Vector3;
 
     fn height_at(text: &str, x: f64, y: f64) -> f64 {
-        let ground = from_toml("test.toml", text).unwrap_or_else(|error| panic!("{error}"));
+        let terrain = from_toml("test.toml", text).unwrap_or_else(|error| panic!("{error}"));
+        let ground = terrain.solid();
         // Downwards along the vertical.
         let mut z = 0.0;
         for _ in 0..60 {
@@ -253,6 +305,10 @@ mod tests {
         close(height_at(&turned, 0.0, 0.6), 0.03);
         let ramp = "[ramp]\nfrom_x_m = 0.4\nlength_m = 0.6\nheight_m = -0.1";
         close(height_at(ramp, 0.7, 0.0), -0.05);
+        let stairs = "[stairs]\nat_x_m = 0.5\ncount = 3\nriser_m = 0.1\ntread_m = 0.3";
+        for (x_m, z_m) in [(0.4, 0.0), (0.6, 0.1), (0.9, 0.2), (2.0, 0.3)] {
+            close(height_at(stairs, x_m, 0.0), z_m);
+        }
         let profile = "[profile]\nx_m = [0.5, 0.5, 1]\nz_m = [0, 0.1, 0.1]";
         close(height_at(profile, 0.7, 0.0), 0.1);
         let row = "0, 0.01, 0.02, 0.03, ";

@@ -1,5 +1,6 @@
 //! Terrain: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
 
+use super::contour::blurred;
 use super::convex::{Flat, in_plane, parts};
 use super::spline::Lattice;
 use super::{Elevation, FieldError, Ground, Surface};
@@ -14,6 +15,26 @@ pub(super) const CORNER_MIN_M: f64 = 1e-6;
 pub struct Profile {
     /// Coordinates x and z of the corners, m.
     corners: Vec<[f64; 2]>,
+}
+
+/// Part of a profile that is no wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tread {
+    /// Beginning along x, m.
+    pub from_m: f64,
+    /// End along x, m.
+    pub to_m: f64,
+    /// Point of the tread's line, x and z, m.
+    pub at_m: [f64; 2],
+    /// Rise per metre along x.
+    pub slope: f64,
+}
+
+impl Tread {
+    /// Height of the tread's line at a coordinate, m.
+    pub fn height_m(&self, x_m: f64) -> f64 {
+        self.at_m[1] + self.slope * (x_m - self.at_m[0])
+    }
 }
 
 /// Reason for which points are not a valid profile.
@@ -82,6 +103,64 @@ impl Profile {
     /// If a value is not finite, or the ramp has no length.
     pub fn ramp(from_x_m: f64, length_m: f64, height_m: f64) -> Result<Self, ProfileError> {
         Self::new(vec![[from_x_m, 0.0], [from_x_m + length_m, height_m]])
+    }
+
+    /// Coordinates of the first and the final corner, m.
+    pub fn extent_m(&self) -> [f64; 2] {
+        [self.corners[0][0], self.corners[self.corners.len() - 1][0]]
+    }
+
+    /// Height at a coordinate, m. At a wall it is the higher one.
+    pub fn height_m(&self, x_m: f64) -> f64 {
+        let at = |corners: &[[f64; 2]]| {
+            let ([x0, z0], [x1, z1]) = (corners[0], corners[1]);
+            let inside = (x0..=x1).contains(&x_m);
+            inside
+                .then(|| if x1 > x0 { z0 + (x_m - x0) / (x1 - x0) * (z1 - z0) } else { z0.max(z1) })
+        };
+        let found = self.corners.windows(2).filter_map(at).reduce(f64::max);
+        let end = if x_m < self.corners[0][0] { 0 } else { self.corners.len() - 1 };
+        found.unwrap_or(self.corners[end][1])
+    }
+
+    /// Points x and z of the polyline within a range of x, m, its ends included.
+    pub fn line(&self, [from_m, to_m]: [f64; 2]) -> Vec<[f64; 2]> {
+        let inside = self.corners.iter().filter(|corner| from_m < corner[0] && corner[0] < to_m);
+        let ends = [from_m, to_m].map(|x_m| [x_m, self.height_m(x_m)]);
+        std::iter::once(ends[0]).chain(inside.copied()).chain([ends[1]]).collect()
+    }
+
+    /// Parts that are not walls, in order: `[from, to]` along x, with infinity at both ends, and the line through each.
+    pub fn treads(&self) -> Vec<Tread> {
+        let (first, last) = (self.corners[0], self.corners[self.corners.len() - 1]);
+        let level = |from_m: f64, to_m: f64, [x_m, z_m]: [f64; 2]| Tread {
+            from_m,
+            to_m,
+            at_m: [x_m, z_m],
+            slope: 0.0,
+        };
+        let inner = self.corners.windows(2).filter(|pair| pair[1][0] > pair[0][0]);
+        let inner = inner.map(|pair| {
+            let ([x0, z0], [x1, z1]) = (pair[0], pair[1]);
+            Tread { from_m: x0, to_m: x1, at_m: [x0, z0], slope: (z1 - z0) / (x1 - x0) }
+        });
+        let all = std::iter::once(level(f64::NEG_INFINITY, first[0], first));
+        let all = all.chain(inner).chain([level(last[0], f64::INFINITY, last)]);
+        // Parts of one line are one tread.
+        let mut treads: Vec<Tread> = Vec::new();
+        for tread in all {
+            match treads.last_mut() {
+                Some(before)
+                    if (before.slope - tread.slope).abs() < 1e-9
+                        && (before.height_m(tread.from_m) - tread.height_m(tread.from_m)).abs()
+                            < CORNER_MIN_M =>
+                {
+                    before.to_m = tread.to_m;
+                }
+                _ => treads.push(tread),
+            }
+        }
+        treads
     }
 
     /// Returns true if a point is below the polyline. The sign of a part's distance is ambiguous near a corner that two parts
@@ -162,6 +241,44 @@ impl HeightField {
         heights_m: Vec<f64>,
     ) -> Result<Self, FieldError> {
         Ok(Self { lattice: Lattice::new(origin_m, spacing_m, counts, heights_m)? })
+    }
+
+    /// Number of heights along x and y.
+    pub fn counts(&self) -> [usize; 2] {
+        self.lattice.counts.map(|count| count - 2)
+    }
+
+    /// Range of x and of y with heights, m.
+    pub fn extent_m(&self) -> [[f64; 2]; 2] {
+        [0, 1].map(|axis| self.lattice.range(axis))
+    }
+
+    /// Field smoothed by a Gaussian with this standard deviation, m.
+    pub fn blurred(&self, deviation_m: f64) -> Self {
+        let ranges = [0, 1].map(|axis| self.lattice.range(axis));
+        let spacing_m = (0.25 * deviation_m).max(self.lattice.spacing_m);
+        let beyond_m = 5.0 * deviation_m;
+        let origin_m = ranges.map(|[first_m, _]| first_m - beyond_m);
+        let counts = [0, 1].map(|axis| {
+            let [first_m, last_m] = ranges[axis];
+            ((last_m - first_m + 2.0 * beyond_m) / spacing_m).ceil() as usize + 2
+        });
+        let place = |axis: usize, k: usize| origin_m[axis] + spacing_m * k as f64;
+        let row = |j: usize| {
+            let at = |i: usize| self.elevation(place(0, i), place(1, j)).height_m;
+            let plain: Vec<f64> = (0..counts[0]).map(at).collect();
+            blurred(&plain, deviation_m / spacing_m)
+        };
+        let rows: Vec<Vec<f64>> = (0..counts[1]).map(row).collect();
+        let mut heights_m = vec![0.0; counts[0] * counts[1]];
+        for i in 0..counts[0] {
+            let column: Vec<f64> = rows.iter().map(|row| row[i]).collect();
+            for (j, height_m) in blurred(&column, deviation_m / spacing_m).into_iter().enumerate() {
+                heights_m[j * counts[0] + i] = height_m;
+            }
+        }
+        let lattice = Lattice::new(origin_m, spacing_m, counts, heights_m);
+        Self { lattice: lattice.expect("finite heights, more than three along each axis") }
     }
 
     /// Height at a point of the x-y plane, with its derivatives.
