@@ -112,16 +112,15 @@ impl PlacedPlan {
     pub fn reference(&mut self, time_s: f64) -> Reference {
         let Instant { state, acceleration, stands, force_n, ground_height_m } = self.at(time_s);
         let world_from_ground = self.world_from_plan;
-        let mut reference =
-            Reference {
-                time_s,
-                world_from_ground,
-                state,
-                acceleration,
-                stands,
-                force_n,
-                ground_height_m,
-            };
+        let mut reference = Reference {
+            time_s,
+            world_from_ground,
+            state,
+            acceleration,
+            stands,
+            force_n,
+            ground_height_m,
+        };
         balance::upright(self.body.tree(), &mut reference);
         reference
     }

@@ -6,7 +6,7 @@ use rollwalk_planner::motion::Motion;
 use rollwalk_planner::plan::{Plan, Status};
 use rollwalk_planner::report::Report;
 use rollwalk_planner::{Options, optimise};
-use rollwalk_simulate::{Control, Verdict, play};
+use rollwalk_simulate::{Control, Feedback, Verdict, play};
 use std::ops::ControlFlow;
 
 /// Motion in which AgileBot walks with held wheels.
