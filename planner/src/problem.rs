@@ -3,6 +3,7 @@
 //! A problem is built from a motion goal ([`Problem::new`]), from two states of other motions ([`Problem::transition`]) or from
 //! the present state of a robot ([`Problem::horizon`]). Costs and constraints are in [`crate::formulation`].
 
+mod contact_ground;
 mod footholds;
 mod horizon;
 mod means;
@@ -10,7 +11,7 @@ pub mod state;
 pub mod variables;
 mod weights;
 
-pub use footholds::ContactGround;
+pub use contact_ground::ContactGround;
 pub use horizon::HorizonGoal;
 pub use means::MeanWeights;
 pub use weights::Weights;

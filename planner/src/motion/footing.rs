@@ -8,7 +8,6 @@
 //! - The body follows the mean ground below the robot.
 //! - Links keep their distance from the terrain itself.
 
-use super::Motion;
 use nalgebra::{Rotation2, Vector2, Vector3};
 use rollwalk_multibody::euler::{BASE_POSITION, Model};
 use rollwalk_multibody::ground::file::Shape;
@@ -131,7 +130,8 @@ impl Patch {
 }
 
 impl Footing {
-    /// Ground for the motions of a robot on a terrain. Flags of `rolls` are set for the end effectors that never leave the ground.
+    /// Ground for the motions of a robot on a terrain. Flags of `rolls` are set for the end effectors that never leave the
+    /// ground.
     pub fn on(terrain: Terrain, margins: &ContactMargins, robot: &Robot, rolls: &[bool]) -> Self {
         let maps = Maps { terrain: &terrain, margins, robot };
         let of_each = |map: &dyn Fn(f64) -> ElevationMap| -> Vec<ElevationMap> {
@@ -349,18 +349,6 @@ impl Maps<'_> {
             })
         };
         (0..treads.len()).filter_map(patch).collect()
-    }
-}
-
-impl Motion {
-    /// Sets the terrain of the motion, and what follows from it for a robot.
-    pub fn set_terrain(&mut self, terrain: Terrain, margins: ContactMargins, robot: &Robot) {
-        let count = robot.end_effectors.len();
-        let rolls: Vec<bool> = (0..count)
-            .map(|j| self.stance.iter().all(|flags| flags[j]) && !self.held_wheels[j])
-            .collect();
-        self.terrain = Some(MotionTerrain { toml: terrain.toml.clone(), margins });
-        self.ground = Footing::on(terrain, &margins, robot, &rolls);
     }
 }
 

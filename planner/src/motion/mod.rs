@@ -18,6 +18,8 @@ pub use footfall::gaits;
 pub use footing::{Border, ContactMargins, Footing, MotionTerrain, Patch};
 pub use moment::Moment;
 
+use rollwalk_multibody::ground::Terrain;
+use rollwalk_robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -66,6 +68,16 @@ impl Motion {
         let samples = self.stance.len();
         let intervals = if self.ends == Ends::Periodic { samples } else { samples - 1 };
         self.duration_s / intervals as f64
+    }
+
+    /// Sets the terrain of the motion, and what follows from it for a robot.
+    pub fn set_terrain(&mut self, terrain: Terrain, margins: ContactMargins, robot: &Robot) {
+        let count = robot.end_effectors.len();
+        let rolls: Vec<bool> = (0..count)
+            .map(|j| self.stance.iter().all(|flags| flags[j]) && !self.held_wheels[j])
+            .collect();
+        self.terrain = Some(MotionTerrain { toml: terrain.toml.clone(), margins });
+        self.ground = Footing::on(terrain, &margins, robot, &rolls);
     }
 
     /// Time at which a transition leaves the motion, s: the end of the motion, or 0 for a periodic motion, whose cycle closes

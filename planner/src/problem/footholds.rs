@@ -4,23 +4,11 @@
 //! nearest to the foothold of a robot that moves evenly to the goal.
 
 use super::Problem;
-use crate::motion::Border;
+use super::contact_ground::ContactGround;
 use nalgebra::{Rotation2, Vector2, Vector3};
-use rollwalk_multibody::ground::ElevationMap;
 
 /// Distance of points along a limb that keep clear of edges, m.
 const LIMB_SPACING_M: f64 = 0.03;
-
-/// Ground at a contact.
-#[derive(Clone, Debug, Default)]
-pub struct ContactGround {
-    /// Height of the ground.
-    pub map: ElevationMap,
-    /// Borders of the patch in stance.
-    pub borders: Vec<Border>,
-    /// Planned foothold of the stance; `None` in swing, and without patches.
-    pub foothold: Option<Vector3<f64>>,
-}
 
 impl Problem {
     /// Sets the ground at all contacts, and the points that must keep clear of it.

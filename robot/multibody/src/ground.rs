@@ -6,6 +6,7 @@ mod elevation;
 mod elevation_map;
 mod facets;
 pub mod file;
+mod gaussian;
 mod grid;
 mod rotated;
 mod shapes;

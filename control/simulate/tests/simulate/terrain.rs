@@ -54,15 +54,14 @@ fn a_step_is_climbed_open_loop_and_only_by_a_plan_for_it() {
         motion: Motion { terrain: None, ground: Default::default(), ..read.motion },
         ..read
     };
-    let on_level = play(
-        &level,
-        &rollwalk_simulate::Options::new(
-            Control::FeedForward,
-            Control::FeedForward.usual_rate_hz(),
-        ),
-        |_| true,
-    );
-    assert!(!on_level.unwrap().holds(), "a plan for a step does not hold on level ground");
+    let played = |plan: &Plan, control: Control| {
+        let options = rollwalk_simulate::Options::new(control, control.usual_rate_hz());
+        play(plan, &options, |_| true).unwrap()
+    };
+    let on_level = played(&level, Control::FeedForward);
+    assert!(!on_level.holds(), "a plan for a step does not hold on level ground");
+    let tracked = played(&step, Control::Tracking(Feedback::Gains));
+    assert!((tracked.ratio(0).unwrap() - 1.0).abs() < 0.01, "{tracked:?}");
 }
 
 #[test]

@@ -3,12 +3,11 @@
 //! A profile has walls, where it has no height and no slope. Its contours are cubic splines through dense samples of a filtered
 //! profile, so that equations over them have two continuous derivatives.
 
+use super::gaussian::{CUT_OFF, blurred};
 use super::spline::Lattice;
 use super::{Elevation, Profile};
 use nalgebra::{Matrix2, Vector2};
 
-/// Distance beyond which a Gaussian is cut off, in standard deviations.
-const CUT_OFF: f64 = 4.0;
 /// Samples of a contour in a standard deviation of its last filter.
 const SAMPLES_PER_DEVIATION: f64 = 5.0;
 
@@ -21,7 +20,7 @@ pub struct Contour {
 /// Filter of heights before the Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Filter {
-    /// None.
+    /// Identity.
     Plain,
     /// Maximum over the distance to both sides, m.
     Highest(f64),
@@ -90,20 +89,6 @@ fn extremes(
         sign * over.fold(f64::NEG_INFINITY, f64::max)
     };
     (0..=last).map(at).collect()
-}
-
-/// Convolves samples with a Gaussian. The deviation is in samples; the first and the final sample go on beyond the ends.
-pub(super) fn blurred(samples: &[f64], deviation: f64) -> Vec<f64> {
-    let reach = (CUT_OFF * deviation).ceil() as isize;
-    let weights: Vec<f64> =
-        (-reach..=reach).map(|k| (-0.5 * (k as f64 / deviation).powi(2)).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    let last = samples.len() as isize - 1;
-    let at = |i: isize| {
-        let near = (-reach..=reach).zip(&weights);
-        near.map(|(k, weight)| weight * samples[(i + k).clamp(0, last) as usize]).sum::<f64>()
-    };
-    (0..=last).map(|i| at(i) / total).collect()
 }
 
 #[cfg(test)]

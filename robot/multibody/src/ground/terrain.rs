@@ -1,7 +1,7 @@
 //! Terrain: profiles along x (steps, ramps, stairs) and height fields. A slope is a [`super::Plane`].
 
-use super::contour::blurred;
 use super::convex::{Flat, in_plane, parts};
+use super::gaussian::blurred;
 use super::spline::Lattice;
 use super::{Elevation, FieldError, Ground, Surface};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
