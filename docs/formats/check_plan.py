@@ -3,15 +3,15 @@
 
     python3 docs/formats/check_plan.py [--json] PLAN.json [PLAN.json ...]
 
-Python's standard library only; no code is shared with the planner. What the fields mean, in which
-frames and units, is in docs/formats/plan-format.md; the equation numbers are the thesis's. For every residual
-the table shows the worst case, the level, which is the tolerance at the samples, and where it is.
+Python's standard library only; no code is shared with the planner. docs/formats/plan-format.md describes the fields,
+with frames and units; equation numbers are those of the thesis. For every residual, the table shows the worst value,
+the level (the tolerance at the samples), and the place.
 
-Names, units and levels of the residuals and the constants of the equations are those of the plan's
-`formulation`, and this script trusts them: of a plan of unknown origin look at the levels in the table, or
-have it read by `rollwalk report`, which refuses other ones than its own.
+Names, units and levels of the residuals, and the constants of the equations, are those of the plan's `formulation`,
+and this script trusts them. For a plan of unknown origin, check the levels in the table, or use `rollwalk report`,
+which refuses levels other than its own.
 
-Exit code: 0 all residuals are within their levels, 1 one is not, 2 a file is no plan.
+Exit code: 0 if all residuals are within their levels, 1 if one is not, 2 if a file is not a plan.
 """
 
 import json
@@ -73,7 +73,7 @@ def from_axis_angle(axis, angle):
 
 
 def rotation_vector(r):
-    """Axis times angle of a small rotation."""
+    """Rotation vector, axis times angle, of a small rotation."""
     v = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]]
     sine, cosine = 0.5 * norm(v), 0.5 * (r[0][0] + r[1][1] + r[2][2] - 1)
     return scale(v, 0.5 * math.atan2(sine, cosine) / sine) if sine > 1e-12 else scale(v, 0.5)
@@ -104,8 +104,8 @@ def center_of_mass(robot, poses):
 
 
 def swept_moment(robot, poses, poses_next):
-    """Sum of m r x r' over all mass: what the angular momentum about the centre of mass is in the mean over an
-    interval, times its length. A link is its mass at its centre and second moments J about that."""
+    """Sum of m r x r' over all mass: mean angular momentum about the centre of mass over an interval, times its
+    length. A link has its mass at its centre, and second moments J about its centre."""
     com, com_next = center_of_mass(robot, poses), center_of_mass(robot, poses_next)
     total = [0.0] * 3
     for link, (r, p), (r_next, p_next) in zip(robot["links"], poses, poses_next):
@@ -130,12 +130,12 @@ def wheel_frame(tilt, yaw, radius):
 
 
 def reach(foot):
-    """Radius around the contact point that others keep clear of: a wheel's, or half a blade."""
+    """Clearance radius around the contact point: a wheel's radius, or half a blade."""
     blade = foot["contact"].get("blade_length_m")
     return foot["radius_m"] if blade is None else 0.5 * blade
 
 
-# --- room that links take ---
+# --- volume of links ---
 
 
 def along(ends, s):
@@ -185,7 +185,7 @@ def shape_distance(first, second, pose, pose2):
 
 
 def are_far(one, two, pose, pose2, keeps):
-    """Whether the spheres around two shapes show that these are far enough apart."""
+    """True if the spheres around two shapes prove that the shapes are far enough apart."""
     middles, reaches = [], 0.0
     for shape, (r, p) in ((one, pose), (two, pose2)):
         if shape["kind"] == "capsule":
@@ -200,8 +200,8 @@ def are_far(one, two, pose, pose2, keeps):
 
 
 class Clearance:
-    """Pairs of shapes and points of links with the distances that they must keep. The nominal pose is right: shapes
-    that overlap in it are no pair, others may come as near as they are there. The same holds for the ground."""
+    """Pairs of shapes and points of links with their minimum distances. The nominal pose counts as valid: shapes that
+    overlap in it are no pair, and other shapes may come as near as in it. The same holds for the ground."""
 
     def __init__(self, robot):
         upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -241,7 +241,7 @@ def height_of(point, radius, pose):
 
 
 def link_points(link, index, floor):
-    """Spheres of a link that stay above the ground: point, radius, height to keep."""
+    """Spheres of a link that stay above the ground: point, radius, minimum height."""
     if not link.get("shapes"):
         return [([0.0] * 3, 0.0, 0.0)] if index > 0 else []
     found = []
@@ -260,7 +260,7 @@ def link_points(link, index, floor):
 
 
 class Table:
-    """The worst residual of each family, SI."""
+    """Worst residual of each family in SI units."""
 
     def __init__(self, families):
         self.families = {family["name"]: family for family in families}
@@ -273,12 +273,12 @@ class Table:
         level = family["level"] * (limit if family["level_of"] == "limit" else 1)
         where = subject if sample is None else "sample %d %s" % (sample, subject)
         known = self.rows.get(name)
-        # A residual that is not a number is worse than any.
+        # NaN is worse than any number.
         if known is None or not residual / level <= known[0] / known[1]:
             self.rows[name] = (residual, level, family["unit"], where)
 
     def good(self):
-        """Whether all residuals are within their levels; one that is not a number is not."""
+        """True if all residuals are within their levels. NaN is not."""
         return all(residual <= level for residual, level, _, _ in self.rows.values())
 
     def show(self):
@@ -291,7 +291,7 @@ class Table:
         return {name: dict(zip(keys, row)) for name, row in self.rows.items()}
 
 
-# --- what motors hold ---
+# --- torques of motors ---
 
 
 def carried_links(robot, joint):
@@ -308,8 +308,8 @@ def second_difference(before, here, after):
 
 
 def joint_torques(line, k):
-    """Torque of every joint at state k: it balances ground forces, weight and inertia of all that is beyond it, its
-    rotor included. Accelerations are second differences, in the mean around the sample."""
+    """Torque of every joint at state k. It balances ground forces, weight and inertia of all links beyond the joint,
+    and of its rotor. Accelerations are second differences, as means around the sample."""
     robot, state, torques = line.robot, line.states[k], []
     gravity, per_h2 = line.formulation["gravity_m_s2"], line.mean_of_second_derivative(k)
     around = line.poses[k - 1], line.poses[k], line.poses[k + 1]
@@ -347,7 +347,7 @@ def wheel_torque(foot, e):
 
 
 def beyond_line(motor, torque, speed):
-    """How far a torque at a speed is beyond a motor's torque-speed line; None without a line."""
+    """Excess of a torque at a speed over a motor's torque-speed line; None without a line."""
     line = motor["torque_speed"]
     if line is None:
         return None
@@ -359,7 +359,7 @@ def beyond_line(motor, torque, speed):
 
 
 def place(subject, state):
-    """Position of what a target or a height is about."""
+    """Position of the subject of a target or a height limit."""
     if subject == "com":
         return state["com_m"]
     if subject == "body":
@@ -368,7 +368,7 @@ def place(subject, state):
 
 
 def check_choreography(table, plan, timeline):
-    """Targets and heights, seen from where the first sample stands."""
+    """Targets and height limits relative to the first sample."""
     motion, samples, h = plan["motion"], plan["samples"], plan["sample_interval_s"]
     periodic = motion["ends"] == "periodic"
     x, y = samples[0]["base_position_m"][:2]
@@ -404,7 +404,7 @@ def check_choreography(table, plan, timeline):
             table.see("target heading", abs(turned - target["heading_rad"]), i, who)
 
     for limit in motion["heights"]:
-        # The samples of the span and the two that enclose it; the end of a period is its start.
+        # The samples of the span and the two samples that enclose it. The end of a period is its start.
         span = range(math.floor(limit["from_s"] / h + 1e-6), math.ceil(limit["to_s"] / h - 1e-6) + 1)
         for i, s in enumerate(samples):
             if i in span or periodic and i + len(samples) in span:
@@ -431,8 +431,8 @@ def contact_from_center(foot, e):
 
 
 def state_difference(a, b, offset, turn, feet, periodic):
-    """Largest difference between state a, turned about the vertical and moved, and state b. What repeats has the
-    same wheel speeds; at rest those outside the motion mean nothing."""
+    """Largest difference between state a, rotated about the vertical and moved, and state b. Periodic motions repeat
+    wheel speeds; at rest, speeds outside the motion have no meaning."""
     r = from_axis_angle([0, 0, 1], turn)
     points = [(a["base_position_m"], b["base_position_m"]), (a["com_m"], b["com_m"])]
     pairs = list(zip(a["joint_rad"], b["joint_rad"]))
@@ -463,13 +463,13 @@ def contact_point(foot, e, poses):
 
 
 def wheel_axis_error(foot, e, poses):
-    """Length of the difference between a wheel's axis and the one that its link carries."""
+    """Length of the difference between a wheel's axis and the axis of its link."""
     _, axis, _ = wheel_frame(e["tilt_rad"], e["yaw_rad"], foot["radius_m"])
     return norm(sub(apply(poses[foot["link"]][0], foot["contact"]["axis_in_link"]), axis))
 
 
 def inconsistency(robot, state, poses, contacts):
-    """Largest difference between what one state says and what follows from its base and joints."""
+    """Largest difference between the values of a state and the values that follow from its base and joints."""
     off = [abs(x - y) for x, y in zip(center_of_mass(robot, poses), state["com_m"])]
     for x, y in zip(euler_matrix(state["base_yaw_pitch_roll_rad"]), poses[0][0]):
         off += [abs(a - b) for a, b in zip(x, y)]
@@ -485,7 +485,7 @@ def inconsistency(robot, state, poses, contacts):
 
 
 def check_lengths(plan):
-    """Every list that is read beside the robot's joints, its feet or the samples has one element for each."""
+    """Lists parallel to the robot's joints, its feet or the samples have one element for each."""
     robot, motion, samples = plan["robot"], plan["motion"], plan["samples"]
     joints, feet = len(robot["joints"]), len(robot["end_effectors"])
     lists = [("motion.stance", motion["stance"], len(samples)), ("motion.held_wheels", motion["held_wheels"], feet)]
@@ -508,7 +508,7 @@ def check_lengths(plan):
 
 
 class Timeline:
-    """A plan with the states outside its motion, and what follows from base and joints of every state."""
+    """A plan with the states outside its motion, and the kinematics of every state from base and joints."""
 
     def __init__(self, plan):
         check_lengths(plan)
@@ -527,7 +527,7 @@ class Timeline:
         self.torques = [joint_torques(self, k) for k in range(1, len(self.samples) + 1)]
 
     def neighbours(self, k):
-        """Places of the states beside state k that are in the motion: at an end there is one interval."""
+        """Indices of the states beside state k within the motion. An end has one interval."""
         inside = [(k - 1, k > 1), (k + 1, k < len(self.samples))]
         return [n for n, there in inside if there or self.periodic]
 
@@ -543,7 +543,7 @@ def check_times(table, line):
 
 
 def check_ends(table, line):
-    """The states outside belong to the motion as its ends say, and their numbers agree with each other."""
+    """The states outside match the kind of the motion's ends, and their values agree with each other."""
     before, first, last, after = line.states[0], line.samples[0], line.samples[-1], line.states[-1]
     placed = line.plan["end_placement"]["offset_m"] + [0.0], line.plan["end_placement"]["yaw_rad"]
     prescribed = line.motion["ends"] == "prescribed"
@@ -562,7 +562,7 @@ def check_ends(table, line):
         if not prescribed:
             table.see("ends", state_difference(a, b, offset, turn, line.feet, line.periodic))
     if prescribed:
-        # The base of the last sample is that of the first, moved.
+        # The base of the last sample equals the moved base of the first sample.
         offset, turn = placed
         start, end = first["base_position_m"][:2] + [0.0], last["base_position_m"][:2] + [0.0]
         moved = add(apply(from_axis_angle([0, 0, 1], turn), start), offset)
@@ -574,11 +574,11 @@ def check_ends(table, line):
 
 
 def check_dynamics(table, line):
-    """Newton and Euler for the whole robot, in the mean around every sample."""
+    """Newton and Euler equations of the whole robot, as means around every sample."""
     gravity = line.formulation["gravity_m_s2"]
     mass = sum(link["mass_kg"] for link in line.robot["links"])
     for i, s in enumerate(line.samples):
-        k = i + 1  # place in the timeline
+        k = i + 1  # index in the timeline
         before, after = line.states[k - 1], line.states[k + 1]
 
         # Means around the sample with the weight 1 - |t| / h: 2/3 and 1/3 on the interval to a neighbour, since forces
@@ -596,7 +596,7 @@ def check_dynamics(table, line):
         wrong = sub(force, scale(add(acceleration, [0, 0, gravity]), mass))
         table.see("linear dynamics", norm(wrong), i)
 
-        # Angular dynamics, Eq. 2.4, with the angular momentum of all links in the mean over the intervals.
+        # Angular dynamics, Eq. 2.4, with the mean angular momentum of all links over the intervals.
         swept_in = swept_moment(line.robot, line.poses[k - 1], line.poses[k])
         swept_out = swept_moment(line.robot, line.poses[k], line.poses[k + 1])
         rate = scale(sub(swept_out, swept_in), per_h2)
@@ -635,7 +635,7 @@ def check_contacts(table, line):
 
 
 def check_ground_force(table, line, i, foot, e):
-    """Friction cone, Eq. 2.5; free wheels, Eq. 2.6; none in swing, Eq. 2.7; what a wheel's motor holds."""
+    """Friction cone, Eq. 2.5; free wheels, Eq. 2.6; no force in swing, Eq. 2.7; torque of a wheel's motor."""
     name, f, radius, contact = foot["name"], e["force_n"], foot["radius_m"], foot["contact"]
     if not e["contact"]:
         table.see("swing force", norm(f), i, name)
@@ -735,7 +735,7 @@ def link_turn(line, i, foot):
 
 def check_slip(table, line, i, foot, e, e2):
     """No slip, Eq. 2.8 at the interval's middle: (e' - e) / h = omega r t, and r Omega x z for the sphere of a foot."""
-    # Free wheels and blades leave the ground and come down along their direction, too.
+    # Free wheels and blades also leave the ground and land along their direction.
     landing = "drag" in foot["contact"] and e["contact"] != e2["contact"]
     if e["contact"] and e2["contact"] or landing:
         slip = scale(sub(e2["position_m"], e["position_m"]), 1 / line.h)
@@ -750,8 +750,8 @@ def check_slip(table, line, i, foot, e, e2):
 
 
 def check_wheel_speed(table, line, i, j, e, e2):
-    """The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor turns it so; a welded or held
-    wheel does not turn."""
+    """The wheel turns against its link by omega + yaw' (v.a) - Omega.a. A motor drives this speed; a welded or held
+    wheel has none."""
     foot = line.feet[j]
     name, radius, contact, held = foot["name"], foot["radius_m"], foot["contact"], line.motion["held_wheels"][j]
     _, axis = mean_wheel_frame(foot, e, e2)
@@ -803,7 +803,7 @@ def check(plan):
     return table
 
 
-# What may be absent: options of a robot file, goals that a motion does not have, the level of a cost.
+# Optional fields: options of a robot file, goals that a motion does not have, the level of a cost.
 NULLABLE = {
     "torque_speed", "diagnosis", "subject", "field", "given", "would_do", "forward_m", "left_m", "turn_rad",
     "heading_rad", "below_m", "above_m", "level", "motor_torque_nm",
@@ -813,7 +813,8 @@ NULLABLE_ITEMS = {"position_m", "velocity_m_s"}
 
 
 def refuse_strange_numbers(value, path="", key="", in_targets=False):
-    """Python reads NaN and Infinity, and 1e999 as infinity; other writers put null for them. None is a measure."""
+    """Python reads NaN and Infinity, and 1e999 as infinity; other writers put null for them. None of them is a valid
+    value."""
     if isinstance(value, dict):
         for key, item in value.items():
             here = "%s.%s" % (path, key) if path else key
@@ -828,7 +829,7 @@ def refuse_strange_numbers(value, path="", key="", in_targets=False):
 
 
 def plain(text):
-    """Text without what a terminal would obey: names in plans come from others."""
+    """Text without control characters, because names in plans are not trusted."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

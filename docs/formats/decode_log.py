@@ -3,12 +3,13 @@
 
     python3 docs/formats/decode_log.py bus.log 'link*=docs/rollwalk.dbc' 'act*=docs/rollwalk-actuators.dbc'
 
-An argument INTERFACE=FILE tells the DBC file of the interfaces that match, `*` included; FILE alone is for
-all. Each object has `time_s`, `interface`, `id` and `data` of the frame. If the DBC file of its interface
-knows the identifier it has `message` and `signals`, by name: numbers in the units of the file, or the names that
-the file has for them; with --numbers always numbers. What cannot be read as the file says has `error`.
+An argument INTERFACE=FILE gives the DBC file of the interfaces that match the pattern, which may contain `*`. FILE
+alone is for all interfaces. Each object has `time_s`, `interface`, `id` and `data` of the frame. If the DBC file of
+the interface contains the identifier, the object also has `message` and `signals` by name: numbers in the units of
+the file, or their names in the file; with --numbers always numbers. A frame that does not match its message has
+`error`.
 
-Exit code 1 when there was such an error, or with --all when there was a frame that no file knows.
+Exit code 1 after such an error, or with --all after a frame that no file contains.
 
 Needs python-can 4 and cantools 38 or later. On Debian 12:
 
@@ -46,14 +47,14 @@ def databases(arguments_of_dbc):
 
 
 def plain(value):
-    """A value as JSON has it: names as text, what is no number as text."""
+    """A value for JSON: names and non-finite numbers as text."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value if isinstance(value, (int, float)) else str(value)
 
 
 def decode(frame, pairs, numbers):
-    """What is told about a frame."""
+    """JSON object of a frame."""
     told = {
         "time_s": frame.timestamp,
         "interface": frame.channel,
@@ -71,7 +72,7 @@ def decode(frame, pairs, numbers):
             continue
         told["message"] = message.name
         try:
-            # Frames of ISO-TP are as long as what they carry.
+            # Frames of ISO-TP are as long as their content.
             signals = message.decode(
                 bytes(frame.data), decode_choices=not numbers, allow_truncated=True
             )

@@ -52,7 +52,7 @@ IMPORTED = {
     "solo": "solo_description/robots/solo.urdf",
     "solo12": "solo_description/robots/solo12.urdf",
 }
-# One in so many verdicts may be wrong.
+# One verdict in this number may be wrong.
 ONE_IN = 40
 
 
@@ -73,14 +73,14 @@ def main(arguments):
 
 
 def summary(lines):
-    """Prints which verdicts agree, and every one that does not."""
+    """Prints the number of verdicts that agree, and every verdict that does not."""
     replayed = [line for line in lines if "mujoco" in line]
     if not replayed:
         print("nothing was replayed")
         return 2
     held = lambda line, contacts: all(line["mujoco"][contact].get("holds") for contact in contacts)
     needs = [line for line in replayed if line["judgement"] == "needs_feedback" or line["needs_feedback"]]
-    # MuJoCo plays one motion, and does not see what its transitions take back.
+    # MuJoCo plays one motion, and does not show displacements that transitions reverse.
     taken_back = [line for line in replayed if line["judgement"] == "taken_back"]
     judged = [line for line in replayed if line not in needs and line not in taken_back]
     good, refused = ([line for line in judged if line["holds"] is wanted] for wanted in (True, False))
@@ -91,7 +91,7 @@ def summary(lines):
         for line in wrong:
             why = line["simulation"] if line["consistent"] else line["judgement"]
             print(f"{title}: {line['key']}, {ratios(line)}, {why}")
-    # With what of our own, and with which contacts of MuJoCo, the verdict of `plan` agrees.
+    # Agreement of the verdict of `plan` with our simulations, and with contacts of MuJoCo.
     others = {name: {line["key"]: line["verdicts"][name] for line in judged} for name in ("report", *SIMULATED)}
     for name in CONTACTS_S:
         others[name] = {line["key"]: bool(line["mujoco"][name].get("holds")) for line in judged}
@@ -128,7 +128,7 @@ def _requests(options):
 
 
 def imported(options, name, urdf):
-    """The robot of a URDF, with the template of settings that the import writes."""
+    """Robot of a URDF, with the template of settings that the import writes."""
     folder = options.output / name
     folder.mkdir(exist_ok=True)
     settings, robot = folder / "settings.toml", folder / "robot.toml"

@@ -14,7 +14,7 @@ GRAVITY_M_S2 = 9.80665
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot file, and what its requests are scaled by."""
+    """A robot file, and the scale of its requests."""
 
     name: str
     file: Path
@@ -39,7 +39,7 @@ class Request:
 
 
 def _gait(robot, name, gait, duty, periods, forward=0.0, left=0.0, turn=0.0, swing=0.1):
-    """A periodic motion; distances by the height of the body."""
+    """A periodic motion; distances are relative to the height of the body."""
     h = robot.height_m
     text = (
         f'name = "{name}"\nrobot = {json.dumps(str(robot.file))}\nends = "periodic"\n'

@@ -20,12 +20,13 @@ ROOT = Path(__file__).resolve().parents[2]
 CYCLES = 8
 # Longest run of a command, s.
 COMMAND_S = 1800
-# Time constants of MuJoCo's contacts, s; stiffness goes with the inverse of the square. On the hard ones its results do not depend on them
-# (docs/replay.md, Validation). On the soft ones feet sink in by 0.2 to 0.8 mm, as on those of our simulator; wheels then roll on a radius that is too small.
+# Time constants of MuJoCo's contacts, s; stiffness is proportional to the inverse square. On hard contacts, results
+# do not depend on it (docs/replay.md, Validation). On soft contacts, feet sink in by 0.2 to 0.8 mm, as in our
+# simulator; wheels then roll on a radius that is too small.
 HARD_S = {"MuJoCo, hard, 1/2": 0.00424, "MuJoCo, hard": 0.003, "MuJoCo, hard, 2 x": 0.00212}
 SOFT_S = {"MuJoCo, soft, 1/2": 0.0141, "MuJoCo, soft": 0.01, "MuJoCo, soft, 2 x": 0.0071}
 CONTACTS_S = HARD_S | SOFT_S
-# Runs of `rollwalk simulate`: at the usual rate and at two and four times it, and on softer and harder contacts.
+# Runs of `rollwalk simulate`: at the usual rate, at two and four times this rate, and on softer and harder contacts.
 SIMULATED = {
     "simulate": [],
     "simulate at 2 x the rate": ["--rate", "960"],
@@ -88,15 +89,15 @@ def replayed(plan, robot, time_constant_s):
     found = measure.summary(motion, track, CYCLES)
     goals = measure.goals(motion)
     cycles = [[round(cycle[key] / found["planned"][key], 4) for key in goals] for cycle in found["cycles"]]
-    # The start has worn off after a period.
+    # The effect of the start has decayed after a period.
     mean = _mean(cycles[1:] or cycles)
     holds = found["holds"] if not goals else found["fell_at_s"] is None and _comes_there(cycles)
     return {"holds": holds, "ratio": mean, "fell": found["fell_at_s"], "drift": found["drift"], "cycles": cycles}
 
 
 def _comes_there(cycles):
-    """True if the motion holds by the rules of the simulator (docs/solver.md, Simulated). `cycles` has the goals achieved in each
-    period, as fractions of the planned ones."""
+    """True if the motion holds by the rules of the simulator (docs/solver.md, Simulated). `cycles` contains the
+    achieved goals of each period, as fractions of the planned goals."""
     rest = cycles[1:] or cycles
     if any(abs(of - 1) > 0.05 for of in _mean(rest) + _mean(rest[-3:])):
         return False

@@ -1,4 +1,4 @@
-"""Plays an exported motion in MuJoCo with nothing but the file: states and controls are its keyframes.
+"""Plays an exported motion in MuJoCo. States and controls are keyframes of the file; no other input is used.
 
 Usage: replay.py MOTION.xml
 """
@@ -21,14 +21,14 @@ class Motion:
         self.duration_s = self.times_s[-1]
 
     def controls_at(self, time_s):
-        """Controls between the keyframes, linear; before and after, those of the ends."""
+        """Controls: linear between keyframes, constant before and after."""
         return [np.interp(time_s, self.times_s, of) for of in self.controls.T]
 
     def play(self, settle_s=1.0):
         """Planned and played displacement of the body, (forward m, left m, turn rad), and its lowest height as a fraction of the plan's."""
         model, data = self.model, mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
-        # A motion that begins at rest settles first; a moving one begins as it is.
+        # A motion that begins at rest first settles; a moving motion begins at once.
         moves = np.any(np.abs(data.qvel) > 1e-3)
         start_s = 0.0 if moves else settle_s
         end_s = start_s + self.duration_s + (0.0 if moves else settle_s)

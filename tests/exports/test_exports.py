@@ -1,4 +1,4 @@
-"""Exported plans as the tools read them that they are for: MuJoCo, MCAP readers, ROS messages.
+"""Tests of exported plans, read by their tools: MuJoCo, MCAP readers, ROS messages.
 
 Run by `cargo xtask test --only exports`, which sets ROLLWALK to the command line under test.
 """
@@ -20,7 +20,7 @@ import replay
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Longest run of a command, on a busy computer.
 COMMAND_S = 600.0
-# Motions with a goal: one that drives, one that walks, one that turns, one on wheels without motors.
+# Motions with a goal: a drive, a walk, a turn, and a motion on wheels without motors.
 MOTIONS = ("drive_1m", "walk", "turn_in_place", "swizzlebot_forward")
 
 
@@ -81,7 +81,7 @@ class Exports(unittest.TestCase):
                 mean = np.zeros(model.nv)
                 span_s = frames.times_s[key + 1] - frames.times_s[key - 1]
                 mujoco.mj_differentiatePos(model, mean, span_s, frames.states[key - 1], frames.states[key + 1])
-                # Central differences of 33 ms: curves of swings bend within it.
+                # Central differences over 33 ms, within which curves of swings bend.
                 difference = np.abs(mean - speeds[key])
                 allowed = 0.05 + 0.1 * np.abs(speeds).max(axis=0)
                 self.assertTrue(np.all(difference < allowed), f"{motion} {key}: {difference}")
@@ -169,7 +169,7 @@ def world_frames(transforms):
 
 
 def run(*arguments, fails=False):
-    """Runs the command line; what it says on stderr."""
+    """Runs the command line; returns its stderr."""
     command = [os.environ["ROLLWALK"], *map(str, arguments)]
     outcome = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_S)
     if (outcome.returncode != 0) != fails:

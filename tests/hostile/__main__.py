@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Attacks a live simulated robot over its link, as any node of a bus could, and checks the commands to its motors.
+"""Attacks a live simulated robot over its link, like any node on a bus, and checks the commands to its motors.
 
     python3 tests/hostile --simulator target/debug/rollwalk-sim --library agilebot.rwl
 
@@ -10,7 +10,8 @@ The client is written from docs/formats/wire-format.md and shares no code with t
 3. driven: the same frames while an operator arms and plays; setpoints must stay within the limits of the robot file
 4. emergency stops among them: no setpoint after one until the operator has cleared it
 
-In each the controller must go on answering. Exit code 1 when something was broken. Standard library of Python only.
+In every phase, the controller must continue to answer. Exit code 1 if a rule was broken. Uses only Python's standard
+library.
 """
 
 import argparse
@@ -29,9 +30,9 @@ from client import END_S, HEARTBEAT_S, NODE, Broken, Client, alive, ended, expec
 from libraries import hostile
 from rules import Rules
 
-# Lines in one write: some milliseconds of the bus.
+# Lines in one write: a few milliseconds of the bus.
 BURST = 20
-# Attacks on a driven robot before the operator has it driven again.
+# Attacks on a driven robot until the operator drives it again.
 WAVE = 1000
 
 
@@ -48,14 +49,14 @@ def arguments():
 
 
 class Operator:
-    """Sends heartbeats, arms and plays, whatever the others on the link do."""
+    """Sends heartbeats, arms and plays, independent of other nodes on the link."""
 
     def __init__(self, client, codes, rng):
         self.client, self.codes, self.rng = client, codes, rng
         self.driven = 0
         self.running = True
         self.arms = False
-        # Whether it streamed since the robot last played.
+        # True if it streamed since the robot last played.
         self.streamed = False
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
@@ -75,7 +76,8 @@ class Operator:
     def _drive(self):
         client = self.client
         if client.state == "Disarmed":
-            # Any node may set gains: the operator takes those of the robot file. One number of 16 is the next.
+            # Any node may set gains, so the operator restores the gains of the robot file. One number of 16 is the
+            # next.
             for seq in range(16):
                 client.frames(wire.parameter(client.node, seq, wire.RESET, 0, 0, bytes(4)))
             self._confirmed(wire.ARM, wire.ARM_CONFIRM)
@@ -84,8 +86,8 @@ class Operator:
         elif client.state == "Paused":
             client.command(wire.RESUME)
         elif client.state == "Ready" and not self.streamed and self.rng.random() < 0.5:
-            # The attackers' setpoints are those that it follows, some of the time as answers to samples. Between attacks there are none, and
-            # the robot lets itself down: it is to play afterwards, not to stream again.
+            # The robot follows the attackers' set-points, sometimes as answers to samples. Between attacks there are
+            # none, and the robot sinks. Afterwards it must play, not stream again.
             self.streamed = True
             client.command(*self.rng.choice([(wire.STREAM,), (wire.TRACK, 10, 20, 120)]))
         elif client.state == "Streaming":
@@ -141,7 +143,7 @@ def phases(options, path):
             if transfer(operators, forged) is not None:
                 refused += 1
                 continue
-            # Without a signature, a library that keeps to every limit is as good as the owner's: it is driven.
+            # Without signatures, a library within all limits is as valid as the owner's, so it is played.
             expect(sound, "a library with wrong checksums is active")
             played += 1
             operator.arms = True

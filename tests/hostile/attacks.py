@@ -14,7 +14,7 @@ def random_frame(client, rng):
 
 
 def forged_frame(client, rng):
-    """A frame of the protocol with a sound crc8 and anything in it."""
+    """A frame of the protocol with a valid crc8 and random content."""
     identifier = rng.choice([0x100, 0x200, 0x600]) | client.node << 4
     if rng.random() < 0.1:
         identifier |= 0xF0
@@ -25,7 +25,7 @@ def forged_frame(client, rng):
 
 
 def command(client, rng):
-    """A command in every respect, at the wrong time, with a nonce that it does not know."""
+    """A valid command at the wrong time, with an unknown nonce."""
     until = (client.clock_ms() or 0) + rng.choice([-5, 0, 200, 500, 999, 1001, 32000])
     kind = rng.choice([wire.PLAY, wire.PAUSE, wire.RESUME, wire.RETURN, wire.ARM, wire.ARM_CONFIRM, wire.CLEAR, wire.CLEAR_CONFIRM, wire.STREAM, wire.TRACK, 15])
     seq = client.seq + rng.choice([0, 1, 1, 2, 8, 9])
@@ -50,7 +50,7 @@ def parameter(client, rng):
 
 
 def setpoint(client, rng):
-    """Frames of setpoints for all channels, few of which are near where the robot is."""
+    """Frames of set-points for all channels, few of which are near the robot's pose."""
     first = rng.choice([0, client.sample, rng.randrange(256)])
     jump = rng.choice([0, 1, 100, 10_000, 2**23 - 1])
     frames = []
@@ -67,7 +67,7 @@ def heartbeat(client, rng):
 
 def replayed(client, rng):
     """Replays a received frame."""
-    # A copy: frames go on arriving in the reading thread.
+    # A copy, because the reading thread still appends frames.
     heard = [frame for frame in list(client.recent) if frame[0] & 0x70F not in FROM_CONTROLLER]
     return wire.of_frame(rng.choice(heard)) if heard else random_frame(client, rng)
 
@@ -94,7 +94,7 @@ def transport_message(client, rng):
 
 
 def garbage(client, rng):
-    """Bytes that are no packet, a cut one, one with a bit flipped."""
+    """Bytes that are no packet, a cut packet, or a packet with a flipped bit."""
     line = bytearray(forged_frame(client, rng))
     way = rng.randrange(4)
     if way == 0:
@@ -113,7 +113,7 @@ def stop(client, rng):
     return wire.of_frame((wire.ESTOP | node << 4, rng.randbytes(rng.randrange(9))))
 
 
-# What is sent, by weight.
+# Attacks and their weights.
 MIX = [
     (random_frame, 20),
     (forged_frame, 20),
@@ -129,13 +129,13 @@ MIX = [
 ]
 
 
-# Classes and numbers of messages that a controller sends. A forged one deceives hosts and the rules, which read STATUS,
-# and never reaches the controller.
+# Classes and numbers of messages that a controller sends. A forged message deceives hosts and the rules, which read
+# STATUS, but never reaches the controller.
 FROM_CONTROLLER = {0x001, 0x101, 0x300, 0x301, 0x302, 0x400, 0x402, 0x403, 0x404, 0x501, 0x601, 0x701}
 
 
 def message(line):
-    """Class and number of the message of a line, None of what is no frame."""
+    """Class and number of the message of a line; None if it is no frame."""
     found = wire.received(line[:-1]) if line.endswith(b"\0") else None
     return found and found[0] & 0x70F
 

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Attacks a live simulated robot that obeys only hosts with its link key, while a host with the key drives it.
+"""Attacks a live simulated robot that obeys only hosts with its link key, while such a host drives it.
 
     python3 tests/hostile/authenticated.py --simulator target/debug/rollwalk-sim --library agilebot.rwl
 
-Host and attacker are written from docs/formats/wire-format.md; the codes are those of Python's own HMAC. The attacker hears everything and
-has no key. It sends what `attacks.py` has, without emergency stops, and what it has heard with authenticators: again, mixed, with a bit
-flipped, cut, ahead of messages of its own. None of it may be obeyed: no command, parameter or transfer other than the host's is
-answered ok, the library stays, and the rules of `rules.py` hold. Exit code 1 when something was broken.
+Host and attacker are written from docs/formats/wire-format.md; authentication codes are those of Python's HMAC. The
+attacker receives everything, but has no key. It sends the attacks of `attacks.py` except emergency stops, and replays
+received messages with authenticators: repeated, mixed, with a flipped bit, cut, or followed by its own messages. The
+controller must obey none: only commands, parameters and transfers of the host are answered with ok, the library
+stays, and the rules of `rules.py` hold. Exit code 1 if a rule was broken.
 """
 
 import argparse
@@ -26,8 +27,8 @@ from client import END_S, HEARTBEAT_S, NODE, Broken, Client, alive, ended, expec
 from rules import Rules
 
 PAUSE_S = 0.003
-# Attacks between two pauses. A flood of authenticators displaces those of the host, which is a denial of service and no
-# finding: on a driven robot there are few enough for it to play.
+# Attacks between two pauses. A flood of authenticators displaces the host's, which is a denial of service and no
+# finding. On a driven robot, the attacks are few enough for it to play.
 FLOOD, FEW = 20, 1
 OK, REQUIRED = 0, {"command": 14, "parameter": 9, "transfer": 11}
 
@@ -44,7 +45,7 @@ def arguments():
 
 
 class Host(Client):
-    """A host with the key: an authenticator goes ahead of each of its messages."""
+    """A host with the key. An authenticator precedes each of its messages."""
 
     def __init__(self, path, node, key, nonce):
         super().__init__(path, node)
@@ -54,7 +55,7 @@ class Host(Client):
         self.counters = [0, 0]
 
     def begin(self):
-        """Asks for a session, and checks that the answer is the controller's."""
+        """Requests a session, and checks that the answer is the controller's."""
         self.session_nonce += 1
         answer = self.request(bytes([wire.SESSION_REQUEST]) + self.session_nonce.to_bytes(8, "little"), answered=wire.SESSION)
         expect(answer is not None and len(answer) == 17, f"no session: {answer}")
@@ -85,7 +86,7 @@ class Host(Client):
 
 
 class Driver:
-    """Arms, plays, and counts what it commands."""
+    """Arms, plays, and counts its commands."""
 
     def __init__(self, host, codes, rng):
         self.host, self.codes, self.rng = host, codes, rng
@@ -123,7 +124,7 @@ class Driver:
 
 
 class Attacker:
-    """Pairs of authenticators and messages that were heard, and what can be made of them."""
+    """Received pairs of authenticators and messages, and forgeries of them."""
 
     def __init__(self, client, rng):
         self.client, self.rng = client, rng
@@ -145,7 +146,7 @@ class Attacker:
         return frame[0], frame[1][: self.rng.randrange(len(frame[1]))]
 
     def lines(self):
-        """An attack, and what it is called."""
+        """An attack and its name."""
         rng, pairs = self.rng, self.pairs()
         kind = rng.choice(["any", "replayed", "mixed", "forged", "forged", "cut", "guessed", "alone"])
         if kind == "any" or not pairs:

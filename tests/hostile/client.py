@@ -1,4 +1,4 @@
-"""A node on the link of a simulated controller: hears everything, sends anything."""
+"""A node on the link of a simulated controller. It receives all frames, and can send any."""
 
 import collections
 import socket
@@ -8,7 +8,7 @@ import time
 
 import wire
 
-# Address of a controller that was not given one.
+# Default address of a controller.
 NODE = 1
 HEARTBEAT_S = 0.05
 
@@ -36,7 +36,7 @@ def ended(process):
 
 
 class Client:
-    """Joins the socket; a thread of its own listens."""
+    """Connects to the socket; a thread listens."""
 
     def __init__(self, path, node):
         self.node = node
@@ -50,7 +50,7 @@ class Client:
         self.parameters = collections.Counter()
         self.answers = collections.Counter()
         self.states = set()
-        # Number of the last sample of a loop that is closed over the link.
+        # Number of the last sample of a closed loop over the link.
         self.sample = 0
         self.heard = 0
         self.seq = 0
@@ -86,7 +86,7 @@ class Client:
         self.frames(wire.command(self.node, self.seq, kind, (self.clock_ms() or 0) + 400, *values, **fields))
 
     def request(self, message, answered=0x90, timeout_s=6.0):
-        """A request of the transport and its answer, None without one."""
+        """A request of the transport and its answer; None without an answer."""
         self.replies.clear()
         self._send_message(message)
         end = time.monotonic() + timeout_s
@@ -99,7 +99,7 @@ class Client:
         return None
 
     def _send_message(self, message):
-        """ISO-TP: a single frame, or a first frame and as many as the flow control asks for."""
+        """ISO-TP: a single frame, or a first frame and the number of frames that the flow control requests."""
         identifier = wire.TO_CONTROLLER | self.node << 4
         if len(message) < 8:
             self.frames((identifier, bytes([len(message)]) + message))
@@ -155,7 +155,7 @@ class Client:
             self._segment(data)
 
     def _segment(self, data):
-        """ISO-TP: what the controller sends."""
+        """ISO-TP: message of the controller."""
         kind = data[0] >> 4
         if kind == 0:
             self.replies.append(data[1 : 1 + (data[0] & 15)])
@@ -176,7 +176,7 @@ class Client:
 
 
 def transfer(client, library):
-    """Transfers a library; the step that was refused and the answer, or None when it is active."""
+    """Transfers a library. Returns the refused step and the answer, or None if the library is active."""
     digest = wire.digest(library)
     head = len(library).to_bytes(4, "little") + digest.to_bytes(4, "little")
     steps = [b"\x10" + head]
@@ -194,7 +194,7 @@ def transfer(client, library):
 
 def alive(client, what):
     """The controller still answers."""
-    # Ends a packet that an attack has left open.
+    # Ends an incomplete packet of an attack.
     client.send(b"\0")
     time.sleep(0.6)
     before = client.heard

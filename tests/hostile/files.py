@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Ends commands at any moment, and fills the disk under them: an output must be the old file or the new one, whole.
+"""Ends commands at random moments, and fills the disk while they run. An output must be the complete old or the
+complete new file.
 
     python3 tests/hostile/files.py --rollwalk target/debug/rollwalk
 
-A full disk is a limit on the size of files, at which writing fails as it does there. Exit code 1 when something was broken.
-Standard library of Python only.
+A limit on the size of files replaces a full disk, because writes fail in the same way. Exit code 1 if an output was
+broken. Uses only Python's standard library.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def commands(rollwalk, folder):
 
 
 def run(command, out, limit=None, kill_after_s=None):
-    """Exit code and what it said."""
+    """Exit code and output."""
 
     def limited():
         if limit is not None:
@@ -65,7 +66,7 @@ def main():
         for name, command in commands(options.rollwalk, folder):
             out = folder / name
             started = time.monotonic()
-            # An old file that is no product of the command may be refused: the first one is made without.
+            # A command may refuse to replace a file of another kind, so the first file is written without one.
             code, said = run(command, out)
             took = time.monotonic() - started
             if code != 0:

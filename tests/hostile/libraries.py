@@ -8,7 +8,7 @@ HEADER, FOOTER = 24, 24
 
 
 def resealed(library):
-    """Repairs the lengths and checksums of header and footer; those of the blocks stay."""
+    """Repairs lengths and checksums of header and footer, but not of the blocks."""
     data = bytearray(library)
     if len(data) < HEADER + FOOTER:
         return bytes(data)
@@ -29,7 +29,7 @@ def sections(library):
 
 
 def forged(library, rng):
-    """(bytes, whether they are sound as far as checksums go)."""
+    """(bytes, whether their checksums are valid)."""
     data = bytearray(library)
     way = rng.randrange(7)
     at = rng.randrange(len(data))
@@ -41,7 +41,7 @@ def forged(library, rng):
     if way == 2:
         return rng.randbytes(rng.randrange(1, 4000)), False
     if way == 3:
-        # Another version, as a builder of that version would write it.
+        # Another version, written as by its builder.
         struct.pack_into("<HH", data, 8, rng.choice([0, 2, 65535]), rng.choice([0, 1, 2, 9]))
     elif way == 4:
         # A byte of a table: manifest, clips, transitions, routes, codes, safe pose, names.
@@ -57,7 +57,7 @@ def forged(library, rng):
 
 
 def hostile(library, count, rng):
-    """`count` pairs of a library that is not the owner's and whether its checksums are sound."""
+    """`count` pairs: a library that is not the owner's, and whether its checksums are valid."""
     made = 0
     while made < count:
         data, sound = forged(library, rng)

@@ -1,4 +1,4 @@
-"""Effects that no frame on the link may have, checked in the simulator's log of all buses."""
+"""Rules that no frame on the link may break, checked in the simulator's log of all buses."""
 
 import math
 import re
@@ -12,11 +12,12 @@ TORQUE = {wire.STATES.index(state) for state in "Aligning Ready Playing Paused R
 CONTROL, JOINT, WHEEL, JOINT_TORQUE, WHEEL_TORQUE = 0x080, 0x100, 0x200, 0x280, 0x300
 # STATUS reports a change of state; the frame waits for the bus.
 STATUS_LATE_S = 0.1
-# The frame that switches a motor on is shorter than the answer that ARM was taken, and can be the first of both to be complete.
+# The frame that enables a motor is shorter than the answer to ARM, and may complete first.
 ANSWER_LATE_S = 0.002
-# After ESTOP the controller has taken the torque away before it looks at its next frame; frames that its bus has begun remain.
+# After ESTOP, the controller switches torque off before it reads its next frame. Only frames that have begun on the
+# bus remain.
 ESTOP_LATE_S = 0.02
-# Rounding: half a step, and the error of short numbers.
+# Rounding: half a step, and the error of short floats.
 POSITION_STEP, SPEED_STEP, SHORT = 2e-4, 1e-4, 1.005
 
 
@@ -39,7 +40,8 @@ def _signed(bits, width):
 
 
 def setpoint(identifier, data):
-    """(address, value, kp, kd, largest of torque and torque limit, is a wheel's) of a setpoint, None for what is none."""
+    """(address, value, kp, kd, maximum of torque and torque limit, True for a wheel) of a set-point; None for other
+    frames."""
     kind, address = identifier & 0x780, identifier & 0x7F
     if len(data) != 8:
         return None
@@ -61,7 +63,7 @@ def setpoint(identifier, data):
 
 
 class Rules:
-    """Looks at every frame of a log; `broken` has what was wrong, `counts` what was looked at."""
+    """Checks every frame of a log. `broken` contains violations, `counts` the numbers of checks."""
 
     def __init__(self, motors, node):
         self.motors = motors
@@ -71,7 +73,7 @@ class Rules:
         self.torque_until = -math.inf
         self.state = None
         self.stopped = None
-        # Torque before STATUS reports it: broken, unless the acknowledgement of ARM follows at once.
+        # Torque before STATUS reports it is a violation, unless the acknowledgement of ARM follows at once.
         self.early = []
 
     def check(self, log):
@@ -86,14 +88,14 @@ class Rules:
         return self
 
     def _settle(self, now):
-        """Counts what came early and was not answered for."""
+        """Counts early torque without a later acknowledgement."""
         while self.early and now > self.early[0][0] + ANSWER_LATE_S:
             self._break(*self.early.pop(0))
 
     def _link(self, at, identifier, data):
         if identifier >> 8 == 0 and identifier & 15 == 0 and identifier >> 4 & 15 in (self.node, 15):
             self.counts["estops"] += 1
-            # Until the operator's second CLEAR has been taken.
+            # Until the operator's second CLEAR is accepted.
             self.stopped = at if self.stopped is None else self.stopped
         if identifier == wire.STATUS | self.node << 4 and len(data) == 8:
             self.state = data[1] & 15

@@ -1,4 +1,4 @@
-"""The rules find what they are there to find, and the bytes are those of docs/formats/wire-format.md."""
+"""Tests that the rules find violations, and that bytes match docs/formats/wire-format.md."""
 
 import pathlib
 import random
@@ -25,7 +25,7 @@ def joint(position, kp=50.0):
 
 
 def broken(*frames):
-    """The rules that (time, interface, frame) break."""
+    """Rules that frames (time, interface, frame) break."""
     with tempfile.TemporaryDirectory() as folder:
         log = pathlib.Path(folder) / "buses.log"
         line = "({:.6f}) {} {:03X}#{}\n".format

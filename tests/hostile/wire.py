@@ -78,18 +78,18 @@ def heartbeat(node, seq, host_ms):
 
 
 def code(key, number, nonce, counter, identifier, message):
-    """The authentication code of a host's message."""
+    """Authentication code of a host's message."""
     head = struct.pack("<BQQIH", 1, number, nonce, counter, identifier)
     return hmac.digest(key, head + message, hashlib.sha256)
 
 
 def session_code(key, number, nonce, identifier):
-    """The code of the controller's offer of a session."""
+    """Authentication code of the controller's offer of a session."""
     return hmac.digest(key, struct.pack("<BQQH", 2, number, nonce, identifier), hashlib.sha256)
 
 
 def authenticator(node, key, number, nonce, counter, identifier, message):
-    """The frame that goes ahead of a message."""
+    """Authenticator frame, which precedes a message."""
     tag = code(key, number, nonce, counter, identifier, message)[:6]
     head = bytes([number & 15 | (identifier >> 8) << 4, counter & 255])
     return AUTHENTICATOR | node << 4, head + tag
@@ -138,7 +138,7 @@ def of_message(node, message):
 
 
 def received(line):
-    """(identifier, data) of a line without its zero, None of what is no frame."""
+    """(identifier, data) of a line without its zero; None if it is no frame."""
     body = unstuffed(line)
     if body is None or len(body) < 8 or struct.unpack("<I", body[-4:])[0] != crc32c(body[:-4]):
         return None

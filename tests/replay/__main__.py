@@ -3,10 +3,11 @@
 
     python3 tests/replay [options] PLAN.json [PLAN.json ...]
 
-What is simulated and what the columns mean is in docs/replay.md. Needs Python 3.11, mujoco and numpy.
+docs/replay.md describes the simulation and the columns. Needs Python 3.11, mujoco and numpy.
 
-Exit code: 0 every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that its
-robot's drives take, or if that was not asked for, with every one that was; 1 one does not, 2 a file or an option cannot be used.
+Exit code: 0 if every motion holds (stays on its feet and within 0.95 to 1.05 of its plan) with the feed-forward that
+its robot's drives accept, or, without such a run, with every requested feed-forward; 1 if one does not, 2 if a file
+or an option cannot be used.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import os
 import sys
 from pathlib import Path
 
-# One process for each run; more threads than that only wait for each other.
+# One process for each run; more threads would only wait for each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -39,7 +40,7 @@ def main(arguments):
     inputs = jobs.Inputs(options.robot, options.robots, options.library, options.cycles, options.control_hz)
     todo = [(path, kind, case, inputs) for path in options.plans for kind in kinds for case in cases]
     try:
-        # What is wrong with any file is known before the first run.
+        # Faults of all files are reported before the first run.
         for path in options.plans:
             jobs.load(path, kinds[-1], inputs)
         if options.jobs > 1:

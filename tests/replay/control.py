@@ -1,4 +1,5 @@
-"""`rollwalk control` in lockstep: a line of measurements in, setpoints out (docs/tracking.md, "In your simulator")."""
+"""`rollwalk control` in lockstep: one line of measurements in, one line of set-points out (docs/tracking.md, "In your
+simulator")."""
 
 import json
 import os
@@ -16,7 +17,7 @@ ANSWER_S = 60.0
 
 
 class Control:
-    """The controller of a plan in a process of its own; ends with its block."""
+    """The controller of a plan in a separate process, which ends with the `with` block."""
 
     def __init__(self, rollwalk, plan, robot, feedback, control_hz, latency_s=0.0):
         words = [str(rollwalk), "control", str(plan), "--feedback", feedback, "--rate", str(control_hz)]
@@ -25,7 +26,7 @@ class Control:
         self.unread = b""
         self.hello = self._read()
         feet = robot["end_effectors"]
-        # Orders are those of the harness, which knows none of the program's code.
+        # Orders are those of the harness, which shares no code with the program.
         for key, names in (
             ("joints", [joint["name"] for joint in robot["joints"]]),
             ("wheels", [foot["name"] for foot in feet if robots.is_wheel(foot)]),
@@ -45,12 +46,13 @@ class Control:
         self.process.wait()
 
     def tick(self, record):
-        """Setpoints for a record, as arrays in channel order, and why they are the plan's in open loop, if they are."""
+        """Set-points for a record as arrays in channel order, and the reason if they are open-loop set-points of the
+        plan."""
         try:
             self.process.stdin.write(json.dumps(record).encode() + b"\n")
             self.process.stdin.flush()
         except BrokenPipeError:
-            # Why is on its standard error.
+            # The reason is on its standard error.
             pass
         answer = self._read()
         return {key: np.array(answer[key]) for key in KEYS}, answer["untracked"]

@@ -1,6 +1,6 @@
 """Cubic splines with two continuous derivatives, as docs/formats/plan-format.md, "Between the samples", defines them.
 
-Values are complex, so that the two horizontal coordinates are one curve which a multiplication turns about the
+Values are complex, so that the two horizontal coordinates are one curve, and a multiplication rotates it about the
 vertical. A column of real numbers uses the real part.
 """
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Spline:
-    """Through equally spaced values: one column for each curve."""
+    """Spline through equally spaced values: one column for each curve."""
 
     def __init__(self, spacing, values, slopes):
         self.spacing, self.values, self.slopes = spacing, values, slopes
@@ -43,7 +43,7 @@ class Spline:
         return Spline(spacing, values, np.linalg.solve(matrix, rhs))
 
     def at(self, time):
-        """Value and slope; beyond the ends the curve goes on with its slope there."""
+        """Value and slope. Beyond the ends, the curve is linear with the slope at the end."""
         h = self.spacing
         i = min(max(int(time / h), 0), len(self.values) - 2)
         u = time / h - i

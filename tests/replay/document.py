@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints a page of docs/measured from results of the harness: its verdict on the first line, then its Markdown.
+"""Prints a page of docs/measured from results of the harness: first a line with the verdict, then Markdown.
 
     python3 tests/replay/document.py replay LEVEL.json DISTURBED.json GROUND.json FIRMWARE.json [ROBOT.json ...]
     python3 tests/replay/document.py tracked TRACKING.json

@@ -23,9 +23,10 @@ class Drives:
         ]
 
     def act(self, d, load):
-        """Sets limits and rolling resistance for the next step; `load` is that of each foot in the step before, N."""
+        """Sets limits and rolling resistance for the next step; `load` is the load of each foot in the previous step,
+        N."""
         m = self.model.m
-        # A motor drives no harder than its torque-speed line lets it; it brakes with all it has.
+        # A motor that drives is within its torque-speed line; a motor that brakes has its full torque.
         speed = d.qvel[self.model.channel_dofs]
         driving = np.minimum(self.torque_max, np.maximum(self.stall * (1 - np.abs(speed) / self.no_load), 0.0))
         low, high = m.actuator_forcerange[:, 0], m.actuator_forcerange[:, 1]

@@ -1,4 +1,4 @@
-"""Errors of inputs: file and field in one line."""
+"""Errors of inputs, with file and field in one line."""
 
 
 class Unusable(Exception):

@@ -1,9 +1,9 @@
 """Torques that the motors of a plan need: inverse dynamics with the planned ground forces.
 
-tau = M a + h - J^T f, rows of joints and driven wheels, with rotor inertias. M a + h comes from MuJoCo's recursive
-Newton-Euler algorithm on the model of the robot file, a from the plan's splines, f from the plan; nothing comes from
-the planner's own torques. The rows of the base have no motor: what is left in them is the force that the plan takes
-from nowhere, because it counts the robot as one body between coarse samples.
+tau = M a + h - J^T f, rows of joints and driven wheels, with rotor inertias. MuJoCo's recursive Newton-Euler
+algorithm computes M a + h on the model of the robot file. a is from the plan's splines, f from the plan. The
+planner's own torques are not used. The rows of the base have no motor. Their remainder is the force that the plan
+lacks, because the plan treats the robot as one body between coarse samples.
 """
 
 import mujoco
@@ -18,11 +18,11 @@ class InverseDynamics:
         self.d = mujoco.MjData(model.m)
 
     def torques(self, motion, time_s):
-        """Torques in channel order, and the force and moment (about the base) that nothing supplies."""
+        """Torques in channel order, and the missing force and moment about the base."""
         model, m, d = self.model, self.model.m, self.d
         d.qpos[:], d.qvel[:], d.qacc[:] = model.derivatives(motion, time_s)
         flags = m.opt.disableflags
-        # mj_inverse would subtract what contacts of the model give at this depth; the plan's forces count.
+        # mj_inverse would subtract contact forces of the model at this depth, but the plan's forces count.
         m.opt.disableflags = flags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         d.qfrc_applied[:] = 0
         mujoco.mj_inverse(m, d)
@@ -34,7 +34,7 @@ class InverseDynamics:
         return needed[model.channel_dofs], needed[0:6]
 
     def planned_forces(self, motion, time_s):
-        """Forces in the frame of the splines, which go on through later periods."""
+        """Forces in the frame of the splines, which continue through later periods."""
         return motion.forces(time_s)
 
     def contact_jacobian(self, j):
@@ -61,7 +61,7 @@ class InverseDynamics:
 
 
 def frames(model, motion):
-    """Torques at every 60 Hz frame, and the force that nothing supplies there: root mean square by the weight."""
+    """Torques at every 60 Hz frame, and the root mean square of the missing force, divided by the weight."""
     rate = motion.frame_rate_hz()
     count = round(motion.duration_s * rate) + (0 if motion.periodic else 1)
     inverse, rows, missing = InverseDynamics(model), [], []
@@ -75,7 +75,7 @@ def frames(model, motion):
 
 
 def at_rest(model, motion):
-    """Torques that hold the first and the last pose still, on the forces that are nearest to the planned ones."""
+    """Torques that hold the first and the last pose, with the forces that are nearest to the planned forces."""
     inverse, m = InverseDynamics(model), model.m
     found = []
     for time_s in (0.0, motion.duration_s):
@@ -97,7 +97,7 @@ def at_rest(model, motion):
 
 
 def hardest(model, torques):
-    """Name of the motor that the motion needs most of, and that torque by its limit."""
+    """Name of the motor with the largest ratio of torque to limit, and this ratio."""
     used = [
         (np.abs(torques[:, c]).max() / actuator["torque_max_nm"], name)
         for c, (name, actuator, _, _) in enumerate(model.channels)

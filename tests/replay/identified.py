@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Identifies a robot from a run in MuJoCo, and predicts other runs: what `rollwalk identify` makes of contacts that it does not have.
+"""Identifies a robot from a run in MuJoCo, and predicts other runs: a test of `rollwalk identify` with contacts that
+differ from its model.
 
     python3 tests/replay/identified.py ROLLWALK -o FOLDER --json RESULTS.json [--seeds 1 2]
 
-ROLLWALK is the program. AgileBot with other friction and gains than its file's plays motions in MuJoCo, measured with noise (recorded.py). It is
-identified from some of them, each alone and all together. With what the first of these tells, the others are predicted: beside them, with the numbers
-of the file and with the true ones, these also with contacts and delay fitted. Exit code: 0, or 2 if a program fails.
+ROLLWALK is the program. AgileBot, with other friction and gains than in its file, plays motions in MuJoCo, measured
+with noise (recorded.py). The robot is identified from some of them, each alone and all together. The result of the
+first predicts the others. For comparison, the values of the file and the true values predict them too, the latter
+also with fitted contacts and delay. Exit code: 0, or 2 if a program fails.
 """
 
 import argparse
@@ -24,15 +26,17 @@ ROBOT = ROOT / "shipped/robots/agilebot.toml"
 FITTED, PREDICTED = ("slalom", "walk", "step_and_drive"), ("step_and_drive", "walk", "trot")
 # Longest run of a command: identification takes minutes.
 COMMAND_S = 1800
-# The robot sinks into its servos at first: several ways in which its wheels come down then fit about as well, with other gains.
+# At first, the servos deflect under the robot's weight. Then several landings of its wheels, with other gains, fit
+# equally well.
 BEGINS = ("--from", "0.3")
-# What the robot in MuJoCo has in place of the numbers of its file: table, key, values. All wheels have one line of a template.
+# Values of the robot in MuJoCo that replace those of its file: table, key, values. One line of a template is for all
+# wheels.
 HIDDEN = (
     ("[[template.leg.end_effector]]", "friction_coefficient", "0.8", "0.3"),
     ("[actuator.xm430]", "kp_nm_rad", "80.0", "50.0"),
     ("[actuator.xm540]", "kd_nm_s_rad", "2.5", "1.8"),
 )
-# What no robot file has.
+# Parameters that no robot file has.
 ALONG = ("--fit", "stiffness,stick,delay")
 
 
@@ -58,7 +62,7 @@ def main(arguments):
 
 
 def hide(text):
-    """The robot file with other numbers."""
+    """Robot file with other values."""
     for table, key, before, after in HIDDEN:
         head, mark, rest = text.partition(f"{table}\n")
         line = f"{key} = {before}"
@@ -69,7 +73,7 @@ def hide(text):
 
 
 def truth(robot):
-    """Numbers of a robot, by the names that `rollwalk identify` has for them."""
+    """Parameters of a robot, by their names in `rollwalk identify`."""
     found = {"friction": robot["end_effectors"][0]["friction_coefficient"]}
     names = {"steer": "xm430", "knee": "xm540"}
     for name, actuator, joint, _ in robots.channels(robot):
@@ -99,7 +103,7 @@ def identify(options, hidden, logs, seed):
     runs = {}
     for motion, path in logs.items():
         runs[motion] = options.output / f"{motion}-{seed}.csv"
-        # Each run has noise of its own.
+        # Each run has separate noise.
         number = 100 * seed + len(runs)
         if recorded.main([str(hidden), str(path), "-o", str(runs[motion]), "--seed", str(number)]) != 0:
             raise ValueError(f"{motion} cannot be recorded")
@@ -108,7 +112,7 @@ def identify(options, hidden, logs, seed):
     def fit(motions, robot, *more):
         words = ("--robot", robot, "-o", options.output / "fitted.toml", "--json", *BEGINS)
         text = run(options, "identify", *(runs[motion] for motion in motions), *words, *more)
-        # Each takes minutes: what was found stays, whatever becomes of the rest.
+        # Each run takes minutes, so results are stored even if a later run fails.
         (options.output / f"{Path(robot).stem}-{'-'.join(motions)}-{seed}.json").write_text(text, encoding="utf-8")
         return json.loads(text)
 

@@ -1,4 +1,4 @@
-"""Run of a plan from inputs to results, in a process of its own."""
+"""Run of a plan from inputs to results in a separate process."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,7 @@ class Inputs:
 
 
 def load(path, kind, inputs):
-    """Motion, robot, frames and torques of a plan; the robot is that of the robot file, which must be the plan's."""
+    """Motion, robot, frames and torques of a plan; the robot is that of the robot file, which must equal the plan's."""
     motion = motions.load(path)
     file = _robot_file(motion, inputs)
     robot = robots.from_file(file)

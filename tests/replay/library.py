@@ -1,4 +1,4 @@
-"""Frames of a motion in a library file, as docs/formats/motion-library.md describes it."""
+"""Frames of a motion in a library file (docs/formats/motion-library.md)."""
 
 import struct
 

@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
-"""Plays what the drives of a simulated robot were commanded, as a log of its world says, in MuJoCo: the same commands in both worlds.
+"""Plays the commands to the drives of a simulated robot, from a log of its world, in MuJoCo: the same commands in
+both worlds.
 
     python3 tests/replay/logged.py ROBOT.toml RUN.csv [PLAN.json ...] [--json FILE]
 
-RUN.csv is that of `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/formats/world-log.md), on level ground and without pushes, which the log
-does not tell: setpoints, gains and limits as decoded from the frames on the buses, behind firmware and bus. MuJoCo begins with
-the pose that the robot has when the hoist lets go of it, and ends where the hoist picks it up again.
+RUN.csv is written by `rollwalk simulate LIB.rwl --world-log RUN.csv` (docs/formats/world-log.md), on level ground and
+without pushes, because the log does not contain them. Set-points, gains and limits are decoded from the frames on the
+buses. MuJoCo begins with the pose in which the hoist releases the robot, and ends when the hoist picks it up again.
 
-Prints a line for each motion and transition that was played, up to the first fall: the way in the log, and that in MuJoCo. Of
-motions whose plans are given it is the mean of periods, beside the plan. Exit code: 0, or 2 if a file cannot be used.
+Prints a line for each motion and transition up to the first fall: displacement in the log and in MuJoCo. For motions
+with a given plan, the line shows means of periods and the plan's displacement. Exit code: 0, or 2 if a file cannot be
+used.
 """
 
 import argparse
@@ -30,18 +32,18 @@ from model import Ground, Model  # noqa: E402
 import motion as plans  # noqa: E402
 import robots  # noqa: E402
 
-# Steps of MuJoCo in one of the log.
+# Steps of MuJoCo per step of the log.
 PARTS = 4
-# That of the simulator whose log it is.
+# Value of the simulator that wrote the log.
 GRAVITY_M_S2 = 9.81
-# Speed at which rolling resistance is nearly all there, m/s: that of the planner.
+# Speed above which rolling resistance is almost complete, m/s, as in the planner.
 ROLLING_SIGN_WIDTH_M_S = 0.05
-# Falls, as those of the log: tilt of the body, height of the centre of mass.
+# Limits of a fall, as in the log: tilt of the body, height of the centre of mass.
 FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.4
 
 
 class Log:
-    """The rows of a log from the moment when the hoist lets go; of a plan by itself all, which no hoist holds."""
+    """Rows of a log after the hoist's release; all rows of a plan's log, which has no hoist."""
 
     def __init__(self, path, robot, hoisted=True):
         try:
@@ -86,7 +88,7 @@ class Log:
         return np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
     def pieces(self, until):
-        """Motion, first and last row of each piece in which one motion is played."""
+        """Motion, first and last row of each segment with one motion."""
         start = 0
         for index in range(1, until + 1):
             if index == until or self.motion[index] != self.motion[start]:
@@ -96,7 +98,7 @@ class Log:
 
 
 def _expect_robot(row, robot):
-    """Columns of a robot with more motors or feet would hide that a log is not its own."""
+    """If the robot had more motors or feet, missing columns would not reveal the wrong log."""
     motors = {name if foot is None else f"{name}_motor" for name, _, _, foot in robots.channels(robot)}
     feet = {foot["name"] for foot in robot["end_effectors"]}
     for ending, expected in (("_limit_nm", motors), ("_normal_n", feet)):
@@ -106,7 +108,8 @@ def _expect_robot(row, robot):
 
 
 def played(log, robot, look=lambda d: None, parts=PARTS):
-    """Centre of mass and heading at the end of each row, and the row at which the robot fell; `look` sees MuJoCo's data at each."""
+    """Centre of mass and heading at the end of each row, and the row at which the robot fell; `look` gets MuJoCo's
+    data at each."""
     model = Model(robot, GRAVITY_M_S2, Ground(step_s=log.step_s / parts))
     m, d = model.m, mujoco.MjData(model.m)
     drives = Drives(model, ROLLING_SIGN_WIDTH_M_S)
@@ -122,7 +125,7 @@ def played(log, robot, look=lambda d: None, parts=PARTS):
     com, yaw, fell = [d.subtree_com[1].copy()], [_yaw(d)], None
     look(d)
     for row in range(1, len(log.rows)):
-        # What acts in the step that ends at the row.
+        # Commands during the step that ends at the row.
         m.actuator_biasprm[:, 1], m.actuator_biasprm[:, 2] = -log.kp[row], -log.kd[row]
         d.ctrl[:] = controls[row]
         drives.torque_max = log.limit[row]
@@ -137,7 +140,7 @@ def played(log, robot, look=lambda d: None, parts=PARTS):
         yaw.append(_yaw(d))
         look(d)
         tilt = math.acos(min(max(float(d.xmat[1][6:9] @ up), -1.0), 1.0))
-        # One that sinks down when its torque goes off has not fallen.
+        # A robot that sinks after torque-off has not fallen.
         sunk = log.motion[row] and d.subtree_com[1][2] < FALL_HEIGHT * height
         if fell is None and (tilt > FALL_TILT_RAD or sunk):
             fell = row
@@ -149,19 +152,19 @@ def _yaw(d):
 
 
 def way(com_m, yaw_rad, start, end):
-    """Ahead and to the left in the heading at the start, m, and turn, rad."""
+    """Displacement forward and left in the initial heading, m, and turn, rad."""
     moved = plans.yaw_matrix(yaw_rad[start]).T @ (com_m[end] - com_m[start])
     return {"forward_m": float(moved[0]), "left_m": float(moved[1]), "turn_rad": float(yaw_rad[end] - yaw_rad[start])}
 
 
 def mean_way(com_m, yaw_rad, marks):
-    """The mean of the periods between marks."""
+    """Mean of the periods between marks."""
     ways = [way(com_m, yaw_rad, start, end) for start, end in zip(marks, marks[1:])]
     return {key: sum(found[key] for found in ways) / len(ways) for key in ways[0]}
 
 
 def compare(robot, log, motions):
-    """A row for each motion that was played, up to the first fall; `motions` are those with plans, by name."""
+    """A row for each played motion up to the first fall. `motions` contains the motions with plans by name."""
     com_m, yaw_rad, fell = played(log, robot)
     logged_yaw = log.yaw_rad()
     ours_fell = int(np.argmax(log.fell > 0)) if log.fell.any() else None

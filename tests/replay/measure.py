@@ -1,4 +1,4 @@
-"""Numbers from a run: how far the robot came, against the plan, and how."""
+"""Measures of a run: displacement relative to the plan, slip, tilt and others."""
 
 import math
 
@@ -6,18 +6,19 @@ import numpy as np
 
 from motion import yaw_matrix
 
-# What counts as played: achieved by planned.
+# Range of achieved / planned in which a motion holds.
 BAND = (0.95, 1.05)
-# Planned ways and turns below these are no goal to divide by, m and rad.
+# Planned distances and turns below these are not goals, m and rad.
 SMALLEST = {"forward_m": 0.005, "left_m": 0.005, "turn_rad": 0.01}
-# A motion without a goal must stay where it is: m and rad.
+# Tolerance of a motion without a goal, m and rad.
 STAYS = {"forward_m": 0.005, "left_m": 0.005, "turn_rad": 0.02}
-# Periods over which the mean is taken, counted from 1: the start has worn off, and errors have not added up.
+# Periods over which the mean is taken, counted from 1: the effect of the start has decayed, and errors have not
+# accumulated yet.
 FIRST, LAST = 2, 5
 
 
 def summary(motion, track, cycles):
-    """Everything that the tables and the JSON say about a run."""
+    """All values of a run for the tables and the JSON."""
     planned = motion.planned()
     ways = _ways(track)
     found = goals(motion)
@@ -48,7 +49,7 @@ def summary(motion, track, cycles):
 
 
 def goals(motion):
-    """The ways and turns that are a goal of the motion."""
+    """Distances and turns that are goals of the motion."""
     planned, wanted = motion.planned(), motion.plan["motion"]["goal"]
     return [key for key in planned if wanted.get(key) and abs(planned[key]) > SMALLEST[key]]
 
@@ -58,7 +59,7 @@ def mean(ways, key):
 
 
 def _ways(track):
-    """Way of the centre of mass in the heading at the beginning, and turn, of each period."""
+    """Displacement of the centre of mass in the initial heading, and turn, of each period."""
     found = []
     for (start, yaw), (end, yaw_after) in zip(track.com_m, track.com_m[1:]):
         moved = yaw_matrix(yaw).T @ (end - start)
@@ -89,7 +90,7 @@ def _path(motion, track):
 
 
 def _contact(track):
-    """Slip of what stands, contact where the plan swings, depth in the ground. Without the first period."""
+    """Slip in stance, contact in planned swings, and depth in the ground, without the first period."""
     begin = track.marks[1] if len(track.marks) > 2 else 0
     slip = np.array(track.slip_m_s[begin:])
     stance = np.array(track.planned_stance[begin:], dtype=bool)
@@ -100,7 +101,7 @@ def _contact(track):
     return {
         "slip_mean_m_s": float(in_stance.mean()) if len(in_stance) else None,
         "slip_p95_m_s": float(np.percentile(in_stance, 95)) if len(in_stance) else None,
-        # Share of the planned swing in which the end effector carries something.
+        # Share of the planned swing in which the end effector carries load.
         "swing_contact": float(touches[swing].mean()) if swing.any() else None,
         "stance_lifted": float((~touches)[stance].mean()) if stance.any() else None,
         "depth_m": float(track.depth_m),
@@ -114,7 +115,7 @@ def _servos(track):
         return {key: None for key in ("saturation_worst", "saturation_mean", "sag_mean_m", "sag_worst_m", "joint_error_rad")}
     height = np.array(track.height_error_m[begin:])
     return {
-        # Share of time at the torque limit: of the motor that is there longest, and of all motors.
+        # Share of time at the torque limit: of the worst motor, and of all motors.
         "saturation_worst": float(saturated.mean(axis=0).max()),
         "saturation_mean": float(saturated.mean()),
         "sag_mean_m": float(-height.mean()),

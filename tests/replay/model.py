@@ -1,7 +1,7 @@
 """The robot as a MuJoCo model on level ground.
 
-A wheel that spins is a body of its own, whose mass and inertia are taken out of its link, so that both together are
-the link of the robot file. Wheels are thin ellipsoids: they touch the ground in one point, as the disc of a plan does.
+A wheel that spins is a separate body. Its mass and inertia are subtracted from its link, so that both together equal
+the link of the robot file. Wheels are thin ellipsoids: they touch the ground in one point, like the disc of a plan.
 Servos are affine actuators, force = control - kp q - kd q', so that MuJoCo integrates their damping implicitly.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 import robots
 from robots import steiner
 
-# Half the width of a wheel by its radius: a tyre, thin enough that its lowest point is that of a disc.
+# Half the width of a wheel divided by its radius, so thin that its lowest point is almost that of a disc.
 WHEEL_WIDTH = 0.02
 
 
@@ -25,12 +25,12 @@ class Ground:
     # Friction constraints that are stiffer than the normal ones creep less. Cones are elliptic: a pyramid has more
     # friction along its edges.
     impratio: float = 20.0
-    # Time constant of penetration, s, and damping ratio. With 0.02, the default of MuJoCo, wheels sink in by 0.8 mm and
-    # roll on a radius that is too small by half of that: 0.7 % of every way, and a swizzle that thrusts 12 % too much.
-    # From 0.003 on results change by less than 0.5 % (docs/replay.md, Validation).
+    # Time constant of penetration, s, and damping ratio. With 0.02, the default of MuJoCo, wheels sink in by 0.8 mm,
+    # and roll on a radius that is too small by half of that: an error of 0.7 % of every distance, and 12 % of a
+    # swizzle. Below 0.003, results change by less than 0.5 % (docs/replay.md, Validation).
     solref: tuple = (0.003, 1.0)
     solimp: tuple = (0.9, 0.95, 0.001)
-    # Links that reach the ground are stopped by it.
+    # Links that reach the ground collide with it.
     solid_links: bool = True
 
 
@@ -54,7 +54,7 @@ class Model:
         self.joint_qpos, self.joint_dofs = m.jnt_qposadr[joints], m.jnt_dofadr[joints]
         self.wheel_qpos = [m.jnt_qposadr[w] if w >= 0 else -1 for w in wheels]
         self.wheel_dofs = [m.jnt_dofadr[w] if w >= 0 else -1 for w in wheels]
-        # One row for each channel: joints, then driven wheels. Actuators are in this order, too.
+        # One row for each channel: joints, then driven wheels. Actuators have the same order.
         self.channels = robots.channels(robot)
         self.channel_dofs = np.array(
             list(self.joint_dofs) + [self.wheel_dofs[c[3]] for c in self.channels if c[3] is not None], dtype=int
@@ -159,11 +159,11 @@ def _link(robot, index, clear, out):
 
 
 def wheel_inertia(robot, foot):
-    """Mass and inertia about its centre of what turns with a wheel.
+    """Mass and inertia, about its centre, of the rotating part of a wheel.
 
-    That of the cylinder at the wheel's place, where the robot file has one. Else a thin disc with a tenth of the
-    link's mass, shared by the wheels on it; a blade does not turn, and gets next to nothing. The robot file bounds it:
-    what is left of the link must be a body.
+    If the robot file has a cylinder at the wheel, the values of the cylinder. Otherwise a thin disc with a tenth of
+    the link's mass, shared by the link's wheels. A blade does not turn, and gets almost nothing. The remaining link
+    must be a physical body.
     """
     link = robot["links"][foot["link"]]
     axis, radius = np.array(foot["contact"]["axis_in_link"]), foot["radius_m"]
@@ -188,7 +188,7 @@ def wheel_inertia(robot, foot):
 
 
 def _without(mass, com, inertia, wheels):
-    """Mass, centre and inertia about it of what is left of a link without its wheels."""
+    """Mass, centre, and inertia about the centre, of a link without its wheels."""
     rest = mass - sum(m for _, (m, _) in wheels)
     center = lambda foot: np.array(foot["center_in_link_m"])
     rest_com = (mass * com - sum(m * center(f) for f, (m, _) in wheels)) / rest
@@ -199,7 +199,7 @@ def _without(mass, com, inertia, wheels):
 
 
 def _links_above_ground(robot):
-    """Shapes, as (link, number), that are above the ground in the nominal pose: those that may hit it later.
+    """Shapes, as (link, number), that are above the ground in the nominal pose, and may hit it later.
 
     Shapes that reach below the feet in that pose are the robot file's rough outlines, not collisions.
     """
@@ -238,7 +238,8 @@ def _reach(shape, direction):
 
 
 def nominal_poses(robot):
-    """World-from-link (rotation, origin) of every link with the body at the origin and the joints as they stand."""
+    """World-from-link (rotation, origin) of every link, with the body at the origin and the joints in the nominal
+    pose."""
     poses = [None] * len(robot["links"])
     poses[0] = (np.eye(3), np.zeros(3))
     turn = np.zeros(9)
@@ -267,7 +268,7 @@ def _shape(name, shape):
 
 
 def _turn_y_to(axis):
-    """Orientation of a geom whose y axis is to be along `axis`: that of z along it, after z along -y."""
+    """Orientation of a geom with its y axis along `axis`: z along -y, then z along `axis`."""
     turn, tip, both = np.zeros(4), np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.zeros(4)
     mujoco.mju_quatZ2Vec(turn, np.array(axis, dtype=float))
     mujoco.mju_mulQuat(both, turn, tip)

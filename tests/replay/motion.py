@@ -14,7 +14,8 @@ import plan_fields
 import robots
 
 RATE_HZ = 60
-# What is read here has been the same since this version. Fields that a later one adds are ignored, or asked for by name.
+# The fields that are read here have not changed since this version. Fields of later versions are ignored, or looked
+# up by name.
 OLDEST_VERSION = 3
 
 
@@ -42,7 +43,7 @@ class Motion:
         self._pose = real(
             lambda s: [s["base_position_m"][2], *s["base_yaw_pitch_roll_rad"], *s["joint_rad"]], growth
         )
-        # What setpoints are beyond the angles of the joints, in plans that were retargeted.
+        # Offsets of set-points from joint angles, in retargeted plans.
         count = len(self.robot["joints"])
         self._correction = real(lambda s: s.get("joint_correction_rad") or [0.0] * count, np.zeros(count))
         turn = complex(math.cos(self.yaw_rad), math.sin(self.yaw_rad))
@@ -79,7 +80,7 @@ class Motion:
         return self._through(angles[:-1].astype(complex), -before * h + 0j, angles[-1] + 0j, 1.0, angles[-1] + 0j)
 
     def base(self, time_s):
-        """Base position and yaw, pitch, roll at a time of the plan; a periodic motion goes on in later periods."""
+        """Base position and yaw, pitch, roll at a time of the plan; a periodic motion continues in later periods."""
         time_s, periods = self._within(time_s)
         pose = self._pose.at(time_s)[0].real
         xy = self._xy.at(time_s)[0][0]
@@ -112,7 +113,7 @@ class Motion:
         return (1 - u) * self._forces[i] + u * self._forces[i + 1]
 
     def stance(self, time_s):
-        """Flags of the stance feet: those that are in stance at both neighbouring samples."""
+        """Flags of stance feet, which are in stance at both neighbouring samples."""
         i, u = self._interval(time_s)
         if u < 1e-9:
             return self._stance[i]
@@ -147,12 +148,13 @@ class Motion:
     def _within(self, time_s):
         if not self.periodic:
             return min(max(time_s, 0.0), self.duration_s), 0
-        # A time that is a whole number of periods up to rounding is their beginning.
+        # A time that is a whole number of periods except for rounding is the start of a period.
         periods = math.floor(time_s / self.duration_s + 1e-9)
         return max(time_s - periods * self.duration_s, 0.0), periods
 
     def planned(self):
-        """Planned way of the centre of mass along and across the first heading, and turn: of a period, or of all."""
+        """Planned displacement of the centre of mass along and across the first heading, and turn: of a period, or of
+        the motion."""
         yaw = self.samples[0]["base_yaw_pitch_roll_rad"][0]
         start = np.array(self.samples[0]["com_m"])
         if self.periodic:
@@ -165,7 +167,7 @@ class Motion:
         return {"forward_m": moved[0], "left_m": moved[1], "turn_rad": turned}
 
     def frame_rate_hz(self):
-        """60 Hz, or the nearest rate that divides a duration which is no multiple of 1/60 s."""
+        """60 Hz, or the nearest rate that divides a duration that is no multiple of 1/60 s."""
         return max(round(self.duration_s * RATE_HZ), 1) / self.duration_s
 
     def frames(self):
@@ -181,7 +183,7 @@ class Motion:
 
 
 def quantised(frames, robot):
-    """Values as a library holds them: whole quanta within the limits."""
+    """Values as in a library: whole quanta within the limits."""
     out = frames.copy()
     for column, (_, actuator, joint, _) in enumerate(robots.channels(robot)):
         exponent = -10
@@ -198,7 +200,7 @@ def quantised(frames, robot):
 
 
 def quantised_torques(torques, robot):
-    """Torques as a library holds them: quanta of the limit in 1024 to 2047 parts, within the limits."""
+    """Torques as in a library: quanta of the limit divided by 1024 to 2047, within the limits."""
     out = torques.copy()
     for column, (_, actuator, _, _) in enumerate(robots.channels(robot)):
         limit = actuator["torque_max_nm"]

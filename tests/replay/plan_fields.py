@@ -4,7 +4,7 @@ import math
 
 
 def check(plan):
-    """Raises ValueError with the path of the first field that is not as it should be."""
+    """Raises ValueError with the path of the first wrong field."""
     robot = _get(plan, "robot", dict)
     links, joints, feet = (_get(robot, key, list, "robot") for key in ("links", "joints", "end_effectors"))
     _get(robot, "name", str, "robot")

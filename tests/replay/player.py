@@ -1,6 +1,6 @@
 """Set-points of the controller: frames at 60 Hz, cubic Hermite between them, the limiter, at the control rate.
 
-After docs/playback-and-safety.md, "From a frame to a setpoint". Playback is open loop, so all setpoints of a run are
+See docs/playback-and-safety.md, "From a frame to a setpoint". Playback is open loop, so all setpoints of a run are
 known before it begins.
 """
 
@@ -11,11 +11,11 @@ import numpy as np
 import robots
 from motion import RATE_HZ
 
-# The firmware's default.
+# Default of the firmware.
 CONTROL_HZ = 120
 GRAVITY_M_S2 = 9.80665
-# Largest offsets in place of a torque, of a joint's target, rad, and of a wheel's speed, rad/s, and the shortest time for a
-# torque to change by its limit, s: those of the firmware's limiter.
+# Values of the firmware's limiter: maximum offsets that replace a torque, of a joint's target, rad, and of a wheel's
+# speed, rad/s; minimum time in which a torque changes by its limit, s.
 OFFSET_RAD, OFFSET_RAD_S = 0.15, 1.0
 FULL_TORQUE_S = 0.025
 
@@ -33,7 +33,7 @@ class Setpoints:
 def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=CONTROL_HZ):
     """Set-points of a motion that is played `periods` times, or once. Its torques are sent as torque, as offset of the target, or not.
 
-    A motion that ends holds its first frame for `hold_s` before and its last one after: see `world`.
+    A motion that ends holds its first frame for `hold_s` before, and its last frame for `hold_s` after: see `world`.
     """
     per_frame = control_hz // RATE_HZ
     count = len(frames)
@@ -66,14 +66,15 @@ def setpoints(robot, frames, torques, motion, periods, feed_forward, control_hz=
 
 
 def _offset(channels, wheel, torque):
-    """Offset of the target for drives without a torque field: the spring (of a wheel: the damper) then gives the torque."""
+    """Offset of the target for drives without a torque field. The spring, or for a wheel the damper, then produces
+    the torque."""
     gain = np.array([a["kd_nm_s_rad"] if w else a["kp_nm_rad"] for (_, a, _, _), w in zip(channels, wheel)])
     most = np.where(wheel, OFFSET_RAD_S, OFFSET_RAD)
     return np.clip(np.divide(torque, gain, out=np.zeros_like(torque), where=gain > 0), -most, most)
 
 
 def _limited_torque(torque, most, step):
-    """The limiter's part for torques: the limit, and change per tick. The run begins with its torques in force."""
+    """Limiter of torques: limit, and change per tick. The initial torques are in force at the start."""
     torque = np.clip(torque, -most, most)
     for k in range(1, len(torque)):
         torque[k] = np.clip(torque[k], torque[k - 1] - step, torque[k - 1] + step)
@@ -81,7 +82,7 @@ def _limited_torque(torque, most, step):
 
 
 def _limited(robot, channels, value, slope, period_s):
-    """The limiter: range, then change per tick. The speed of a clamped value is its change."""
+    """Limiter: range, then change per tick. The speed of a clamped value is its change."""
     low, high, step = (np.empty(len(channels)) for _ in range(3))
     most_speed = np.array([actuator["speed_max_rad_s"] for _, actuator, _, _ in channels])
     for c, (_, actuator, joint, foot) in enumerate(channels):
@@ -104,7 +105,7 @@ def _limited(robot, channels, value, slope, period_s):
 
 
 def hold(robot, frame, torque, feed_forward):
-    """Setpoints of a robot that stands on one frame, with torques that hold it there; its wheels stand still."""
+    """Set-points of a robot that holds one frame, with the holding torques; its wheels stand still."""
     channels = robots.channels(robot)
     wheel = np.array([joint is None for _, _, joint, _ in channels])
     value = np.where(wheel, 0.0, frame)

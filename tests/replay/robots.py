@@ -1,7 +1,7 @@
 """Robots, read from robot files (docs/robot-files.md) without any code of the project.
 
-A robot here is a dictionary of the form that plans have (docs/formats/plan-format.md, Robot), so that one from a file and
-one from a plan can be compared number by number. A link has `shapes` as well, where the robot file gives `parts`.
+A robot is a dictionary in the form of plans (docs/formats/plan-format.md, Robot), so that a robot of a file and one
+of a plan can be compared number by number. A link also has `shapes` if the robot file has `parts`.
 """
 
 import math
@@ -25,12 +25,12 @@ def from_file(path):
         raise Unusable(f"{path}: {field_error(error)}") from error
 
 
-# Protocols whose setpoints have no field for a torque (docs/actuators.md).
+# Protocols whose set-points have no torque field (docs/actuators.md).
 WITHOUT_TORQUE = {"dynamixel", "feetech", "maestro"}
 
 
 def feed_forward(path):
-    """Form in which the controller sends torques: "offset" if drives of the robot file have no torque field, else "torque"."""
+    """Form of torques from the controller: "offset" if drives of the robot file have no torque field, else "torque"."""
     with open(path, "rb") as file:
         buses = tomllib.load(file).get("bus", [])
     loops_in_drives = [bus for bus in buses if bus.get("control", "in_drive") == "in_drive"]
@@ -142,7 +142,7 @@ def steiner(mass, offset):
 def _joint(joint, place, link_index, actuators, limb):
     origin = place.point(joint["origin_in_parent_m"])
     if limb and joint["parent"] == "mount":
-        # The limb's origin places the template, and is given in the link that carries it.
+        # The limb's origin places the template, relative to the link that carries the limb.
         origin = origin + np.array(limb["origin_in_parent_m"], dtype=float)
     roll, pitch, yaw = joint.get("origin_rpy_rad", [0.0, 0.0, 0.0])
     return {
@@ -206,8 +206,8 @@ def quaternion(roll, pitch, yaw):
 
 
 def difference(a, b, path="robot"):
-    """Path and values of the first place where two robots differ, or None. Addresses on buses and
-    clearance do not matter here."""
+    """Path and values of the first difference of two robots, or None. Addresses on buses and clearance are not
+    compared."""
     if isinstance(a, dict) and isinstance(b, dict):
         for key in sorted(set(a) | set(b)):
             if key in ("shapes", "clearance_margin_m", "bus", "id", "buses"):
@@ -228,7 +228,7 @@ def difference(a, b, path="robot"):
         return None
     number = (int, float, np.floating)
     if isinstance(a, number) and isinstance(b, number):
-        # Both are the same doubles up to the rounding of a few sums.
+        # Both are equal except for the rounding of a few sums.
         return None if abs(a - b) <= 1e-12 + 1e-9 * abs(a) else f"{path} is {a} and {b}"
     return None if a == b else f"{path} is {a!r} and {b!r}"
 
@@ -248,5 +248,5 @@ def spins(foot):
 
 
 def is_wheel(foot):
-    """True if an end effector is a wheel that spins. A blade is none, although MuJoCo has one in its place."""
+    """True if an end effector is a wheel that spins. A blade is not, although MuJoCo replaces it by a wheel."""
     return spins(foot) and foot["contact"]["kind"] != "skate"

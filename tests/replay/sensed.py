@@ -1,6 +1,6 @@
 """Measurements of the robot in MuJoCo for a controller: its state, or an IMU, encoders and contact switches with noise.
 
-The plane of the world is level and gravity is what leans, so that everything is turned to axes whose z is up.
+The plane of the world is level, and gravity leans instead of a slope. All values are rotated to axes whose z is up.
 """
 
 from dataclasses import dataclass
@@ -11,13 +11,14 @@ import numpy as np
 
 import robots
 
-# Part of the weight from which on an end effector counts as touching.
+# Share of the weight above which an end effector counts as touching.
 TOUCHES = 0.005
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of white noise in each sample, and a bias, in axes of the body: those of `rollwalk simulate --estimate`."""
+    """Standard deviations of white noise in each sample, and a bias, in axes of the body, as in `rollwalk simulate
+    --estimate`."""
 
     gyro_rad_s: float = 0.02
     gyro_bias_rad_s: tuple = (0.005, -0.005, 0.005)
@@ -44,14 +45,14 @@ class Sensed:
         return {"position_m": [0.0, 0.0, 0.0], "orientation_wxyz": self.turn.tolist()}
 
     def record(self, d, load, time_s, tick_s):
-        """A line for the controller; `load` is that of each end effector, N."""
+        """A line for the controller. `load` is the load of each end effector, N."""
         speed = d.qvel[self.model.joint_dofs], d.qvel[self.wheel_dofs]
         record = {"time_s": time_s, "touches": (load > self.least_n).tolist(), "joint_rad": d.qpos[self.model.joint_qpos].tolist()}
         is_first = self.last is None
         if is_first:
             record["world_from_plan"] = self.placement()
         if self.noise is None or is_first:
-            # A robot that estimates its state knows where it begins.
+            # A robot that estimates its state knows its initial pose.
             record["base"] = self._base(d)
         if self.noise is not None:
             record["imu"] = self._imu(d, tick_s)
@@ -63,7 +64,7 @@ class Sensed:
     def _base(self, d):
         turned, orientation, out = np.zeros(3), np.zeros(4), []
         mujoco.mju_mulQuat(orientation, self.turn, d.qpos[3:7])
-        # MuJoCo has the spin of a free joint in axes of the body.
+        # MuJoCo gives the spin of a free joint in axes of the body.
         for vector, by in ((d.qpos[0:3], self.turn), (d.qvel[0:3], self.turn), (d.qvel[3:6], orientation)):
             mujoco.mju_rotVecQuat(turned, vector, by)
             out.append(turned.tolist())
@@ -75,7 +76,7 @@ class Sensed:
         imu = {"gyro_rad_s": (d.qvel[3:6] + noise.gyro_bias_rad_s + noise.gyro_rad_s * normal()).tolist()}
         if self.last is not None:
             velocity, orientation = self.last
-            # Midway between the samples, as the mean of the force is.
+            # Midway between the samples, like the mean of the force.
             middle, force = orientation + d.qpos[3:7] * math.copysign(1.0, orientation @ d.qpos[3:7]), np.zeros(3)
             mujoco.mju_normalize4(middle)
             middle[1:] *= -1
@@ -85,6 +86,6 @@ class Sensed:
 
 
 def _shortest(one, other):
-    """The quaternion that turns a unit vector to another that is not against it."""
+    """Quaternion that rotates a unit vector to another, which must not be opposite."""
     turn = np.array([1.0 + one @ other, *np.cross(one, other)])
     return turn / np.linalg.norm(turn)

@@ -3,8 +3,8 @@
 
     python3 tests/replay/step_time.py
 
-The chains are those of `physics/examples/step_time.rs`, which it runs: boxes in a row that slide over the ground, each held to the next
-at two points. In MuJoCo that is a hinge.
+The chains are those of `physics/examples/step_time.rs`, which this script runs: boxes in a row that slide over the
+ground, each connected to the next at two points. In MuJoCo, the connection is a hinge.
 """
 
 import subprocess

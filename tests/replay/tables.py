@@ -66,7 +66,7 @@ def both(results):
 
 
 def _by_feedback(results):
-    """Shipped motions with feed-forward that hold, that need feedback, and that do neither."""
+    """Shipped motions with feed-forward that hold, that need feedback, and the others."""
     fed = {name: fed for name, (fed, _) in _pairs(results).items()}
     marked = [name for name, result in fed.items() if result["needs_feedback"]]
     failing = [name for name, result in fed.items() if not result["holds"] and name not in marked]
@@ -100,12 +100,12 @@ def in_words(results):
     return textwrap.fill(text.strip(), 116, break_on_hyphens=False)
 
 
-# Achieved by planned in both worlds differ by no more where they agree.
+# Maximum difference of achieved / planned for agreement of both worlds.
 AGREE = 0.03
 
 
 def compared(level, ground):
-    """Table with a row for each motion: MuJoCo beside the project's own simulator at each of its rates."""
+    """Table with a row for each motion: MuJoCo, and the project's own simulator at each of its rates."""
     rates = _rates(ground)
     rows = [["motion of robot", "MuJoCo: cycles 2–5", *(f"ours, 1/{rate} s" for rate in rates), "difference", ""]]
     for name, fed, ours in _beside(level, ground):
@@ -138,7 +138,8 @@ def compared_in_words(level, ground):
 
 
 def behind_firmware(results):
-    """Table with a row for each motion: achieved by planned behind firmware and bus, and in MuJoCo with the same commands."""
+    """Table with a row for each motion: achieved / planned with firmware and bus, and in MuJoCo with the same
+    commands."""
     rows = [["motion of robot", "firmware, bus, our world", "the same commands in MuJoCo", "difference", ""]]
     for result in results:
         if "refused" in result:
@@ -171,7 +172,7 @@ def behind_firmware_in_words(results):
 
 
 def tracked(results):
-    """Tables with a row for each motion and controller and a column for each world; then drifts, then pushes if there were some."""
+    """Tables with a row for each motion and controller and a column for each world; then drifts, then pushes, if any."""
     pushes = [result for result in results if "push" in result]
     runs = [result for result in results if "push" not in result]
     cases = list(dict.fromkeys(result["case"] for result in runs))
@@ -214,7 +215,8 @@ def _drift(result):
 
 
 def retargeted(results):
-    """Table with a row for each motion: achieved by planned before and after, behind firmware and bus, and in MuJoCo with the same commands."""
+    """Table with a row for each motion: achieved / planned before and after, with firmware and bus, and in MuJoCo
+    with the same commands."""
     rows = [["motion of robot", "stiffness", "before", "after", "MuJoCo before", "MuJoCo after", ""]]
     for result in results:
         share = "as it is" if result["stiffness"] == 1 else f"{result['stiffness']:g} of it"
@@ -244,7 +246,7 @@ def identified(results):
 
 
 def _found(parameter, true):
-    """Value, deviation, and by how many of these it is off."""
+    """Value, deviation, and error in deviations."""
     value, deviation = parameter["fitted"], parameter["deviation"]
     if deviation is None:
         return "not told"
@@ -253,7 +255,8 @@ def _found(parameter, true):
 
 
 def predicted(results):
-    """Table with a row for each motion and signal: root mean squares of each recording, with the file's parameters and with others."""
+    """Table with a row for each motion and signal: root mean square of each recording, with the file's parameters and
+    with others."""
     kinds = ["file", "fitted", "true", "true with contacts"]
     rows = [["motion", "", "file", "fitted", "true", "true, contacts and delay fitted"]]
     seeds = results["seeds"]
@@ -274,7 +277,7 @@ def _where_it_fell(result):
 
 
 def _goals(result):
-    """Planned ways and turns that are goals of the motion."""
+    """Planned distances and turns that are goals of the motion."""
     return {key: result["planned"][key] for key in result["goals"]}
 
 
@@ -307,7 +310,7 @@ def _beside(level, ground):
 
 
 def _middle(fed, ours):
-    """Ratios of the goals that MuJoCo's result has, and drift, over the same cycles."""
+    """Ratios of the goals in MuJoCo's result, and drift, over the same cycles."""
     cycles = ours["cycles"][1:5] if len(ours["cycles"]) > 1 else ours["cycles"]
     if not cycles:
         return None, None
@@ -343,7 +346,7 @@ def _name(result):
 
 
 def _worst(result):
-    """The part of its ways and turns that is farthest from 1; of a motion that falls farther than any."""
+    """Ratio of achieved to planned that is farthest from 1; infinite for a motion that falls."""
     if result["fell_at_s"] is not None:
         return math.inf
     ratios = list((result["ratio"] or {}).values()) + list((result["ratio_late"] or {}).values())
@@ -373,7 +376,7 @@ def robustness(results):
 
 
 def _ratios(ratio, drift):
-    """Achieved by planned of every goal; of a motion without one how far it strayed, m."""
+    """Achieved / planned of every goal; for a motion without a goal its drift, m."""
     if ratio:
         names = {"forward_m": "", "left_m": "left ", "turn_rad": "turn "}
         return ", ".join(f"{names[key]}{value:.3f}" for key, value in ratio.items())
@@ -393,7 +396,7 @@ def _fell(result):
 
 
 def _number(value, factor, digits=1):
-    # 0 from below is 0 as well.
+    # Negative zero prints as 0.
     return "–" if value is None else f"{round(value * factor, digits) + 0.0:.{digits}f}"
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of the replay harness against closed forms, and on every robot file.
+"""Tests of the replay harness against closed forms, and with every robot file.
 
     python3 tests/replay/test_replay.py
 
@@ -116,7 +116,7 @@ def block(contact):
     return {"name": "block", "links": [link], "joints": [], "end_effectors": feet}
 
 
-# One leg by itself; a car whose front wheels hang above the ground.
+# A single leg, and a car whose front wheels hang above the ground.
 CANNOT_STAND_LEVEL = ("test_leg", "car_tilted")
 
 
@@ -133,7 +133,7 @@ class Standing(unittest.TestCase):
                 self.assertIsNone(result["fell_at_s"])
                 self.assertLess(abs(result["cycles"][0]["forward_m"]), 1e-3)
                 self.assertLess(abs(result["cycles"][0]["turn_rad"]), 1e-3)
-                # The feed-forward holds the weight: what sags is the ground, by its depth.
+                # The feed-forward holds the weight, so the body sags only by the depth in the ground.
                 self.assertLess(abs(result["sag_mean_m"]), 5e-4)
                 # The ground carries the weight. Contacts settle to 1e-3 within the second before.
                 load = np.array(track.load_n)[-500:].sum(axis=1).mean()
@@ -151,7 +151,7 @@ class Standing(unittest.TestCase):
             forces = motion.forces(0.5)
 
             def potential(joint, angle):
-                """Weight's potential less the work of the ground's forces, with the base at rest."""
+                """Potential of the weight minus the work of the ground forces, with the base at rest."""
                 position, turn = motion.base(0.5)
                 joints, _ = motion.joints(0.5)
                 joints[joint] += angle
@@ -254,7 +254,7 @@ class Playing(unittest.TestCase):
 
         for knot in range(1, 7):
             jump = second(knot * 0.25 + 2e-5) - second(knot * 0.25 - 2e-5)
-            # Third derivatives of 1e4 between two places 4e-5 s apart.
+            # Third derivatives of 1e4 between two times 4e-5 s apart.
             self.assertLess(abs(jump), 1.0)
 
     def test_a_clamped_spline_reproduces_a_cubic(self):
@@ -307,7 +307,7 @@ class Playing(unittest.TestCase):
         torques = np.zeros_like(frames)
         torques[10:] = 10.0
         points = player.setpoints(robot, frames, torques, motion, 1, "torque")
-        # A third of the limit in each of the 120 periods a second, and no more than the limit.
+        # A third of the limit in each of the 120 periods per second, and at most the limit.
         steps = np.diff(points.torque_nm, axis=0) / most
         self.assertAlmostEqual(steps.max(), 1 / 3, delta=1e-12)
         np.testing.assert_allclose(points.torque_nm[-1], most)
@@ -316,7 +316,7 @@ class Playing(unittest.TestCase):
         )
         added = (offset.position_rad - without.position_rad)[-1]
         wheel = [joint is None for _, _, joint, _ in robots.channels(robot)]
-        # By stiffness 1.8 N·m / 80 or 4.38 N·m / 100, and 1.8 N·m / 0.5.
+        # Torque / stiffness: 1.8 N·m / 80 or 4.38 N·m / 100; torque / damping: 1.8 N·m / 0.5.
         self.assertLess(added.max(), 1.0 + 1e-12)
         np.testing.assert_allclose(added[wheel], 1.0)
 
@@ -425,7 +425,7 @@ class Libraries(unittest.TestCase):
 
 
 class Logs(unittest.TestCase):
-    """A log of a car whose wheels are commanded one speed, played as `logged` does."""
+    """A log of a car whose wheels have a constant commanded speed, played as by `logged`."""
 
     def setUp(self):
         self.robot = robots.from_file(next(path for path in ROBOTS if path.stem == "car"))
@@ -464,12 +464,13 @@ class Logs(unittest.TestCase):
         result = self.compared()
         (piece,) = result["pieces"]
         self.assertEqual((piece["motion"], result["fell_at_s"]), ("roll", {"ours": None, "mujoco": None}))
-        # Damping is all that holds a wheel at its speed, and there is next to no load.
+        # Only damping holds a wheel at its speed, and the load is almost zero.
         self.assertAlmostEqual(piece["mujoco"]["forward_m"] / (2.0 * self.radius_m * 239 / 240), 1.0, delta=0.01)
         self.assertEqual(piece["ours"]["forward_m"], 0.0)
 
     def test_motors_are_recorded_at_the_end_of_a_row(self):
-        """Rows of a single step of MuJoCo: quantities derived from the state, such as actuator lengths, are those of the step before."""
+        """Rows of a single step of MuJoCo: quantities derived from the state, such as actuator lengths, are those of
+        the previous step."""
         options = argparse.Namespace(angle_noise=0.0, place_noise=0.0, seed=0)
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(recorded, "PARTS", 1):
             heading, *rows = recorded.record(logged.Log(self.written(folder), self.robot), self.robot, options)

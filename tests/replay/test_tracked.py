@@ -3,7 +3,7 @@
 
     python3 tests/replay/test_tracked.py ROLLWALK PLAN.json
 
-ROLLWALK is the program, PLAN.json the plan of `motions/anymal_turn.toml`, which open loop on its servos does not make a half of.
+ROLLWALK is the program, PLAN.json the plan of `motions/anymal_turn.toml`, of which open loop achieves less than half.
 """
 
 import sys
@@ -42,16 +42,17 @@ class Tracked(unittest.TestCase):
             np.testing.assert_allclose(ours["base"][key], value, atol=1e-5)
 
     def test_a_slope_is_level_to_no_one(self):
-        """Record of a body at rest on a slope: it has the tilt of the slope, and its accelerometer shows gravity in the body's axes."""
+        """Record of a body at rest on a slope. It has the tilt of the slope, and its accelerometer measures gravity
+        in the body's axes."""
         simulation = world.Simulation(self.model, self.motion, world.Case(slope_rad=0.1))
         simulation.start(moving=False)
         sensed = Sensed(self.model, self.model.m.opt.gravity, Noise(0.0, (0.0, 0.0, 0.0), 0.0, 0.0))
         for _ in range(2):
             record = sensed.record(simulation.d, simulation.load, 0.0, 0.002)
-        # It begins uphill, with the heading of the plan, x.
+        # The robot faces uphill, with the plan's heading x.
         g = self.motion.gravity_m_s2
         np.testing.assert_allclose(record["imu"]["accelerometer_m_s2"], [g * np.sin(0.1), 0.0, g * np.cos(0.1)], atol=1e-2)
-        # Nose up: about -y.
+        # Nose up is a rotation about -y.
         np.testing.assert_allclose(sensed.placement()["orientation_wxyz"], [np.cos(0.05), 0.0, -np.sin(0.05), 0.0], atol=1e-9)
 
     def test_a_turn_comes_where_its_plan_does(self):

@@ -1,4 +1,4 @@
-"""A plan tracked in MuJoCo: the controller sees the robot at each tick, and its setpoints act after a delay."""
+"""A plan tracked in MuJoCo: the controller measures the robot at each tick, and its set-points act after a delay."""
 
 from collections import deque
 
@@ -15,7 +15,8 @@ CONTROL_HZ = 500
 
 
 def run(rollwalk, plan, motion, robot, feedback, case=world.Case(), cycles=5, noise=None):
-    """Plays a motion in closed loop, as `world.run` does in open loop; the track has the ticks without tracking as well."""
+    """Plays a motion in closed loop, as `world.run` does in open loop. The track also contains ticks without
+    tracking."""
     ground = Ground()
     model = Model(robot, motion.gravity_m_s2, ground)
     torques, _ = feedforward.frames(model, motion)
@@ -45,7 +46,7 @@ class _Loop:
         self.sensed = Sensed(simulation.model, m.opt.gravity, noise)
         self.per_tick = round(1 / (CONTROL_HZ * m.opt.timestep))
         self.delay = round(simulation.case.delay_s / m.opt.timestep)
-        # Setpoints that do not act yet, by the step from which on they do.
+        # Set-points that do not act yet, by the step at which they begin to act.
         self.on_their_way = deque()
         self.steps = 0
         self.untracked = 0
@@ -53,7 +54,7 @@ class _Loop:
         self.position_rad = first.position_rad[0]
 
     def play(self, first_s, duration_s, moves=True, measured=True):
-        """Steps through the motion from a time on, or rests at that time. False: the robot fell."""
+        """Steps through the motion from a time, or rests at that time. Returns False if the robot fell."""
         simulation, step_s = self.simulation, self.simulation.m.opt.timestep
         for k in range(round(duration_s / step_s)):
             time_s = first_s + (k * step_s if moves else 0.0)

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Compares controllers in MuJoCo, as `rollwalk bench tracking` does in the project's own world: docs/tracking.md, "In MuJoCo".
+"""Compares controllers in MuJoCo, as `rollwalk bench tracking` does in the project's own simulator: docs/tracking.md,
+"In MuJoCo".
 
     python3 tests/replay/tracking.py ROLLWALK --json RESULTS.json [options] PLAN.json [PLAN.json ...]
 
-ROLLWALK is the program, whose `control` tracks the plans. Open loop plays as tests/replay does. Exit code: 0, or 2 if a file or program
-cannot be used.
+ROLLWALK is the program, whose `control` tracks the plans. Open loop plays as in tests/replay. Exit code: 0, or 2 if a
+file or program cannot be used.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-# One process for each run; more threads than that only wait for each other.
+# One process for each run; more threads would only wait for each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -30,13 +31,13 @@ from sensed import Noise  # noqa: E402
 
 ROBOTS = Path(__file__).resolve().parents[2] / "shipped/robots"
 CYCLES = 5
-# Feed-forward of open loop, or feedback of the closed one.
+# Feed-forward of open loop, or feedback of closed loop.
 OPEN = {"servos": "none", "feed-forward": "torque"}
 CLOSED = {"tracking, tasks": "tasks", "tracking, gains": "gains"}
-# Largest push that is looked for, as a part of the weight, and how exactly.
+# Maximum push of the search as a share of the weight, and its resolution.
 PUSH_MOST, PUSH_STEP = 1.6, 0.1
 PHASES, DIRECTIONS = 8, ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-# Under which controllers robots are pushed, and how many periods a pushed run has.
+# Controllers of pushed runs, and number of their periods.
 PUSHED, PUSH_CYCLES = ("feed-forward", "tracking, gains"), 4
 
 
@@ -64,7 +65,7 @@ class Job:
     rollwalk: str
     plan: str
     control: str
-    # None: pushes of one phase and direction.
+    # None stands for pushes of one phase and direction.
     world: World | None = None
     phase: int = 0
     direction: tuple = field(default=())
@@ -72,7 +73,7 @@ class Job:
 
 def main(arguments):
     options = _options(arguments)
-    # Pushes take longest: they come first.
+    # Pushes take longest, so they come first.
     todo = [
         Job(options.rollwalk, plan, control, None, phase, direction)
         for plan in options.plans if Path(plan).name in (options.push or ())
@@ -106,7 +107,7 @@ def run(job):
 
 
 def _largest(job):
-    """Motion and robot, and the largest push after which it stands to the end, found by halving."""
+    """Motion, robot, and the largest push that the robot survives, found by bisection."""
     low, high = 0.0, PUSH_MOST
     while high - low > 1.01 * PUSH_STEP:
         middle = 0.5 * (low + high)
@@ -130,7 +131,7 @@ def _play(job, case, noise, cycles):
 
 
 def _beside(plan):
-    """The robot file of an imported robot, which is beside its plans; None of a shipped robot."""
+    """Robot file of an imported robot, which is beside its plans; None for a shipped robot."""
     file = Path(plan).with_name("robot.toml")
     return str(file) if file.exists() else None
 

@@ -1,7 +1,7 @@
-"""The robot on the ground, played open loop: MuJoCo, servos of the robot file, and what is measured.
+"""Open-loop playback on the ground: MuJoCo, servos of the robot file, and measurements.
 
-Every motion starts in the state of its plan: pose, velocity and spin of the wheels. One that is at rest at its ends
-first stands on its first frame until it has settled, and rests on its last one afterwards.
+Every motion starts in the state of its plan: pose, velocity and spin of the wheels. A motion with rests at its ends
+first stands on its first frame until the robot has settled, and rests on its last frame afterwards.
 """
 
 from dataclasses import dataclass, field
@@ -16,21 +16,22 @@ from drives import Drives
 from model import Ground, Model
 from motion import quantised_torques
 
-# A robot that is at rest at the ends of its motion settles before it, and comes to rest after it.
+# If a motion is at rest at its ends, the robot settles before it, and comes to rest after it.
 SETTLE_S = 1.0
-# Tilt against the plan, rad, and share of the planned height of the centre of mass that make a fall.
+# Limits of a fall: tilt relative to the plan, rad, and share of the planned height of the centre of mass.
 FALL_TILT_RAD, FALL_HEIGHT = 1.0, 0.55
-# An end effector with less of the weight than this does not stand.
+# An end effector with a smaller share of the weight is not in contact.
 STANDS = 0.01
 
 
 @dataclass(frozen=True)
 class Push:
-    """A force for PUSH_S, as a part of the weight, along a direction (ahead, left) of the robot's heading."""
+    """A force for PUSH_S, as a share of the weight, along a direction (forward, left) relative to the robot's
+    heading."""
 
     part: float
     direction: tuple = (0.0, 1.0)
-    # When it begins: in periods of a motion that repeats, or as a part of one that ends.
+    # Start: in periods of a periodic motion, or as a fraction of a motion that ends.
     period: float = 2.3
     moment: float = 0.5
 
@@ -83,19 +84,19 @@ class Track:
     touched: dict = field(default_factory=dict)
     fell_at_s: float | None = None
     missing_force: float = 0.0
-    # Motor that the feed-forward asks most of, and that torque by its limit.
+    # Motor with the largest ratio of feed-forward to limit, and this ratio.
     hardest_motor: tuple = ("", 0.0)
-    # Planned place of the base at every step of a period.
+    # Planned position of the base at every step of a period.
     planned_base_m: np.ndarray | None = None
 
 
 def run(motion, robot, feed_forward="none", case=Case(), cycles=20, control_hz=player.CONTROL_HZ, frames=None,
         torques=None, ground=Ground()):
-    """Plays a motion; `cycles` periods of one that repeats. Its frames and torques are the plan's unless given."""
+    """Plays a motion, or `cycles` periods of a periodic motion. Frames and torques are the plan's unless given."""
     model = Model(robot, motion.gravity_m_s2, ground)
     frames = motion.frames() if frames is None else frames
     needed, missing = feedforward.frames(model, motion)
-    # The torques of a library that was made of the plan hold the robot at its ends, too.
+    # Torques of a library of the plan also hold the robot at its ends.
     rest = feedforward.at_rest(model, motion) if torques is None else torques[[0, -1]]
     torques = quantised_torques(needed, robot) if torques is None else torques
     periods = cycles if motion.periodic else 1
@@ -136,7 +137,7 @@ class Simulation:
             m.body_mass[:] *= case.mass_factor
             m.body_inertia[:] *= case.mass_factor
             mujoco.mj_setConst(m, self.d)
-        # The plane stays level and gravity turns: uphill along the first heading.
+        # The plane stays level, and gravity is rotated: uphill is along the first heading.
         g, yaw = motion.gravity_m_s2, motion.base(0.0)[1][0]
         down = -math.sin(case.slope_rad) * np.array([math.cos(yaw), math.sin(yaw), 0.0])
         m.opt.gravity[:] = g * (down - [0.0, 0.0, math.cos(case.slope_rad)])
@@ -157,7 +158,7 @@ class Simulation:
             math.sin(yaw) * math.sin(pitch) * math.cos(roll) - math.cos(yaw) * math.sin(roll),
             math.cos(pitch) * math.cos(roll),
         ])
-        # In the frame of the heading, which a robot that turns may have lost.
+        # In the frame of the actual heading, which may differ from the planned heading.
         c, s = math.cos(yaw), math.sin(yaw)
         ahead = np.array([c * up[0] + s * up[1], c * up[1] - s * up[0], up[2]])
         return position, ahead, self.motion.stance(time_s)
@@ -172,7 +173,7 @@ class Simulation:
         self.load = np.zeros(len(self.model.foot_geoms))
 
     def play(self, points, duration_s, first=0.0, steps=None, measured=True):
-        """Steps through setpoints from their time `first` on; a hold where it is None. False: the robot fell."""
+        """Steps through set-points from time `first`, or a hold if it is None. Returns False if the robot fell."""
         step_s = self.m.opt.timestep
         delay = 0.0 if first is None else self.case.delay_s
         last = len(points.position_rad) - 1
@@ -191,7 +192,7 @@ class Simulation:
         return True
 
     def command(self, points, tick):
-        """Tells the drives the setpoints of a tick; those of a wheel are speeds."""
+        """Sends the set-points of a tick to the drives. Set-points of wheels are speeds."""
         self.d.ctrl[:] = (
             self.kp * points.position_rad[tick]
             + np.where(self.kp > 0, self.kd * points.speed_rad_s[tick], self.kd * points.position_rad[tick])
@@ -261,7 +262,7 @@ class Simulation:
         errors = np.abs(d.qpos[self.model.joint_qpos] - position_rad[:joints])
         track.joint_error_rad.append(errors.max(initial=0.0))
         com = d.subtree_com[1][2]
-        # The centre of mass is as much below its plan as the body, whose origin may lie anywhere.
+        # The centre of mass is below its plan by as much as the body, whose origin is arbitrary.
         planned_com = com + height - d.xpos[1, 2]
         if tilt > FALL_TILT_RAD or com < FALL_HEIGHT * planned_com or not math.isfinite(com):
             track.fell_at_s = len(track.yaw_rad) * m.opt.timestep

@@ -16,18 +16,20 @@ from rosbags.typesys import Stores
 import ros
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-# Their own, so that neither other tests nor nodes of ROS on this computer are in them. Higher ones than 100 have ports that Linux gives away.
+# Separate domains, so that they contain neither other tests nor nodes of ROS on this computer. Linux assigns ports of
+# domains above 100 to other programs.
 DOMAINS = itertools.count(1 + os.getpid() % 99)
-# Of a motion that lasts some seconds, on a computer with other work.
+# Longest wait for a motion of a few seconds on a busy computer.
 PLAYED_S = 30.0
-# Of a command that plans.
+# Longest wait for a command that plans.
 COMMAND_S = 600.0
-# Their message definitions come with rosbags.
+# Rosbags contains their message definitions.
 DISTRIBUTIONS = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY, Stores.ROS2_KILTED, Stores.ROS2_LYRICAL)
 
 
 class Bench(unittest.TestCase):
-    """A robot in its simulator and a node for it, for all tests of a class, which names the robot. Each begins where the one before ended."""
+    """A simulated robot and a node for all tests of a class, which names the robot. Each test begins in the final
+    state of the previous test."""
 
     ROBOT = None
     LIBRARY = None
@@ -86,7 +88,7 @@ class Bench(unittest.TestCase):
 
     @classmethod
     def start(cls, *command, **environment):
-        """Starts a program that runs until it is asked to end."""
+        """Starts a program that runs until a signal."""
         environment = {**os.environ, **environment}
         process = subprocess.Popen([str(part) for part in command], env=environment)
         cls.processes.append(process)
@@ -101,7 +103,7 @@ class Bench(unittest.TestCase):
         )
 
     def done(self, name):
-        """Calls a service that does what it is asked to."""
+        """Calls a service that succeeds."""
         success, message = self.services[name].call()
         self.assertTrue(success, f"{name}: {message}")
         return message
@@ -113,7 +115,7 @@ class Bench(unittest.TestCase):
         return message
 
     def await_text(self, reader, wanted, seconds=PLAYED_S):
-        """Reads texts until one is as wanted; those before it."""
+        """Reads texts until one matches; returns the texts before it."""
         seen = []
 
         def is_there():
@@ -135,9 +137,9 @@ class Bench(unittest.TestCase):
 
 
 def plain(message):
-    """A message of either library as dictionaries, lists, numbers and texts."""
+    """Message of either library as dictionaries, lists, numbers and texts."""
     if dataclasses.is_dataclass(message):
-        # Constants of a message are in capitals, and its type has a name that no field can have.
+        # Constants of a message are upper case, and the name of its type cannot be a field.
         names = (field.name for field in dataclasses.fields(message))
         return {name: plain(getattr(message, name)) for name in names if name.islower() and name[0] != "_"}
     if isinstance(message, (str, int, float)):

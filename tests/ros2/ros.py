@@ -1,7 +1,7 @@
 """A client of ROS 2 without ROS: messages, topics and services over Cyclone DDS, which shares no code with the node.
 
-Topics and services are what rmw_cyclonedds_cpp makes of them: `rt/NAME`, `rq/NAMERequest` and `rr/NAMEReply`, with the client
-and the number of the request at the beginning of both (docs/ros2.md).
+Topics and services have the names of rmw_cyclonedds_cpp: `rt/NAME`, `rq/NAMERequest` and `rr/NAMEReply`, with the
+client and the number of the request at the beginning of both (docs/ros2.md).
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-# On this computer alone, and without multicast, which the loopback interface may not have.
+# Only on this computer, and without multicast, because the loopback interface may lack it.
 CONFIG = """<CycloneDDS><Domain><General>
   <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>
 </General><Discovery>
@@ -36,7 +36,7 @@ class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
 
 @dataclasses.dataclass
 class Broken(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    """Malformed string: its length exceeds the message."""
+    """Malformed string whose length exceeds the message."""
 
     length: uint32
 
@@ -165,11 +165,11 @@ class Trigger:
         self.reader = DataReader(participant, reply, STREAMED)
 
     def call(self, seconds=5.0):
-        """The answer: whether it was done, and a message."""
+        """Answer: success, and a message."""
         return self.answer(self.begin(), seconds)
 
     def begin(self):
-        """Calls, without waiting for the answer: which call it is."""
+        """Calls without waiting for the answer; returns the number of the call."""
         wait_for(lambda: self.writer.get_matched_subscriptions(), f"{self.name} is offered")
         wait_for(lambda: self.reader.get_matched_publications(), f"{self.name} answers")
         client, number = 0x0123456789ABCDEF, next(self.numbers)
@@ -177,7 +177,7 @@ class Trigger:
         return client, number
 
     def answer(self, call, seconds=5.0):
-        """The answer to a call that was begun."""
+        """Answer to a call."""
 
         def answer():
             answers = [one for one in self.reader.take(10) if isinstance(one, TriggerResponse)]
@@ -188,7 +188,7 @@ class Trigger:
 
 
 def wait_for(condition, what, seconds=10.0):
-    """The first value of a condition that is true."""
+    """First true value of a condition."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         value = condition()

@@ -27,7 +27,7 @@ class Control(unittest.TestCase):
                     self.check(file, pathlib.Path(folder))
 
     def check(self, file, folder):
-        """Checks a robot: each motor has the one controller that commands its interface."""
+        """Checks that each motor of a robot has exactly one controller that commands its interface."""
         urdf, yaml = folder / f"{file.stem}.urdf", folder / f"{file.stem}.yaml"
         for args in (["--ros2-control", "-o", urdf], ["-o", yaml]):
             subprocess.run([os.environ["ROLLWALK"], "robot", "export", file, *args], check=True, capture_output=True, timeout=60)

@@ -1,7 +1,8 @@
-"""`rollwalk-ros2` on a simulated AgileBot that is driven by velocities: how far it comes in its world, and when it stops.
+"""Tests of `rollwalk-ros2` on a simulated AgileBot that is driven by velocities: its distance in the simulated world,
+and when it stops.
 
-Run by `cargo xtask nightly --only ros2`, as test_node.py is. Where the robot is stands in the log of its world (docs/formats/world-log.md), which the
-node does not see.
+Run by `cargo xtask nightly --only ros2`, as test_node.py is. The position of the robot is in the log of its world
+(docs/formats/world-log.md), which the node does not read.
 """
 
 import csv
@@ -16,7 +17,7 @@ import bench
 import ros
 from bench import PLAYED_S
 
-# Of a robot that stands: less than it sways.
+# Displacement of a standing robot, smaller than its sway.
 AT_REST_M_S = 0.01
 
 
@@ -112,7 +113,7 @@ class Drive(bench.Bench):
         self.drive_for(6.0, forward=0.15)
         self.await_rest()
         steps = since(self.world.read(), before)
-        # 6 s, and half a second in which the last velocity counts. The robot sets off as late as it stops.
+        # 6 s, and half a second in which the last velocity is valid. The robot starts as late as it stops.
         self.assertAlmostEqual(way(before, steps[-1]), 0.15 * 6.5, delta=0.15)
         cruising = [step.speed_m_s for step in steps if way(before, step) > 0.2 and way(step, steps[-1]) > 0.3]
         self.assertAlmostEqual(sum(cruising) / len(cruising), 0.15, delta=0.015)
@@ -136,7 +137,7 @@ class Drive(bench.Bench):
         success, message = self.services["return"].call(PLAYED_S)
         self.assertTrue(success, message)
         self.await_text(self.state, "Ready")
-        # It does not set off again by itself.
+        # The robot does not start again without a command.
         self.drive_for(2.0, forward=0.2)
         self.await_state_stays("Ready")
 
@@ -152,7 +153,7 @@ class Drive(bench.Bench):
         self.drive_for(1.0, forward=0.2)
         self.assertIn("emergency stop", self.refused("drive"))
         self.await_state_stays("EStopped")
-        # The hoist picks it up when it has been without torque for 3 s.
+        # The hoist picks the robot up after 3 s without torque.
         ros.wait_for(lambda: self.world.read()[-1].held, "the hoist holds the robot", PLAYED_S)
         self.done("clear")
         self.await_text(self.state, "Disarmed")
@@ -168,7 +169,7 @@ class Drive(bench.Bench):
 
     def test_8_stamped_velocities_count_from_their_stamps_on(self):
         self.__class__.node = self.start_node("--ros-args", "-p", "use_stamped_vel:=true")
-        # DDS has one type for a topic of a participant.
+        # In DDS, a topic of a participant has one type.
         other = ros.Client(self.number)
         stamped = other.writer("/cmd_vel", ros.TwistStamped)
         ros.wait_for(lambda: stamped.get_matched_subscriptions(), "the node listens")
@@ -196,18 +197,18 @@ class Drive(bench.Bench):
         self.await_text(self.state, "Streaming")
 
     def await_state_stays(self, state):
-        """The last state that the node has published."""
+        """Last state that the node published."""
         late = self.client.reader("/rollwalk/state", ros.String, ros.LATCHED)
         self.assertEqual(ros.wait_for(lambda: late.take(1), "a state")[0].data, state)
 
 
 def twist(forward, turn):
-    """A velocity ahead, m/s, and a turn to the left, rad/s."""
+    """A forward velocity, m/s, and a turn to the left, rad/s."""
     return ros.Twist(ros.Vector3(forward, 0.0, 0.0), ros.Vector3(0.0, 0.0, turn))
 
 
 def header(age_s):
-    """The header of a message of this age."""
+    """Header of a message of this age."""
     at_s = time.time() - age_s
     return ros.Header(ros.Time(int(at_s), int(at_s % 1.0 * 1e9)), "base_link")
 
@@ -223,6 +224,6 @@ def since(steps, before):
 
 
 def fastest(steps, count):
-    """The fastest mean speed over that many steps, m/s."""
+    """Greatest mean speed over this number of steps, m/s."""
     speeds = [step.speed_m_s for step in steps]
     return max(sum(speeds[k : k + count]) / count for k in range(len(speeds) - count))

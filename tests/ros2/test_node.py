@@ -1,4 +1,5 @@
-"""`rollwalk-ros2` on a simulated Pup, as nodes of ROS 2 see it: topics, services, and what becomes of the robot when it ends.
+"""Tests of `rollwalk-ros2` on a simulated Pup from other nodes of ROS 2: topics, services, and the robot after the
+node's end.
 
 Run by `cargo xtask nightly --only ros2`, which sets ROLLWALK, ROLLWALK_SIM and ROLLWALK_ROS2 to the programs under test.
 """
@@ -139,7 +140,7 @@ class Node(bench.Bench):
         self.node.send_signal(signal.SIGTERM)
         self.assertEqual(self.node.wait(timeout=PLAYED_S), 0)
         self.await_text(self.state, "Disarmed")
-        # Disarmed in order: a robot that lost its host would have to be cleared.
+        # The robot is disarmed properly. A robot that lost its host would need a clear.
         self.rollwalk("send", "--arm", "stand:0.2", "--bus", self.bus)
 
     def test_9_a_killed_node_leaves_a_robot_that_stops_by_itself(self):

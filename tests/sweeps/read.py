@@ -17,7 +17,7 @@ def validate(manifest):
     kubernetes_validate.validate(job, KUBERNETES, strict=True)
     shards, words = job["spec"]["completions"], job["spec"]["template"]["spec"]["containers"][0]["command"]
     assert job["spec"]["completionMode"] == "Indexed" and f"--shards {shards}" in words[-1], words
-    # A check that cannot fail is none.
+    # Proves that the check can fail.
     job["spec"]["completions"] = "many"
     try:
         kubernetes_validate.validate(job, KUBERNETES, strict=True)

@@ -1,8 +1,8 @@
-"""The package `rollwalk` as it is installed, against the command line and against itself.
+"""Tests of the installed package `rollwalk` against the command line and against itself.
 
     ROLLWALK=path/to/rollwalk python -m unittest discover apps/python/tests
 
-`cargo xtask nightly --only wheel` builds the wheel, installs it in an environment of its own and runs this there.
+`cargo xtask nightly --only wheel` builds the wheel, installs it in a separate environment and runs these tests there.
 """
 
 import csv
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import rollwalk
 
-# Some seconds of work.
+# A few seconds of work.
 LONG = "table_2_1/creature3_fast_walk"
 
 STAND = """
@@ -44,7 +44,7 @@ def move(forward_m: float = 0.05, duration_s: float = 1.0) -> rollwalk.Motion:
 
 
 class CommandLine(unittest.TestCase):
-    """What it does and what it says is what the command line does and says."""
+    """Effects and messages equal those of the command line."""
 
     def setUp(self) -> None:
         self.rollwalk = os.environ["ROLLWALK"]
@@ -143,7 +143,7 @@ class CommandLine(unittest.TestCase):
             rollwalk.Robot.from_file(path)
         self.assertEqual(str(raised.exception).strip(), said.strip())
         self.assertIn("speed_limit_rad_s", said)
-        # The same where another file names it.
+        # The same if another file names it.
         with self.assertRaises(rollwalk.RollwalkError) as again:
             rollwalk.build_library(self.folder / "motions" / "pup_library.toml")
         self.assertEqual(str(again.exception), str(raised.exception))
@@ -234,7 +234,7 @@ class Plans(unittest.TestCase):
         self.assertEqual(samples.contact.shape, (rows, feet))
         self.assertEqual(samples.contact.dtype, np.bool_)
         self.assertEqual(samples.contact_force_n.shape, (rows, feet, 3))
-        # The ground carries the weight, in the mean of a period, and nothing at feet that swing.
+        # On average over a period, the ground carries the weight, and feet in swing carry nothing.
         weight_n = 9.80665 * plan.robot.mass_kg
         mean_n = samples.contact_force_n.sum(axis=1).mean(axis=0)
         np.testing.assert_allclose(mean_n, [0.0, 0.0, weight_n], atol=0.02 * weight_n)
@@ -304,7 +304,7 @@ class LongWork(unittest.TestCase):
                 work()
 
     def test_ctrl_c_ends_the_work(self) -> None:
-        # Shells start what runs in the background with SIGINT ignored, and Python leaves it so.
+        # Shells start background programs with SIGINT ignored, and Python keeps that.
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
         self.addCleanup(signal.signal, signal.SIGINT, before)
         begun = threading.Event()
@@ -337,7 +337,7 @@ class LongWork(unittest.TestCase):
         during = turns - before
         done.set()
         other.join()
-        # Of a second or more; with the lock held it would be none or one.
+        # Ticks during a second or more. With the lock held, there would be at most one.
         self.assertGreater(during, 20)
 
 

@@ -32,7 +32,7 @@ class Tutorial(unittest.TestCase):
         run, why = names["run"], said.getvalue()
         self.assertIsInstance(run, rollwalk.Simulation)
         self.assertTrue(run.holds)
-        # What the page says of its own output.
+        # Output according to the page.
         self.assertIn("would do:", why)
         self.assertLess(names["further"].iterations, names["plan"].iterations)
         power = names["of_drive"].gradients["power"]

@@ -1,7 +1,7 @@
-"""Exported robots as MuJoCo, Pinocchio and urdf_parser_py read them, against poses of the project's own kinematics.
+"""Compares exported robots, read by MuJoCo, Pinocchio and urdf_parser_py, with poses of the project's own kinematics.
 
-Usage: consumers.py FOLDER, with NAME.urdf, NAME.xml and NAME.poses.json of each exported robot, and NAME.xml and NAME.imported.json of
-each that was imported from a model. Exit code 1 with the first difference.
+Usage: consumers.py FOLDER, with NAME.urdf, NAME.xml and NAME.poses.json of each exported robot, and NAME.xml and
+NAME.imported.json of each robot that was imported from a model. Exit code 1 at the first difference.
 """
 
 import json
@@ -11,12 +11,12 @@ import sys
 import mujoco
 import numpy as np
 
-# Metres, radians and kg m2: what double precision leaves after a dozen joints.
+# Error of double precision after a dozen joints: m, rad and kg m2.
 TOLERANCE = 1e-9
 
 
 class Different(Exception):
-    """A number of another tool is not ours."""
+    """A number of another tool differs from ours."""
 
 
 def main(folder):
@@ -83,7 +83,8 @@ def in_mujoco(path, expected):
 
 
 def imported(path, expected):
-    """The model that a robot was imported from: mass, limits from where joints begin, poses of feet, centre of mass, inertia."""
+    """Compares with the model from which a robot was imported: mass, limits relative to the initial joint positions,
+    poses of feet, centre of mass, inertia."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     worst = compare(f"{path}: mass", model.body_subtreemass[1], expected["mass_kg"])
@@ -127,7 +128,7 @@ def in_pinocchio(path, expected):
         q = pinocchio.neutral(model)
         for name, angle in zip(expected["joints"], pose["joint_rad"]):
             q[model.joints[model.getJointId(name)].idx_q] = angle
-        # Continuous joints are a cosine and a sine; inertia of wheels does not depend on their angle.
+        # Continuous joints are given by cosine and sine; the inertia of wheels does not depend on their angle.
         wheels = zip(expected["end_effectors"], pose["wheel_rad"])
         for name, angle in ((foot["name"], angle) for foot, angle in wheels if foot["spins"]):
             at = model.joints[model.getJointId(name)].idx_q
@@ -150,7 +151,7 @@ def in_pinocchio(path, expected):
 
 
 def urdf_fields(path, expected):
-    """Limits and the tree in a reader that only reads."""
+    """Compares limits and tree in a reader without kinematics."""
     from urdf_parser_py.urdf import URDF
 
     robot = URDF.from_xml_string(path.read_bytes())

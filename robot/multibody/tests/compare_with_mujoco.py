@@ -3,10 +3,10 @@
 
     python3 robot/multibody/tests/compare_with_mujoco.py ROBOT.json...
 
-The files come from robot/multibody/tests/multibody/mujoco.rs: a MuJoCo model, random states and what Rust computed for
-them. Every result must agree to 1e-9 of the largest number of its array (dynamics entry by entry, weighted with
-the mass matrix). Then the comparison itself is tested: it must find an error planted in each result and in several
-properties of the MuJoCo model. Exit status 1: something differs, named on stderr.
+The files come from robot/multibody/tests/multibody/mujoco.rs: a MuJoCo model, random states, and the results of Rust.
+Every result must agree to 1e-9 of the largest number of its array (dynamics entry by entry, weighted with the mass
+matrix). Then the comparison itself is tested: it must find an error planted in each result and in several properties
+of the MuJoCo model. Exit status 1: something differs, named on stderr.
 """
 
 import json
@@ -85,7 +85,7 @@ def cross_matrix(v):
 
 
 def rim_point(axis, normal, radius):
-    """Lowest point of a circle by its angle in a basis of its plane, with what its rate needs."""
+    """Lowest point of a circle as angle in a basis of its plane, with the terms of its rate."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)
@@ -105,7 +105,7 @@ def rim_point(axis, normal, radius):
 
 
 def reference(model, state):
-    """What MuJoCo says, in the form of the results."""
+    """Values of MuJoCo in the form of the results."""
     m, d, data = model.m, model.d, model.data
     model.place(state)
     nu = np.array(state["velocity"])
@@ -140,7 +140,7 @@ def reference(model, state):
             "position": position, "material_jacobian": jp, "material_jacobian_derivative": djp,
             "material_velocity": jp @ nu, "material_bias": djp @ nu,
             "geometric_velocity": geometric,
-            # Jacobian times nu, taken at a point that wanders over the tyre.
+            # Jacobian times nu at a point that moves over the tyre.
             "rolling_bias": djp @ nu + np.cross(jr @ nu, geometric - jp @ nu),
         })
 
@@ -206,14 +206,14 @@ def named(path):
 
 
 def difference(path, found, expected, root):
-    """Largest error of an array relative to its scale; infinite for what is not a number."""
+    """Largest error of an array relative to its scale; infinite for NaN."""
     assert found.shape == expected.shape, (path, found.shape, expected.shape)
     error = (np.abs(found - expected) / scale(path, expected, root)).max()
     return error if np.isfinite(error) else np.inf
 
 
 def differences(results, expected):
-    """Paths and errors, relative to their scale, of what Rust and MuJoCo do not agree on; and the largest error."""
+    """Paths and relative errors of results on which Rust and MuJoCo disagree, and the largest error."""
     found, wanted = list(leaves(results)), list(leaves(expected))
     assert [path for path, _ in found] == [path for path, _ in wanted]
     root = np.sqrt(np.diag(expected["mass_matrix"]))

@@ -8,9 +8,10 @@ from launch.substitutions import Command, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-# Of an end by Ctrl-C the robot returns to SAFE first; a second signal would cut that off, and the robot would have to be cleared.
+# After Ctrl-C the robot first returns to SAFE. A second signal would interrupt the return, and the robot would need a
+# clear.
 HOME_S = "30"
-# Arguments of the launch file: a default, if there is one, and what they are.
+# Arguments of the launch file, with default, if any, and description.
 ARGUMENTS = {
     "bus": (None, "sim, can:can0, serial:/dev/ttyUSB0 or slcan:/dev/ttyACM0"),
     "namespace": ("", "namespace of the nodes"),
@@ -22,7 +23,7 @@ ARGUMENTS = {
 
 
 def nodes(context):
-    """The robot's node; with a robot file also the publisher of transforms, which takes the URDF when it starts."""
+    """The robot's node. With a robot file, also the publisher of transforms, which reads the URDF at its start."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     files = [word for name in ("robot", "library", "gait") if given[name] for word in (f"--{name}", given[name])]
     robot = Node(
@@ -43,7 +44,7 @@ def nodes(context):
         executable="robot_state_publisher",
         namespace=given["namespace"] or None,
         parameters=[{"robot_description": ParameterValue(urdf, value_type=str)}],
-        # The robot's node publishes it where others look.
+        # The robot's node publishes the URDF on the usual topic.
         remappings=[("robot_description", "~/robot_description")],
     )
     return [robot, transforms]

@@ -1,8 +1,8 @@
 """Motions of robots with legs and wheels: plan, plan again, report, sample, build libraries, simulate, design.
 
-Numbers are in SI units, which their names have: `speed_rad_s`, `force_n`. The world has x forward, y to the left and z up;
-quaternions have w first. Arrays are NumPy's, with a letter for each axis in their documentation: T rows of time, J joints,
-E end effectors. The tutorial is docs/python.md in Rollwalk's repository.
+Names of numbers end with their SI unit: `speed_rad_s`, `force_n`. In the world, x is forward, y left and z up;
+quaternions have w first. Arrays are NumPy arrays. The documentation names their axes by letters: T rows of time, J
+joints, E end effectors. The tutorial is docs/python.md in Rollwalk's repository.
 """
 
 from ._errors import Infeasible, NotConsistent, RollwalkError

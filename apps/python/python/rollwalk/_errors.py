@@ -1,4 +1,4 @@
-"""Exceptions of `rollwalk`. The compiled module raises them, with the words of the command line."""
+"""Exceptions of `rollwalk`. The compiled module raises them with the messages of the command line."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ if TYPE_CHECKING:
 
 
 class RollwalkError(ValueError):
-    """An input that is wrong: the message names file, line, field, value and what would be right."""
+    """Wrong input. The message names file, line, field, value and the right value."""
 
 
 class NotConsistent(RollwalkError):
-    """A request for which no consistent plan was found, in the words of `rollwalk report`.
+    """Request without a consistent plan. The message is that of `rollwalk report`.
 
-    `plan` is the best that was found: its `report()`, its samples and a run in the simulation show what is wrong.
+    `plan` is the best plan. Its `report()`, its samples and a simulation show the problem.
     """
 
     def __init__(self, message: str, plan: Plan) -> None:
@@ -24,7 +24,7 @@ class NotConsistent(RollwalkError):
 
 
 class Infeasible(NotConsistent):
-    """A request that cannot be met. `diagnosis` has the constraints that contradict each other, and what would do."""
+    """Request that cannot be met. `diagnosis` contains the conflicting constraints and feasible values."""
 
     def __init__(self, message: str, plan: Plan, diagnosis: Diagnosis) -> None:
         super().__init__(message, plan)
