@@ -1,6 +1,6 @@
-// Builds the page into ../dist, or into the folder given: node build.mjs [--out FOLDER].
-// The same sources give the same bytes. three.js is a file of its own, so that a change of the page
-// does not change it; scripts are classic ones, because modules do not load from file://.
+// Builds the page into ../dist, or into the folder given: node build.mjs [--out FOLDER]. The same sources give the same bytes.
+// three.js is a separate file, which a change of the page does not affect. Scripts are classic, because modules do not load from
+// file://.
 import { build } from "esbuild";
 import { cp, mkdir, readFile, readdir, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
@@ -49,7 +49,7 @@ const threeFromPage = {
   },
 };
 
-/** Workers, which the page has as texts: `engine-worker-source` is what src/engine/worker.ts comes to. */
+/** Workers, which the page contains as text: `engine-worker-source` is the compiled src/engine/worker.ts. */
 const workerSources = {
   name: "sources of workers",
   setup({ onResolve, onLoad }) {

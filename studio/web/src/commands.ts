@@ -1,4 +1,4 @@
-// What can be done from header, menus and keyboard, in one place.
+// Commands of header, menus and keyboard.
 
 import { Cancelled } from "./engine/engine.ts";
 import { baseName } from "./project/documents.ts";
@@ -34,7 +34,7 @@ export function buildCommands(studio: Studio, playback: Playback, view: View | n
       const limit = isPublic ? "" : " The link works only on computers where this page has the same address. Send others the files or the animation instead.";
       studio.notify(`Copied a link of ${link.length} characters that contains the whole project. Nothing was sent.${limit}`);
     } catch {
-      // No clipboard (not allowed, or an insecure page): the address bar is one as well.
+      // Without a clipboard (not allowed, or an insecure page), the link goes to the address bar.
       history.replaceState(null, "", await linkTo(studio.documents.now));
       studio.notify("The link is in the address bar and contains the whole project. Nothing was sent.");
     }

@@ -1,13 +1,12 @@
-// What page and engine say to each other: requests, answers and the values in them.
-// Frames: world, z up. Units stand in the names; all are SI.
+// Messages between page and engine: requests, answers and their values. Frames: world, z up. Names contain units; all are SI.
 
 export type Vec3 = [number, number, number];
 export type File = { path: string; text: string };
 
-/** Names of the files of a command line that the page shows first. */
+/** Names of the command line's files that the page shows first. */
 export type InitialFiles = Record<"motion" | "library" | "robot" | "robot_in_motion" | "plan" | "urdf" | "side", string | null>;
 
-/** Start of a solve; a plan file comes with the request, as bytes. */
+/** Start of a solve; the request contains a plan file as bytes. */
 export type Start = "scratch" | "good" | "plan";
 
 export type RequestBody =
@@ -29,7 +28,7 @@ export type RequestBody =
   | { kind: "library"; files: File[]; library: string }
   | { kind: "compare"; files: File[]; motion: string; library: string }
   | { kind: "export"; what: "csv" | "json"; rate_hz: number }
-  /** Files of the command line; for an engine in the program that serves the page. */
+  /** Files of the command line, if the engine is in the program that serves the page. */
   | { kind: "given" }
   | { kind: "keep"; text: string; by: string; from: string }
   | { kind: "save"; path: string; text: string }
@@ -38,7 +37,7 @@ export type RequestBody =
 export type ConnectionKind = "simulated" | "serial" | "slcan" | "relay";
 export type Intent = "arm" | "pause_or_resume" | "return" | "disarm" | "estop" | "clear" | "quit";
 
-/** Request to a robot at the other end of a link; bytes of the answer are to be sent to it. */
+/** Request to a robot at the other end of a link. The bytes of the answer must be sent to the robot. */
 export type RobotRequest =
   | { robot: "connect"; place: ConnectionKind; files: File[]; file: string; node: number; gamepad: boolean; key: { text: string; nonce: [number, number] } | null }
   | { robot: "tick"; attended: boolean; gamepad: GamepadSeen[] }
@@ -49,7 +48,7 @@ export type RobotRequest =
   | { robot: "name" }
   | { robot: "leave" };
 
-/** A standard gamepad of the Gamepad API, or why there is none. */
+/** A standard gamepad of the Gamepad API, or the reason why there is none. */
 export type GamepadSeen = { id: string; buttons: number[]; axes: number[] } | { gone: string };
 
 export type RobotView = {
@@ -67,7 +66,7 @@ export type RobotView = {
   complaint: string | null;
   faults: string[];
   motions: { name: string; code: number | null; looping: boolean }[];
-  /** Motion that is played: clip in the library, current time within it, and playback rate (1 at planned speed). */
+  /** Motion that plays: clip in the library, present time within the clip, and playback rate (1 at planned speed). */
   playing: { name: string; clip: number; time_s: number; rate: number } | null;
   library: string | null;
   transfer: [number, number] | null;
@@ -96,7 +95,7 @@ export type Edit =
   | { edit: "add_motion"; name: string; file: string }
   | { edit: "remove_motion"; name: string }
   | { edit: "transition"; from: string; to: string; duration_s: number | null }
-  /** A limit of the robot file, wherever the file has it. */
+  /** A limit of the robot file, at any place in the file. */
   | { edit: "everywhere"; key: string; from: number; value: number };
 
 export type Fault = {
@@ -123,7 +122,7 @@ export type Shape = {
 
 export type Joint = {
   name: string;
-  /** The link that it moves. */
+  /** Link that the joint moves. */
   body: number;
   position_min_rad: number;
   position_max_rad: number;
@@ -153,13 +152,13 @@ export type Parameter = {
   step: number;
 };
 
-/** A quantity that plans are judged by, and what it changes by with a small step of each parameter, the motion planned anew. */
+/** A quantity of plans, and its change with a small step of each parameter, with the motion planned again. */
 export type QuantitySlopes = { name: string; unit: string; value: number; /** Changes are not compared with less than this. */ little: number; slopes: { name: string; step: number; by_step: number }[] };
 
 export type Scene = {
   name: string;
   bodies: { name: string; shapes: Shape[] }[];
-  /** Poses of all bodies as the robot stands, `x y z qw qx qy qz`; empty if it cannot. */
+  /** Poses of all bodies of the standing robot, `x y z qw qx qy qz`; empty if the robot cannot stand. */
   standing: number[][];
   joints: Joint[];
   end_effectors: EndEffector[];
@@ -236,7 +235,7 @@ export type Graph = {
   via_safe_s: number | null;
   /** Transitions that the file lists individually. */
   transitions: { from: string; to: string; duration_s: number | null }[];
-  /** Motion files of the project that the library does not have. */
+  /** Motion files of the project that the library does not contain. */
   others: { name: string; file: string }[];
   faults: Fault[];
 };
@@ -254,7 +253,7 @@ export type OpenedDocuments = { scene: Scene; motion: MotionView; /** Paths of m
 export type Planned = OpenedDocuments & { solve: Solve; frames: FramesHeader; converged: boolean; good: boolean };
 
 export type Progress = {
-  /** Outcome of the first start, once it has found the request infeasible. */
+  /** Outcome of the first start, after it has found the request infeasible. */
   refused?: Solve;
   iteration: number;
   worst_level: number;

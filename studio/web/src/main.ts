@@ -1,4 +1,5 @@
-// The page: chooses the engine, builds the parts and opens what was open before, what the link holds, or an example.
+// Entry point of the page: chooses the engine, builds the parts, and opens the previous project, the project of the link, or an
+// example.
 
 import { chooseEngine } from "./engine/choose.ts";
 import { start } from "./start.ts";

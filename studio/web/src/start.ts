@@ -1,4 +1,4 @@
-// Puts the page together around an engine.
+// Assembles the page around an engine.
 
 import { buildCommands } from "./commands.ts";
 import type { Fault } from "./contract.ts";
@@ -79,7 +79,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   bindKeys(commands, playback, view, tools);
   acceptDrops(studio, root);
 
-  // For tests and for the console; the page itself does not read it.
+  // For tests and the console; the page itself does not read it.
   Object.assign(globalThis, { studio: { state: studio, playback, view, link, beside } });
 
   await openFirst(studio);
@@ -93,7 +93,7 @@ export async function start(root: HTMLElement, engine: Engine) {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches && !navigator.webdriver) playWhenPlanned(studio, playback);
 }
 
-/** Builds the picture; null without WebGL 2, where everything else works. */
+/** Builds the 3D view; null without WebGL 2, without which everything else works. */
 function buildView(host: HTMLElement, studio: Studio, playback: Playback, settings: Settings): View | null {
   try {
     return new View(host, studio, playback, settings);
@@ -104,7 +104,7 @@ function buildView(host: HTMLElement, studio: Studio, playback: Playback, settin
   }
 }
 
-/** The first motion is played once it is there: a picture that moves is read before any number. */
+/** The first motion plays as soon as it is planned, because users look at a moving picture first. */
 function playWhenPlanned(studio: Studio, playback: Playback) {
   let played = false;
   const play = () => {

@@ -19,7 +19,7 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
     robot = await startRobot(root, bus);
     served = await serveStudio(root, ["motions/test_leg_library.toml", "--bus", bus]);
     browser = await launch(name);
-    // Robots wait 0.25 s for a heartbeat: drawing in software leaves the programs too little of the processors.
+    // Robots wait 0.25 s for a heartbeat. Drawing in software leaves too little processor time to the programs.
     studio = await Studio.open(browser, `${served.address}&quality=low`);
   });
   after(async () => {
@@ -51,7 +51,7 @@ for (const name of browsers) describe(`a robot behind the page that rollwalk stu
     }
   });
 
-  // In Firefox bytes of a worker's WebSocket pass through the page's own thread: there the first would disarm it.
+  // In Firefox, bytes of a worker's WebSocket pass through the page's thread, where the first delay would disarm the robot.
   test("it stays armed while the page is busy for half a second, and does not for three", { skip: name === "firefox" }, async () => {
     await studio.button("Connect");
     await studio.until(() => globalThis.studio.link.view?.contact);

@@ -1,4 +1,4 @@
-// What can be done to swings, without a browser.
+// Edits of swings, without a browser.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./load.mjs";

@@ -11,7 +11,7 @@ import WebSocket from "ws";
 import { Program, program, simulator } from "./programs.mjs";
 import { WAIT_MS, within } from "./within.mjs";
 
-// A CommonJS module has no named exports here.
+// CommonJS modules have no named exports here.
 const { FoxgloveClient } = protocol;
 const TOPICS = ["/tf", "/robot", "/joint_states", "/planned_joint_states", "/forces"];
 const SCHEMAS = ["foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.JointStates", "foxglove.JointStates", "foxglove.SceneUpdate"];
@@ -24,7 +24,7 @@ function conforms(value, schema) {
   for (const [name, field] of Object.entries(value)) conforms(field, schema.properties[name] ?? assert.fail(`${schema.title} has no ${name}`));
 }
 
-/** A client with the messages of all topics, which must conform to the schemas that the server sends, and to Foxglove's own. */
+/** A client with the messages of all topics, which must conform to the server's schemas and to Foxglove's. */
 class Client {
   channels = new Map();
   messages = new Map();

@@ -1,5 +1,5 @@
-// Serves the page with its engine and drives it in a real browser, as a person does: mouse, keyboard, reload.
-// Waits are for a version of the documents whose plan has been answered, never for time.
+// Serves the page with its engine, and drives it in a real browser like a user: mouse, keyboard, reload. Waits are for a version of
+// the documents with a complete plan, never for a duration.
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { access, readFile } from "node:fs/promises";
@@ -16,7 +16,7 @@ export const WASM = process.env.STUDIO_WASM ?? join(here, "../../../target/studi
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 const PROGRAMS = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" };
 
-/** Serves the page. `changed` may change index.html, as a program that serves it does. */
+/** Serves the page. `changed` may change index.html, like a program that serves the page. */
 export async function serve(changed = (html) => html) {
   await access(WASM).catch(() => assert.fail(`no engine at ${WASM}: build it with \`cargo xtask studio\`, or name it in STUDIO_WASM`));
   const server = createServer(async (request, response) => {
@@ -46,7 +46,7 @@ async function display() {
 export async function launch(name) {
   const executablePath = process.env[`STUDIO_${name.toUpperCase()}`] ?? PROGRAMS[name];
   if (name === "chromium") {
-    // Root has no user namespaces to put a sandbox in.
+    // Root has no user namespaces for a sandbox.
     return closing(await puppeteer.launch({ executablePath, headless: true, timeout: WAIT_MS, args: process.getuid() === 0 ? ["--no-sandbox"] : [] }));
   }
   const screen = await display();
@@ -61,7 +61,7 @@ export async function launch(name) {
   return closing(browser, () => screen?.close());
 }
 
-/** A browser that is killed if it does not close. */
+/** A browser, which is killed if it does not close. */
 function closing(browser, then = () => {}) {
   const close = browser.close.bind(browser);
   browser.close = async () => {
@@ -76,7 +76,7 @@ function closing(browser, then = () => {}) {
   return browser;
 }
 
-/** Messages of browsers about rendering in software, which are not the page's. */
+/** Messages of browsers about rendering in software, which the page does not cause. */
 const NOISE = /software WebGL|GPU stall|GL Driver Message|WebGL context was lost|WEBGL_debug_renderer_info/i;
 
 export class Studio {
@@ -107,7 +107,7 @@ export class Studio {
     return studio;
   }
 
-  /** Waits until the documents as they are now have been planned in full, or found at fault. */
+  /** Waits until the present documents are planned completely, or have faults. */
   async settled() {
     const settled = () => {
       const state = globalThis.studio?.state;
@@ -117,7 +117,7 @@ export class Studio {
     await this.until(settled);
   }
 
-  /** Waits until a function of the page is true; fails with the function and what the page shows instead. */
+  /** Waits until a function of the page is true; on failure reports the function and the page's text. */
   async until(wanted, argument, ms = WAIT_MS) {
     try {
       await this.page.waitForFunction(wanted, { timeout: ms }, argument);
@@ -132,7 +132,7 @@ export class Studio {
     }
   }
 
-  /** Does something that changes the documents, and waits for its plan. */
+  /** Runs an action that changes the documents, and waits for the plan. */
   async edit(act) {
     const before = await this.state("state.version");
     await act();
@@ -161,7 +161,7 @@ export class Studio {
 
   async click(selector) {
     const element = await this.page.waitForSelector(selector);
-    // Heads that stay in sight as a panel scrolls lie over what is clicked; scroll-padding keeps it from under them.
+    // Sticky headings of a scrolling panel would cover the clicked element; scroll-padding prevents that.
     await element.evaluate((one) => one.scrollIntoView({ block: "nearest" }));
     await this.page.locator(selector).click();
   }
@@ -192,7 +192,7 @@ export class Studio {
     for (const key of keys.slice(0, -1).reverse()) await this.page.keyboard.up(key);
   }
 
-  /** Drags from one point to another in steps, as a hand does. */
+  /** Drags from one point to another in steps, like a hand. */
   async drag(from, to, steps = 8) {
     const { mouse } = this.page;
     await mouse.move(from.x, from.y);

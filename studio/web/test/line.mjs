@@ -1,5 +1,5 @@
-// A serial port for the page that is none: `navigator.serial` as browsers have it, and in Node what is at the other end of the
-// cable, a controller's line at a pseudo terminal, or a CAN adapter that speaks SLCAN.
+// A fake serial port for the page: `navigator.serial` as in browsers, and in Node the other end of the cable: a controller's line
+// at a pseudo terminal, or a CAN adapter with SLCAN.
 import { connect } from "node:net";
 import { child } from "./programs.mjs";
 import { within } from "./within.mjs";
@@ -9,7 +9,7 @@ import { within } from "./within.mjs";
 export function fakeSerial(inWorkers) {
   const isPage = typeof document !== "undefined";
   const fake = { port: null, baud: 0, refusal: null, failure: null, isOpen: false };
-  // Between the page and its workers.
+  // Channel between the page and its workers.
   const between = new BroadcastChannel("serial");
   const opened = (isOpen, baud = fake.baud) => {
     Object.assign(fake, { isOpen, baud });
@@ -52,7 +52,7 @@ export function fakeSerial(inWorkers) {
       at += length;
     }
   };
-  /** The adapter is pulled out. */
+  /** Unplugs the adapter. */
   fake.lose = () => {
     const lost = new DOMException("The device has been lost.", "NetworkError");
     into.error(lost);

@@ -1,4 +1,4 @@
-// Prints how long things take here: node test/measure.mjs. No assertion: a loaded machine is slower, not wrong.
+// Prints durations on this machine: node test/measure.mjs. It asserts nothing, because a loaded machine is slower, but not wrong.
 import { readFile } from "node:fs/promises";
 import { join } from "node:path";
 import { gzipSync } from "node:zlib";

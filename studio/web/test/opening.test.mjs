@@ -1,4 +1,5 @@
-// What `rollwalk studio` opens of each kind of file, and what is there again after a reload and a new start. STUDIO_ROLLWALK is the program.
+// Tests of `rollwalk studio` with each kind of file, and of the restored project after a reload and a new start. STUDIO_ROLLWALK is
+// the program.
 import assert from "node:assert/strict";
 import { cp, mkdtemp, readFile, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
@@ -18,7 +19,7 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
   });
   after(() => browser?.close());
 
-  /** Serves files, and calls `look` with the page that shows them. */
+  /** Serves files, and calls `look` with the page. */
   const opened = async (files, look) => {
     const served = await serveStudio(folder, files);
     const studio = await Studio.open(browser, `${served.address}&quality=low`);
@@ -66,7 +67,7 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
       assert.equal(await studio.converged(), true);
       assert.match(await studio.page.$eval(".remarks", (element) => element.textContent), /of the import of rover.urdf/);
     });
-    // Nothing was edited: what the file says now counts.
+    // Nothing was edited, so the present file counts.
     const urdf = await readFile(join(folder, "rover.urdf"), "utf8");
     await writeFile(join(folder, "rover.urdf"), urdf.replace(/<robot name="[^"]*"/, '<robot name="rover_2"'));
     await opened(["rover.urdf"], async (studio) => {
@@ -150,13 +151,13 @@ for (const name of browsers) describe(`what rollwalk studio opens, in ${name}`, 
       assert.equal(await studio.text(), original);
       await studio.edit(() => studio.press("Control", "y"));
     });
-    // Of another file there is nothing to restore.
+    // For another file, nothing is restored.
     await opened(["motions/trot.toml"], async (studio) => {
       assert.equal(await studio.state("state.documents.anyChanged"), false);
       await studio.page.reload();
       assert.deepEqual(studio.questions, []);
     });
-    // A file that was changed meanwhile is shown; the edits are one step of undo away.
+    // A file that has changed meanwhile is shown; one step of undo restores the edits.
     await writeFile(join(folder, "motions/walk.toml"), `${original}\n# by an editor\n`);
     await opened(["motions/walk.toml"], async (studio) => {
       assert.match(await studio.text(), /# by an editor/);

@@ -1,4 +1,4 @@
-// The page in Chromium, with everything that a person does there.
+// Tests of the page in Chromium, with all actions of a user.
 import assert from "node:assert/strict";
 import { mkdtemp, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
@@ -17,7 +17,7 @@ describe("the page", () => {
     await browser?.close();
     server?.close();
   });
-  // Every test has a browser context, and so a storage, of its own.
+  // Every test has a separate browser context, and thus separate storage.
   beforeEach(async () => {
     context = await browser.createBrowserContext();
     studio = await Studio.open(context, `${server.origin}/?quality=low`);
@@ -253,7 +253,7 @@ describe("the page", () => {
     const folder = await mkdtemp(join(tmpdir(), "studio-"));
     const path = join(folder, "mine.toml");
     await writeFile(path, (await studio.text()).replace('name = "walk"', 'name = "mine"'));
-    // Chromium's picker of the File System Access API cannot be driven; the other way is a file input.
+    // Chromium's picker of the File System Access API cannot be automated, so a file input is used.
     await studio.page.evaluate(() => delete globalThis.showOpenFilePicker);
     await studio.page.evaluate(() => Object.defineProperty(globalThis, "showOpenFilePicker", { value: undefined }));
     const chooser = studio.page.waitForFileChooser();
@@ -271,7 +271,7 @@ describe("the page", () => {
   });
 
   test("after a trap the engine starts again, and nothing is lost", async () => {
-    // A call with a length that memory cannot have: WebAssembly traps, as it does after a panic.
+    // A call with an impossible length makes WebAssembly trap, as after a panic.
     for (const worker of studio.page.workers()) {
       await worker.evaluate(() => {
         if (!globalThis.door) return;
@@ -291,7 +291,7 @@ describe("the page", () => {
     await studio.page.evaluate(() => {
       const { state } = globalThis.studio;
       const request = state.engine.request.bind(state.engine);
-      // Seen to run before it is stopped, however fast this machine is.
+      // The solve must be running before it is stopped, even on a fast machine.
       state.engine.request = (lane, body, options) => {
         if (lane === "solver" && body.kind === "plan") setTimeout(() => state.cancel(), 0);
         return request(lane, body, options);
@@ -319,7 +319,7 @@ describe("the page", () => {
 
   test("a simulated robot is flashed, armed by holding, plays, and is stopped with Escape", async (t) => {
     if (!(await studio.page.waitForSelector("#tab-run", { visible: true, timeout: 5000 }).catch(() => null))) {
-      // The page hides what its engine cannot do.
+      // The page hides functions that its engine lacks.
       t.skip("this engine does not talk to robots");
       return;
     }

@@ -1,5 +1,5 @@
-// The programs that tests start: `rollwalk studio` (STUDIO_ROLLWALK) and simulated robots (STUDIO_SIM). None keeps Node from ending, and
-// all are killed when it ends.
+// Programs of tests: `rollwalk studio` (STUDIO_ROLLWALK) and simulated robots (STUDIO_SIM). They do not keep Node alive, and are
+// killed when it ends.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { EventEmitter } from "node:events";
@@ -14,14 +14,14 @@ export const program = process.env.STUDIO_ROLLWALK;
 export const simulator = process.env.STUDIO_SIM;
 export const root = join(dirname(fileURLToPath(import.meta.url)), "../../..");
 
-/** Folder for state of programs that outlasts them. */
+/** Folder for state that outlasts the programs. */
 const state = mkdtempSync(join(tmpdir(), "studio-state-"));
 const children = new Set();
 process.on("exit", () => children.forEach((child) => child.kill("SIGKILL")));
-// The runner ends a file so that takes too long.
+// The test runner ends a file that takes too long with this signal.
 process.on("SIGTERM", () => process.exit(1));
 
-/** A child process that does not outlive the tests. Wait for it with a bound (`within`), which keeps Node from ending meanwhile. */
+/** A child process that does not outlive the tests. Wait for it with a bound (`within`), which keeps Node alive meanwhile. */
 export function child(...args) {
   const child = spawn(...args);
   children.add(child);
@@ -40,21 +40,21 @@ export class Program extends EventEmitter {
     this.name = [file, ...args].join(" ");
     this.child = child(file, args, { cwd: folder, env: { ...process.env, XDG_STATE_HOME: state, ...env } });
     for (const stream of [this.child.stdout, this.child.stderr]) {
-      // Data may end within a line, in the middle of an address.
+      // Data may end within a line, even within an address.
       createInterface({ input: stream }).on("line", (line) => {
         this.#lines.push(line);
         this.emit("change");
       });
     }
     this.child.on("error", (error) => this.#lines.push(String(error)));
-    // After its streams have closed: all lines have come.
+    // After its streams have closed, all lines have arrived.
     this.child.on("close", () => {
       this.#hasEnded = true;
       this.emit("change");
     });
   }
 
-  /** Waits for a line that matches. Lines that came before count: several may come at once. */
+  /** Waits for a matching line. Earlier lines count, because several may arrive at once. */
   said(wanted) {
     const text = () => `${this.name}\n${this.#lines.join("\n")}`;
     const found = new Promise((resolve, reject) => {
@@ -85,7 +85,7 @@ export async function startRobot(folder, bus, args = []) {
   return robot;
 }
 
-/** `rollwalk studio`, and where its page is. */
+/** `rollwalk studio`, and the address of its page. */
 export async function serveStudio(folder, args, env) {
   const server = new Program(program, ["studio", ...args, "--no-open"], folder, env);
   const address = await server.said(/http:\S+/);

@@ -1,10 +1,10 @@
-// A robot on the Run tab, from connecting to leaving, as a person does it. The project at hand has a library.
+// Actions of a user on the Run tab, from connecting to leaving. The present project has a library.
 import assert from "node:assert/strict";
 import { WAIT_MS } from "./within.mjs";
 
 const waits = (studio) => (wanted, argument) => studio.until(wanted, argument);
 
-/** Connects to a robot and gives it its library. */
+/** Connects to a robot and flashes its library. */
 export async function flashRobot(studio, place = "simulated") {
   const until = waits(studio);
   await studio.click("#tab-run");
@@ -15,7 +15,7 @@ export async function flashRobot(studio, place = "simulated") {
   if ((await studio.page.$eval(".run .flash", (button) => button.textContent)) === "Build library") await studio.click(".run .flash");
   await until(() => document.querySelector(".run .flash").textContent === "Flash library" && !document.querySelector(".run .flash").disabled);
   await studio.click(".run .flash");
-  // A robot that had the library before has its motions at once, but cannot be armed during the transfer.
+  // A robot that already had the library knows its motions at once, but cannot be armed during the transfer.
   await until(() => {
     const { library, messages, motions } = globalThis.studio.link.view;
     return library && motions.length > 1 && messages.some((one) => /uses the transferred library/.test(one.text));
@@ -28,10 +28,10 @@ export async function armRobot(studio, place) {
   await arm(studio);
 }
 
-/** Arms a robot; false if it has stopped before it was ready. */
+/** Arms a robot; false if it stopped before it was ready. */
 export async function arm(studio) {
   const until = waits(studio);
-  // A click is not enough to arm.
+  // A click does not arm.
   await studio.click(".run .hold");
   assert.equal(await studio.state("link.view.torque"), false);
   const hold = async () => {
@@ -48,7 +48,7 @@ export async function arm(studio) {
   return await studio.state("link.view.torque");
 }
 
-/** Plays the first motion that is no stand, by its number; false if the robot has stopped before it plays. */
+/** Plays the first motion that is not a stand, by its number; false if the robot stopped before it played. */
 export async function play(studio) {
   const until = waits(studio);
   const { name, code } = await studio.page.evaluate(() => globalThis.studio.link.view.motions.find((one) => one.code && !/stand/.test(one.name)));
@@ -82,7 +82,7 @@ async function stopped(studio) {
   const until = waits(studio);
   await until(() => !globalThis.studio.link.view.torque);
   assert.match(await studio.page.$eval(".messages", (list) => list.innerText), /emergency stop/i);
-  // What the plan is worth is not what matters then.
+  // The status of the plan does not matter then.
   await until(() => /stopped by an emergency stop/.test(document.querySelector(".status-head").textContent));
   assert.doesNotMatch(await studio.words(), /hold/);
   await studio.button("Disconnect");
@@ -97,7 +97,7 @@ export async function runRobot(studio, place) {
     await clearFaults(studio);
   }
   await stopBesideDialog(studio);
-  // The library that was built here still names the motions of the robot that has it.
+  // The library that was built here still names the motions of a robot with this library.
   if (place === "relay") {
     const until = waits(studio);
     await studio.button("Connect");
@@ -107,7 +107,7 @@ export async function runRobot(studio, place) {
   }
 }
 
-/** The page does nothing else for some time. */
+/** Blocks the page for some time. */
 function busy(studio, ms) {
   return studio.page.evaluate((ms) => {
     const end = performance.now() + ms;
@@ -115,7 +115,7 @@ function busy(studio, ms) {
   }, ms);
 }
 
-/** A computer that others use, too, may stop all of a connection's programs for longer than a robot waits: but not every time. */
+/** A busy computer may stop all programs of a connection for longer than a robot waits, but not every time. */
 const ATTEMPTS = 3;
 
 /**
@@ -144,12 +144,12 @@ export async function outlivesBusyPage(studio) {
   assert.match(await messages(), /heartbeat lost/);
 }
 
-/** Clears what stopped the robot. */
+/** Clears the stop of the robot. */
 export async function clearFaults(studio) {
   await repeatUntil(studio, () => studio.button("Clear faults"), () => globalThis.studio.link.view.state === "disarmed");
 }
 
-/** Gives an order until it is obeyed: on a busy computer the robot, or its answer, may be late for one, and the page says "try again". */
+/** Repeats an order until it is obeyed. On a busy computer, the robot or its answer may be late, and the page shows "try again". */
 async function repeatUntil(studio, order, obeyed, { argument, then } = {}) {
   for (let attempt = 1; ; attempt++) {
     await order();

@@ -1,4 +1,5 @@
-// A robot that stands and walks, simulated in the page: beside the plan, while the page is busy, and with a gamepad.
+// Tests of a robot that stands and walks, simulated in the page: with the plan beside it, while the page is busy, and with a
+// gamepad.
 import assert from "node:assert/strict";
 import { after, before, describe, test } from "node:test";
 import { launch, serve, Studio } from "./harness.mjs";
@@ -39,7 +40,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     await new Promise((done) => setTimeout(done, 300));
     await studio.press("Escape");
     await until(() => globalThis.studio.link.view.state === "stopped by an emergency stop");
-    // Where the list takes the key, its release stops the robot.
+    // If the list takes the press of the key, its release stops the robot.
     if (name === "chromium") assert.equal(await studio.page.evaluate(() => globalThis.sawKey), undefined);
     await leave();
   });
@@ -57,9 +58,9 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
     t.diagnostic(await words());
     if (process.env.STUDIO_PICTURES) await studio.page.screenshot({ path: `${process.env.STUDIO_PICTURES}/beside-${name}.png` });
     const { rad, most_rad, joint } = await studio.state("beside.apart");
-    // Servos lag: a drive bends the legs by less than a tenth of a radian.
+    // Servos lag, but a drive deflects the legs by less than 0.1 rad.
     assert.ok(joint !== "" && rad > 0 && rad < 0.1 && most_rad >= rad && most_rad < 0.1, JSON.stringify({ joint, rad, most_rad }));
-    // An edited plan is another motion, though it has the same name.
+    // An edited plan is another motion, although its name is the same.
     await studio.click("#tab-motion");
     await studio.edit(() => studio.type("Forward", "0.9"));
     await studio.click("#tab-run");
@@ -73,7 +74,7 @@ for (const name of browsers) describe(`a robot simulated in ${name}`, () => {
 
   test("obeys a gamepad as long as its deadman is held, and is armed by holding a button", async () => {
     const [B, DEADMAN, START, UP] = [1, 5, 9, 12];
-    // No finger is faster than the page looks.
+    // No finger is faster than the page's polling.
     const hold = async (...down) => {
       await studio.page.evaluate((down) => globalThis.fakePad.hold(down), down);
       await new Promise((done) => setTimeout(done, 150));

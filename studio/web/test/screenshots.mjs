@@ -1,4 +1,5 @@
-// Writes pictures of the page into a folder: node test/screenshots.mjs FOLDER [NAME]... Light, dark, tablet, trouble, library.
+// Writes pictures of the page to a folder: node test/screenshots.mjs FOLDER [NAME]... Pictures: light, dark, tablet, trouble,
+// library.
 import { mkdir } from "node:fs/promises";
 import { join } from "node:path";
 import { launch, serve, Studio } from "./harness.mjs";

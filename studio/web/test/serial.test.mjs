@@ -1,5 +1,5 @@
-// The page at serial ports: a controller's line, and a CAN adapter that speaks SLCAN. Simulated robots are at their other ends, and
-// the page is that of `rollwalk studio`. STUDIO_ROLLWALK and STUDIO_SIM are the programs.
+// Tests of the page with serial ports: a controller's line, and a CAN adapter with SLCAN. Simulated robots are at the other ends,
+// and `rollwalk studio` serves the page. STUDIO_ROLLWALK and STUDIO_SIM are the programs.
 import assert from "node:assert/strict";
 import { mkdtemp } from "node:fs/promises";
 import { tmpdir } from "node:os";
@@ -15,8 +15,8 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   const robots = [];
   /** Far end of the cable. */
   let far;
-  // One message to the browser at a time, with all bytes that came meanwhile: one for each read of the line would queue up, until
-  // bytes are late for the robot.
+  // One message to the browser at a time, with all bytes since the last. One message for each read of the line would form a queue,
+  // until bytes are late for the robot.
   const from = (end) => {
     let waiting = [];
     let isPassing = false;
@@ -38,7 +38,7 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   const set = (change) => studio.page.evaluate((change) => void Object.assign(globalThis.fakeSerial, change), change);
   const fake = (name) => studio.page.evaluate((name) => globalThis.fakeSerial[name], name);
   const open = (inWorkers) =>
-    // Drawing in software keeps the page's thread from the bytes that pass it: little to draw.
+    // Drawing in software delays the bytes that pass the page's thread, so little is drawn.
     Studio.open(browser, `${served.address}&quality=low`, {
       viewport: { height: 420 },
       async before(page) {
@@ -93,7 +93,7 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
   test("can be left in the middle of a transfer", async () => {
     await studio.button("Clear faults");
     await until(() => globalThis.studio.link.view.state === "disarmed");
-    // Nothing answers any more, so that it stays in the middle.
+    // The robot does not answer any more, so that the transfer stops in the middle.
     far = { send() {} };
     await studio.click(".run .flash");
     await until(() => globalThis.studio.link.view.transfer);
@@ -120,7 +120,7 @@ describe("a robot at a serial port", { skip: program && simulator ? false : "STU
     studio = await open(true);
     far = line;
     await studio.click("#tab-run");
-    // Not armed: the fake port's bytes come from the page all the same, and a robot waits no longer than 0.25 s for them.
+    // The robot is not armed, because the fake port's bytes still come from the page, and a robot waits at most 0.25 s for them.
     await flashRobot(studio, "serial");
     assert.equal(await fake("isOpen"), true);
     await studio.button("Disconnect");

@@ -141,7 +141,7 @@ for (const name of browsers) describe(`the page that rollwalk studio serves, in 
     assert.equal(await studio.state("state.documents.robotPath"), "rover.toml");
     assert.equal(await studio.converged(), true);
     assert.match(await studio.page.$eval(".remarks", (element) => element.textContent), /assumptions? of the import of rover.urdf/);
-    // An edit of the side file is taken over when that is asked for, and the motion stays.
+    // An edit of the side file is applied on request, and the motion stays.
     const friction = () => studio.state("state.scene.end_effectors.0.friction_coefficient");
     const [was, motion] = [await friction(), await studio.text()];
     await studio.page.evaluate(() => {

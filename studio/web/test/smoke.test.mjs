@@ -1,4 +1,4 @@
-// The short test, in both browsers: the page loads, plans, follows an edit, undoes it, says who is to blame.
+// Short test in both browsers: the page loads, plans, follows an edit, undoes it, and names conflicting constraints.
 import assert from "node:assert/strict";
 import { after, before, describe, test } from "node:test";
 import { launch, serve, Studio } from "./harness.mjs";
@@ -55,7 +55,7 @@ for (const name of browsers) {
       assert.deepEqual(await studio.state("state.selection.span"), { from_s: culprit.from_s, to_s: culprit.to_s });
       await studio.edit(() => studio.button(culprit.fix.label));
       assert.equal(await studio.state("state.motion.goal.forward_m"), culprit.fix.edit.value);
-      // Its constraints hold at the samples, which is what a fix promises.
+      // The constraints hold at the samples, as a fix promises.
       assert.equal(await studio.state("state.shown.planned.good"), true);
     });
 

@@ -1,9 +1,9 @@
-// Bounds on waits: each says what it waited for.
+// Bounds on waits. Each failure names what was awaited.
 
-/** Longest wait for anything, on a busy computer. */
+/** Longest wait on a busy computer. */
 export const WAIT_MS = Number(process.env.STUDIO_WAIT_MS ?? 60_000);
 
-/** Settles with a promise, or fails after some time. `what` describes what was waited for; a function sees how far it came. */
+/** Settles with a promise, or fails after some time. `what` describes what was awaited; a function can describe the progress. */
 export async function within(what, promise, ms = WAIT_MS) {
   let timer;
   const late = new Promise((_, reject) => {

@@ -1,4 +1,4 @@
-// Which engine the page uses: that of the program which serves it, if it says so, else the one in the page.
+// Choice of the engine: that of the program that serves the page, if the program offers one, else the engine in the page.
 
 import type { Engine } from "./engine.ts";
 import { SocketEngine } from "./socket.ts";

@@ -1,5 +1,5 @@
-// The border to the engine's WebAssembly (studio/src/door.rs): two exports, two imports, and memory. Memory grows in
-// calls, which detaches its buffer, so views of it are made anew after each.
+// Interface to the engine's WebAssembly (studio/src/door.rs): two exports, two imports, and memory. Calls may grow the memory,
+// which detaches its buffer, so views are created again after each call.
 
 export type AnswerCallback = (json: string, binary: Uint8Array | null) => void;
 
@@ -10,7 +10,7 @@ type Exports = {
 };
 
 export class Door {
-  /** The words of a panic, if there was one: a trap follows it. */
+  /** Message of a panic, if any. A trap follows a panic. */
   panic: string | undefined;
   readonly exports: Exports;
 

@@ -1,5 +1,5 @@
-// The engine as the page sees it, whichever way it is reached: lanes of requests that do not
-// wait for each other, so that an edit never waits for a solve.
+// Interface of the engine, independent of its connection: lanes of requests that do not wait for each other, so that an edit never
+// waits for a solve.
 
 import type { Fault, Progress, RequestBody } from "../contract.ts";
 
@@ -12,14 +12,14 @@ export type Source = { module: WebAssembly.Module } | { address: string };
 
 export type Done = { value: any; binary: Uint8Array | null };
 
-/** Documents have faults; nothing else happened. */
+/** The documents have faults, and the request had no effect. */
 export class Faults extends Error {
   constructor(readonly faults: Fault[]) {
     super(faults[0]?.message ?? "the documents have faults");
   }
 }
 
-/** A request that the engine cannot serve, with what would help. */
+/** A request that the engine cannot serve, with help. */
 export class Refused extends Error {
   constructor(
     message: string,
@@ -29,7 +29,7 @@ export class Refused extends Error {
   }
 }
 
-/** The engine broke (a trap, a lost connection) and was started anew. */
+/** The engine failed (a trap, a lost connection) and was started again. */
 export class Broken extends Error {}
 
 /** The page cancelled the request. */
@@ -46,9 +46,9 @@ export interface Engine {
   /** True if the program behind it has files from its command line. */
   readonly hasFiles: boolean;
   request(lane: Lane, body: RequestBody, options?: Options): Promise<Done>;
-  /** Starts what the lane needs, before its first request. */
+  /** Starts the lane before its first request. */
   prepare(lane: Lane): void;
-  /** Ends what the lane is doing; its requests fail with `Cancelled`. */
+  /** Ends the lane's work; its requests fail with `Cancelled`. */
   cancel(lane: Lane): void;
 }
 

@@ -10,7 +10,7 @@ export interface Channel {
 
 export type Events = {
   answer(json: string, binary: Uint8Array | null): void;
-  /** The channel is spent. */
+  /** The channel has failed. */
   broken(why: string): void;
 };
 
@@ -71,7 +71,7 @@ export class LaneOfRequests {
 
   #answer(json: string, binary: Uint8Array | null) {
     const value = JSON.parse(json);
-    // What the engine could not even read has no number.
+    // An answer to an unreadable request has no number.
     if (value.kind === "error" && value.seq === 0) return this.#fail(() => new Refused(value.message, value.help ?? ""));
     const one = this.#waiting.get(value.seq);
     if (!one) return; // of a request that was cancelled

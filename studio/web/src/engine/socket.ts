@@ -1,5 +1,5 @@
-// The engine in the program that serves the page, over WebSockets on the loopback interface: one for each lane.
-// A text message is a request or an answer; what says `"binary": true` is followed by one binary message.
+// Engine in the program that serves the page, over one WebSocket for each lane on the loopback interface. A text message is a
+// request or an answer. One binary message follows a text message with `"binary": true`.
 
 import type { RequestBody } from "../contract.ts";
 import type { Done, Engine, Lane, Options, Source } from "./engine.ts";

@@ -1,5 +1,5 @@
-// The engine in this page: WebAssembly, compiled once, in a worker for each lane. To interrupt a solve its
-// worker is ended; the next request starts another.
+// Engine in this page: WebAssembly, compiled once, in a worker for each lane. An interrupt of a solve ends its worker; the next
+// request starts another.
 
 import workerSource from "engine-worker-source";
 import type { RequestBody } from "../contract.ts";
@@ -49,13 +49,13 @@ export class WasmEngine implements Engine {
   }
 }
 
-/** Compiles the engine: from the page itself if it is a single file, else from beside it. */
+/** Compiles the engine from the page itself if the page is a single file, else from the file beside it. */
 export async function compile(): Promise<WebAssembly.Module> {
   const inlined = document.getElementById("studio-wasm")?.textContent;
   if (inlined) return WebAssembly.compile(bytesOf(inlined.trim()));
   const response = await fetch("studio.wasm");
   if (!response.ok) throw new Broken(`studio.wasm could not be loaded: ${response.status} ${response.statusText}`);
-  // Not compileStreaming: hosts of static files do not all know the type of .wasm.
+  // `compileStreaming` would fail with static hosts that do not know the type of .wasm.
   return WebAssembly.compile(await response.arrayBuffer());
 }
 

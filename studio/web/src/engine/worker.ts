@@ -1,5 +1,5 @@
-// The worker around the engine's WebAssembly: passes requests in and answers out. A trap spends the instance;
-// the page receives a message and starts another worker.
+// Worker around the engine's WebAssembly, for requests and answers. A trap makes the instance unusable; the page gets a message and
+// starts another worker.
 
 import { Door } from "./door.ts";
 

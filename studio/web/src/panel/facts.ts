@@ -1,4 +1,4 @@
-// A plan in a few facts: how fast it goes, and how near its motors come to their limits.
+// Facts of a plan: mean speed, and peak loads of motors relative to their limits.
 
 import type { ShownPlan } from "../project/studio.ts";
 import { QUANTITIES } from "../timeline/quantities.ts";

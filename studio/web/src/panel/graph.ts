@@ -42,7 +42,7 @@ export function drawGraph(nodes: Pick<Node, "name" | "code" | "periodic">[], edg
   return h("figure", {}, svg as unknown as HTMLElement, h("figcaption", { class: "muted", text: "Double rings repeat; numbers are the codes that select motions." }));
 }
 
-/** A bow from circle to circle, so that both directions are seen. */
+/** An arc from circle to circle, so that both directions are visible. */
 function bow([x1, y1]: [number, number], [x2, y2]: [number, number]): string {
   const [dx, dy] = [x2 - x1, y2 - y1];
   const length = Math.hypot(dx, dy) || 1;

@@ -1,4 +1,4 @@
-// The motion graph as it is edited: motions with their codes, which of them is SAFE, and the transitions between them.
+// Editor of the motion graph: motions with their codes, the SAFE motion, and transitions.
 
 import type { Graph } from "../contract.ts";
 import { Cancelled } from "../engine/engine.ts";
@@ -40,7 +40,7 @@ export function graphEditor(studio: Studio): HTMLElement {
 }
 
 function draw(studio: Studio, body: HTMLElement, path: string, graph: Graph) {
-  // What had the focus has it afterwards, as far as it is still there.
+  // The focused element keeps the focus, if it still exists.
   const focused = body.contains(document.activeElement) ? document.activeElement!.getAttribute("aria-label") : null;
   const index = (name: string) => graph.motions.findIndex((motion) => motion.name === name);
   const nodes = graph.motions.map(({ name, code, periodic }) => ({ name, code: code ?? 0, periodic }));
@@ -61,7 +61,7 @@ function draw(studio: Studio, body: HTMLElement, path: string, graph: Graph) {
   if (focused) body.querySelector<HTMLElement>(`[aria-label="${CSS.escape(focused)}"]`)?.focus();
 }
 
-/** Written transitions, and those by way of SAFE that none of them replaces. */
+/** Transitions of the file, and transitions through SAFE that none of them replaces. */
 function edgesOf(graph: Graph, index: (name: string) => number) {
   const edges = graph.transitions.map(({ from, to, duration_s }) => ({ from: index(from), to: index(to), duration_s: duration_s ?? 0 }));
   const safe = index(graph.safe);
@@ -105,7 +105,7 @@ function motionRow(studio: Studio, path: string, graph: Graph, motion: Graph["mo
   );
 }
 
-/** Adds motion files of the project that the library does not have yet. */
+/** Adds motion files of the project that the library does not contain yet. */
 function adder(studio: Studio, path: string, graph: Graph): HTMLElement {
   if (graph.others.length === 0) return h("p", { class: "muted", text: "All motions of this project for this robot are in the library. Open more motion files to add them." });
   const choice = h("select", { "aria-label": "Motion to add" }, ...graph.others.map(({ name }, at) => h("option", { value: String(at), text: name })));
@@ -136,7 +136,7 @@ function transitionRow(studio: Studio, path: string, { from, to, duration_s }: G
   return h("li", {}, seconds(studio, `${from} → ${to}`, duration_s, set), iconButton("remove", `Remove the transition from ${from} to ${to}`, () => set(null)));
 }
 
-/** Joins two motions by a transition of their own. */
+/** Adds a direct transition between two motions. */
 function joiner(studio: Studio, path: string, graph: Graph): HTMLElement | null {
   if (graph.motions.length < 2) return null;
   const choice = (label: string, first: number) => h("select", { "aria-label": label }, ...graph.motions.map(({ name }, at) => h("option", { value: name, text: name, selected: at === first })));

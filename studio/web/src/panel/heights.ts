@@ -1,4 +1,4 @@
-// Heights to keep over a span of time: above, below, or between.
+// Height limits over a span of time: above, below, or between.
 
 import type { Height } from "../contract.ts";
 import type { Studio } from "../project/studio.ts";

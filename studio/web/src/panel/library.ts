@@ -1,4 +1,4 @@
-// The library: built with progress for each motion, then the graph, a table and the file.
+// Panel of the library: build with progress for each motion, then the graph, a table and the file.
 
 import { baseName } from "../project/documents.ts";
 import { download } from "../project/files.ts";

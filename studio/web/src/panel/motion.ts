@@ -1,4 +1,4 @@
-// The motion as numbers: goal, duration, samples, swing height, gait; targets and heights below.
+// Panel of the motion: goal, duration, samples, swing height and gait; targets and height limits below.
 
 import type { Edit } from "../contract.ts";
 import type { Playback } from "../project/playback.ts";
@@ -97,7 +97,7 @@ export function motionPanel(studio: Studio, playback: Playback): HTMLElement {
   return panel;
 }
 
-/** Gait of the motion file, in the form that the engine and people write. */
+/** Gait of the motion file, as the engine and users write it. */
 function gaitOf(studio: Studio): string | null {
   const text = studio.documents.text(studio.documents.motionPath) ?? "";
   const gait = /^\s*gait\s*=\s*"(\w+)"/m.exec(text)?.[1];

@@ -1,4 +1,4 @@
-// What the plan is worth: the report's residuals against their tolerances, as played and at the samples.
+// Report of the plan: residuals relative to their tolerances, as played and at the samples.
 
 import { Cancelled } from "../engine/engine.ts";
 import type { Playback } from "../project/playback.ts";

@@ -1,4 +1,4 @@
-// The robot: its parameters as sliders, the motion follows; and what it has, as tables.
+// Panel of the robot: parameters as sliders, which the motion follows, and tables of joints and end effectors.
 
 import type { Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
@@ -18,7 +18,7 @@ export function robotPanel(studio: Studio): { element: HTMLElement; shown(): voi
     const { scene } = studio;
     if (!scene) return;
     summary.textContent = `${scene.name}: ${scene.joints.length} joints, ${scene.end_effectors.length} end effectors, ${format(scene.mass_kg, 2)} kg`;
-    // Ranges are those of the robot as it was opened: they must not slide away under the hand.
+    // Ranges are those of the opened robot, because they must not change during a drag.
     const key = JSON.stringify([scene.name, scene.parameters.map((one) => one.name), scene.joints.length]);
     if (key !== built) {
       built = key;
@@ -81,7 +81,7 @@ function slider(studio: Studio, name: string, updates: (() => void)[], effects: 
   return h("div", { class: "slider" }, number.element, range, effect);
 }
 
-/** A parameter belongs to the robot file, whose view is here in the scene. */
+/** A parameter belongs to the robot file; its value in the scene changes at once. */
 function predict(studio: Studio, name: string, value: number) {
   if (!studio.scene) return;
   const parameters = studio.scene.parameters.map((one) => (one.name === name ? { ...one, value } : one));

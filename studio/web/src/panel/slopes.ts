@@ -1,4 +1,4 @@
-// What each parameter of the robot does to the motion: how a quantity of the plan changes with a small step, beside the sliders.
+// Effect of each parameter of the robot, beside its slider: change of a quantity of the plan with a small step.
 
 import type { QuantitySlopes } from "../contract.ts";
 import { Cancelled } from "../engine/engine.ts";
@@ -6,7 +6,7 @@ import type { Studio } from "../project/studio.ts";
 import { format, h, replace } from "../ui/dom.ts";
 
 const FIRST = "peak_joint_torque";
-/** Names of quantities that say too little by themselves. */
+/** Names of quantities that need an explanation. */
 const MEANINGS: Record<string, string> = {
   peak_joint_torque: "peak joint torque (8-norm of all)",
   joint_torque: "joint torque (r.m.s. of all)",
@@ -19,7 +19,7 @@ export type Slopes = {
   element: HTMLElement;
   /** Element that shows the slope of a parameter. */
   of(name: string, unit: string): HTMLElement;
-  /** The panel became visible. */
+  /** Called when the panel becomes visible. */
   shown(): void;
 };
 
@@ -114,7 +114,7 @@ export function slopes(studio: Studio, isHidden: () => boolean): Slopes {
   };
 }
 
-/** The largest change that any parameter makes. */
+/** Largest change by any parameter. */
 function most(of: QuantitySlopes): number {
   return Math.max(1e-12, ...of.slopes.map(({ by_step }) => Math.abs(by_step)));
 }
@@ -128,7 +128,7 @@ function amount(value: number, unit: string): string {
   return `${format(value, digits(value))} ${unit}`.trim();
 }
 
-/** Digits after the point for four of them to matter. */
+/** Decimals that show four significant digits. */
 function digits(value: number): number {
   return value === 0 ? 2 : Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(value)))));
 }

@@ -1,4 +1,4 @@
-// What became of the plan, in words: planned, being planned, or who is to blame and what would do.
+// Status of the plan in words: planned, being planned, or conflicting constraints with feasible values.
 
 import type { Culprit, Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
@@ -10,13 +10,13 @@ import { format, h, prose, replace } from "../ui/dom.ts";
 
 export type StatusActions = { jump(fault: Fault): void; seek(time_s: number): void };
 
-/** Planning that is over sooner than this is not announced: it would only flicker. */
+/** Planning that ends earlier is not announced, because the text would flicker. */
 const QUIET_MS = 250;
 
 export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, actions: StatusActions) {
   const head = h("div", { class: "status-head" });
   const body = h("div", { class: "status-body" });
-  // One live region for all of it, so that a screen reader hears what changed, and once.
+  // One live region for the whole status, so that a screen reader reads each change once.
   const live = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
   replace(host, head, body, live);
   let since = 0;
@@ -25,7 +25,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
 
   const update = () => {
     const plan = stateOf(studio);
-    // What is wrong with the documents, and what is under way, stays in sight.
+    // Faults of the documents, and work in progress, stay visible.
     const state = plan.kind === "good" ? (robotOf(link) ?? plan) : plan;
     if (state.kind === "planning" || state.kind === "refused") {
       since ||= performance.now();
@@ -38,7 +38,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
     } else since = 0;
     host.dataset.state = state.kind;
     const titled = JSON.stringify([state.kind, state.title]);
-    // A button that is made anew between press and release is not clicked.
+    // A button that is replaced between press and release gets no click.
     if (titled !== drawnHead) replace(head, h("span", { class: "status-mark", "aria-hidden": "true", text: MARKS[state.kind] }), h("strong", {}, prose(state.title)), ...(state.kind === "planning" || state.kind === "refused" ? [stopButton(studio)] : []));
     drawnHead = titled;
     const key = JSON.stringify([state.kind, state.words, studio.shown?.version, studio.faults, studio.shown?.planned.solve.culprits, studio.selection.culprit, studio.remarks, studio.remarks?.again?.isDue()]);
@@ -59,7 +59,7 @@ export function buildStatus(host: HTMLElement, studio: Studio, link: RobotLink, 
   update();
 }
 
-/** A connected robot that has stopped: what its plan is worth does not matter until it is clear. */
+/** A connected robot that has stopped. The status of the plan does not matter until the robot is clear. */
 function robotOf({ view, place }: RobotLink): { kind: Kind; title: string; words: string } | null {
   if (!view || !(view.state?.startsWith("stopped") || view.faults.length > 0)) return null;
   return { kind: "problem", title: robotStateOf(view, place), words: [...view.faults, view.advice].filter(Boolean).join("\n") };
@@ -89,7 +89,7 @@ function stateOf(studio: Studio): { kind: Kind; title: string; words: string } {
   const isOver = converged && peaksOf(shown).some(({ share }) => share > OVER);
   const judged = isOver ? "Constraints hold within their tolerances. Between the samples the plan exceeds the limit of a motor." : solve.words;
   const words = [judged, studio.notice].filter(Boolean).join(" ");
-  // A step of a drag is capped, so that it cannot converge; what counts is whether its constraints hold.
+  // A step of a drag has few iterations, so it cannot converge. It counts as good if its constraints hold.
   if (shown.drag || studio.dragging) return { kind: met(shown) ? "good" : "planning", title: met(shown) ? "Follows" : "Following", words };
   return { kind: converged ? "good" : "bad", title: converged ? "Planned" : TITLES[solve.status] ?? "Not planned", words };
 }
@@ -101,7 +101,7 @@ function met(shown: ShownPlan): boolean {
   return shown.planned.solve.worst_level <= ACCEPTED_LEVEL;
 }
 
-/** Share of a limit from which a plan is said to ask for more than a motor has. */
+/** Share of a limit above which the status says that a plan exceeds a motor. */
 const OVER = 1.005;
 
 const TITLES: Record<string, string> = {
@@ -121,7 +121,7 @@ function detailsOf(studio: Studio, kind: Kind, actions: StatusActions): (HTMLEle
   const again = h("button", { type: "button", class: "button small", text: "Plan from scratch", title: "Plan without the previous plan as a start", onclick: () => studio.planAgain() });
   if (kind === "good") {
     const peaks = peaksOf(studio.shown!);
-    // Between samples a plan may go beyond a limit by the tolerance of its check: the motor will not.
+    // Between samples, a plan may exceed a limit by the tolerance of its check, but the motor cannot.
     const over = peaks.filter(({ share }) => share > OVER).map(({ of, motor, share, time_s }) => {
       const text = `Needs ${percent(share)} of the ${of} of ${motor} at ${format(time_s, 2)} s`;
       return h("li", {}, h("button", { type: "button", class: "culprit", title: "Move the time cursor there", text, onclick: () => actions.seek(time_s) }), h("span", { class: "advice", text: "Between the samples, within the tolerance of the check; the motor delivers at most 100 %. Use more samples, a longer duration or a shorter distance." }));

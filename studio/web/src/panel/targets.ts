@@ -1,4 +1,4 @@
-// Targets as a list: of what, when, where. What a target leaves free is empty.
+// List of targets: subject, time, position. Free coordinates are empty.
 
 import type { Target } from "../contract.ts";
 import type { Playback } from "../project/playback.ts";

@@ -1,4 +1,4 @@
-// The documents as text, with faults in place. Typing plans again after a moment.
+// The documents as text, with faults at their lines. After typing, a short delay precedes planning.
 
 import type { Fault } from "../contract.ts";
 import { baseName } from "../project/documents.ts";
@@ -37,7 +37,7 @@ export function textPane(studio: Studio): TextPane {
   });
   area.addEventListener("scroll", () => (gutter.scrollTop = area.scrollTop));
   area.addEventListener("keydown", (event) => {
-    // The page's undo is of documents; while typing the browser's own is finer.
+    // The page's undo restores documents. While typing, the browser's own undo is finer.
     if (event.ctrlKey || event.metaKey) event.stopPropagation();
     if (event.key === "Escape") choice.focus();
   });
@@ -92,7 +92,7 @@ export function textPane(studio: Studio): TextPane {
   };
   const jump = (fault: Fault) => {
     flush();
-    // A file that was dropped and not opened, because of its faults, has no text here.
+    // A dropped file that was not opened because of its faults has no text here.
     if (studio.documents.text(fault.path) === undefined) return;
     show(fault.path);
     const from = index(area.value, fault.span[0]);

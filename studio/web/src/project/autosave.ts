@@ -1,5 +1,5 @@
-// The documents with their history, kept so that a reload, a crash or a new start loses nothing: in this browser's storage, or by the
-// program that serves the page.
+// Storage of the documents and their history, so that a reload, a crash or a new start loses nothing: in the browser's storage, or
+// by the program that serves the page.
 
 import type { File } from "../contract.ts";
 import type { History, Snapshot } from "./documents.ts";
@@ -9,7 +9,7 @@ const KEY = "rollwalk-studio-project-2";
 /** Tab whose documents are in the browser's storage. */
 const KEY_BY = `${KEY}-by`;
 const DRAG_MS = 250;
-/** Steps of undo and characters that are kept at most: a browser's storage has 5 MB. */
+/** Maximum numbers of undo steps and characters, because a browser's storage has 5 MB. */
 const MOST_STEPS = 50;
 const MOST_CHARACTERS = 2_000_000;
 
@@ -21,11 +21,11 @@ export function openedFrom(by: string) {
   tabs.from = by;
 }
 
-/** Texts once each, and documents as indices into them. */
+/** Each text once, and documents as indices of texts. */
 type PackedSnapshot = { files: [string, number][]; motion: string };
 type Packed = { texts: string[]; now: PackedSnapshot; past: PackedSnapshot[]; future: PackedSnapshot[]; saved: [string, number | null][] };
 
-/** Keeps the documents after each change; while something is dragged now and then. */
+/** Stores the documents after each change, and periodically during a drag. */
 export function keepSaved(studio: Studio) {
   let timer = 0;
   let due = false;
@@ -43,7 +43,7 @@ export function keepSaved(studio: Studio) {
         await store(studio, packed(studio.documents.history));
         failed = false;
       } catch (error) {
-        // Storage may be full or forbidden. That is said once; leaving asks in any case.
+        // Storage may be full or forbidden, which is reported once. Leaving the page asks in any case.
         if (!failed) studio.notify(`Unsaved changes will be lost when the page is closed: ${(error as Error).message}`);
         failed = true;
       }
@@ -91,13 +91,13 @@ function packed({ now, past, future, saved }: History): string {
   const one = ({ files, motion }: Snapshot): PackedSnapshot => ({ files: files.map(({ path, text }) => [path, index(text)]), motion });
   const body: Packed = { texts: [], now: one(now), past: [], future: [], saved: saved.map(([path, text]) => [path, text === null ? null : index(text)]) };
   const isRoom = () => [...texts.keys()].reduce((sum, text) => sum + text.length, 0) <= MOST_CHARACTERS;
-  // The steps that come first are those next to the documents as they are.
+  // The steps nearest to the present documents come first.
   for (const step of past.slice(-MOST_STEPS).reverse()) if (isRoom()) body.past.unshift(one(step));
   for (const step of future.slice(-MOST_STEPS).reverse()) if (isRoom()) body.future.unshift(one(step));
   return JSON.stringify({ ...body, texts: [...texts.keys()] });
 }
 
-/** The history that a text holds; null if it holds none. */
+/** History in a text; null if the text contains none. */
 export function unpacked(text: string | null): History | null {
   try {
     const { texts, now, past, future, saved } = JSON.parse(text ?? "null") as Packed;

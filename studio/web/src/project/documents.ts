@@ -1,9 +1,9 @@
-// The documents of a project and their history. They are the only truth: undo is a step back to previous texts.
+// The documents of a project and their history. The texts are the only state: undo restores previous texts.
 
 import type { File } from "../contract.ts";
 
 export type Snapshot = { readonly files: readonly File[]; readonly motion: string };
-/** Documents with the steps of undo and redo; and what changed files were when they were saved, null if they never were. */
+/** Documents with the steps of undo and redo, and the saved texts of changed files, null if never saved. */
 export type History = { now: Snapshot; past: Snapshot[]; future: Snapshot[]; saved: [string, string | null][] };
 
 export class Documents {
@@ -31,7 +31,7 @@ export class Documents {
     return this.#now.files.find((file) => file.path === path)?.text;
   }
 
-  /** The robot file that the motion was read with, else the first one. */
+  /** Robot file with which the motion was read, else the first robot file. */
   get robotPath(): string | undefined {
     const robots = this.#now.files.filter((file) => kindOf(file) === "robot");
     return (robots.find((file) => file.path === this.readRobot) ?? robots[0])?.path;
@@ -41,7 +41,7 @@ export class Documents {
     return this.#now.files.filter((file) => kindOf(file) === "motion").map((file) => file.path);
   }
 
-  /** Works on another motion of the project. */
+  /** Selects another motion of the project. */
   choose(motion: string) {
     this.#remember();
     this.#gesture = null;
@@ -52,7 +52,7 @@ export class Documents {
     return this.#now.files.find((file) => kindOf(file) === "library")?.path;
   }
 
-  /** Another project. It can be undone like any edit. */
+  /** Opens another project. Undo restores the previous project. */
   open(snapshot: Snapshot, remember = true) {
     if (remember && this.#now.files.length > 0) this.#remember();
     this.#now = snapshot;
@@ -60,7 +60,7 @@ export class Documents {
     for (const file of snapshot.files) this.#saved.set(file.path, file.text);
   }
 
-  /** More documents of the project. One step of undo. */
+  /** Adds documents to the project, in one step of undo. */
   add(files: readonly File[]) {
     this.#remember();
     this.#gesture = null;
@@ -68,7 +68,7 @@ export class Documents {
     this.#now = { ...this.#now, files: [...this.#now.files.filter(({ path }) => !added.includes(path)), ...files] };
   }
 
-  /** New text of a document. Changes of one gesture are one step of undo. */
+  /** Replaces the text of a document. Changes of one gesture are one step of undo. */
   write(path: string, text: string, gesture: string | null) {
     if (this.text(path) === text) return;
     if (gesture === null || gesture !== this.#gesture) this.#remember();
@@ -77,7 +77,7 @@ export class Documents {
     this.#now = { ...this.#now, files };
   }
 
-  /** A file that the documents name and the engine had, which belongs to the project from now on. No step of undo. */
+  /** Adds a file that the documents name and that the engine supplied. This is not a step of undo. */
   adopt(file: File) {
     if (this.text(file.path) !== undefined) return;
     this.#now = { ...this.#now, files: [...this.#now.files, file] };
@@ -116,7 +116,7 @@ export class Documents {
     this.#saved.set(path, this.text(path) ?? "");
   }
 
-  /** The documents of a session before this one: changes are still marked, and can be undone. */
+  /** Restores the documents of a previous session. Changes are still marked, and can be undone. */
   restore({ now, past, future, saved }: History) {
     [this.#now, this.#past, this.#future] = [now, past, future];
     this.#saved = new Map(now.files.map((file) => [file.path, file.text]));

@@ -1,4 +1,4 @@
-// Who listens to what: a list of named events, each with its listeners.
+// Named events with their listeners.
 
 export class Events<Name extends string> {
   #listeners = new Map<Name, (() => void)[]>();
@@ -18,7 +18,7 @@ export class Events<Name extends string> {
       try {
         listener();
       } catch (error) {
-        // A view that cannot draw must not stop planning, nor the other views.
+        // A view that fails to draw must not stop planning or other views.
         console.error(error);
       }
     }

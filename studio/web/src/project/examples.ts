@@ -1,4 +1,4 @@
-// What ships: robots, motions and libraries, by name. An example opens with the robot that it names.
+// Shipped robots, motions and libraries by name. An example opens together with the robot that it names.
 
 import type { File } from "../contract.ts";
 import { Refused } from "../engine/engine.ts";

@@ -1,5 +1,5 @@
-// Files of this computer: opened by picker or drop, saved in place where the browser can (File System Access),
-// else as a download.
+// Files of this computer: opened by picker or drop, saved in place if the browser supports it (File System Access), else as a
+// download.
 
 import type { File as Text } from "../contract.ts";
 import { baseName, kindOf } from "./documents.ts";
@@ -44,7 +44,7 @@ export async function pickFiles(studio: Studio) {
   input.click();
 }
 
-/** Opens what was picked or dropped. Files that are not there come from the project at hand. */
+/** Opens the picked or dropped files. Missing files are taken from the present project. */
 export async function openFiles(studio: Studio, picked: File[]) {
   try {
     const files = await Promise.all(
@@ -60,7 +60,7 @@ export async function openFiles(studio: Studio, picked: File[]) {
     const others = studio.documents.files().filter((old) => !files.some((file) => baseName(file.path) === baseName(old.path)));
     const replaces = (kind: string) => files.some((file) => kindOf(file) === kind);
     if (motion) {
-      // A motion with its robot is a project; one alone keeps the robot at hand, if it is the one it names.
+      // A motion with its robot is a project. A motion alone keeps the present robot, if it names this robot.
       const kept = replaces("robot") ? [] : others.filter((file) => motion.text.includes(baseName(file.path)));
       await studio.openProject({ files: [...files, ...kept], motion: motion.path });
     } else if (replaces("robot") || replaces("library")) {
@@ -71,7 +71,7 @@ export async function openFiles(studio: Studio, picked: File[]) {
     } else if (!plan) {
       throw new Error(`${picked.map((file) => file.name).join(", ")}: not a robot, motion, plan or library file of Rollwalk, and not a URDF file`);
     }
-    // A plan is a start for the motion at hand, or for that which was opened with it; in a library it is a motion.
+    // A plan is a start for the present motion, or for the motion that was opened with it. In a library, a plan is a motion.
     if (plan && !replaces("library")) {
       if (files.length === 1) await openShipped(studio, plan);
       studio.planFrom(plan.text);
@@ -81,7 +81,7 @@ export async function openFiles(studio: Studio, picked: File[]) {
   }
 }
 
-/** A plan has no robot or motion file in it. Those of a motion that ships are opened with it, unless they are open. */
+/** A plan contains no robot or motion file. Files of a shipped motion are opened with the plan, unless they are open. */
 async function openShipped(studio: Studio, plan: Text) {
   const { robot, motion } = JSON.parse(plan.text);
   if (studio.motion?.name === motion?.name && studio.scene?.name === robot?.name) return;
@@ -90,7 +90,7 @@ async function openShipped(studio: Studio, plan: Text) {
   if (found) await studio.openProject(await example(studio, found.path));
 }
 
-/** Makes a project of a URDF, with the side file beside it or the one that the import proposes. */
+/** Makes a project of a URDF, with its side file or the side file that the import proposes. */
 export async function importRobot(studio: Studio, urdf: Text, side: Text | null) {
   const { value } = await studio.engine.request("documents", { kind: "import", urdf, side });
   await studio.openProject({ files: value.files, motion: value.motion });
@@ -119,7 +119,7 @@ function remarkImport(studio: Studio, urdf: Text, imported: { files: Text[]; war
   });
 }
 
-/** Saves a document: where it came from, if the browser can, else as a download. */
+/** Saves a document to its file, if the browser supports it, else as a download. */
 export async function saveDocument(studio: Studio, path: string, elsewhere = false) {
   const text = studio.documents.text(path) ?? "";
   const name = baseName(path);
@@ -165,7 +165,7 @@ export function download(name: string, content: string | Uint8Array) {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-/** Files can be dropped anywhere on the page. */
+/** Lets users drop files anywhere on the page. */
 export function acceptDrops(studio: Studio, target: HTMLElement) {
   const over = (event: DragEvent) => {
     if (!event.dataTransfer?.types.includes("Files")) return;

@@ -1,4 +1,4 @@
-// What the page opens first: what its link holds, the files of the command line, what was open before, or an example.
+// First project of the page: that of its link, the files of the command line, the previous project, or an example.
 
 import type { InitialFiles, Edit, File } from "../contract.ts";
 import { openedFrom, storedHistory, unpacked } from "./autosave.ts";
@@ -8,7 +8,7 @@ import { given, importRobot } from "./files.ts";
 import { fromLink } from "./share.ts";
 import type { Studio } from "./studio.ts";
 
-/** `edits`: stored edits, the tab that stored them, and whether the files are as they were then. */
+/** `edits`: stored edits, the tab that stored them, and whether the files have not changed since. */
 type GivenFiles = { files: File[]; desired: InitialFiles; edits: { page: string; by: string; is_current: boolean } | null };
 
 export async function openFirst(studio: Studio) {
@@ -38,7 +38,7 @@ export async function openLink(studio: Studio): Promise<boolean> {
   }
 }
 
-/** The files of the command line; null of an engine without files of its own. */
+/** Files of the command line; null if the engine has no files. */
 async function requestGivenFiles(studio: Studio): Promise<GivenFiles | null> {
   return studio.engine.hasFiles ? (await studio.engine.request("documents", { kind: "given" })).value : null;
 }
@@ -50,7 +50,7 @@ async function openGivenFiles(studio: Studio, { files, desired, edits }: GivenFi
   const hasEdits = before !== null && before.saved.length > 0;
   if (hasEdits && edits!.is_current) await restore(studio, before);
   else {
-    // What was edited before is one step of undo away.
+    // One step of undo restores the previous edits.
     if (hasEdits) studio.documents.restore({ ...before, saved: [] });
     if (urdf) await importRobot(studio, urdf, named(desired.side));
     else await openProject(studio, files.filter((file) => file !== plan), desired);
@@ -67,7 +67,7 @@ async function openProject(studio: Studio, files: File[], { motion, robot, robot
     studio.notify(`No motion was given: ${baseName(value.file.path)} is a first motion for the robot, not saved yet.`);
     return;
   }
-  // A file with faults is opened to be mended.
+  // A file with faults is opened so that the user can correct it.
   const path = motion ?? files[0].path;
   const text = robot_in_motion === null ? null : await named(studio, files, path, robot_in_motion);
   await studio.openProject({ files, motion: path });
@@ -76,7 +76,7 @@ async function openProject(studio: Studio, files: File[], { motion, robot, robot
   studio.notify(`${baseName(path)} names another robot; the studio now plans the motion for ${baseName(robot!)}, as requested. Save the motion to keep this change.`);
 }
 
-/** The text of a motion file that names the robot that was asked for. */
+/** Text of a motion file that names the requested robot. */
 async function named(studio: Studio, files: File[], motion: string, robot: string): Promise<string> {
   const edit: Edit = { edit: "text", table: [], key: "robot", value: robot };
   const { value } = await studio.engine.request("documents", { kind: "amend", files, motion, path: motion, edit });

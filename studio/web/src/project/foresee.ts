@@ -1,4 +1,4 @@
-// What an edit makes of the motion as it is shown, before the engine has answered with the new text.
+// Effect of an edit on the shown motion, before the engine answers with the new text.
 
 import type { Edit, MotionView, Scene } from "../contract.ts";
 

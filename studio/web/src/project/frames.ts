@@ -1,11 +1,11 @@
-// The frames of a plan: poses, forces and joints at any time, also in later cycles of a periodic motion.
+// Frames of a plan: poses, forces and joints at any time, also in later cycles of a periodic motion.
 
 import type { EndEffector, FramesHeader } from "../contract.ts";
 
 export type Row = Float32Array;
 
 export class Frames {
-  /** Wheels: body, and what it turns in one cycle against the link that carries it. */
+  /** Wheels: body, and rotation relative to its link in one cycle. */
   #wheels: { body: number; turn: Quaternion }[] = [];
   readonly bodies: number;
 
@@ -26,7 +26,7 @@ export class Frames {
     return this.data.subarray(index * width, (index + 1) * width);
   }
 
-  /** The row at a time; beyond the period of a periodic motion its next cycles, else the last row. */
+  /** Row at a time. Beyond the period of a periodic motion, the next cycles; else the last row. */
   at(time_s: number, out: Row = new Float32Array(this.header.width)): Row {
     const { duration_s, period, count, rate_hz } = this.header;
     const cycle = period ? Math.floor(time_s / duration_s) : 0;
@@ -107,7 +107,7 @@ export class Frames {
     return { x, y, yaw };
   }
 
-  /** A row as it is some cycles later. */
+  /** A row, moved by a number of cycles. */
   #moved(row: Row, cycles: number, out: Row = new Float32Array(row.length)): Row {
     const { period, columns } = this.header;
     if (!period) return row;
@@ -185,7 +185,7 @@ function conjugate(q: Quaternion): Quaternion {
   return [q[0], -q[1], -q[2], -q[3]];
 }
 
-/** A share of a small turn. */
+/** A fraction of a small rotation. */
 function part(q: Quaternion, share: number): Quaternion {
   const sign = q[0] < 0 ? -1 : 1;
   const sine = Math.hypot(q[1], q[2], q[3]);

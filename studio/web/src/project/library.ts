@@ -1,4 +1,4 @@
-// The library build: one at a time, in a lane of its own. Panels of library and robot both show it.
+// The library build: one at a time, in a separate lane. The panels of library and robot show it.
 
 import type { Progress } from "../contract.ts";
 import { Cancelled } from "../engine/engine.ts";
@@ -17,7 +17,7 @@ export class LibraryBuild {
   constructor(private readonly studio: Studio) {
     studio.events.on("documents", () => {
       if (!this.built || this.#of === this.#documents()) return;
-      // What was built is of other documents.
+      // The built library belongs to other documents.
       this.built = null;
       this.#tell();
     });
@@ -48,7 +48,7 @@ export class LibraryBuild {
       if (!(error instanceof Cancelled)) studio.showError(error);
     }
     this.building = null;
-    // A library is built once in a while: its worker and memory are given back.
+    // A build is rare, so its worker and memory are released.
     studio.engine.cancel("library");
     this.#tell();
   }

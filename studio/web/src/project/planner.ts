@@ -1,5 +1,5 @@
-// Keeps the plan up with the documents: one request at a time, of newer ones only the last (latest wins).
-// While something is dragged a few iterations are enough; on release follows a plan in full.
+// Plans the documents after each change: one request at a time, of newer requests only the last. During a drag, a solve has a few
+// iterations; on release, a complete solve follows.
 
 import type { Planned, Progress, Start } from "../contract.ts";
 import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
@@ -7,7 +7,7 @@ import type { Snapshot } from "./documents.ts";
 
 export const FRAMES_HZ = 60;
 const DRAG_ITERATIONS = 2;
-/** A solve in full that takes longer gives way to a newer edit. */
+/** A newer edit interrupts a complete solve that takes longer. */
 const PATIENCE_MS = 500;
 
 /** `plan` is the text of a plan file to start from. */
@@ -15,10 +15,10 @@ export type PlanRequest = { snapshot: Snapshot; version: number; drag: boolean; 
 
 export type Outcome = {
   planned(request: PlanRequest, planned: Planned, frames: Float32Array): void;
-  /** The good plan with its multipliers, as bytes. */
+  /** Last good plan with its multipliers, as bytes. */
   kept(request: PlanRequest, solution: Uint8Array): void;
   failed(request: PlanRequest, error: Error): void;
-  /** The engine broke, was started again, and is asked once more. */
+  /** The engine failed, was started again, and gets the request again. */
   restarted(error: Broken): void;
   progress(progress: Progress | null): void;
   activity(): void;
@@ -41,7 +41,7 @@ export class Planner {
   }
 
   ask(request: PlanRequest) {
-    // A drag step must not take the place of the plan in full, nor a warm start that of a cold one.
+    // A step of a drag must not replace a complete solve, nor a warm start a cold start.
     const from = this.#request?.from === "scratch" ? "scratch" : request.from;
     this.#request = { ...request, from };
     const running = this.#running;
@@ -52,13 +52,13 @@ export class Planner {
     }
   }
 
-  /** Ends the solve that is under way; the plan that is shown stays. */
+  /** Ends the running solve. The shown plan remains. */
   cancel() {
     this.#request = null;
     this.engine.cancel("solver");
   }
 
-  /** The documents are those of another project: its first plan starts from nothing. */
+  /** Another project was opened, so its first plan starts from scratch. */
   forget() {
     this.#good = null;
   }
@@ -103,13 +103,13 @@ export class Planner {
     if (value.good && !request.drag) this.#keep(request);
   }
 
-  /** Keeps the good solution here as well, in case its worker has to be ended. */
+  /** Keeps the good solution here too, in case its worker must be ended. */
   #keep(request: PlanRequest) {
     const keep = ({ binary }: { binary: Uint8Array | null }) => {
       this.#good = binary;
       if (binary) this.outcome.kept(request, binary);
     };
-    // Without it the next worker starts from nothing, which takes longer and is no error.
+    // Without it, the next worker starts from scratch, which takes longer, but is not an error.
     this.engine.request("solver", { kind: "solution" }).then(keep, () => {});
   }
 
@@ -121,7 +121,7 @@ export class Planner {
     }
     if (error instanceof Broken) {
       this.#fresh = true;
-      // A solution that breaks a new engine as well must not do so for ever.
+      // A solution that also makes a new engine fail must not be sent again.
       if (++this.#restarts === 2) this.#good = null;
       if (this.#restarts <= 2) {
         this.#request ??= { ...request, from: this.#good ? request.from : "scratch" };

@@ -1,4 +1,4 @@
-// The time that is shown, and how it runs. Periodic motions go on into their next cycles; others begin again.
+// Displayed time and its playback. Periodic motions continue into their next cycles; others begin again.
 
 import type { FramesHeader } from "../contract.ts";
 
@@ -14,7 +14,7 @@ export class Playback {
   #listeners: (() => void)[] = [];
   #last_ms = 0;
 
-  /** Returns what ends the listening. */
+  /** Returns a function that removes the listener. */
   onChange(listener: () => void): () => void {
     this.#listeners.push(listener);
     return () => (this.#listeners = this.#listeners.filter((one) => one !== listener));
@@ -53,7 +53,7 @@ export class Playback {
     if (this.header) this.seek(this.within_s + frames / this.header.rate_hz);
   }
 
-  /** While a robot is connected the picture is of the robot: the plan does not play. */
+  /** While a robot is connected, the picture shows the robot, and the plan does not play. */
   hold(held: boolean) {
     if (held === this.held) return;
     this.held = held;
@@ -84,7 +84,7 @@ export class Playback {
 
   #tick(now_ms: number) {
     if (!this.playing || !this.header) return;
-    // After a pause of the page (another tab) time does not jump.
+    // After a pause of the page (another tab), time does not jump.
     const passed_s = Math.min(0.25, Math.max(0, now_ms - this.#last_ms) / 1000) * this.speed;
     this.#last_ms = now_ms;
     this.time_s += passed_s;

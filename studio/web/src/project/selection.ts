@@ -1,4 +1,4 @@
-// What is highlighted in scene, chart and panel at once: a target, an end effector, a joint, a span of time.
+// Common highlight of scene, chart and panel: a target, an end effector, a joint, a span of time.
 
 export type Span = { from_s: number; to_s: number };
 

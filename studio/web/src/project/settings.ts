@@ -1,4 +1,4 @@
-// What is shown and how, kept between sessions in this browser alone.
+// Display settings, which this browser keeps between sessions.
 
 export type Layer =
   | "forces"
@@ -48,16 +48,16 @@ export function save(settings: Settings) {
   try {
     localStorage.setItem(KEY, JSON.stringify(settings));
   } catch {
-    // Storage may be full or forbidden: settings last until the page is closed.
+    // Storage may be full or forbidden. Then settings last until the page is closed.
   }
 }
 
-/** True if dark colours are to be used. */
+/** True for dark colours. */
 export function isDark(theme: Theme): boolean {
   return theme === "dark" || (theme === "system" && matchMedia("(prefers-color-scheme: dark)").matches);
 }
 
-/** Value stored until the tab is closed, reloads included; null where storage is forbidden. */
+/** Value that is stored until the tab is closed, also across reloads; null if storage is forbidden. */
 export function kept(key: string): string | null {
   try {
     return sessionStorage.getItem(key);
@@ -66,12 +66,12 @@ export function kept(key: string): string | null {
   }
 }
 
-/** `null` forgets it. */
+/** `null` removes the value. */
 export function keep(key: string, value: string | null) {
   try {
     if (value === null) sessionStorage.removeItem(key);
     else sessionStorage.setItem(key, value);
   } catch {
-    // Then a reload begins afresh.
+    // Without storage, a reload loses the value.
   }
 }

@@ -3,7 +3,7 @@
 import type { Snapshot } from "./documents.ts";
 
 const PREFIX = "#project=";
-/** A link that unpacks to more than this is not one of ours. */
+/** A link that unpacks to more was not made by this page. */
 const MOST_BYTES = 4_000_000;
 
 export async function linkTo(snapshot: Snapshot): Promise<string> {
@@ -12,13 +12,13 @@ export async function linkTo(snapshot: Snapshot): Promise<string> {
   let text = "";
   for (const byte of packed) text += String.fromCharCode(byte);
   const base = btoa(text).replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "");
-  // Without its query, which may hold the token of a server.
+  // Without the query, which may contain the token of a server.
   const page = new URL(location.href);
   page.search = page.hash = "";
   return `${page.href}${PREFIX}${base}`;
 }
 
-/** The project in this page's address, if there is one. */
+/** Project in this page's address, if any. */
 export async function fromLink(hash: string): Promise<Snapshot | null> {
   if (!hash.startsWith(PREFIX)) return null;
   const text = atob(hash.slice(PREFIX.length).replace(/-/g, "+").replace(/_/g, "/"));

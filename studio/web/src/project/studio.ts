@@ -1,4 +1,4 @@
-// The state of the page and what can be done to it. Views listen to `events` and read; they change nothing themselves.
+// State of the page, and its changes. Views listen to `events` and read the state; they do not change it themselves.
 
 import type { Edit, Fault, File, MotionView, Planned, Progress, Scene } from "../contract.ts";
 import { Broken, Cancelled, type Engine, Faults, Refused } from "../engine/engine.ts";
@@ -10,12 +10,12 @@ import { Planner, type PlanRequest } from "./planner.ts";
 import { Selection } from "./selection.ts";
 
 export type Name = "documents" | "plan" | "kept" | "activity" | "selection";
-/** `of`: the texts that the plan is of. */
+/** `of`: texts from which the plan was made. */
 export type ShownPlan = { planned: Planned; frames: Frames; version: number; drag: boolean; of: string };
 export type Problem = { message: string; help: string };
-/** The last good plan with its multipliers, and the documents that it is of. */
+/** Last good plan with its multipliers, and its documents. */
 export type StoredPlan = { snapshot: Snapshot; version: number; solution: Uint8Array };
-/** Points that the user should check, and an action once the file in question has changed. */
+/** Points that the user should check, and an action after the file has changed. */
 export type Remarks = { of: string; each: string[]; again?: { text: string; isDue(): boolean; act(): Promise<void> } };
 type Amendment = { edit: Edit; path: string; gesture: string | null; drag: boolean; again?: boolean };
 
@@ -23,9 +23,9 @@ export class Studio {
   readonly events = new Events<Name>();
   readonly documents = new Documents();
   readonly selection = new Selection(() => this.events.emit("selection"));
-  /** Grows with every change of the documents. */
+  /** Increases with every change of the documents. */
   version = 0;
-  /** The version whose plan in full has been answered, with whatever outcome. */
+  /** Version whose complete solve has ended, with any outcome. */
   settled = 0;
   scene: Scene | null = null;
   motion: MotionView | null = null;
@@ -33,19 +33,19 @@ export class Studio {
   kept: StoredPlan | null = null;
   faults: Fault[] = [];
   problem: Problem | null = null;
-  /** Something that went well, said once: "saved walk.toml". */
+  /** A success that is shown once: "saved walk.toml". */
   notice = "";
   /** Points that the user should check about the import of the project. */
   remarks: Remarks | null = null;
   progress: Progress | null = null;
-  /** Something is being dragged: plans are steps that follow it. */
+  /** True during a drag: plans are steps that follow it. */
   dragging = false;
 
   #planner: Planner;
   #amendments: Amendment[] = [];
   #amending = false;
   #gestures = 0;
-  /** Grows when the documents change by other means than amendments: what was under way then is void. */
+  /** Increases when the documents change otherwise than by amendments. Amendments that were running are then void. */
   #epoch = 0;
 
   constructor(readonly engine: Engine) {
@@ -58,7 +58,7 @@ export class Studio {
       failed: (request, error) => this.#failed(request, error),
       restarted: (error) => this.#restarted(error),
       progress: (progress) => {
-        // What is in the way stays to be seen while numbers that work are sought.
+        // Conflicting constraints stay visible while feasible values are sought.
         this.progress = progress && { ...progress, refused: progress.refused ?? this.progress?.refused };
         this.events.emit("activity");
       },
@@ -70,7 +70,7 @@ export class Studio {
     return this.#planner.busy || this.#amendments.length > 0 || this.#amending;
   }
 
-  /** The picture is of documents before the last edit. */
+  /** True if the picture shows documents before the last edit. */
   get stale(): boolean {
     return this.shown !== null && this.shown.version < this.version;
   }
@@ -80,7 +80,7 @@ export class Studio {
     await this.newProject();
   }
 
-  /** After the documents became those of another project. */
+  /** Called after another project was opened. */
   async newProject() {
     this.selection.clear();
     this.remarks = null;
@@ -98,7 +98,7 @@ export class Studio {
     return `gesture ${++this.#gestures}`;
   }
 
-  /** Changes a document: shown at once, planned as soon as the engine has the text. */
+  /** Changes a document. The change is shown at once, and planned when the engine has the text. */
   edit(edit: Edit, { path = this.documents.motionPath, gesture = null as string | null, drag = false } = {}) {
     if (this.motion && this.scene && path === this.documents.motionPath) {
       const next = predict(edit, this.motion, this.scene);
@@ -109,7 +109,7 @@ export class Studio {
     this.notice = "";
     this.dragging = drag;
     const amendment = { edit, path, gesture, drag };
-    // A newer step of a drag takes the place of one that still waits.
+    // A newer step of a drag replaces a step that still waits.
     const waiting = gesture ? this.#amendments.findIndex((one) => one.gesture === gesture && slot(one) === slot(amendment)) : -1;
     if (waiting >= 0) this.#amendments[waiting] = amendment;
     else this.#amendments.push(amendment);
@@ -117,19 +117,19 @@ export class Studio {
     void this.#amend();
   }
 
-  /** The text of a document as it was typed. */
+  /** Replaces the text of a document as typed. */
   write(path: string, text: string, gesture: string | null) {
     this.documents.write(path, text, gesture);
     void this.#documentsChanged("good");
   }
 
-  /** A new text of a document; done once the engine has read it. */
+  /** Replaces the text of a document; completes after the engine has read it. */
   async rewrite(path: string, text: string) {
     this.documents.write(path, text, null);
     await this.#documentsChanged("scratch");
   }
 
-  /** More documents, which are not saved yet. */
+  /** Adds documents, which are not saved yet. */
   add(files: readonly File[]) {
     this.documents.add(files);
     void this.#documentsChanged("good");
@@ -147,7 +147,7 @@ export class Studio {
     void this.#documentsChanged("scratch");
   }
 
-  /** Plans the motion at hand from a plan file. */
+  /** Plans the present motion from a plan file. */
   planFrom(plan: string) {
     const { version } = this;
     this.problem = null;
@@ -199,7 +199,7 @@ export class Studio {
           continue;
         }
         this.#refuse(error);
-        // The document is as it was; once nothing is dragged, it is shown so.
+        // The document is unchanged. After a drag, it is shown again.
         if (!drag) await this.#changed("good");
       }
     }
@@ -212,7 +212,7 @@ export class Studio {
     this.notify("The engine stopped and was restarted. Nothing is lost.");
   }
 
-  /** An edit that the engine does not make is a problem of the edit, not a fault of the documents. */
+  /** An edit that the engine refuses is a problem of the edit, not a fault of the documents. */
   #refuse(error: unknown) {
     if (!(error instanceof Faults)) return this.showError(error);
     const [{ message, label, help }] = error.faults;
@@ -242,13 +242,13 @@ export class Studio {
       this.events.emit("activity");
       return;
     }
-    // Reading may have made a robot that ships part of the documents.
+    // Reading may have added a shipped robot to the documents.
     const { now } = this.documents;
     if (how === "good" && this.#isOfShown(now)) return this.#keepShown(version);
     this.#planner.ask({ snapshot: now, version, drag, from: how === "scratch" ? "scratch" : "good" });
   }
 
-  /** True if the shown plan belongs to these documents: the edit changed another one, such as the library. */
+  /** True if the shown plan belongs to these documents, because the edit changed another document, such as the library. */
   #isOfShown(snapshot: Snapshot): boolean {
     const { shown } = this;
     return shown !== null && !shown.drag && !this.#planner.busy && shown.planned.good && shown.of === this.#planOf(snapshot);
@@ -266,7 +266,7 @@ export class Studio {
     return JSON.stringify(paths.map((path) => [path, files.find((file) => file.path === path)?.text]));
   }
 
-  /** Reads the documents: the engine validates them, without waiting for a plan. */
+  /** Reads the documents. The engine validates them without planning. */
   async #read(snapshot: Snapshot, version: number): Promise<boolean> {
     try {
       const { value } = await this.engine.request("documents", {
@@ -286,7 +286,7 @@ export class Studio {
     }
   }
 
-  /** The robot is one that ships and was not opened: its text becomes part of the project, so that it can be changed. */
+  /** The robot is shipped and was not opened. Its text becomes part of the project, so that it can be changed. */
   async #adopt(robot: string) {
     this.documents.readRobot = robot;
     if (!robot || this.documents.text(robot) !== undefined) return;

@@ -1,5 +1,5 @@
-// The plan beside the robot that plays it: whether the motion in the robot's library is the plan that is open, the plan's pose at the
-// robot's time, and how far joints are from it.
+// Comparison of the robot with the plan that it plays: whether the motion in the robot's library is the open plan, the plan's pose
+// at the robot's time, and deviations of joints.
 
 import type { RobotView } from "../contract.ts";
 import type { Snapshot } from "../project/documents.ts";
@@ -11,7 +11,7 @@ import type { RobotLink } from "./link.ts";
 /** Comparison of the open plan with a library, by the engine. */
 type ClipComparison = { name: string; clip: number | null; why: string };
 
-/** Joints at a moment: the one that is farthest from the plan, and how far any has been since the motion began. */
+/** Joint with the largest deviation from the plan, and the largest deviation since the motion began. */
 export type JointDeviation = { joint: string; rad: number; most_rad: number };
 
 export class PlanComparison {
@@ -27,7 +27,7 @@ export class PlanComparison {
     studio.events.on(["plan", "documents"], () => this.#update());
   }
 
-  /** The plan's row at the robot's time, while the robot plays it. */
+  /** Row of the plan at the robot's time, while the robot plays the plan. */
   row(): Row | null {
     const { playing } = this.link.view ?? {};
     const shown = this.#shown();
@@ -59,10 +59,10 @@ export class PlanComparison {
     const body = { kind: "compare", files: documents.files(), motion: documents.motionPath, library: documents.libraryPath ?? "" } as const;
     try {
       const { value } = await engine.request("solver", body, { binary: library });
-      // Another plan or library may be there by now.
+      // The plan or library may have changed meanwhile.
       if (this.#of === of) this.compared = value;
     } catch {
-      // The solver was stopped, and its plan with it: the next plan is compared.
+      // The solver was stopped and has lost its plan. The next plan is compared.
       if (this.#of === of) this.#of = null;
     }
   }
@@ -78,7 +78,7 @@ export class PlanComparison {
     return `${now}; the maximum since the start of \`${compared.name}\` is ${angle(apart.most_rad)}.`;
   }
 
-  /** Compares each joint with the plan at the time when the joint was heard, which differs from joint to joint. */
+  /** Compares each joint with the plan at the time of its measurement, which differs between joints. */
   #measure({ frames, planned }: ShownPlan, view: RobotView) {
     const { playing } = view;
     if (!playing || playing.clip !== this.compared?.clip) {
@@ -98,7 +98,7 @@ export class PlanComparison {
   }
 }
 
-/** A time within a motion: of a periodic one in its first cycle. */
+/** Time within a motion; for a periodic motion, within its first cycle. */
 function within({ frames }: Pick<ShownPlan, "frames">, time_s: number): number {
   const { duration_s, period } = frames.header;
   if (period) return ((time_s % duration_s) + duration_s) % duration_s;

@@ -1,4 +1,4 @@
-// Where the robot is, and with what it is steered: what is asked before a connection, and holds as long as that does.
+// Inputs before a connection, which stay valid during it: place of the robot, and gamepad.
 
 import type { ConnectionKind } from "../contract.ts";
 import { h } from "../ui/dom.ts";
@@ -9,7 +9,7 @@ const BAUDS = [115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000];
 /** Controllers have the numbers 0 to 14. */
 const LAST_NODE = 14;
 
-/** `before`: the place that was chosen last, if any was. */
+/** `before`: the last chosen place, if any. */
 export function connectFields(before: ConnectionKind | null): { element: HTMLElement; wanted(): Promise<ConnectionSettings>; lock(locked: boolean): void } {
   const place = h("select", { id: "place", "aria-label": "Connection to the robot" }, ...placeOptions(before));
   const bauds = BAUDS.map((one) => h("option", { value: one, text: `${one.toLocaleString("en")} baud` }));

@@ -1,13 +1,13 @@
-// What the page sees of a gamepad, sixty times a second: browsers tell it to pages alone. What buttons mean is known to the engine.
-// A page that is not in front sees none, and one that is busy tells nothing: either is as if the deadman was let go.
+// State of a gamepad, sixty times per second. Browsers report gamepads only to pages. The engine interprets the buttons. A page in
+// the background sees no gamepad, and a busy page reports nothing; both act like a release of the deadman.
 
 import type { GamepadSeen } from "../contract.ts";
 
 const LOOK_MS = 16;
 
-/** Looks until the function that it returns is called. */
+/** Reports until the returned function is called. */
 export function watchGamepad(saw: (seen: GamepadSeen) => void): () => void {
-  /** The one that is used as long as it is there. */
+  /** The gamepad in use, as long as it is connected. */
   let index = -1;
   const look = (): GamepadSeen => {
     if (document.hidden) return { gone: "this page is in the background" };

@@ -1,4 +1,4 @@
-// A button that acts only when it was held for a second, by pointer, Space or Enter: for what must not happen by accident.
+// A button that acts only after it was held for a second, by pointer, Space or Enter: for actions that must not happen by accident.
 
 import { h } from "../ui/dom.ts";
 

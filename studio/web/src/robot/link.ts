@@ -1,6 +1,6 @@
-// A connection with a robot as the page sees it: a worker holds it (worker.ts), the page shows views and hands over orders.
-// Nothing is sent before `connect`, which a person asks for. When the page is gone, heartbeats end, and the robot returns
-// to SAFE by itself.
+// The page's end of a connection to a robot. A worker holds the connection (worker.ts); the page shows views and passes orders.
+// Nothing is sent before `connect`, which the user requests. After the page is closed, heartbeats end, and the robot returns to
+// SAFE.
 
 import workerSource from "robot-worker-source";
 import type { ConnectionKind, RobotRequest, RobotView } from "../contract.ts";
@@ -27,15 +27,15 @@ export class RobotLink {
   connecting = false;
   /** Current or last place of the robot; survives a reload. */
   place = kept(PLACE) as ConnectionKind | null;
-  /** The library that the page has sent last. */
+  /** Library that the page sent last. */
   library: Library | null = null;
   #worker: Worker | null = null;
   #source = URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" }));
-  /** The serial port that was chosen. */
+  /** Chosen serial port. */
   #chosen: { port: SerialPort; baud: number } | null = null;
-  /** The same, if the page holds it. */
+  /** The same port, if the page holds it. */
   #port: Port | null = null;
-  /** Ends looking at a gamepad. */
+  /** Stops the reports of the gamepad. */
   #unwatch = () => {};
   #since_ms = 0;
   #asked = 0;
@@ -88,7 +88,7 @@ export class RobotLink {
     }
   }
 
-  /** An order or a library; done once the view has what it changed at once. */
+  /** Sends an order or a library; completes when the view contains its immediate effect. */
   ask(wanted: RobotRequest, binary?: Uint8Array): Promise<void> {
     if (!this.#worker) return Promise.reject(new Broken("no robot is connected"));
     const id = ++this.#asked;
@@ -98,15 +98,15 @@ export class RobotLink {
     });
   }
 
-  /** An order of a person; what goes wrong with it is said. */
+  /** Sends an order of the user, and shows its errors. */
   send(wanted: RobotRequest, binary?: Uint8Array) {
     this.ask(wanted, binary).catch((error) => this.studio.showError(error));
   }
 
-  /** Motions of the robot have the names that they have in a library, if it is the one in use. */
+  /** Names the robot's motions by a library, if the robot uses this library. */
   name(library: Library) {
     this.library = library;
-    // One that does not fit names nothing; the panel says so.
+    // A library that does not fit names nothing, as the panel shows.
     this.ask({ robot: "name" }, library.bytes).catch(() => {});
   }
 
@@ -122,7 +122,7 @@ export class RobotLink {
     return { kind: "serial", info: this.#chosen.port.getInfo(), baud };
   }
 
-  /** Opens the chosen port here. Bytes that are to be sent until then are lost, as on any line: what matters is repeated. */
+  /** Opens the chosen port in the page. Bytes that are sent before are lost, as on any line; important messages are repeated. */
   async #hold() {
     const { port, baud } = this.#chosen!;
     try {
@@ -130,7 +130,7 @@ export class RobotLink {
         bytes: (bytes) => this.#post({ kind: "arrived", bytes }),
         lost: (why) => this.#end(why),
       });
-      // The connection may be over already.
+      // The connection may have ended already.
       if (!this.#worker) void this.#port.close();
     } catch (error) {
       this.#end((error as Error).message);
@@ -151,7 +151,7 @@ export class RobotLink {
     } else if (message.kind === "view") {
       this.view = message.view;
       this.#emit();
-      // Only now: the answer says that the page does its work, not that messages reach it.
+      // Only here, because the answer must prove that the page works, not that it receives messages.
       this.#post({ kind: "seen" });
     } else if (message.kind === "send") this.#port?.send(message.bytes);
     else if (message.kind === "hold") void this.#hold();
@@ -175,7 +175,7 @@ export class RobotLink {
     this.#worker = null;
     void this.#port?.close();
     this.#port = null;
-    // What was under way when the connection ended says nothing new.
+    // Requests that were pending at the end of the connection need no message.
     for (const { resolve } of this.#waiting.values()) resolve();
     this.#waiting.clear();
     this.#emit();

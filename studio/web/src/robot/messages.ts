@@ -1,4 +1,4 @@
-// What the page and the worker that holds a connection with a robot say to each other.
+// Messages between the page and the worker that holds a connection to a robot.
 
 import type { Fault, GamepadSeen, RobotRequest, RobotView } from "../contract.ts";
 import { Broken, Cancelled, Faults, Refused, type Source } from "../engine/engine.ts";
@@ -10,7 +10,7 @@ export type RobotTransport = { kind: "engine" } | { kind: "relay"; address: stri
 export type ToWorker =
   | { kind: "start"; engine: Source; way: RobotTransport; connect: RobotRequest }
   | { kind: "ask"; id: number; wanted: RobotRequest; binary?: Uint8Array }
-  /** The page has shown a view, so it is alive. */
+  /** The page has shown a view, which proves that it is alive. */
   | { kind: "seen" }
   | { kind: "gamepad"; seen: GamepadSeen }
   /** Bytes that have arrived at the page's port. */
@@ -21,14 +21,14 @@ export type ToPage =
   | { kind: "view"; view: RobotView | null }
   | { kind: "done"; id: number }
   | { kind: "failed"; id: number; error: Packed }
-  /** The worker does not see the serial port, or several like it: the page is to hold it. */
+  /** The worker finds no such serial port, or several, so the page must hold the port. */
   | { kind: "hold" }
   /** Bytes for the page's port. */
   | { kind: "send"; bytes: Uint8Array }
   /** The connection has ended; the reason in words, unless the user ended it. */
   | { kind: "ended"; why: string };
 
-/** An error on its way between threads, which keep no classes. */
+/** An error between threads, which do not preserve classes. */
 export type Packed = { name: "faults" | "refused" | "broken" | "other"; message: string; help: string; faults: Fault[] };
 
 export function packed(error: unknown): Packed {

@@ -1,4 +1,4 @@
-// The robot at the other end of a link: connect, flash, arm by holding, play, stop. The state is in words.
+// Panel of the robot at the other end of a link: connect, flash, arm by holding, play, stop. The state is shown in words.
 
 import type { RobotView } from "../contract.ts";
 import type { LibraryBuild } from "../project/library.ts";
@@ -10,9 +10,9 @@ import { holdButton } from "./hold.ts";
 import type { RobotLink } from "./link.ts";
 import { adviceOf, factsOf, latestOf, motionsOf, stateOf } from "./words.ts";
 
-/** The planned speed in the link's 64ths; faster is none. */
+/** Planned speed in the link's 64ths, which is the maximum. */
 const FULL_SPEED = 64;
-/** Shortest time between two texts about the plan beside the robot: faster changes cannot be read. */
+/** Minimum time between two texts about the plan beside the robot, because faster changes cannot be read. */
 const READ_MS = 200;
 
 export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild, beside: PlanComparison): HTMLElement {
@@ -82,7 +82,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     pause.disabled = home.disabled = !contact || !view.torque;
     pause.querySelector("span")!.textContent = view?.paused ? "Resume" : "Pause";
     speed.disabled = !contact;
-    // What is being dragged stays where the hand has it.
+    // A control that is dragged keeps its value.
     if (view && document.activeElement !== speed) speed.value = String(view.speed_64ths);
     percent.textContent = `${Math.round((100 * Number(speed.value)) / FULL_SPEED)} %`;
     if (performance.now() >= besideFrom_ms) {
@@ -129,7 +129,7 @@ export function runPanel(studio: Studio, link: RobotLink, library: LibraryBuild,
     messages.setAttribute("aria-live", warning ? "assertive" : "polite");
     replace(messages, ...[...list].reverse().map((one) => h("li", { "data-weight": one.weight }, h("span", { class: "muted", text: `${format(one.at_s, 1)} s` }), h("span", {}, prose(one.text)))));
   };
-  /** The library that was built here names the motions of a robot that has it already. */
+  /** The library that was built here names the motions of a robot that already has this library. */
   const name = () => {
     const { bytes, identity } = library.built ?? {};
     const { view } = link;

@@ -1,4 +1,4 @@
-// Where a robot can be, as far as this page and its browser can reach.
+// Places of a robot that this page and its browser can reach.
 
 import type { ConnectionKind } from "../contract.ts";
 import { h } from "../ui/dom.ts";
@@ -6,7 +6,7 @@ import { hasSerial } from "./serial.ts";
 
 const meta = (name: string) => document.querySelector<HTMLMetaElement>(`meta[name="${name}"]`)?.content;
 
-/** The bus that the serving program relays, by its name. */
+/** Name of the bus that the serving program relays. */
 const relayedBus = meta("relay");
 
 /** Address at which the program that serves the page relays its bus. */
@@ -18,7 +18,7 @@ export function relayAddress(): string {
   return address.href;
 }
 
-/** Chosen is where the robot was before; else the bus that the page was served for. */
+/** The default is the previous place, else the bus of the serving program. */
 export function placeOptions(before: ConnectionKind | null): HTMLElement[] {
   const all: [ConnectionKind, string, boolean][] = [
     ["simulated", "Simulated in this page", true],

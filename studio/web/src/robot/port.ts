@@ -1,4 +1,4 @@
-// A way on which bytes go to a robot and come from it; and the one that the program offers which serves the page.
+// Connection that carries bytes to and from a robot, and the connection through the program that serves the page.
 
 export interface Port {
   send(bytes: Uint8Array): void;

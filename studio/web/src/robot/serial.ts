@@ -1,9 +1,10 @@
-// A serial port of this computer. It is chosen in the page, by a click; the worker then finds it among the ports that the page may
-// use, so that bytes do not pass through the page. (A port's streams can be handed over to a worker, but the page goes on pumping them.)
+// A serial port of this computer. The user chooses the port in the page by a click. The worker then finds the port among those that
+// the page may use, so that bytes do not pass through the page. (Streams of a port can be transferred to a worker, but the page
+// would still move their bytes.)
 
 import type { PortEvents, Port } from "./port.ts";
 
-/** Web Serial, of which TypeScript's library knows nothing yet. */
+/** Web Serial, which TypeScript's library does not declare yet. */
 export type SerialPort = {
   getInfo(): SerialInfo;
   open(options: { baudRate: number }): Promise<void>;
@@ -22,7 +23,7 @@ export function choosePort(): Promise<SerialPort> {
   return serial!.requestPort();
 }
 
-/** The port that is so known; null if the browser shows none or several here. */
+/** Port with this identity; null if the browser lists none or several. */
 export async function findPort({ usbVendorId, usbProductId }: SerialInfo): Promise<SerialPort | null> {
   const is = (info: SerialInfo) => info.usbVendorId === usbVendorId && info.usbProductId === usbProductId;
   const found = ((await serial?.getPorts()) ?? []).filter((port) => is(port.getInfo()));

@@ -1,10 +1,10 @@
-// The emergency stop: always in sight while a robot is connected, and always on Escape.
+// The emergency stop: always visible while a robot is connected, and always on Escape.
 
 import { h } from "../ui/dom.ts";
 import type { RobotLink } from "./link.ts";
 import { motionsOf } from "./words.ts";
 
-/** A stop that is not acknowledged for so long is said to be so. */
+/** Time after which a stop without acknowledgement is reported. */
 const UNANSWERED_MS = 500;
 
 export function emergencyStop(host: HTMLElement, link: RobotLink) {
@@ -12,18 +12,18 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   const brief = h("small", {});
   const alarm = h("div", { class: "estop-alarm", role: "alert", hidden: true });
   const button = h("button", { type: "button", class: "estop", title: "Turn torque off at once (Escape): the robot goes limp", hidden: true, onclick: () => stop() }, word, h("kbd", { text: "Esc" }), brief);
-  /** An order to stop is on its way to the connection, or was not taken. */
+  /** True while an order to stop is on its way to the connection, or was not accepted. */
   let asking = false;
   /** Start of the stop that is not acknowledged yet, ms; 0 without one. */
   let since_ms = 0;
-  /** The connection ended before a stop was acknowledged. */
+  /** True if the connection ended before a stop was acknowledged. */
   let lost = false;
   const stop = () => {
     asking = true;
     draw();
     link.ask({ robot: "wish", intent: "estop" }).then(
       () => ((asking = false), draw()),
-      // It stays pending, and the alarm appears.
+      // The stop stays pending, and the alarm appears.
       () => {},
     );
   };
@@ -35,7 +35,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
     if (!pending) since_ms = 0;
     else if (since_ms === 0) {
       since_ms = performance.now();
-      // Views may have ceased.
+      // Views may have stopped.
       setTimeout(draw, UNANSWERED_MS + 1);
     }
     button.hidden = !connected;
@@ -50,7 +50,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
   };
   host.append(button, alarm);
   link.onChange(draw);
-  // Before anything else may take the key: dialogs, menus and fields too.
+  // Captured before dialogs, menus and fields can take the key.
   let pressed = false;
   addEventListener(
     "keydown",
@@ -61,7 +61,7 @@ export function emergencyStop(host: HTMLElement, link: RobotLink) {
     },
     { capture: true },
   );
-  // An open list of choices takes the key when it is pressed: only its release arrives.
+  // An open list of choices takes the press of the key; only its release arrives.
   addEventListener(
     "keyup",
     (event) => {

@@ -1,11 +1,11 @@
-// What the page says of a robot, from its views.
+// Texts about a robot, from its views.
 
 import type { ConnectionKind, RobotView } from "../contract.ts";
 import { format } from "../ui/dom.ts";
 
-/** A robot that has not answered for so long is said to be silent, with what may be the cause. */
+/** Time without an answer after which the robot is reported as silent, with possible causes. */
 const SILENT_MS = 5_000;
-/** Messages are also said beside the state for so long, s. */
+/** Time for which messages are also shown beside the state, s. */
 const LATEST_S = 6;
 
 export function stateOf(view: RobotView, place: ConnectionKind | null): string {
@@ -17,7 +17,7 @@ export function stateOf(view: RobotView, place: ConnectionKind | null): string {
   return `${which} is ${view.state ?? "silent"}${playing}${torque}.${fallen}`;
 }
 
-/** Motions that can be asked for: of a library whose names are not known those of the number keys, of which the robot may have fewer. */
+/** Motions that can be requested. If the names of the library are unknown, those of the number keys; the robot may have fewer. */
 export function motionsOf({ motions, library }: RobotView): { name: string; code: number | null }[] {
   if (motions.length > 0 || library === null) return motions;
   return Array.from({ length: 9 }, (_, index) => ({ name: `motion ${index + 1}`, code: index + 1 }));
@@ -31,7 +31,7 @@ export function adviceOf(view: RobotView, connected_ms: number): string {
   return "Check the robot's power, its bus and its controller number (under More). The page keeps trying.";
 }
 
-/** The newest message, while it is new. */
+/** Newest message, while it is new. */
 export function latestOf(view: RobotView): RobotView["messages"][number] | null {
   const latest = view.messages.at(-1);
   return latest && view.time_s - latest.at_s < LATEST_S ? latest : null;

@@ -1,8 +1,8 @@
-// The worker that holds a connection with a robot. It asks its engine what to send, sends it, and hands over what arrives, as soon as it
-// does and sixty times a second, so that heartbeats go on while the page draws or plans.
+// The worker that holds a connection to a robot. It passes received bytes to its engine, and sends the engine's bytes, on every
+// arrival and sixty times per second, so that heartbeats continue while the page draws or plans.
 //
-// Heartbeats require an operator at the page: the page answers every view. When it has not answered for a second, heartbeats end and
-// the robot returns to SAFE by itself.
+// Heartbeats require an operator at the page: the page answers every view. If it has not answered for a second, heartbeats end, and
+// the robot returns to SAFE.
 
 import type { GamepadSeen, RobotRequest, RobotView } from "../contract.ts";
 import { Door } from "../engine/door.ts";
@@ -14,7 +14,7 @@ import { openRelay, type Port } from "./port.ts";
 import { findPort, openSerial } from "./serial.ts";
 
 const TICK_MS = 16;
-/** Longest silence of the page after which an operator still counts as present. */
+/** Maximum silence of the page during which an operator still counts as present. */
 const PAGE_SILENT_MS = 1000;
 /** Longest wait for a port to close. */
 const CLOSING_MS = 500;
@@ -42,7 +42,7 @@ class Connection {
     this.#engine = new LaneOfRequests((events) => ("address" in engine ? openSocket(engine.address, events) : openDoor(engine.module, events)));
   }
 
-  /** The robot's time of a simulated one, which a slow computer makes pass more slowly; else that of the clock. */
+  /** Time of a simulated robot, which a slow computer slows down; else the clock's time. */
   #now_ms(): number {
     return this.#simulated ? 1000 * (this.#view?.time_s ?? 0) : performance.now();
   }
@@ -61,7 +61,7 @@ class Connection {
   }
 
   onMessage(message: ToWorker) {
-    // Bytes of a port and looks at a gamepad come by themselves, also from a page that shows nothing any more.
+    // Bytes of a port and states of a gamepad arrive even from a page that shows nothing any more.
     if (message.kind === "seen" || message.kind === "ask") this.#heard_ms = this.#now_ms();
     if (message.kind === "seen") this.#unseen = false;
     else if (message.kind === "arrived") this.#take(message.bytes);
@@ -131,7 +131,7 @@ class Connection {
     this.#timer = 0;
     const port = this.#port;
     this.#port = null;
-    // The page ends this worker then. A port that hangs is left to the browser.
+    // Then the page ends this worker. The browser closes a port that hangs.
     await Promise.race([port?.close(), new Promise((done) => setTimeout(done, CLOSING_MS))]);
     worker.postMessage({ kind: "ended", why });
   }

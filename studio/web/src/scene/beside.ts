@@ -1,5 +1,5 @@
-// The plan's pose as a ghost at a live robot, body upon body: what is seen to differ are joints. Where a real robot's body is in the
-// world is not known anyway, and a simulated one drifts.
+// The plan's pose as a ghost on a live robot, with coinciding bodies, so that only joints differ. The position of a real robot's
+// body in the world is unknown, and a simulated robot drifts.
 
 import { type Object3D, Quaternion, Vector3 } from "three";
 import type { Scene } from "../contract.ts";
@@ -17,7 +17,7 @@ export class PlanGhost {
     return this.#robot !== null && this.#robot.group.visible;
   }
 
-  /** Poses the ghost of a robot as a row says, whose bodies begin at `offset`, upon the live robot's body. */
+  /** Poses the ghost by a row, whose bodies begin at `offset`, on the live robot's body. */
   show(scene: Scene, palette: Palette, row: Row, offset: number, live: Float32Array) {
     if (this.#of !== scene) {
       this.dispose();
@@ -44,7 +44,7 @@ export class PlanGhost {
   }
 }
 
-/** The orientation of the body that begins at a place of a row. */
+/** Orientation of the body that begins at an index of a row. */
 function turn(row: Row, at: number): Quaternion {
   return new Quaternion(row[at + 4], row[at + 5], row[at + 6], row[at + 3]);
 }

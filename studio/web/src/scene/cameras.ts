@@ -28,7 +28,7 @@ export class Cameras {
     this.controls.addEventListener("change", () => stage.invalidate());
   }
 
-  /** The whole robot in the picture. */
+  /** Shows the whole robot. */
   frame(centre: [number, number, number], size_m: number) {
     this.#distance_m = Math.max(0.2, size_m * 2.2);
     this.#last.set(...centre);
@@ -44,7 +44,7 @@ export class Cameras {
     this.stage.invalidate();
   }
 
-  /** The robot is at this place now: a following camera moves with it, in the plane. */
+  /** Sets the robot's position. A following camera moves with the robot in the plane. */
   at(x: number, y: number, z: number) {
     if (this.follow) {
       const move = new Vector3(x - this.#last.x, y - this.#last.y, 0);

@@ -91,7 +91,7 @@ export class Ground {
     texture.anisotropy = 4;
     const material = new MeshBasicMaterial({ map: texture, transparent: true, depthWrite: false, side: DoubleSide });
     const label = new Mesh(new PlaneGeometry(0.128, 0.04), material);
-    // Read from the robot's right side, as the camera stands when the page opens.
+    // Readable from the robot's right side, where the camera is when the page opens.
     label.position.set(x + 0.07, y - 0.028, 0.0005);
     label.renderOrder = -1;
     this.#labels.add(label);

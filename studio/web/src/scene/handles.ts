@@ -1,5 +1,5 @@
-// Things in the scene that are dragged: targets and the goal. On the ground plane by default, upwards with Shift.
-// Whatever is dragged here can be typed in the panel too.
+// Draggable objects of the scene: targets and the goal. They move on the ground plane, and with Shift upwards. Their values can
+// also be typed in the panel.
 
 import { ConeGeometry, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial, Object3D, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import type { MotionView, Target } from "../contract.ts";
@@ -11,7 +11,7 @@ import type { Stage } from "./stage.ts";
 export type Grip = { kind: "target"; index: number } | { kind: "goal" };
 export type HandleMove = { forward_m: number; left_m: number; up_m: number };
 
-/** `reach_m`: how far from its place the marker can be grasped. */
+/** `reach_m`: distance from the marker's position within which it can be grasped. */
 type Handle = { grip: Grip; object: Group; at: Vector3; vertical: boolean; reach_m: number };
 
 export class Handles {
@@ -29,7 +29,7 @@ export class Handles {
     },
   ) {
     const { canvas } = stage;
-    // Before the orbit controls see it.
+    // Captured before the orbit controls get the event.
     canvas.addEventListener("pointerdown", (event) => this.#down(event), { capture: true });
     canvas.addEventListener("pointermove", (event) => this.#move(event), { capture: true });
     canvas.addEventListener("pointerup", (event) => this.#up(event), { capture: true });
@@ -65,7 +65,7 @@ export class Handles {
     return this.#project(this.#world(handle), box);
   }
 
-  /** Carries all handles to a later cycle of the motion. */
+  /** Moves all handles to a later cycle of the motion. */
   carry({ x, y, yaw }: { x: number; y: number; yaw: number }) {
     if (this.dragging) return;
     this.group.position.set(x, y, 0);
@@ -82,7 +82,7 @@ export class Handles {
     return { x: box.left + ((point.x + 1) / 2) * box.width, y: box.top + ((1 - point.y) / 2) * box.height };
   }
 
-  /** Pixels that a length across the view takes there. */
+  /** Size in pixels of a length across the view at that point. */
   #pixels(handle: Handle): number {
     const at = this.#world(handle);
     const across = new Vector3().setFromMatrixColumn(this.stage.camera.matrixWorld, 0).multiplyScalar(handle.reach_m);
@@ -104,7 +104,7 @@ export class Handles {
 
   #hit(event: PointerEvent): Handle | null {
     if (!this.group.visible) return null;
-    // Nearest on the screen within a finger's or a pointer's reach, or on what is drawn.
+    // The handle that is nearest on the screen, within reach of a finger or a pointer, or under it.
     const reach = event.pointerType === "touch" ? 28 : 14;
     let best: Handle | null = null;
     let least = 1;
@@ -187,7 +187,7 @@ function placeOf(target: Target, motion: MotionView, frames: Frames | null, feet
   return new Vector3(target.forward_m ?? at.x, target.left_m ?? at.y, target.up_m ?? at.z);
 }
 
-/** Sizes of markers are those that fit a robot of AgileBot's height; `scale` fits them to others. */
+/** Sizes of markers suit a robot of AgileBot's height; `scale` adapts them to others. */
 function marker(at: Vector3, color: number, selected: boolean, scale: number): Group {
   const group = new Group();
   const over = { color, depthTest: false, transparent: true };

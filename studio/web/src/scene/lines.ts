@@ -1,4 +1,4 @@
-// Lines from plain lists of numbers, materials that are made once, and what gives the memory of objects back.
+// Lines from lists of numbers, shared materials, and disposal of objects.
 
 import { BufferGeometry, Float32BufferAttribute, type Material, type Object3D } from "three";
 
@@ -11,8 +11,8 @@ const materials = new Map<Kind<Material, any>, Map<string, Material>>();
 const kept = new Set<Material>();
 
 /**
- * A material that all objects of this look share, for all time. When the last material of a kind is disposed of, its program
- * goes too, and linking it again takes longer than the drawing: what is made anew with every plan has its materials from here.
+ * A permanent material that all objects of this look share. The disposal of the last material of a kind also deletes its program,
+ * and linking it again takes longer than drawing. Objects that are created for every plan use these materials.
  */
 export function shared<M extends Material, P>(kind: Kind<M, P>, parameters: P): M {
   const ofKind = materials.get(kind) ?? new Map<string, Material>();
@@ -24,7 +24,7 @@ export function shared<M extends Material, P>(kind: Kind<M, P>, parameters: P): 
   return known as M;
 }
 
-/** Takes objects out of the scene, with their geometries and the materials that are theirs alone. */
+/** Removes objects from the scene, and disposes of their geometries and unshared materials. */
 export function dispose(group: Object3D) {
   group.removeFromParent();
   group.traverse((object) => {

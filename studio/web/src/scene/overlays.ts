@@ -1,4 +1,4 @@
-// What is drawn over the robot at a time: forces, friction cones, support polygon.
+// Overlays of the robot at a time: forces, friction cones, support polygon.
 
 import {
   ArrowHelper,
@@ -20,11 +20,11 @@ import { dispose } from "./lines.ts";
 import type { Palette } from "./palette.ts";
 
 const GRAVITY_M_S2 = 9.80665;
-/** Length of the arrow of a force that is the robot's weight, and height of a cone, for a robot of AgileBot's height. */
+/** Length of the arrow of a force equal to the robot's weight, and height of a cone, for a robot of AgileBot's height. */
 const WEIGHT_LENGTH_M = 0.35;
 const CONE_HEIGHT_M = 0.1;
 const COM_RADIUS_M = 0.008;
-/** Feet that carry less than this share of the weight do not support. */
+/** Minimum share of the weight of a foot that supports. */
 const LEAST_SHARE = 0.002;
 
 export class Overlays {
@@ -45,7 +45,7 @@ export class Overlays {
     this.#weight = scene.mass_kg * GRAVITY_M_S2;
     for (const foot of scene.end_effectors) {
       const arrow = new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, palette.force);
-      // Contact points lie inside wheels: arrows are drawn over everything.
+      // Contact points lie inside wheels, so arrows are drawn over everything.
       for (const part of [arrow.line, arrow.cone]) {
         const material = part.material as LineBasicMaterial;
         material.depthTest = false;
@@ -63,7 +63,7 @@ export class Overlays {
     this.#fill = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ ...colour, opacity: 0.12, side: DoubleSide }));
     this.#outline = new LineLoop(new BufferGeometry(), new LineBasicMaterial({ ...colour, opacity: 0.8 }));
     this.#fill.frustumCulled = this.#outline.frustumCulled = false;
-    // Seen through the robot: from above it would be hidden.
+    // Visible through the robot, because the robot would hide it from above.
     const dot = new MeshBasicMaterial({ color: palette.polygon, depthTest: false, transparent: true });
     this.#below = new Mesh(new CircleGeometry(COM_RADIUS_M * scale, 20), dot);
     this.#below.renderOrder = 9;

@@ -1,5 +1,5 @@
-// Colours of the scene, light and dark, and of end effectors. The latter are Okabe and Ito's, distinct
-// for colour-blind people too; a short name always stands beside them.
+// Colours of the scene, light and dark, and of end effectors. The latter are Okabe and Ito's, which colour-blind people can
+// distinguish; a short name is always beside them.
 
 export type Palette = {
   sky: number;
@@ -60,7 +60,7 @@ export function footColour(index: number, dark: boolean): string {
   return feet[index % feet.length];
 }
 
-/** front_left -> FL: what fits beside a line. Names that do not shorten to different ones stay. */
+/** Short names that fit beside a line: front_left -> FL. Names whose short forms would be equal stay long. */
 export function shortNames(names: string[]): string[] {
   const short = names.map((name) => name.split("_").map((word) => word[0]?.toUpperCase() ?? "").join(""));
   return new Set(short).size === names.length ? short : names;

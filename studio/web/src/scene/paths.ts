@@ -1,4 +1,4 @@
-// Paths of the centre of mass and of the feet over the whole motion, and where feet stand.
+// Paths of the centre of mass and of the feet over the whole motion, and footholds.
 
 import { CircleGeometry, Group, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial } from "three";
 import type { Scene } from "../contract.ts";
@@ -18,7 +18,7 @@ export class Paths {
 
     const path = rows.flatMap((row) => frames.com(row));
     const shadow = rows.flatMap((row) => [...frames.com(row).slice(0, 2), 0.003]);
-    // It runs inside the robot: drawn over everything.
+    // The path is inside the robot, so it is drawn over everything.
     const line = new Line(lineGeometry(path), shared(LineBasicMaterial, { color: palette.com, depthTest: false, transparent: true }));
     line.renderOrder = 9;
     this.com.add(line);
@@ -35,7 +35,7 @@ export class Paths {
     });
   }
 
-  /** Carries the paths to a later cycle of the motion. */
+  /** Moves the paths to a later cycle of the motion. */
   carry({ x, y, yaw }: { x: number; y: number; yaw: number }) {
     this.group.position.set(x, y, 0);
     this.group.rotation.z = yaw;

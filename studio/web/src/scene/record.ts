@@ -1,4 +1,4 @@
-// The view as a picture, and one run of the motion as a video, both made by the browser itself.
+// The view as a picture, and a run of the motion as a video. The browser itself makes both.
 
 import type { Playback } from "../project/playback.ts";
 import { download } from "../project/files.ts";
@@ -8,12 +8,12 @@ const FRAMES_HZ = 30;
 export const canRecord = typeof MediaRecorder !== "undefined" && MediaRecorder.isTypeSupported("video/webm");
 
 export function savePicture(stage: Stage, name: string) {
-  // Drawn anew: what was drawn before is gone once the browser has shown it.
+  // Draws again, because the previous drawing is lost after the browser has shown it.
   stage.draw();
   stage.canvas.toBlob(async (blob) => blob && download(name, new Uint8Array(await blob.arrayBuffer())));
 }
 
-/** Plays the motion once from its start and records what is drawn. */
+/** Plays the motion once from its start and records the view. */
 export async function saveVideo(stage: Stage, playback: Playback, name: string) {
   const recorder = new MediaRecorder(stage.canvas.captureStream(FRAMES_HZ), { mimeType: "video/webm", videoBitsPerSecond: 6_000_000 });
   const parts: Blob[] = [];

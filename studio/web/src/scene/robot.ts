@@ -1,4 +1,4 @@
-// The robot's bodies, posed by a row of frames; ghosts are the same with a transparent material.
+// The robot's bodies, posed by a row of frames. Ghosts are equal, with a transparent material.
 
 import {
   BoxGeometry,
@@ -41,7 +41,7 @@ export class Robot {
       group.name = body.name;
       const hasParts = body.shapes.some((shape) => shape.role === "part");
       for (const shape of body.shapes) {
-        // Links that have no parts, or only feet and wheels, are drawn by the room they take.
+        // Links without parts, or with only feet and wheels, are drawn as their clearance shapes.
         const clearance = shape.role === "clearance" && hasParts;
         if (clearance && look !== "solid") continue;
         const object = this.#object(shape, clearance, palette, look, shadows);
@@ -68,7 +68,7 @@ export class Robot {
     for (const object of this.#clearance) object.visible = shown;
   }
 
-  /** Bodies in the colour of what is to blame; the others as always. */
+  /** Highlights bodies of conflicting constraints; the others keep their colours. */
   highlight(bodies: Set<number>, palette: Palette) {
     this.#bodies.forEach((body, index) => {
       const blamed = bodies.has(index);
@@ -123,12 +123,12 @@ function geometryOf(shape: Shape): BufferGeometry {
     case "sphere":
       return new SphereGeometry(shape.radius_m, 20, 14);
     case "capsule":
-      // three's capsule is along y, ours along z.
+      // A capsule of three.js is along y, ours along z.
       return new CapsuleGeometry(shape.radius_m, shape.length_m, 6, 16).rotateX(Math.PI / 2);
   }
 }
 
-/** A rim and three diameters on both sides, so that one sees a wheel turn. */
+/** A rim and three diameters on both sides, so that the rotation of a wheel is visible. */
 function spokes(radius_m: number, length_m: number, material: LineBasicMaterial): Object3D {
   const geometry = new CylinderGeometry(radius_m * 1.001, radius_m * 1.001, length_m * 1.02, 6, 1);
   const group = new Group();

@@ -1,4 +1,4 @@
-// Renderer, light and the loop: draws when something has changed and not otherwise.
+// Renderer, light and loop, which draws only after a change.
 
 import { AmbientLight, Color, DirectionalLight, Object3D, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import type { Palette } from "./palette.ts";
@@ -54,7 +54,7 @@ export class Stage {
     this.invalidate();
   }
 
-  /** The sun stands beside the robot, so that its shadow is always in the map. */
+  /** The sun is near the robot, so that the shadow is always in the map. */
   lightAt(x: number, y: number) {
     this.sun.position.set(x - 0.7, y - 1.3, 3);
     this.sun.target.position.set(x, y, 0);
@@ -85,7 +85,10 @@ export class Stage {
   }
 }
 
-/** Rendering in software takes the processor from the planner: draw less of what costs most. Null without WebGL 2. */
+/**
+ * Quality of drawing. Rendering in software competes with the planner for the processor, so expensive parts are left out. Null
+ * without WebGL 2.
+ */
 function qualityOf(): "low" | "high" | null {
   const context = document.createElement("canvas").getContext("webgl2");
   if (!context) return null;

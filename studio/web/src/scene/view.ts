@@ -1,4 +1,4 @@
-// The 3D view: puts robot, ground, overlays and handles together and keeps them up with plan and time.
+// The 3D view: combines robot, ground, overlays and handles, and updates them with plan and time.
 
 import type { Scene, Target } from "../contract.ts";
 import type { Playback } from "../project/playback.ts";
@@ -17,9 +17,11 @@ import { Stage } from "./stage.ts";
 
 const GHOSTS = 4;
 const AGILEBOT_HEIGHT_M = 0.29;
-/** Shortest time between pictures of a connected robot that are drawn in software: its heartbeats need the processor too. */
+/**
+ * Minimum time between pictures of a connected robot that are drawn in software, because its heartbeats also need the processor.
+ */
 const LIVE_MS = 100;
-/** Invisible changes of poses, m and quaternions. */
+/** Limit of invisible changes of poses, m and quaternions. */
 const UNSEEN = 1e-4;
 
 export class View {
@@ -36,7 +38,7 @@ export class View {
   #built = "";
   #gesture: string | null = null;
   #from: HandleMove = { forward_m: 0, left_m: 0, up_m: 0 };
-  /** The last step of a drag. */
+  /** Last step of a drag. */
   #last: { grip: Grip; to: HandleMove; upwards: boolean } | null = null;
   /** Poses of a connected robot. */
   #live: Float32Array | null = null;
@@ -70,7 +72,7 @@ export class View {
     this.restyle();
   }
 
-  /** Theme or layers have changed. */
+  /** Called after a change of theme or layers. */
   restyle() {
     this.#dark = isDark(this.settings.theme);
     this.#palette = this.#dark ? DARK : LIGHT;
@@ -106,7 +108,7 @@ export class View {
     this.#highlight();
   }
 
-  /** Before there is a plan the robot stands. */
+  /** Without a plan, the robot stands. */
   #showStanding() {
     const { scene, shown } = this.studio;
     if (shown || !scene || scene.standing.length === 0) return this.stage.invalidate();
@@ -116,8 +118,10 @@ export class View {
     this.stage.invalidate();
   }
 
-  /** Poses of the robot at the other end of a link, in place of the plan's, and the row of the plan that is a ghost beside it; null
-   * shows the plan again. */
+  /**
+   * Shows poses of the robot at the other end of a link in place of the plan, and a row of the plan as a ghost; null shows the plan
+   * again.
+   */
   showLive(poses: number[][] | null, plan: Row | null) {
     if (!poses && !this.#live) return;
     const live = poses && poses.length > 0 ? Float32Array.from(poses.flat()) : null;
@@ -157,7 +161,7 @@ export class View {
     if (another) this.#frame(scene);
   }
 
-  /** The whole robot in the picture, by its pose as it stands. */
+  /** Shows the whole robot, by its standing pose. */
   #frame(scene: Scene) {
     const { shown } = this.studio;
     const [x, y] = shown ? shown.frames.com(shown.frames.at(this.playback.time_s)) : [0, 0];
@@ -257,7 +261,7 @@ export class View {
   }
 
   #end() {
-    // The last step once more, now in full; a click without a move changes nothing.
+    // Repeats the last step with a complete solve. A click without a move changes nothing.
     if (this.#last) this.#moved(this.#last.grip, this.#last.to, this.#last.upwards, false);
     this.#last = null;
     this.#gesture = null;
@@ -269,7 +273,7 @@ function differ(a: Float32Array, b: Float32Array): boolean {
   return a.length !== b.length || a.some((value, index) => Math.abs(value - b[index]) > UNSEEN);
 }
 
-/** Height of the robot's body as it stands, against that of AgileBot: arrows and handles are made to fit. */
+/** Height of the standing robot's body relative to AgileBot's, to which arrows and handles are scaled. */
 function scaleOf(scene: Scene): number {
   const height_m = scene.standing[0]?.[2] ?? AGILEBOT_HEIGHT_M;
   return Math.max(0.2, Math.min(5, height_m / AGILEBOT_HEIGHT_M));
@@ -279,7 +283,10 @@ function round(value: number): number {
   return Math.round(value * 1000) / 1000;
 }
 
-/** A drag changes what the target prescribes; on the ground plane a free component becomes prescribed, height only upwards. */
+/**
+ * A drag changes the prescribed components of a target. On the ground plane, free components become prescribed; the height becomes
+ * prescribed only by an upward drag.
+ */
 function placed(target: Target, to: HandleMove, upwards: boolean): Target {
   if (upwards) return { ...target, up_m: round(to.up_m) };
   const next = { ...target };

@@ -1,4 +1,4 @@
-// Where samples and times lie on the tracks, as shares of their width.
+// Positions of samples and times on the tracks, as shares of their width.
 
 import type { MotionView } from "../contract.ts";
 
@@ -13,7 +13,7 @@ export class Axis {
     return new Axis(motion.samples, motion.ends === "periodic", motion.duration_s);
   }
 
-  /** The left edge of a sample's cell. Samples of motions at rest lie in the middle of theirs. */
+  /** Left edge of a sample's cell. Samples of motions at rest are in the middle of their cells. */
   edge(sample: number): number {
     if (this.periodic) return sample / this.samples;
     return Math.max(0, Math.min(1, (sample - 0.5) / (this.samples - 1)));

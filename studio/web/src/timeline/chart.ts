@@ -1,5 +1,5 @@
-// The footfall chart: a row for each end effector, filled while it stands. Swings are the gaps: drag their
-// edges or the whole, paint new ones over a stance, or do the same with the keyboard.
+// The footfall chart: a row for each end effector, filled in stance. Swings are gaps. Users drag their edges or the whole swing,
+// paint new swings over a stance, or do the same with the keyboard.
 
 import type { Playback } from "../project/playback.ts";
 import type { Studio } from "../project/studio.ts";
@@ -33,7 +33,7 @@ export class FootfallChart {
     const short = shortNames(names);
     const dark = isDark(this.settings.theme);
     const focused = this.#focused();
-    // Many feet share the room that four have.
+    // Many feet share the height of four.
     this.element.classList.toggle("dense", names.length > 6);
     replace(
       this.element,
@@ -137,7 +137,7 @@ export class FootfallChart {
   #begin(event: PointerEvent, what: Omit<Drag, "gesture" | "moved">, track: HTMLElement, axis: Axis) {
     event.preventDefault();
     this.#drag = { ...what, gesture: this.studio.newGesture(), moved: false };
-    // Bars are drawn anew during the drag, so the window listens, not they.
+    // Bars are replaced during the drag, so the window listens instead of the bars.
     const { left, width } = track.getBoundingClientRect();
     let last = what.from;
     const move = (next: PointerEvent) => {

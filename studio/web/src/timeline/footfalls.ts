@@ -1,12 +1,12 @@
-// Swings of a footfall pattern and what can be done to them. Pure: a row of samples in, a row out.
-// A swing has at least three samples (docs/motion-files.md), and motions at rest begin and end with every foot down.
+// Swings of a footfall pattern, and their edits as pure functions from a row of samples to a row. A swing has at least three
+// samples (docs/motion-files.md), and motions at rest begin and end with every foot down.
 
 export type Row = readonly boolean[]; // true: stance
 export type Swing = { from: number; length: number };
 
 export const LEAST_SWING = 3;
 
-/** Swings in order of their beginning; in periodic motions one may go on past the end. */
+/** Swings in order of their start. In periodic motions, one may continue past the end. */
 export function swingsOf(row: Row, periodic: boolean): Swing[] {
   const n = row.length;
   if (n > 0 && row.every((stance) => !stance)) return [{ from: 0, length: n }];
@@ -33,7 +33,7 @@ export function moved(row: Row, swing: Swing, by: number, periodic: boolean): { 
   return { row: fill(rest, next.from, next.length, false), swing: next };
 }
 
-/** Moves where a swing begins (`lift`) or ends (`land`). */
+/** Moves the start (`lift`) or the end (`land`) of a swing. */
 export function resized(row: Row, swing: Swing, edge: "lift" | "land", by: number, periodic: boolean): { row: boolean[]; swing: Swing } {
   const n = row.length;
   const most = periodic ? n - 2 : n - 2;
@@ -49,7 +49,7 @@ export function resized(row: Row, swing: Swing, edge: "lift" | "land", by: numbe
   return { row: fill(without(row, swing), next.from, next.length, false), swing: next };
 }
 
-/** A swing over the samples from `a` to `b`, whichever comes first; long enough to be one. */
+/** A swing over the samples between `a` and `b` in any order, extended to the minimum length. */
 export function painted(row: Row, a: number, b: number, periodic: boolean): { row: boolean[]; swing: Swing } {
   const from = Math.min(a, b);
   const length = Math.max(LEAST_SWING, Math.abs(b - a) + 1);

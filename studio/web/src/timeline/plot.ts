@@ -1,4 +1,4 @@
-// A plot under the timeline: one quantity, all its series or one, with limits. A click moves the time cursor.
+// A plot under the timeline: one quantity with all its series or one of them, and limits. A click moves the time cursor.
 
 import type { Playback } from "../project/playback.ts";
 import { isDark, type Settings, save } from "../project/settings.ts";
@@ -101,7 +101,7 @@ export class Plot {
     this.#now();
   }
 
-  /** Several series with different limits are drawn as shares of them. */
+  /** Several series with different limits are drawn relative to their limits. */
   #shares(list: Series[]): boolean {
     if (list.length < 2) return false;
     const limits = new Set(list.map((one) => `${one.low} ${one.high}`));
@@ -125,7 +125,7 @@ export class Plot {
       }
     }
     if (low > high) return [0, 1];
-    // Limits are shown if the values come near; far ones would press the curves flat.
+    // Limits are shown if values come near, because distant limits would flatten the curves.
     for (const limit of this.#limits(list, share)) {
       const span = Math.max(high - low, Math.abs(limit) * 0.25, 1e-6);
       if (share || (limit >= low - span && limit <= high + span)) [low, high] = [Math.min(low, limit), Math.max(high, limit)];
@@ -143,7 +143,7 @@ export class Plot {
     return `${this.#quantity.title}: ${parts.join(", ")}`;
   }
 
-  /** Joints take the colour of their limb's end effector, so that a leg has one colour everywhere. */
+  /** Joints have the colour of their limb's end effector, so that a leg has one colour everywhere. */
   #limbOf(one: Series, index: number): number {
     const feet = this.studio.shown!.planned.scene.end_effectors;
     const limb = feet.findIndex((foot) => one.name.startsWith(`${foot.name}_`));
@@ -158,7 +158,7 @@ export class Plot {
     }
   }
 
-  /** The values under the time cursor: of one series its value, of many the nearest to its limit. */
+  /** Values at the time cursor: the value of a single series; of several, the value nearest to its limit. */
   #now() {
     const { shown } = this.studio;
     if (!shown || this.#series.length === 0) return replace(this.#values);

@@ -1,4 +1,4 @@
-// What can be plotted: each quantity as series over the frames of a plan, with limits where there are any.
+// Quantities for plots: each as series over the frames of a plan, with limits, if any.
 
 import type { Scene } from "../contract.ts";
 import type { Frames, Row } from "../project/frames.ts";
@@ -6,10 +6,10 @@ import type { Frames, Row } from "../project/frames.ts";
 export type Series = {
   name: string;
   values: Float32Array;
-  /** Limits in the same unit; null where there is none. */
+  /** Limits in the same unit; null without a limit. */
   low: number | null;
   high: number | null;
-  /** End effector or joint that it belongs to, for colours and highlights. */
+  /** End effector or joint of the series, for colours and highlights. */
   endEffector: number | null;
   joint: number | null;
 };
@@ -77,7 +77,7 @@ export const QUANTITIES: Quantity[] = [
     2,
     (frames, row, foot, scene) => {
       const [x, y, z] = frames.force(row, foot);
-      // A foot that hardly carries has no meaningful ratio.
+      // The ratio of a foot with almost no load is meaningless.
       return z > 0.005 * scene.mass_kg * GRAVITY_M_S2 ? Math.hypot(x, y) / z : 0;
     },
     (foot) => [null, foot.friction_coefficient],

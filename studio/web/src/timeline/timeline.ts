@@ -64,7 +64,7 @@ export function buildTimeline(host: HTMLElement, studio: Studio, playback: Playb
   });
   studio.events.on(["selection", "plan"], () => {
     const blamed = studio.selection.span;
-    // What pulls all the time has no place on the timeline.
+    // Targets that act all the time have no position on the timeline.
     span.hidden = !blamed || duration() <= 0 || blamed.to_s - blamed.from_s > 0.95 * duration();
     if (!blamed) return;
     span.style.left = `${(blamed.from_s / duration()) * 100}%`;

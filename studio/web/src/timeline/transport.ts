@@ -1,4 +1,4 @@
-// Play, pause, to the start, loop, speed; the time as a number; what the plan is doing.
+// Transport: play, pause, to the start, loop, speed, time as a number, and progress of planning.
 
 import { type Playback, SPEEDS } from "../project/playback.ts";
 import type { Studio } from "../project/studio.ts";

@@ -1,5 +1,5 @@
-// Dialogs on the browser's own <dialog>. Not its modal form, which takes the emergency stop out of reach: everything else is
-// inert while a dialog is open, so that focus stays inside.
+// Dialogs with the browser's <dialog>. Its modal form would block the emergency stop. Instead, everything else is inert while a
+// dialog is open, so that the focus stays inside.
 
 import { h } from "./dom.ts";
 import { picture } from "./icons.ts";
@@ -34,7 +34,7 @@ export function dialog(title: string, content: HTMLElement, wide = false): HTMLD
   return element;
 }
 
-/** The elements below `parent` that do not hold what stays in reach, and none of which is within another. */
+/** Outermost elements below `parent` that contain no operable element. */
 function outside(parent: Element): HTMLElement[] {
   const apart = ([...parent.children] as HTMLElement[]).filter((child) => !child.matches(KEPT));
   return apart.flatMap((child) => (child.querySelector(KEPT) ? outside(child) : [child]));

@@ -39,7 +39,7 @@ export function replace(parent: Element, ...children: Child[]) {
   parent.replaceChildren(...children.filter((child): child is Node | string => !!child));
 }
 
-/** A number as people write it: no more digits than asked for, and a real minus sign. */
+/** A number with the given maximum of decimals, and a real minus sign. */
 export function format(value: number, digits = 3): string {
   if (!Number.isFinite(value)) return "–";
   const text = value.toFixed(digits);
@@ -47,7 +47,7 @@ export function format(value: number, digits = 3): string {
   return bare.replace("-", "−");
 }
 
-/** Text in which `names of fields` are set as code, as messages of the engine write them. */
+/** Text in which names in backticks are set as code, as in messages of the engine. */
 export function prose(text: string): DocumentFragment {
   const fragment = document.createDocumentFragment();
   text.split("`").forEach((part, index) => fragment.append(index % 2 === 1 ? h("code", { text: part }) : part));

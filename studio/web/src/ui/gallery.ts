@@ -56,7 +56,7 @@ export async function openGallery(studio: Studio) {
   search.focus();
 }
 
-/** Groups examples by the robot that they name. */
+/** Groups examples by their robot. */
 function group(list: Example[]): Map<string, Example[]> {
   const groups = new Map<string, Example[]>();
   for (const one of list) {

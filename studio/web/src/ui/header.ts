@@ -1,4 +1,4 @@
-// The header: what is open and whether it is saved, open, save, share, undo, theme, help.
+// The header: open files and whether they are saved; open, save, share, undo, theme, help.
 
 import type { Commands } from "../commands.ts";
 import { baseName, type Documents } from "../project/documents.ts";
@@ -65,7 +65,7 @@ export function buildHeader(host: HTMLElement, studio: Studio, commands: Command
   update();
 }
 
-/** Key of the displayed file names: all data that they depend on. */
+/** Key of the displayed file names, from all data that they depend on. */
 function key(documents: Documents): string {
   return JSON.stringify([documents.motionPath, documents.now.files.map(({ path }) => [path, documents.changed(path)])]);
 }

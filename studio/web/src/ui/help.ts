@@ -51,7 +51,7 @@ const SECTIONS: [string, [string, string][]][] = [
   ],
 ];
 
-/** `place`: where planning happens. */
+/** `place`: location of the planning. */
 export function openHelp(place: string) {
   const sections = SECTIONS.map(([title, rows]) =>
     h("section", {}, h("h3", { text: title }), h("dl", {}, ...rows.flatMap(([keys, what]) => [h("dt", { text: keys }), h("dd", { text: what })]))),

@@ -1,4 +1,4 @@
-// Keys of the whole page. Fields and sliders keep theirs.
+// Keys of the whole page. Fields and sliders keep their own keys.
 
 import type { Commands } from "../commands.ts";
 import type { Playback } from "../project/playback.ts";
@@ -13,7 +13,7 @@ export function bindKeys(commands: Commands, playback: Playback, view: View | nu
       const act = { z: event.shiftKey ? commands.redo : commands.undo, y: commands.redo, s: commands.save, o: commands.open }[event.key.toLowerCase()];
       if (!act) return;
       event.preventDefault();
-      // A number that is being typed counts before the document is saved or changed.
+      // A typed number takes effect before the document is saved or changed.
       if (typing) target.dispatchEvent(new Event("change", { bubbles: true }));
       act();
       return;

@@ -114,7 +114,7 @@ export function numberField(options: NumberOptions): NumberField {
     update(next) {
       const before = value;
       value = next ?? null;
-      // What is being typed is left alone; an undo is not typing.
+      // A field keeps its text while the user types; an undo is not typing.
       if (document.activeElement === input && value === before && !keys) return;
       show();
     },

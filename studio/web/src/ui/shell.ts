@@ -1,4 +1,4 @@
-// The frame of the page: header, view, panel with tabs, timeline; and which part has what in it.
+// The frame of the page: header, view, panel with tabs, timeline, and their contents.
 
 import { h } from "./dom.ts";
 

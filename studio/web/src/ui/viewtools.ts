@@ -1,4 +1,4 @@
-// Over the scene: cameras and what is drawn.
+// Controls over the scene: cameras and layers.
 
 import type { Layer, Settings } from "../project/settings.ts";
 import { save } from "../project/settings.ts";
@@ -37,7 +37,7 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
     if (chosen) view.cameras.look(chosen);
     for (const button of directions) button.setAttribute("aria-pressed", String(button.dataset.direction === chosen));
   };
-  // A view that was turned by hand is none of these.
+  // After the user rotates the view, none of these is selected.
   view.cameras.controls.addEventListener("start", () => press(null));
   press("free");
   const follow = h("button", {
@@ -69,11 +69,11 @@ export function buildViewTools(host: HTMLElement, view: View, settings: Settings
   return { follow: () => follow.click(), look: (index: number) => directions[index]?.click() };
 }
 
-/** Says when the picture is of another plan than the documents ask for. */
+/** Shows a note if the picture is not of the documents' plan. */
 export function staleNote(host: HTMLElement, studio: Studio, link: RobotLink) {
   const update = () => {
     if (link.view) {
-      // The picture is of the robot, not of the plan.
+      // The picture shows the robot, not the plan.
       host.hidden = link.view.contact;
       host.classList.add("bad");
       host.textContent = "The robot does not answer: the picture shows an old state";
